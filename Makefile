@@ -1,0 +1,95 @@
+# From a bare Python to the paper's figure. Targets that need an environment build .venv first,
+# and again whenever pyproject.toml changes.
+
+VENV := .venv
+LOWEST := .venv-lowest
+BIN := $(VENV)/bin
+PIP := python -m pip --quiet --disable-pip-version-check
+# The interpreter a new environment is built from: PYTHON, or else the first new enough of these.
+PYTHON ?=
+PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
+# Extra arguments for pytest: make test ARGS='-k groups'
+ARGS ?=
+
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+.PHONY: help paper test test-lowest check format clean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
+	@echo "A new .venv uses the first Python >= 3.11 found; make PYTHON=/path/to/python ... names another."
+
+paper: $(VENV)/.stamp-base ## run the paper's experiment and draw its figure, in results/paper
+	$(BIN)/eqt run configs/paper.yaml --out results/paper
+	$(BIN)/eqt plot results/paper
+
+test: $(VENV)/.stamp-dev ## run the tests
+	$(BIN)/python -m pytest -n auto $(ARGS)
+
+test-lowest: $(LOWEST)/.stamp ## run the tests on the oldest supported versions (needs python3.11)
+	$(LOWEST)/bin/python -m pytest -n auto $(ARGS)
+
+check: $(VENV)/.stamp-dev ## format, lint, types, import layering
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+
+format: $(VENV)/.stamp-dev ## format the code and mend what ruff can mend
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+clean: ## remove caches and builds; .venv and results stay
+	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find eqt_cli tests -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# $(call venv,FOLDER,INTERPRETERS): an environment with a pip that reads dependency groups.
+define venv
+@set -eu; \
+if ! $(1)/bin/python -m pip --version >/dev/null 2>&1; then \
+	found=; seen=; \
+	for python in $(2); do \
+		version=$$($$python --version 2>/dev/null) || continue; \
+		seen="$$seen $$python ($$version)"; \
+		if $$python -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then \
+			found=$$python; break; \
+		fi; \
+	done; \
+	if [ -z "$$found" ]; then \
+		echo "eqt needs Python 3.11 or newer. Looked for: $(2). Found:$${seen:- none}." >&2; \
+		echo "Install one, or name it: make PYTHON=/path/to/python3.12 $(MAKECMDGOALS)" >&2; \
+		exit 1; \
+	fi; \
+	if ! $$found -c 'import ensurepip, venv' 2>/dev/null; then \
+		name=$${found##*/}; \
+		case $$name in python3*) ;; *) name=python3 ;; esac; \
+		echo "$$found lacks its venv module. On Debian or Ubuntu, install it and run make again:" >&2; \
+		echo "    sudo apt install $$name-venv" >&2; \
+		exit 1; \
+	fi; \
+	echo "Setting up $(1) with $$found ($$($$found --version))"; \
+	$$found -m venv --clear $(1); \
+	echo '*' > $(1)/.gitignore; \
+fi
+@$(1)/bin/$(PIP) install 'pip>=25.1'
+endef
+
+# Without a heyoka wheel for this platform and Python, eqt is complete with the solve_ivp engine.
+$(VENV)/.stamp-base: pyproject.toml
+	$(call venv,$(VENV),$(PYTHONS))
+	@echo "Installing eqt into $(VENV)"
+	@$(BIN)/$(PIP) install --only-binary heyoka --editable '.[taylor]' \
+		|| { echo "The taylor extra cannot be installed here; trying without it" >&2; \
+		     $(BIN)/$(PIP) install --editable .; }
+	@touch $@
+
+$(VENV)/.stamp-dev: $(VENV)/.stamp-base
+	@echo "Installing the development tools into $(VENV)"
+	@$(BIN)/$(PIP) install --group dev --editable '.[xarray]'
+	@touch $@
+
+$(LOWEST)/.stamp: pyproject.toml tests/lowest.txt
+	$(call venv,$(LOWEST),$(or $(PYTHON),python3.11))
+	@echo "Installing the oldest supported versions into $(LOWEST)"
+	@$(LOWEST)/bin/$(PIP) install --constraint tests/lowest.txt --group test --editable '.[all]'
+	@touch $@

@@ -1,0 +1,1 @@
+"""Numbers drawn from trajectories: metrics per run, and tables over runs."""

@@ -1,0 +1,5 @@
+"""The closed loop: group, mechanics, reference and controller as one differential equation."""
+
+from eqt_cli.closed_loop.system import ClosedLoop
+
+__all__ = ["ClosedLoop"]

@@ -1,0 +1,170 @@
+"""Finds components (groups, controllers, figures, …) by scanning; it knows none of them by name.
+
+A component is a class with a `name`, derived from its registry's base class. It is found in a file
+of the registry's package, in an installed distribution's entry points, or in a plugin file.
+"""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+import inspect
+import pkgutil
+from collections.abc import Iterator
+from functools import cached_property
+from hashlib import sha256
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Generic, TypeVar
+
+from eqt_cli.core.errors import ComponentError, suggestion
+
+T = TypeVar("T")
+
+_registries: list[Registry] = []  # type: ignore[type-arg]  # registries of different bases
+_loaded_plugins: dict[str, ModuleType] = {}
+
+
+class Registry(Generic[T]):
+    """The components of one kind, by name.
+
+    Parameters
+    ----------
+    kind
+        What one component is called in messages: ``"controller"``.
+    package
+        The package whose modules are scanned, once, when a name is first asked for.
+    base
+        The class that every component derives from.
+    """
+
+    def __init__(self, kind: str, package: str, base: type[T]) -> None:
+        self.kind, self.package, self.base = kind, package, base
+        self._plugins: dict[str, type[T]] = {}
+        _registries.append(self)
+
+    @property
+    def entry_point_group(self) -> str:
+        """The entry-point group of third-party components: ``eqt.controllers``."""
+        return "eqt." + self.package.rpartition(".")[2]
+
+    @cached_property
+    def _found(self) -> dict[str, type[T]]:
+        found: dict[str, type[T]] = {}
+        package = importlib.import_module(self.package)
+        for info in pkgutil.iter_modules(package.__path__, self.package + "."):
+            for component in self._components(importlib.import_module(info.name)):
+                found[_name(component)] = component
+        for point in entry_points(group=self.entry_point_group):
+            try:
+                component = point.load()
+            except Exception as error:
+                raise ComponentError(
+                    f"{self.kind} '{point.name}' of the entry point '{point.value}' cannot be "
+                    f"loaded: {error}; mend or uninstall the distribution that declares it"
+                ) from error
+            if not (inspect.isclass(component) and issubclass(component, self.base)):
+                raise ComponentError(
+                    f"{self.kind} '{point.name}' of the entry point '{point.value}' is no "
+                    f"{self.base.__name__}; derive it from {self.base.__module__}."
+                    f"{self.base.__name__}"
+                )
+            found.setdefault(_name(component), component)
+        return found
+
+    def _components(self, module: ModuleType) -> Iterator[type[T]]:
+        for _, member in inspect.getmembers(module, inspect.isclass):
+            if (
+                issubclass(member, self.base)
+                and member.__module__ == module.__name__
+                and not inspect.isabstract(member)
+                and "name" in vars(member)
+            ):
+                yield member
+
+    def names(self) -> list[str]:
+        """All names, built-in components first, each kind in alphabetical order."""
+        return sorted(self._found) + sorted(set(self._plugins) - set(self._found))
+
+    def get(self, name: str) -> type[T]:
+        """The component called `name`.
+
+        Raises
+        ------
+        ComponentError
+            If there is none; the message lists what there is.
+        """
+        component = self._found.get(name) or self._plugins.get(name)
+        if component is None:
+            names = self.names()
+            raise ComponentError(
+                f"unknown {self.kind} '{name}'{suggestion(name, names)} known: {', '.join(names)}"
+                if suggestion(name, names)
+                else f"unknown {self.kind} '{name}'; known: {', '.join(names)}"
+            )
+        return component
+
+    def all(self) -> list[type[T]]:
+        """Every component, in the order of `names`."""
+        return [self.get(name) for name in self.names()]
+
+    def add_from(self, module: ModuleType, source: str) -> list[str]:
+        """Register the components that a plugin module defines; returns their names."""
+        added = []
+        for component in self._components(module):
+            name = _name(component)
+            if name in self._found:
+                raise ComponentError(
+                    f"plugin {source}: {self.kind} '{name}' exists already in eqt; "
+                    "give yours another name"
+                )
+            self._plugins[name] = component
+            added.append(name)
+        return added
+
+
+def load_plugin(path: Path, source: str | None = None) -> str:
+    """Execute a plugin file and register every component in it; returns the SHA-256 of its text.
+
+    Loading the same text again does nothing. `source` replaces the file's text, for a plugin kept
+    inside a result.
+
+    Raises
+    ------
+    ComponentError
+        If the file cannot be read, fails when executed, or defines no component.
+    """
+    try:
+        text = path.read_text(encoding="utf-8") if source is None else source
+    except (OSError, UnicodeDecodeError) as error:
+        raise ComponentError(f"plugin {path}: cannot be read: {error}") from error
+    digest = sha256(text.encode()).hexdigest()
+    if digest in _loaded_plugins:
+        return digest
+    module = ModuleType(f"eqt_plugin_{digest[:12]}")
+    module.__file__ = str(path)
+    importlib.sys.modules[module.__name__] = module  # dataclasses look their module up there
+    try:
+        exec(compile(text, str(path), "exec"), module.__dict__)
+        added = [name for registry in _registries for name in registry.add_from(module, path.name)]
+    except ComponentError:
+        raise
+    except Exception as error:
+        raise ComponentError(f"plugin {path}: {type(error).__name__}: {error}") from error
+    if not added:
+        known = ", ".join(sorted(registry.base.__name__ for registry in _registries))
+        raise ComponentError(
+            f"plugin {path}: defines no component; derive a class with a `name` from one of {known}"
+        )
+    _loaded_plugins[digest] = module
+    return digest
+
+
+def _name(component: type) -> str:
+    return str(component.name)  # type: ignore[attr-defined]  # `_components` asks for it
+
+
+def summary(component: type) -> str:
+    """The first line of a component's docstring, as `eqt list` shows it."""
+    return (inspect.getdoc(component) or "").partition("\n")[0]

@@ -1,0 +1,138 @@
+"""What an engine is given and what it returns; it knows no group and no controller."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import Any, ClassVar
+
+import numpy as np
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.core.arrays import Array
+
+
+class Status(IntEnum):
+    """How one run ended; 0 is the only good end."""
+
+    OK = 0
+    SOLVER_FAILED = 1
+    NON_FINITE = 2
+    STEP_LIMIT = 3
+    ACCURACY = 4
+    WORKER_LOST = 5
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Many runs of one closed loop, from their own initial states, on a common time grid.
+
+    Attributes
+    ----------
+    loop
+        The structure, with the parameters that all runs share.
+    states : (runs, n)
+        Initial flat states.
+    times : (samples,)
+        Where the solution is wanted, s; the first is the initial time.
+    varying
+        Parameters that differ from run to run, by name, ``(runs, …)``.
+    """
+
+    loop: ClosedLoop
+    states: Array
+    times: Array
+    varying: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def runs(self) -> int:
+        """The number of runs."""
+        return len(self.states)
+
+    def select(self, runs: slice) -> Problem:
+        """The same problem for some of its runs."""
+        varying = {name: values[runs] for name, values in self.varying.items()}
+        return Problem(self.loop, self.states[runs], self.times, varying)
+
+    def batched_loop(self, extra_axes: int = 0) -> ClosedLoop:
+        """The loop with its varying parameters along a leading run axis.
+
+        `extra_axes` axes are inserted behind it, for states ``(runs, samples, n)``.
+        """
+        if not self.varying:
+            return self.loop
+        expanded = {
+            name: values.reshape(self.runs, *(1,) * extra_axes, *values.shape[1:])
+            for name, values in self.varying.items()
+        }
+        return self.loop.with_parameters(self.loop.parameters | expanded)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What became of every run of a problem.
+
+    Attributes
+    ----------
+    states : (runs, samples, n)
+        Flat states at the sample times; NaN from where a run failed.
+    status : (runs,)
+        `Status` of each run.
+    steps : (runs,)
+        What the engine counts as its work.
+    messages
+        Why a run failed; empty where it did not.
+    """
+
+    states: Array
+    status: Array
+    steps: Array
+    messages: list[str]
+
+    @staticmethod
+    def empty(problem: Problem) -> Solution:
+        """A solution to be filled in, run by run."""
+        runs, n = problem.states.shape
+        return Solution(
+            states=np.full((runs, len(problem.times), n), np.nan),
+            status=np.zeros(runs, dtype=np.int32),
+            steps=np.zeros(runs, dtype=np.int64),
+            messages=[""] * runs,
+        )
+
+    def place(self, runs: slice, part: Solution) -> None:
+        """Fill in the solution of some of the runs."""
+        self.states[runs] = part.states
+        self.status[runs] = part.status
+        self.steps[runs] = part.steps
+        self.messages[runs] = part.messages
+
+
+Progress = Callable[[float], None]
+"""Called now and then with the number of runs done since the last call, in fractions of a run."""
+
+
+@dataclass(frozen=True)
+class Engine(ABC):
+    """An integrator: a frozen dataclass whose fields are its keys in `solver`."""
+
+    name: ClassVar[str]
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+
+    @abstractmethod
+    def solve(self, problem: Problem, progress: Progress) -> Solution:
+        """Integrate every run; a run that fails gets a status and harms no other."""
+
+    @abstractmethod
+    def tightened(self, factor: float) -> Engine:
+        """The same engine with its tolerances multiplied by `factor` < 1."""
+
+    def runs_at_once(self, most: int) -> int:
+        """How many runs to give to one `solve`, near `most`; it must not change the results."""
+        return max(1, most)
+
+    def problems(self) -> list[tuple[str, str]]:
+        """What is wrong with its options, as (option, message)."""
+        return []

@@ -1,0 +1,219 @@
+"""The reference engine: SciPy's `solve_ivp` on blocks of runs that share their steps.
+
+A block is one large system, so that NumPy's cost per call is shared by its runs. SciPy's error
+norm is a root mean square over all entries; the tolerances are therefore divided by √block, which
+keeps the error of the worst run of a block under what it would be alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import warnings
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+import scipy.sparse
+from scipy.integrate import solve_ivp
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Status
+
+EXPLICIT_BLOCK = 100
+SMALLEST_RTOL = 100 * np.finfo(float).eps
+"""SciPy raises a smaller `rtol` to this value; below it a tighter solve would be no tighter."""
+
+
+@dataclass(frozen=True)
+class SolveIvp(Engine):
+    """SciPy's solve_ivp on vectorised blocks of runs, with any of its methods.
+
+    Attributes
+    ----------
+    method
+        SciPy's name of the integration method.
+    rtol, atol
+        Relative and absolute tolerance of a single run.
+    block
+        Runs per call of `solve_ivp`. Default: 100 for explicit methods, 1 for implicit ones, whose
+        Jacobians grow with the block.
+    max_steps
+        Most evaluations of the vector field that a block may take.
+    """
+
+    name: ClassVar[str] = "solve_ivp"
+
+    method: Literal["DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"] = "DOP853"
+    rtol: float = 1e-9
+    atol: float = 1e-12
+    block: int | None = None
+    max_steps: int = 1_000_000
+
+    @property
+    def runs_per_block(self) -> int:
+        """The nominal block: `block`, or the method's default."""
+        explicit = self.method in ("DOP853", "RK45", "RK23")
+        return self.block or (EXPLICIT_BLOCK if explicit else 1)
+
+    def problems(self) -> list[tuple[str, str]]:
+        """Tolerances or limits that no solver can work with."""
+        found = []
+        for key in ("rtol", "atol"):
+            value = getattr(self, key)
+            if not 0 < value < 1:
+                found.append((key, f"expected a number between 0 and 1, got {value:g}"))
+        if 0 < self.rtol < SMALLEST_RTOL:
+            found.append(
+                ("rtol", f"expected at least {SMALLEST_RTOL:.2g} (SciPy's limit), got {self.rtol:g}")
+            )
+        for key in ("block", "max_steps"):
+            value = getattr(self, key)
+            if value is not None and value < 1:
+                found.append((key, f"expected a whole number of at least 1, got {value}"))
+        return found
+
+    def tightened(self, factor: float) -> SolveIvp:
+        """Both tolerances times `factor`."""
+        rtol = max(self.rtol * factor, SMALLEST_RTOL)
+        return dataclasses.replace(self, rtol=rtol, atol=self.atol * factor)
+
+    def runs_at_once(self, most: int) -> int:
+        """Whole blocks, so that the same runs share a block whatever the memory."""
+        return max(1, most // self.runs_per_block) * self.runs_per_block
+
+    def solve(self, problem: Problem, progress: Progress) -> Solution:
+        """Integrate block by block; a block that fails is redone run by run."""
+        solution = Solution.empty(problem)
+        block = self.runs_per_block
+        for start in range(0, problem.runs, block):
+            runs = slice(start, min(start + block, problem.runs))
+            part = self._solve_block(problem.select(runs), progress)
+            if part is None:
+                for run in range(runs.start, runs.stop):
+                    one = slice(run, run + 1)
+                    solution.place(one, self._solve_run(problem.select(one)))
+            else:
+                solution.place(runs, part)
+        return solution
+
+    def _solve_block(self, block: Problem, progress: Progress) -> Solution | None:
+        """The block's solution, or None where any of its runs fails in a block of several."""
+        count = _Reporter(block, progress)
+        try:
+            outcome = self._integrate(block, count)
+        except _Failed as failure:
+            outcome = failure
+        count.finish()
+        if isinstance(outcome, _Failed):
+            return _failed(block, outcome, count.evaluations) if block.runs == 1 else None
+        solution = Solution.empty(block)
+        solution.states[:] = outcome
+        solution.steps[:] = count.evaluations
+        return solution
+
+    def _solve_run(self, run: Problem) -> Solution:
+        solution = self._solve_block(run, lambda runs: None)
+        assert solution is not None  # a single run always has an outcome
+        return solution
+
+    def _integrate(self, block: Problem, count: _Reporter) -> Array:
+        loop = block.batched_loop()
+        shape = block.states.shape
+        times = block.times
+
+        def field(t: float, y: Array) -> Array:
+            count(t, self.max_steps)
+            derivative: Array = loop.vector_field(t, y.reshape(shape)).ravel()
+            if not np.isfinite(derivative).all():
+                count.non_finite_at = t
+            return derivative
+
+        tighter = np.sqrt(self.runs_per_block)
+        start = block.states.ravel()
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")  # what they say is in the outcome
+            # SciPy's step-size search does not end on a derivative that is not finite.
+            if not np.isfinite(field(float(times[0]), start)).all():
+                raise _Failed(Status.NON_FINITE, float(times[0]), "the vector field is not finite")
+            try:
+                result = solve_ivp(
+                    field,
+                    (float(times[0]), float(times[-1])),
+                    start,
+                    method=self.method,
+                    t_eval=times,
+                    rtol=max(self.rtol / tighter, SMALLEST_RTOL),
+                    atol=self.atol / tighter,
+                    **_jacobian_options(self.method, *shape),
+                )
+            except (ValueError, np.linalg.LinAlgError) as error:
+                raise count.failure(str(error)) from error
+        states = result.y.T.reshape(-1, *shape).swapaxes(0, 1)
+        if result.status != 0 or not np.isfinite(states).all():
+            raise count.failure(result.message, states)
+        return states
+
+
+class _Failed(Exception):
+    """Why a block could not be integrated to its end, and what there is of it."""
+
+    def __init__(self, status: Status, t: float, reason: str, states: Array | None = None) -> None:
+        super().__init__(f"t = {t:.6g} s: {reason}")
+        self.status, self.states = status, states
+
+
+class _Reporter:
+    """Counts evaluations of one block, and reports its progress by the time it has reached."""
+
+    def __init__(self, block: Problem, progress: Progress) -> None:
+        self.evaluations = 0
+        self.non_finite_at: float | None = None
+        self._progress, self._runs = progress, block.runs
+        self._start, self._end = float(block.times[0]), float(block.times[-1])
+        self._reported = 0.0
+        self._reached = self._start
+
+    def __call__(self, t: float, limit: int) -> None:
+        if self.evaluations >= limit:
+            reason = f"step limit: {limit} evaluations (solver.max_steps)"
+            raise _Failed(Status.STEP_LIMIT, self._reached, reason)
+        self.evaluations += 1
+        self._reached = max(self._reached, t)
+        fraction = (self._reached - self._start) / (self._end - self._start)
+        if fraction - self._reported > 0.02:
+            self._report(fraction)
+
+    def finish(self) -> None:
+        self._report(1.0)
+
+    def failure(self, reason: str, states: Array | None = None) -> _Failed:
+        if self.non_finite_at is not None:
+            reason = "the state or its derivative is no longer finite"
+            return _Failed(Status.NON_FINITE, self.non_finite_at, reason, states)
+        return _Failed(Status.SOLVER_FAILED, self._reached, reason.rstrip("."), states)
+
+    def _report(self, fraction: float) -> None:
+        self._progress((fraction - self._reported) * self._runs)
+        self._reported = fraction
+
+
+def _failed(run: Problem, failure: _Failed, evaluations: int) -> Solution:
+    solution = Solution.empty(run)
+    if failure.states is not None:
+        solution.states[:, : failure.states.shape[1]] = failure.states
+    solution.status[:] = failure.status
+    solution.steps[:] = evaluations
+    solution.messages[:] = [str(failure)]
+    return solution
+
+
+def _jacobian_options(method: str, runs: int, n: int) -> dict[str, Any]:
+    """The runs of a block do not act on each other, which implicit methods can use."""
+    if runs == 1:
+        return {}
+    if method in ("Radau", "BDF"):
+        ones = np.ones((n, n))
+        return {"jac_sparsity": scipy.sparse.block_diag([ones] * runs, format="csc")}
+    if method == "LSODA":
+        return {"lband": n - 1, "uband": n - 1}
+    return {}

@@ -1,0 +1,1 @@
+"""Who starts where: seeds and distributions of initial states."""

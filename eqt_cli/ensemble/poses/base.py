@@ -1,0 +1,94 @@
+"""What a distribution of initial poses is, and the part that rotations have in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.ensemble.spread import Spread
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+
+
+@dataclass(frozen=True)
+class PoseDistribution(ABC):
+    """A distribution on a group: a frozen dataclass whose fields are its options.
+
+    Run k starts at Q(0) = Q_d(0) · draw.
+    """
+
+    name: ClassVar[str]
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+
+    @abstractmethod
+    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+        """The random numbers of one run, ``(k,)``."""
+
+    @abstractmethod
+    def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
+        """The elements of G that the runs' numbers stand for, ``(runs, k) -> (runs, d, d)``.
+
+        Apart from `draw`, so that many runs cost one array operation.
+        """
+
+    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+        """What of its options does not fit the group, as (option, message)."""
+        return []
+
+
+@dataclass(frozen=True)
+class RotationDistribution(PoseDistribution):
+    """A distribution of the rotation part; translation columns are normal, or 0 where not given.
+
+    Attributes
+    ----------
+    position, velocity
+        Spread of the translation column of that name.
+    """
+
+    position: Spread | None = None
+    velocity: Spread | None = None
+
+    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+        """The numbers of the rotation, then those of the columns from left to right."""
+        assert isinstance(G, EuclideanGroup)  # `problems` lets no other group through
+        numbers = [self.draw_rotation(G, generator)]
+        for column in G.columns:
+            spread: Spread | None = getattr(self, column)
+            numbers.append(np.zeros(G.space) if spread is None else spread.draw(G.space, generator))
+        return np.concatenate(numbers)
+
+    def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
+        """The poses of many runs."""
+        assert isinstance(G, EuclideanGroup)
+        k = numbers.shape[1] - G.space * len(G.columns)
+        columns = numbers[:, k:].reshape(len(numbers), len(G.columns), G.space).swapaxes(-1, -2)
+        return G.assemble(self.place_rotation(G, numbers[:, :k]), columns)
+
+    @abstractmethod
+    def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
+        """The random numbers of one run's rotation, ``(k,)``."""
+
+    @abstractmethod
+    def place_rotation(self, G: EuclideanGroup, numbers: Array) -> Array:
+        """The rotations of many runs, ``(runs, k) -> (runs, n, n)``."""
+
+    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+        """A group without rotations, or a column that it does not have."""
+        if not isinstance(G, EuclideanGroup):
+            return [("kind", f"{self.name} needs a group of rotations; {G.name} takes exp_normal")]
+        found = []
+        for column in ("position", "velocity"):
+            spread: Spread | None = getattr(self, column)
+            if spread is None:
+                continue
+            if column not in G.columns:
+                has = ", ".join(G.columns) or "no translations"
+                found.append((column, f"{G.name} has no {column} column; it has {has}"))
+            else:
+                found += spread.problems(f"{column}.std", G.space)
+        return found

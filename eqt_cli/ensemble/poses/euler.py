@@ -1,0 +1,58 @@
+"""Rotations with uniform Euler angles, as in the paper's §7."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.numbers import Real
+from eqt_cli.ensemble.poses.base import RotationDistribution
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+
+
+@dataclass(frozen=True)
+class Euler(RotationDistribution):
+    """Three independent Euler angles, uniform between two bounds; not the uniform rotation.
+
+    Attributes
+    ----------
+    sequence
+        Axes as in SciPy: upper case turns about the moving axes (intrinsic), lower case about
+        the fixed ones.
+    low, high
+        Bounds of each angle, rad.
+    """
+
+    name: ClassVar[str] = "euler"
+
+    sequence: str = "ZYX"
+    low: Real = -np.pi
+    high: Real = np.pi
+
+    def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
+        """Three angles."""
+        return generator.uniform(self.low, self.high, size=3)
+
+    def place_rotation(self, G: EuclideanGroup, numbers: Array) -> Array:
+        """The rotations with these angles."""
+        rotations: Array = Rotation.from_euler(self.sequence, numbers).as_matrix()
+        return rotations
+
+    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+        """A group without rotations of space, an unknown sequence, bounds in the wrong order."""
+        found = super().problems(G)
+        if isinstance(G, EuclideanGroup) and G.space != 3:
+            found.append(("kind", f"euler turns space; {G.name} takes haar or exp_normal"))
+        axes = self.sequence.upper()
+        valid = len(axes) == 3 and set(axes) <= set("XYZ") and axes[1] not in (axes[0], axes[2])
+        if not valid or self.sequence not in (axes, axes.lower()):
+            expected = "expected three axes such as ZYX (intrinsic) or xyz (extrinsic)"
+            found.append(("sequence", f"{expected}, got '{self.sequence}'"))
+        if self.low > self.high:
+            found.append(("low", f"expected at most high = {self.high:g}, got {self.low:g}"))
+        return found

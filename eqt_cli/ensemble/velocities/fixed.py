@@ -1,0 +1,39 @@
+"""The same initial velocity in every run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.numbers import Real
+from eqt_cli.ensemble.velocities.base import VelocityDistribution
+from eqt_cli.groups import MatrixLieGroup
+
+
+@dataclass(frozen=True)
+class FixedVelocity(VelocityDistribution):
+    """A given velocity error in every run; 0 where none is given.
+
+    Attributes
+    ----------
+    coordinates
+        m velocity coordinates.
+    """
+
+    name: ClassVar[str] = "fixed"
+
+    coordinates: list[Real] | None = None
+
+    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+        """The coordinates, the same in every run."""
+        return np.zeros(G.dimension) if self.coordinates is None else np.array(self.coordinates)
+
+    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+        """A wrong number of coordinates."""
+        if self.coordinates is None or len(self.coordinates) == G.dimension:
+            return []
+        got = len(self.coordinates)
+        return [("coordinates", f"expected {G.dimension} numbers for {G.name}, got {got}")]

@@ -1,0 +1,1 @@
+"""Experiments: configs read from YAML, checked and run."""

@@ -1,0 +1,84 @@
+"""A pose from a configuration: `identity`, a matrix, or rotation and translations by name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.numbers import Real
+from eqt_cli.experiment.problems import Path, Problems
+from eqt_cli.experiment.tensors import square, vector
+from eqt_cli.experiment.translate import problems_of
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+
+GROUP_TOLERANCE = 1e-9
+"""Largest ‖QᵀQ − I‖ of a pose written in decimal; less than the integrators' own tolerances."""
+
+
+def pose_from(value: Any, G: MatrixLieGroup, path: Path, problems: Problems) -> Array | None:
+    """The pose that `value` describes, or None after noting what is wrong with it."""
+    if value == "identity":
+        return G.identity
+    if isinstance(value, dict):
+        return _from_parts(value, G, path, problems)
+    if not isinstance(value, list):
+        problems.add(path, f"expected identity, a matrix or {{rotvec: …}}, got {value!r}")
+        return None
+    rows = _validated(list[list[Real]], value, path, problems)
+    if rows is None:
+        return None
+    Q = square(rows, G.size, G)
+    if isinstance(Q, str):
+        problems.add(path, Q)
+        return None
+    violation = G.violation(Q)
+    if violation > GROUP_TOLERANCE:
+        problems.add(
+            path,
+            f"expected an element of {G.name}, got a matrix that is {violation:.2g} away from one; "
+            f"give all digits (to {GROUP_TOLERANCE:g}), or {{rotvec: …}}",
+        )
+        return None
+    return Q
+
+
+def _from_parts(
+    value: dict[str, Any], G: MatrixLieGroup, path: Path, problems: Problems
+) -> Array | None:
+    if not isinstance(G, EuclideanGroup):
+        problems.add(path, f"expected identity or a {G.size}×{G.size} matrix for {G.name}")
+        return None
+    known = {"rotvec": G.rotations, **dict.fromkeys(G.columns, G.space)}
+    coordinates = {name: np.zeros(length) for name, length in known.items()}
+    before = len(problems)
+    for key, entry in value.items():
+        if key not in known:
+            problems.add((*path, key), f"unknown key; a pose of {G.name} has {', '.join(known)}")
+            continue
+        numbers = _validated(Real | list[Real], entry, (*path, key), problems)
+        if numbers is None:
+            continue
+        entries = vector(numbers, known[key], G)
+        if isinstance(entries, str):
+            problems.add((*path, key), entries)
+        else:
+            coordinates[key] = entries
+    if len(problems) > before:
+        return None
+    turn = np.zeros(G.dimension)
+    turn[: G.rotations] = coordinates["rotvec"]
+    columns = np.array([coordinates[name] for name in G.columns]).reshape(-1, G.space).T
+    return G.assemble(G.rotation(G.exp(turn)), columns)
+
+
+def _validated(kind: Any, value: Any, path: Path, problems: Problems) -> Any:
+    try:
+        return TypeAdapter(kind).validate_python(value)
+    except ValidationError as error:
+        for place, message in problems_of(error, value, lambda _: ()):
+            problems.add((*path, *place), message)
+        return None

@@ -1,0 +1,121 @@
+"""The shape of a configuration: its keys, their types and defaults; nothing about the group.
+
+What depends on the group or on a component (shapes, options, definiteness) is checked by
+`eqt_cli.experiment.build`. One JSON schema comes from these models and the registries.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+
+from eqt_cli.core.numbers import Real
+
+
+def _rank(value: Any) -> str:
+    if not isinstance(value, list):
+        return "scalar"
+    return "matrix" if any(isinstance(row, list) for row in value) else "list"
+
+
+Row = list[Real]
+Vector = Annotated[
+    Annotated[Real, Tag("scalar")] | Annotated[Row, Tag("list")], Discriminator(_rank)
+]
+"""A number that stands for all entries, or a list of them."""
+Matrix = Annotated[
+    Annotated[Real, Tag("scalar")]
+    | Annotated[Row, Tag("list")]
+    | Annotated[list[Row], Tag("matrix")],
+    Discriminator(_rank),
+]
+"""A number (times the identity), a list (a diagonal) or a list of rows."""
+Component = str | dict[str, Any]
+"""A component by name, or a mapping with `kind` and its options."""
+
+
+class Section(BaseModel):
+    """A mapping with known keys only."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, use_attribute_docstrings=True)
+
+
+class GainsSection(Section):
+    """Gains of the control laws."""
+
+    kp: Matrix
+    """Navigation weight K of Υ(Q) = ½ tr((Q − I) K (Q − I)ᵀ): scalar, diagonal or d×d matrix."""
+    kd: Matrix
+    """Rayleigh tensor K_d, positive definite: scalar, diagonal or m×m matrix."""
+
+
+class InitialSection(Section):
+    """Distributions of the initial state, relative to the reference's."""
+
+    pose: Component = "fixed"
+    """Q(0) = Q_d(0) · draw."""
+    velocity: Component = "fixed"
+    """V(0) = V_d(0) + draw."""
+
+
+class EnsembleSection(Section):
+    """How many runs, from which seed."""
+
+    runs: int = Field(default=1, ge=1)
+    """Runs per controller."""
+    seed: int = Field(default=0, ge=0, lt=2**63)
+    """Root of all random streams."""
+
+
+class TimeSection(Section):
+    """The uniform grid of sample times, both ends included."""
+
+    duration: Real = Field(gt=0)
+    """Length of the horizon, s."""
+    samples: int = Field(default=401, ge=2)
+    """Number of sample times."""
+
+
+class StoreSection(Section):
+    """What goes into the result file."""
+
+    trajectories: Literal["all", "none"] | Annotated[int, Field(ge=0)] = "all"
+    """Trajectories of all runs, of none, or of the first N runs of each controller."""
+    decimate: int = Field(default=1, ge=1)
+    """Keep every n-th sample of the trajectories; metrics use all."""
+    compression: Literal["none", "gzip"] = "none"
+    """gzip saves little on smooth signals and costs ten times the writing time."""
+
+
+class Config(Section):
+    """An experiment: one mechanical system, one reference, several controllers, many runs."""
+
+    name: str | None = Field(default=None, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
+    """Name of the experiment and of its folder under results/; default: the file's stem."""
+    task: Literal["track"] = "track"
+    """What the controllers are for."""
+    group: str
+    """The configuration space: SO3, SE3, … (`eqt list groups`)."""
+    inertia: Matrix
+    """Inertia tensor 𝕀, symmetric positive definite: scalar, diagonal or m×m matrix."""
+    gains: GainsSection
+    """Gains of the control laws."""
+    reference: dict[str, Any]
+    """The desired trajectory: `kind` (default torque), its options, `pose` and `velocity`."""
+    controllers: list[Component] = Field(min_length=1)
+    """Control laws to compare, from the same initial states (`eqt list controllers`)."""
+    initial: InitialSection = Field(default_factory=InitialSection)
+    """Where the runs start."""
+    ensemble: EnsembleSection = Field(default_factory=EnsembleSection)
+    """How many runs."""
+    time: TimeSection
+    """How long, and where to sample."""
+    solver: dict[str, Any] = Field(default_factory=dict)
+    """`engine` and its options (`eqt list engines`)."""
+    store: StoreSection = Field(default_factory=StoreSection)
+    """What to keep."""
+    settling_threshold: Real = Field(default=0.05, gt=0)
+    """Pose error ‖I − Q_E‖_F below which a run counts as settled."""
+    plugins: list[str] = Field(default_factory=list)
+    """Python files with components of your own, relative to this file."""

@@ -1,0 +1,101 @@
+"""pydantic's errors in eqt's words: where, what was expected, what was found."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Collection
+from typing import Any
+
+from pydantic import ValidationError
+
+from eqt_cli.core.errors import suggestion
+
+Path = tuple[str | int, ...]
+
+_EXPECTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+    "dataclass_type": "a mapping",
+    "finite_number": "a finite number",
+    "greater_than": "a number greater than {gt:g}",
+    "greater_than_equal": "a number of at least {ge:g}",
+    "less_than": "a number less than {lt:g}",
+    "too_short": "at least {min_length} entry",
+    "literal_error": "{expected}",
+    "string_pattern_mismatch": "letters, digits, '.', '_' and '-'",
+}
+
+
+def problems_of(
+    error: ValidationError, data: Any, known: Callable[[Path], Collection[str]]
+) -> list[tuple[Path, str]]:
+    """(path, message) for each error, at the path that the user wrote.
+
+    Parameters
+    ----------
+    error
+        What pydantic found in `data`.
+    known
+        The keys that a mapping at a path may have, for suggestions.
+    """
+    messages: dict[Path, str] = {}
+    expected: dict[Path, list[str]] = {}
+    for detail in error.errors(include_url=False):
+        kind, context = detail["type"], detail.get("ctx", {})
+        path = _written(detail["loc"], data, missing=kind == "missing")
+        if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+            messages[path] = _unknown(str(path[-1]), known(path[:-1]))
+        elif kind == "missing":
+            messages[path] = "missing; this key has no default"
+        elif kind == "value_error":
+            messages[path] = str(context["error"])
+        else:
+            words = _EXPECTED.get(kind, detail["msg"]).format(**context)
+            expected.setdefault(path, []).append(words)
+    for path, alternatives in expected.items():
+        # The alternatives of a union fail one by one at the same place, or deeper in its value.
+        if path not in messages and not any(_below(other, path) for other in [*expected, *messages]):
+            words = " or ".join(dict.fromkeys(alternatives))
+            messages[path] = f"expected {words}, got {shown(_at(path, data))}"
+    return list(messages.items())
+
+
+def shown(value: Any) -> str:
+    """A value as it would stand in YAML, shortened."""
+    text = f"'{value}'" if isinstance(value, str) else json.dumps(value, default=str)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _unknown(key: str, known: Collection[str]) -> str:
+    return "unknown key" + (suggestion(key, known) or f"; known here: {', '.join(known) or 'none'}")
+
+
+def _written(location: Path, data: Any, *, missing: bool) -> Path:
+    """The steps of a pydantic location that are in the data; the others name union members."""
+    path: list[str | int] = []
+    for index, step in enumerate(location):
+        inside = (isinstance(data, dict) and step in data) or (
+            isinstance(data, list) and isinstance(step, int) and step < len(data)
+        )
+        if inside:
+            path.append(step)
+            data = data[step]
+        elif missing and index == len(location) - 1:
+            path.append(step)
+    return tuple(path)
+
+
+def _at(path: Path, data: Any) -> Any:
+    for step in path:
+        data = data[step]
+    return data
+
+
+def _below(path: Path, ancestor: Path) -> bool:
+    return len(path) > len(ancestor) and path[: len(ancestor)] == ancestor

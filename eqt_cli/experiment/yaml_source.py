@@ -1,0 +1,532 @@
+"""YAML text as plain data that remembers its places; it knows nothing of what a config may hold.
+
+The dialect is YAML 1.2's core schema: ``on``, ``no``, ``12:30`` and ``1_000`` are text, ``1e-9`` is
+a number. What a config does not need and what can surprise or harm is refused: tags (``!!python``
+and even ``!!str``), merge keys, duplicate keys, keys that are not text, integers with a leading
+zero, numbers that overflow, several documents, and sizes that only an attack has.
+"""
+
+from __future__ import annotations
+
+import codecs
+import json
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Final, NoReturn, TypeAlias
+
+import yaml
+
+from eqt_cli.core.errors import ConfigError, Problem
+
+MAX_BYTES: Final = 4_000_000
+"""The largest text, in bytes of UTF-8."""
+
+MAX_DEPTH: Final = 64
+"""The deepest nesting of mappings and lists, aliases followed."""
+
+MAX_VALUES: Final = 100_000
+"""The most keys and values of a document, aliases followed."""
+
+Path: TypeAlias = tuple[str | int, ...]
+_Position: TypeAlias = tuple[int, int]  # line and column, from 1
+_Scalar: TypeAlias = str | int | float | bool | None
+
+# PyYAML is built without its C parser on some systems; the two differ in speed and wording only.
+_PARSER: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+@dataclass(frozen=True)
+class Source:
+    """Data read from YAML, and where each part of it was written.
+
+    Attributes
+    ----------
+    name : str
+        The name of the file, as its places show it.
+    data : dict
+        Dicts with text keys, lists, str, int, float, bool and None; no two parts are shared.
+    """
+
+    name: str
+    data: dict[str, Any]
+    _root: _Node = field(repr=False)
+
+    def place(self, path: Path) -> str:
+        """``name:line:column`` of the value at `path`, or of its nearest ancestor that exists."""
+        return _place(self.name, self._nearest(path)[0].position)
+
+    def key_place(self, path: Path) -> str:
+        """``name:line:column`` of the key that ends `path`, or what `place` gives if it is none."""
+        parent, rest = self._nearest(path[:-1])
+        if not rest and path and path[-1] in parent.keys:
+            return _place(self.name, parent.keys[path[-1]])
+        return self.place(path)
+
+    def _nearest(self, path: Path) -> tuple[_Node, Path]:
+        """The deepest node along `path`, and what of the path is left there."""
+        node = self._root
+        for depth, step in enumerate(path):
+            if node.children is None or step not in node.children:
+                return node, path[depth:]
+            node = node.children[step]
+        return node, ()
+
+
+def load(text: str | bytes, name: str) -> Source:
+    """Read one YAML document whose top level is a mapping; an empty document is an empty mapping.
+
+    Raises
+    ------
+    ConfigError
+        With every problem that was found; reading goes on after those that leave the rest legible.
+    """
+    reader = _Reader(name, located=True)
+    root = reader.read(text) or _Node((1, 1), children={})
+    if not root.is_mapping:
+        got = f"the text {_short(root.value)!r}" if isinstance(root.value, str) else root.kind
+        reader.stop((), f"expected lines of 'key: value', got {got}", root.position)
+    return Source(name, root.plain(), root)
+
+
+def parse_value(text: str, name: str) -> Any:
+    """Read one value of any kind, as given to ``--set KEY=VALUE``; no text is null.
+
+    Raises
+    ------
+    ConfigError
+        With every problem that was found, each at the place `name`.
+    """
+    root = _Reader(name, located=False).read(text)
+    return None if root is None else root.plain()
+
+
+def dotted(path: Path) -> str:
+    """A path as users write it, such as ``controllers[0].label``."""
+    steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+    return "".join(steps).removeprefix(".")
+
+
+# Reading --------------------------------------------------------------------------------------
+
+
+@dataclass
+class _Node:
+    """A value with its place; a scalar has no `children`, a list has them by index."""
+
+    position: _Position
+    value: _Scalar = None
+    children: dict[Any, _Node] | None = None
+    keys: dict[Any, _Position] = field(default_factory=dict)
+    is_mapping: bool = True
+    size: int = 1  # keys and values, this one included, aliases followed
+    height: int = 0  # containers on top of each other, this one included
+
+    def __post_init__(self) -> None:
+        if self.children is None:
+            self.is_mapping = False
+            return
+        self.size += len(self.keys) + sum(child.size for child in self.children.values())
+        self.height = 1 + max((child.height for child in self.children.values()), default=0)
+
+    @property
+    def kind(self) -> str:
+        if self.children is not None:
+            return "a mapping" if self.is_mapping else "a list"
+        return "text" if isinstance(self.value, str) else json.dumps(self.value)
+
+    def plain(self) -> Any:
+        if self.children is None:
+            return self.value
+        if self.is_mapping:
+            return {key: child.plain() for key, child in self.children.items()}
+        return [child.plain() for child in self.children.values()]
+
+
+class _Reader:
+    """Builds the nodes of one text from the parser's events."""
+
+    def __init__(self, name: str, *, located: bool) -> None:
+        self._name = name
+        self._located = located
+        self._problems: list[Problem] = []
+        self._anchors: dict[str, _Node | None] = {}  # None while the node is being built
+        self._size = 0
+
+    def read(self, source: str | bytes) -> _Node | None:
+        """The root of the only document, or None if it is empty."""
+        text = self._characters(source)
+        root = self._document(self._events(text))
+        if self._problems:
+            raise ConfigError(self._problems)
+        return root
+
+    def stop(self, path: Path, message: str, position: _Position | None) -> NoReturn:
+        """Report a problem after which nothing can be read."""
+        self._report(path, message, position)
+        raise ConfigError(self._problems)
+
+    def _report(self, path: Path, message: str, position: _Position | None) -> None:
+        self._problems.append(Problem(dotted(path), message, self._place(position)))
+
+    def _place(self, position: _Position | None) -> str:
+        return _place(self._name, position if self._located else None)
+
+    def _characters(self, source: str | bytes) -> str:
+        size = len(source if isinstance(source, bytes) else source.encode("utf-8", "surrogatepass"))
+        if size > MAX_BYTES:
+            self.stop((), f"expected at most {MAX_BYTES} bytes, got {size}", None)
+        if isinstance(source, bytes):
+            source = source.removeprefix(codecs.BOM_UTF8)
+            try:
+                text = source.decode()
+            except UnicodeDecodeError as error:
+                before = source[: error.start].decode()
+                message = f"byte 0x{source[error.start]:02x} is not UTF-8; save the file as UTF-8"
+                self.stop((), message, _position(before, len(before)))
+        else:
+            text = source.removeprefix("\ufeff")
+        invalid = _INVALID.search(text)
+        if invalid:
+            message = (
+                f"character U+{ord(invalid.group()):04X} is not allowed; "
+                "remove it, or write it as an escape in double quotes"
+            )
+            self.stop((), message, _position(text, invalid.start()))
+        return text
+
+    def _events(self, text: str) -> Iterator[Any]:
+        try:
+            yield from yaml.parse(text, Loader=_PARSER)
+        except yaml.MarkedYAMLError as error:
+            self._stop_at_syntax(error, text)
+        except (yaml.YAMLError, ValueError, OverflowError):
+            # Python's parser gives escapes such as \UFFFFFFFF to chr() and int() unchecked.
+            self.stop((), "an escape or a directive (%) is not valid YAML", None)
+
+    def _document(self, events: Iterator[Any]) -> _Node | None:
+        root = None
+        documents = 0
+        for event in events:
+            if not isinstance(event, yaml.DocumentStartEvent):
+                continue
+            documents += 1
+            if documents > 1:
+                message = "a second document starts here; expected only one"
+                self.stop((), message, _mark(event.start_mark))
+            first = next(events)
+            root = self._node(first, events, (), 0)
+            if isinstance(first, yaml.ScalarEvent) and not first.value and not first.style:
+                root = None
+        return root
+
+    def _node(self, event: Any, events: Iterator[Any], path: Path, depth: int) -> _Node:
+        """The node that starts with `event`, inside `depth` containers."""
+        self._size += 1
+        if isinstance(event, yaml.AliasEvent):
+            node = self._alias(event, path)
+            self._size += node.size - 1
+        else:
+            node = self._written(event, events, path, depth)
+        position = _mark(event.start_mark)
+        if depth + node.height > MAX_DEPTH:
+            self.stop(path, f"nested more than {MAX_DEPTH} deep", position)
+        if self._size > MAX_VALUES:
+            message = f"expected at most {MAX_VALUES} keys and values, aliases followed, got more"
+            self.stop(path, message, position)
+        return node
+
+    def _alias(self, event: Any, path: Path) -> _Node:
+        """What the alias refers to, at the place of the alias; parts of it keep their own place."""
+        position = _mark(event.start_mark)
+        target = self._anchors.get(event.anchor)
+        if target is not None:
+            return _Node(position, target.value, target.children, target.keys, target.is_mapping)
+        name = _short(event.anchor)
+        if event.anchor in self._anchors:
+            message = f"*{name} is part of what it refers to"
+        else:
+            message = f"*{name} refers to nothing; no &{name} comes before it"
+        self._report(path, message, position)
+        return _Node(position)
+
+    def _written(self, event: Any, events: Iterator[Any], path: Path, depth: int) -> _Node:
+        position = _mark(event.start_mark)
+        if event.tag is not None:
+            tag = _short(event.tag.replace("tag:yaml.org,2002:", "!!"))
+            self._report(path, f"tag {tag} is not allowed; write the value without it", position)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = None
+        if isinstance(event, yaml.ScalarEvent):
+            node = self._scalar(event, path)
+        elif depth >= MAX_DEPTH:
+            self.stop(path, f"nested more than {MAX_DEPTH} deep", position)
+        elif isinstance(event, yaml.SequenceStartEvent):
+            node = self._sequence(position, events, path, depth + 1)
+        else:
+            node = self._mapping(position, events, path, depth + 1)
+        if event.anchor is not None:
+            self._anchors[event.anchor] = node
+        return node
+
+    def _scalar(self, event: Any, path: Path) -> _Node:
+        position = _mark(event.start_mark)
+        value: _Scalar = event.value
+        if not event.style:
+            try:
+                value = _resolved(event.value)
+            except ValueError as error:
+                self._report(path, str(error), position)
+        elif _SURROGATE.search(event.value):
+            self._report(path, "an escape for half a surrogate pair is no character", position)
+        return _Node(position, value)
+
+    def _sequence(
+        self, position: _Position, events: Iterator[Any], path: Path, depth: int
+    ) -> _Node:
+        children: dict[int, _Node] = {}
+        while not isinstance(event := next(events), yaml.SequenceEndEvent):
+            index = len(children)
+            children[index] = self._node(event, events, (*path, index), depth)
+        return _Node(position, children=children, is_mapping=False)
+
+    def _mapping(self, position: _Position, events: Iterator[Any], path: Path, depth: int) -> _Node:
+        children: dict[str, _Node] = {}
+        keys: dict[str, _Position] = {}
+        while not isinstance(event := next(events), yaml.MappingEndEvent):
+            key_position = _mark(event.start_mark)
+            key = self._key(event, events, path, depth)
+            key_path = path if key is None else (*path, key)
+            value = self._node(next(events), events, key_path, depth)
+            if key is None:
+                continue
+            if key in keys:
+                first = f"; the first is at {self._place(keys[key])}" if self._located else ""
+                self._report(key_path, f"duplicate key{first}", key_position)
+                continue
+            keys[key] = key_position
+            children[key] = value
+        return _Node(position, children=children, keys=keys)
+
+    def _key(self, event: Any, events: Iterator[Any], path: Path, depth: int) -> str | None:
+        """The text of a key, or None if it is none, which is then reported."""
+        position = _mark(event.start_mark)
+        if not isinstance(event, yaml.ScalarEvent):
+            kind = self._node(event, events, path, depth).kind
+            got = "an alias" if isinstance(event, yaml.AliasEvent) else kind
+            self._report(path, f"expected text as a key, got {got}", position)
+            return None
+        text = str(event.value)
+        if event.style or not _NOT_TEXT.fullmatch(text):
+            self._node(event, events, (*path, text), depth)
+            return text
+        if text == "<<":
+            message = "merge keys (<<) are not supported; write out the keys to merge"
+        elif text:
+            message = f'expected text as a key, got {_short(text)}; write "{_short(text)}"'
+        else:
+            message = "expected a key before ':'"
+        self._report(path, message, position)
+        return None
+
+    # Syntax
+
+    def _stop_at_syntax(self, error: yaml.MarkedYAMLError, text: str) -> NoReturn:
+        """Report what the parser could not read, in words of our own."""
+        problem, context = str(error.problem), str(error.context)
+        here = error.problem_mark or error.context_mark
+        start = error.context_mark or here
+        if here is None or start is None:
+            self.stop((), "this is not YAML", None)
+        before, at_here = _split(text, here)
+        opening = _split(text, start)[1][:1]
+        if not at_here.strip() and "flow" in context:
+            if opening in ("[", "{"):
+                self.stop((), f"the '{opening}' is never closed", _mark(start))
+            self.stop((), "a '[' or '{' is never closed", _mark(here))
+        since = f" that starts at {self._place(_mark(start))}" if self._located else ""
+        if "flow" in context and opening in ("[", "{"):
+            closing, collection = ("]", "list") if opening == "[" else ("}", "mapping")
+            self.stop((), f"expected ',' or '{closing}' in the {collection}{since}", _mark(here))
+        character = at_here[:1]
+        if "cannot start any token" in problem or "tab" in problem.split():
+            message = f"a value cannot start with {character!r}; quote it"
+            if character == "\t":
+                message = "a tab cannot stand here; use spaces"
+            self.stop((), message, _mark(here))
+        in_collection = "block" in context and not {"node", "scalar"} & set(context.split())
+        if in_collection and before.strip():
+            message = f"unexpected {character!r} after a value; quote the whole value"
+            self.stop((), message, _mark(here))
+        for in_context, in_problem, at_start, template in _SYNTAX:
+            if in_context in context and in_problem in problem:
+                message = template.format(opening=opening, character=character, since=since)
+                self.stop((), message, _mark(start if at_start else here))
+        self.stop((), "this is not YAML", _mark(here))
+
+
+_QUOTE: Final = "; quote text that starts with it"
+
+# What the parsers say, Python's and C's: a part of the context, a part of the problem, whether the
+# place is where the context starts, and what we say instead. The first row that fits is taken.
+_SYNTAX: Final = (
+    ("quoted scalar", "unexpected", True, "the quote {opening} is never closed"),
+    ("quoted scalar", "", True, "unknown escape in this text; use single quotes, or \\\\ for \\"),
+    ("alias", "", True, f"'*' starts a reference{_QUOTE}"),
+    ("anchor", "", True, f"'&' starts an anchor{_QUOTE}"),
+    ("block scalar", "", True, f"'{{opening}}' starts a block of text{_QUOTE}"),
+    ("tag", "", True, f"'!' starts a tag, which is not allowed{_QUOTE}"),
+    ("", "tag", False, f"'!' starts a tag, which is not allowed{_QUOTE}"),
+    ("directive", "", True, f"'%' starts a directive{_QUOTE}"),
+    ("", "directive", False, f"'%' starts a directive{_QUOTE}"),
+    ("", "incompatible YAML", False, "expected YAML 1.1 or 1.2"),
+    ("", "document start", False, "unexpected text after the end of the document"),
+    ("", "mapping values", False, "unexpected ':'; check the indentation, or quote the text"),
+    ("", "mapping keys", False, f"unexpected '?'{_QUOTE}"),
+    ("", "sequence entries", False, "a list cannot start here; start it on a line of its own"),
+    ("simple key", "expected ':'", True, "expected ':' after this text, or '- ' before it"),
+    ("", "node content", False, f"unexpected {{character!r}}{_QUOTE}"),
+    ("block mapping", "", False, "expected a key of the mapping{since}; check the indentation"),
+    ("block", "", False, "expected a '- ' of the list{since}; check the indentation"),
+)
+
+
+# Characters and positions ---------------------------------------------------------------------
+
+_INVALID: Final = re.compile(
+    "[^\t\n\r -~\x85\xa0-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
+)
+_SURROGATE: Final = re.compile("[\ud800-\udfff]")
+_LINE_BREAK: Final = re.compile("\r\n|[\n\r\x85\u2028\u2029]")  # those that the parsers count
+
+
+def _position(text: str, offset: int) -> _Position:
+    starts = [0, *(match.end() for match in _LINE_BREAK.finditer(text, 0, offset))]
+    return len(starts), offset - starts[-1] + 1
+
+
+def _split(text: str, mark: Any) -> tuple[str, str]:
+    """What stands before `mark` on its line, and all that follows."""
+    starts = [0, *(match.end() for match in _LINE_BREAK.finditer(text)), len(text)]
+    line = starts[min(mark.line, len(starts) - 1)]
+    return text[line : line + mark.column], text[line + mark.column :]
+
+
+def _mark(mark: Any) -> _Position:
+    return mark.line + 1, mark.column + 1
+
+
+def _place(name: str, position: _Position | None) -> str:
+    return name if position is None else f"{name}:{position[0]}:{position[1]}"
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+# Scalars --------------------------------------------------------------------------------------
+
+_WORDS: Final[dict[str, bool | None]] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL")),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+}
+_INTEGER: Final = re.compile(r"[-+]?[0-9]+")
+_BASED_INTEGER: Final = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
+_FLOAT: Final = re.compile(r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?")
+_SPECIAL_FLOAT: Final = re.compile(r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)")
+_NUMBER: Final = re.compile(
+    "|".join(p.pattern for p in (_INTEGER, _BASED_INTEGER, _FLOAT, _SPECIAL_FLOAT))
+)
+_NOT_TEXT: Final = re.compile(f"<<|{_NUMBER.pattern}|{'|'.join(_WORDS)}")
+_MAX_DIGITS: Final = 4000  # Python refuses to convert more than 4300
+
+
+def _resolved(text: str) -> _Scalar:
+    """The value of a plain scalar in YAML 1.2's core schema.
+
+    Raises
+    ------
+    ValueError
+        If it looks like a number and is none that is safe to take; the message is for users.
+    """
+    if text in _WORDS:
+        return _WORDS[text]
+    if _BASED_INTEGER.fullmatch(text):
+        return int(text[2:], 8 if text[1] == "o" else 16)
+    if _INTEGER.fullmatch(text):
+        return _integer(text)
+    if _FLOAT.fullmatch(text):
+        value = float(text)
+        if math.isinf(value):
+            raise ValueError(f"{_short(text)} is too large for a float; write .inf for infinity")
+        return value
+    if _SPECIAL_FLOAT.fullmatch(text):
+        return float(text.replace(".", ""))
+    return text
+
+
+def _integer(text: str) -> int:
+    digits = text.lstrip("+-")
+    if len(digits) > _MAX_DIGITS:
+        raise ValueError(f"{_short(text)} has {len(digits)} digits; expected at most {_MAX_DIGITS}")
+    value = int(text)
+    if digits[0] == "0" and len(digits) > 1:
+        octal = ""
+        if value and not set(digits) & {"8", "9"}:
+            octal = f" or {-int(digits, 8)}" if value < 0 else f" or 0o{digits.lstrip('0')}"
+        raise ValueError(f"{_short(text)} is ambiguous: write {value}{octal}")
+    return value
+
+
+# Writing --------------------------------------------------------------------------------------
+
+_WIDTH: Final = 200  # of a row of a 9×9 matrix at full precision
+_SHORT_WIDTH: Final = 80
+
+
+def dump(data: dict[str, Any]) -> str:
+    """YAML that `load` reads back as equal `data`, written for people.
+
+    Keys keep their order; lists of numbers and short lists of scalars stand on one line, matrices
+    one row to a line. Text that YAML 1.1 or 1.2 would read as something else is quoted.
+    """
+    return yaml.dump(
+        data,
+        Dumper=_Dumper,
+        default_flow_style=False,
+        sort_keys=False,
+        allow_unicode=True,
+        width=_WIDTH,
+    )
+
+
+class _Dumper(yaml.SafeDumper):
+    def ignore_aliases(self, data: Any) -> bool:
+        return True  # a value that occurs twice is written twice
+
+    def increase_indent(self, flow: bool = False, indentless: bool = False) -> None:
+        super().increase_indent(flow, False)  # lists are indented below their key
+
+
+def _represent_list(dumper: _Dumper, items: Sequence[Any]) -> yaml.Node:
+    numbers = all(isinstance(item, (int, float)) for item in items)
+    short = all(item is None or isinstance(item, (str, int, float)) for item in items) and (
+        sum(len(str(item)) + 2 for item in items) <= _SHORT_WIDTH
+    )
+    return dumper.represent_sequence("tag:yaml.org,2002:seq", items, flow_style=numbers or short)
+
+
+def _represent_text(dumper: _Dumper, text: str) -> yaml.Node:
+    # Other quotes would fold NEL and its like, which YAML 1.1 takes for line breaks.
+    style = None if text.isprintable() else '"'
+    return dumper.represent_scalar("tag:yaml.org,2002:str", text, style=style)
+
+
+_Dumper.add_representer(list, _represent_list)
+_Dumper.add_representer(str, _represent_text)
+# A tag that no representer uses: plain text that would be a number to `load` must be quoted.
+_Dumper.add_implicit_resolver(
+    "!number", re.compile(rf"(?:{_NUMBER.pattern})\Z"), list("-+.0123456789")
+)

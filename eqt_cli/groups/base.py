@@ -1,0 +1,202 @@
+"""The abstract matrix Lie group: everything that follows from the basis of its Lie algebra.
+
+A group is its basis and four closed forms (`inverse`, `exp`, `log`, `drift`). Nothing here, nor
+in any law built on it, knows which group it works with. All operators take leading batch axes, and
+all but `exp`, `log` and `drift` also take object arrays of symbols.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, apply_matrix, transpose
+
+
+@dataclass(frozen=True)
+class Part:
+    """A part of the coordinates with units of its own, such as the rotation in a rigid motion.
+
+    Attributes
+    ----------
+    name
+        ``"rotation"`` or ``"translation"``.
+    axes
+        Which of the m algebra coordinates belong to it.
+    entries
+        Rows and columns of its block in the pose matrix.
+    pose_unit, velocity_unit, force_unit
+        Units of the pose block, of the velocity coordinates, and of the dual coordinates.
+    """
+
+    name: str
+    axes: slice
+    entries: tuple[slice, slice]
+    pose_unit: str
+    velocity_unit: str
+    force_unit: str
+
+
+class MatrixLieGroup(ABC):
+    """A matrix Lie group G of d×d matrices with an m-dimensional Lie algebra g.
+
+    Coordinates of g refer to `basis`, those of g* to the dual basis, so that ⟨P, V⟩ = p·v and the
+    dual of a linear map is its transpose (Hampsey et al. (2025), eq. (1)).
+
+    Attributes
+    ----------
+    name
+        As written in a configuration: ``SO3``.
+    basis : (m, d, d)
+        The matrices E_i that span g; mutually orthogonal in the Frobenius product.
+    axis_names
+        One short name per algebra coordinate, for figures and tables.
+    """
+
+    name: ClassVar[str]
+    basis: Array
+    axis_names: Sequence[str]
+
+    @property
+    def dimension(self) -> int:
+        """m, the dimension of the group."""
+        return int(self.basis.shape[0])
+
+    @property
+    def size(self) -> int:
+        """d, the number of rows of a pose matrix."""
+        return int(self.basis.shape[1])
+
+    @property
+    @abstractmethod
+    def parts(self) -> tuple[Part, ...]:
+        """The parts of the coordinates that carry units of their own."""
+
+    # The closed forms that a group gives.
+
+    @abstractmethod
+    def inverse(self, Q: Array) -> Array:
+        """Q⁻¹ in closed form, for floats and symbols, ``(..., d, d)``."""
+
+    @abstractmethod
+    def exp(self, V: Array) -> Array:
+        """The group exponential of algebra coordinates, ``(..., m) -> (..., d, d)``."""
+
+    @abstractmethod
+    def log(self, Q: Array) -> Array:
+        """The principal logarithm in coordinates, ``(..., d, d) -> (..., m)``."""
+
+    @abstractmethod
+    def drift(self, Q: Array) -> Array:
+        """How far Q has left the group, as a norm that is 0 on it, ``(..., d, d) -> (...)``."""
+
+    # What follows from the basis alone.
+
+    @cached_property
+    def identity(self) -> Array:
+        """I ∈ G."""
+        return np.eye(self.size)
+
+    @cached_property
+    def _flat_basis(self) -> Array:
+        return self.basis.reshape(self.dimension, -1)
+
+    @cached_property
+    def _dual_basis(self) -> Array:
+        # Division by the squared norms is exact for entries 0 and ±1; a pseudo-inverse is not.
+        return (self._flat_basis / (self._flat_basis**2).sum(axis=1, keepdims=True)).T
+
+    def hat(self, V: Array) -> Array:
+        """The algebra element with coordinates V, ``(..., m) -> (..., d, d)``."""
+        return (V @ self._flat_basis).reshape(*V.shape[:-1], self.size, self.size)
+
+    def vee(self, U: Array) -> Array:
+        """The coordinates of an algebra element, ``(..., d, d) -> (..., m)``; undoes `hat`."""
+        return U.reshape(*U.shape[:-2], -1) @ self._dual_basis
+
+    def contract(self, M: Array) -> Array:
+        """The covector U ↦ tr(MᵀÛ) of a matrix, ``(..., d, d) -> (..., m)``."""
+        return M.reshape(*M.shape[:-2], -1) @ self._flat_basis.T
+
+    @cached_property
+    def structure_constants(self) -> Array:
+        """c[i, j, k] with [E_i, E_j] = Σ_k c[i, j, k] E_k, ``(m, m, m)``."""
+        E = self.basis
+        brackets = E[:, None] @ E[None, :]
+        return self.vee(brackets - brackets.swapaxes(0, 1))
+
+    @cached_property
+    def _ad_tensor(self) -> Array:
+        # ad_V as a matrix has the entries (k, j) = Σ_i V_i c[i, j, k].
+        return self.structure_constants.swapaxes(1, 2).reshape(self.dimension, -1)
+
+    def ad_matrix(self, V: Array) -> Array:
+        """The matrix of U ↦ ad_V U = [V, U], ``(..., m) -> (..., m, m)``."""
+        return (V @ self._ad_tensor).reshape(*V.shape[:-1], self.dimension, self.dimension)
+
+    def ad(self, V: Array, U: Array) -> Array:
+        """ad_V U = [V, U] in coordinates."""
+        return apply_matrix(self.ad_matrix(V), U)
+
+    def ad_star(self, V: Array, P: Array) -> Array:
+        """ad*_V P, the dual of ad_V: ⟨ad*_V P, U⟩ = ⟨P, [V, U]⟩; on SO(3), −V × P.
+
+        Hampsey et al. (2025), eq. (2).
+        """
+        return apply_matrix(transpose(self.ad_matrix(V)), P)
+
+    def Ad(self, Q: Array, V: Array) -> Array:
+        """Ad_Q V = (Q V^ Q⁻¹)^∨ in coordinates."""
+        return self.vee(Q @ self.hat(V) @ self.inverse(Q))
+
+    def Ad_matrix(self, Q: Array) -> Array:
+        """The matrix of V ↦ Ad_Q V, ``(..., d, d) -> (..., m, m)``."""
+        columns = self.Ad(Q[..., None, :, :], np.eye(self.dimension))
+        return transpose(columns)
+
+    def Ad_star(self, Q: Array, P: Array) -> Array:
+        """Ad*_Q P, the dual of Ad_Q: ⟨Ad*_Q P, U⟩ = ⟨P, Ad_Q U⟩; on SO(3), Qᵀ P."""
+        return apply_matrix(transpose(self.Ad_matrix(Q)), P)
+
+    # The entries of a pose that can differ from the identity's, for compact states.
+
+    @cached_property
+    def _free_entries(self) -> tuple[Array, Array]:
+        # Motion inside the group reaches exactly the products of algebra elements.
+        reached = (self.basis != 0).any(axis=0)
+        while True:
+            further = reached | (reached.astype(int) @ reached.astype(int) > 0)
+            if (further == reached).all():
+                return np.nonzero(reached)
+            reached = further
+
+    @property
+    def pose_length(self) -> int:
+        """How many entries of a pose matrix can vary."""
+        return len(self._free_entries[0])
+
+    def pack(self, Q: Array) -> Array:
+        """The entries of a pose that can vary, ``(..., d, d) -> (..., pose_length)``."""
+        if self.pose_length == self.size**2:
+            return Q.reshape(*Q.shape[:-2], -1)
+        return Q[(..., *self._free_entries)]
+
+    def unpack(self, entries: Array) -> Array:
+        """The pose with these entries, the others as in the identity; undoes `pack`."""
+        if self.pose_length == self.size**2:
+            return entries.reshape(*entries.shape[:-1], self.size, self.size)
+        Q = np.empty((*entries.shape[:-1], self.size, self.size), dtype=entries.dtype)
+        Q[...] = self.identity
+        Q[(..., *self._free_entries)] = entries
+        return Q
+
+    def violation(self, Q: Array) -> float:
+        """How far one float matrix is from being an element of the group; 0 on the group."""
+        constant = np.abs(self.unpack(self.pack(Q)) - Q).max()
+        reflected = 2.0 if np.linalg.det(Q) < 0 else 0.0
+        return float(max(constant, reflected, self.drift(Q)))

@@ -1,0 +1,184 @@
+"""Rotations of R^n acting on k translation columns: SO(n), SE(n) and SE_2(3) in one description.
+
+A pose is the matrix [[R, x_1 … x_k], [0, I]]. The closed forms on rotations and rigid motions are
+SciPy's; this module arranges them by columns and knows no law.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from scipy.spatial.transform import RigidTransform, Rotation
+
+from eqt_cli.core.arrays import Array, frobenius, transpose
+from eqt_cli.groups.base import MatrixLieGroup, Part
+
+
+class EuclideanGroup(MatrixLieGroup):
+    """SO(n) ⋉ (R^n)^k for n = 2 or 3, coordinates in the order rotation, x_1, …, x_k.
+
+    Attributes
+    ----------
+    space
+        n, the dimension of the space that the rotations act on.
+    columns
+        A name for each of the k translation columns, as written in a configuration.
+    column_units
+        Units of each column; its velocity is in the same unit per second.
+    """
+
+    space: ClassVar[int]
+    columns: ClassVar[tuple[str, ...]] = ()
+    column_units: ClassVar[tuple[str, ...]] = ()
+    force_units: ClassVar[tuple[str, ...]] = ()
+
+    def __init__(self) -> None:
+        n, k = self.space, len(self.columns)
+        turns = _rotation_generators(n)
+        self.rotations = len(turns)
+        basis = np.zeros((self.rotations + n * k, n + k, n + k))
+        basis[: self.rotations, :n, :n] = turns
+        for column in range(k):
+            for row in range(n):
+                basis[self.rotations + n * column + row, row, n + column] = 1.0
+        self.basis = basis
+        axes = ("x", "y", "z")[:n]
+        turning = ("ω",) if n == 2 else tuple("ω" + axis for axis in axes)
+        self.axis_names = turning + tuple(
+            f"{column[0]}{axis}" for column in self.columns for axis in axes
+        )
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The rotation, then each translation column."""
+        n = self.space
+        rotation = slice(0, self.rotations)
+        parts = [Part("rotation", rotation, (slice(0, n), slice(0, n)), "1", "rad/s", "N m")]
+        for index, unit in enumerate(self.column_units):
+            axes = slice(self.rotations + n * index, self.rotations + n * (index + 1))
+            entries = (slice(0, n), slice(n + index, n + index + 1))
+            name = "translation" if len(self.columns) == 1 else self.columns[index]
+            force = self.force_units[index]
+            parts.append(Part(name, axes, entries, unit, _rate(unit), force))
+        return tuple(parts)
+
+    def rotation(self, Q: Array) -> Array:
+        """The rotation block, ``(..., d, d) -> (..., n, n)``."""
+        return Q[..., : self.space, : self.space]
+
+    def translations(self, Q: Array) -> Array:
+        """The translation columns, ``(..., d, d) -> (..., n, k)``."""
+        return Q[..., : self.space, self.space :]
+
+    def assemble(self, rotation: Array, translations: Array) -> Array:
+        """The pose with these blocks, ``(..., n, n), (..., n, k) -> (..., d, d)``."""
+        Q = np.broadcast_to(self.identity, (*rotation.shape[:-2], self.size, self.size)).copy()
+        Q[..., : self.space, : self.space] = rotation
+        Q[..., : self.space, self.space :] = translations
+        return Q
+
+    def inverse(self, Q: Array) -> Array:
+        """[[Rᵀ, −Rᵀx], [0, I]]."""
+        n = self.space
+        inverse = Q.copy()
+        inverse[..., :n, :n] = transpose(self.rotation(Q))
+        if self.columns:
+            inverse[..., :n, n:] = -(inverse[..., :n, :n] @ self.translations(Q))
+        return inverse
+
+    def exp(self, V: Array) -> Array:
+        """exp in closed form: R = exp ω and each column J(ω) x, J the left Jacobian."""
+        turn, columns = V[..., : self.rotations], self._columns(V)
+        rotation = _exp_rotation(turn)
+        translations = np.empty((*V.shape[:-1], self.space, len(self.columns)))
+        for index in range(len(self.columns)):
+            translations[..., index] = _left_jacobian_times(turn, columns[..., index, :])
+        return self.assemble(rotation, translations)
+
+    def log(self, Q: Array) -> Array:
+        """log in closed form, with rotation angles in [0, π] (n = 3) or (−π, π] (n = 2)."""
+        rotation, translations = self.rotation(Q), self.translations(Q)
+        turn = _log_rotation(rotation)
+        columns = [
+            _inverse_left_jacobian_times(rotation, turn, translations[..., index])
+            for index in range(len(self.columns))
+        ]
+        return np.concatenate([turn, *columns], axis=-1)
+
+    def drift(self, Q: Array) -> Array:
+        """‖RᵀR − I‖_F; the other entries of a pose cannot drift."""
+        R = self.rotation(Q)
+        return frobenius(transpose(R) @ R - np.eye(self.space))
+
+    def rotation_towards(self, direction: Array) -> Array:
+        """The rotation of a unit quaternion (n = 3) or unit complex number (n = 2), normalised.
+
+        Normal directions give the Haar measure: ``(..., 4)`` or ``(..., 2) -> (..., n, n)``.
+        """
+        if self.space == 2:
+            return _exp_rotation(np.arctan2(direction[..., :1], direction[..., 1:]))
+        rows = direction.reshape(-1, 4)
+        rotations: Array = Rotation.from_quat(rows).as_matrix()
+        return rotations.reshape(*direction.shape[:-1], 3, 3)
+
+    def _columns(self, V: Array) -> Array:
+        return V[..., self.rotations :].reshape(*V.shape[:-1], len(self.columns), self.space)
+
+
+def _rotation_generators(n: int) -> Array:
+    """The basis of so(n) with E_i u = e_i × u for n = 3 and a counter-clockwise turn for n = 2."""
+    if n == 2:
+        return np.array([[[0.0, -1.0], [1.0, 0.0]]])
+    generators = np.zeros((3, 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        generators[i, k, j], generators[i, j, k] = 1.0, -1.0
+    return generators
+
+
+def _rate(unit: str) -> str:
+    return "m/s" if unit == "m" else "m/s^2"
+
+
+def _exp_rotation(turn: Array) -> Array:
+    if turn.shape[-1] == 1:
+        c, s = np.cos(turn[..., 0]), np.sin(turn[..., 0])
+        return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+    rows = turn.reshape(-1, 3)
+    return Rotation.from_rotvec(rows).as_matrix().reshape(*turn.shape[:-1], 3, 3)
+
+
+def _log_rotation(rotation: Array) -> Array:
+    if rotation.shape[-1] == 2:
+        return np.arctan2(rotation[..., 1, :1], rotation[..., 0, :1])
+    rows = rotation.reshape(-1, 3, 3)
+    return Rotation.from_matrix(rows).as_rotvec().reshape(*rotation.shape[:-2], 3)
+
+
+def _left_jacobian_times(turn: Array, x: Array) -> Array:
+    """J(ω) x with J(ω) = ∫₀¹ exp(sω) ds."""
+    if turn.shape[-1] == 1:
+        a, b = _planar_jacobian(turn[..., 0])
+        return np.stack([a * x[..., 0] - b * x[..., 1], b * x[..., 0] + a * x[..., 1]], axis=-1)
+    coordinates = np.concatenate([turn, x], axis=-1).reshape(-1, 6)
+    return RigidTransform.from_exp_coords(coordinates).translation.reshape(x.shape)
+
+
+def _inverse_left_jacobian_times(rotation: Array, turn: Array, x: Array) -> Array:
+    if turn.shape[-1] == 1:
+        a, b = _planar_jacobian(turn[..., 0])
+        n = a * a + b * b
+        return np.stack(
+            [(a * x[..., 0] + b * x[..., 1]) / n, (a * x[..., 1] - b * x[..., 0]) / n], axis=-1
+        )
+    poses = RigidTransform.from_components(
+        x.reshape(-1, 3), Rotation.from_matrix(rotation.reshape(-1, 3, 3))
+    )
+    return poses.as_exp_coords()[:, 3:].reshape(x.shape)
+
+
+def _planar_jacobian(angle: Array) -> tuple[Array, Array]:
+    """sin θ / θ and (1 − cos θ) / θ, without cancellation near 0."""
+    half = angle / 2
+    a = np.sinc(angle / np.pi)
+    return a, np.sinc(half / np.pi) * np.sin(half)

@@ -1,0 +1,39 @@
+"""The navigation function Υ(Q) = ½ tr((Q − I) K (Q − I)ᵀ) and its gradient, on any group."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.groups import MatrixLieGroup
+
+
+def potential(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
+    """Υ(Q); on SO(3) equal to tr(K(I − Q)), Hampsey et al. (2025), Example 3.4.
+
+    Parameters
+    ----------
+    K : (..., d, d)
+        Symmetric weight, `gains.kp`.
+    Q : (..., d, d)
+        Pose, or pose error.
+    """
+    D = Q - G.identity
+    return (D * (D @ K)).sum(axis=(-2, -1)) / 2
+
+
+def gradient(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
+    """The left-trivialised gradient L*_Q dΥ(Q) ∈ g*, with entries tr((Q − I) K (Q E_i)ᵀ).
+
+    On SO(3) it is (K Q − Qᵀ K)^∨, Hampsey et al. (2025), eq. (13).
+    """
+    return G.contract(transpose(Q) @ ((Q - G.identity) @ K))
+
+
+def hessian_at_identity(G: MatrixLieGroup, K: Array) -> Array:
+    """G_ij = tr(E_i K E_jᵀ); I is a non-degenerate minimum of Υ exactly if it is positive definite.
+
+    On SO(3) with K = diag(λ) its eigenvalues are the sums λ_i + λ_j, i ≠ j.
+    """
+    hessian: Array = np.einsum("iab,bc,jac->ij", G.basis, K, G.basis)
+    return hessian

@@ -1,0 +1,67 @@
+"""The semidirect product G ⋉ g*: states (Q, P), inputs (V, τ), and the error X X_d⁻¹.
+
+The paper's own structure, on any group of the registry; it knows no inertia and no control. Pairs
+are plain tuples of arrays with leading batch axes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+
+State = tuple[Array, Array]
+"""X = (Q, P) ∈ G ⋉ g*: a pose ``(..., d, d)`` and a momentum ``(..., m)``."""
+Input = tuple[Array, Array]
+"""U = (V, τ) in the algebra of G ⋉ g*: a velocity and a force, both ``(..., m)``."""
+
+
+@dataclass(frozen=True)
+class Semidirect:
+    """The group G ⋉ g* over a matrix Lie group G."""
+
+    G: MatrixLieGroup
+
+    @property
+    def identity(self) -> State:
+        """(I, 0)."""
+        return self.G.identity, np.zeros(self.G.dimension)
+
+    def compose(self, X: State, Y: State) -> State:
+        """(Q_1 Q_2, Ad*_{Q_2} P_1 + P_2), Hampsey et al. (2025), eq. (15)."""
+        (Q1, P1), (Q2, P2) = X, Y
+        return Q1 @ Q2, self.G.Ad_star(Q2, P1) + P2
+
+    def inverse(self, X: State) -> State:
+        """(Q⁻¹, −Ad*_{Q⁻¹} P)."""
+        Q, P = X
+        Q_inverse = self.G.inverse(Q)
+        return Q_inverse, -self.G.Ad_star(Q_inverse, P)
+
+    def left(self, Y: State, U: Input) -> State:
+        """DL_Y[U] = (Q_Y V^, ad*_V P_Y + τ), Hampsey et al. (2025), eq. (25)."""
+        (Q, P), (V, tau) = Y, U
+        return Q @ self.G.hat(V), self.G.ad_star(V, P) + tau
+
+    def right(self, Y: State, U: Input) -> State:
+        """DR_Y[U] = (V^ Q_Y, Ad*_{Q_Y} τ), Hampsey et al. (2025), eq. (26)."""
+        (Q, _), (V, tau) = Y, U
+        return self.G.hat(V) @ Q, self.G.Ad_star(Q, tau)
+
+    def Ad(self, Y: State, U: Input) -> Input:
+        """(Ad_Q V, Ad*_{Q⁻¹}(ad*_V P + τ)), Hampsey et al. (2025), eq. (27)."""
+        (Q, P), (V, tau) = Y, U
+        force = self.G.Ad_star(self.G.inverse(Q), self.G.ad_star(V, P) + tau)
+        return self.G.Ad(Q, V), force
+
+    def ad(self, W: Input, U: Input) -> Input:
+        """(ad_{V_W} V_U, ad*_{V_U} P_W − ad*_{V_W} P_U), Hampsey et al. (2025), eq. (28)."""
+        (V_W, P_W), (V_U, P_U) = W, U
+        return self.G.ad(V_W, V_U), self.G.ad_star(V_U, P_W) - self.G.ad_star(V_W, P_U)
+
+    def error(self, X: State, X_d: State) -> State:
+        """E = X X_d⁻¹ = (Q Q_d⁻¹, Ad*_{Q_d⁻¹}(P − P_d)), Hampsey et al. (2025), eq. (17)."""
+        return self.compose(X, self.inverse(X_d))

@@ -1,0 +1,119 @@
+"""The true and the desired state at one instant, and the errors between them.
+
+This is all that a control law may read. Everything is computed once, when first asked for.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+from eqt_cli.core.arrays import Array, apply_matrix, dot
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics import navigation
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Navigation weight K (`gains.kp`, d×d) and Rayleigh tensor K_d (`gains.kd`, m×m).
+
+    Like the inertia, they may carry leading batch axes, or be symbols.
+    """
+
+    K: Array
+    K_d: Array
+
+
+@dataclass(frozen=True)
+class Inertia:
+    """The inertia tensor 𝕀: g → g* as a matrix, and its inverse, both ``(..., m, m)``."""
+
+    matrix: Array
+    inverse: Array
+
+    def momentum(self, V: Array) -> Array:
+        """P = 𝕀 V."""
+        return apply_matrix(self.matrix, V)
+
+    def velocity(self, P: Array) -> Array:
+        """V = δh/δP = 𝕀⁻¹ P, Hampsey et al. (2025), eq. (6) and (9)."""
+        return apply_matrix(self.inverse, P)
+
+
+@dataclass(frozen=True)
+class Tracking:
+    """What a control law reads: group, inertia, gains, time, state, desired state, errors.
+
+    Attributes
+    ----------
+    t
+        Time, s.
+    Q, Qd : (..., d, d)
+        True and desired pose.
+    P, Pd : (..., m)
+        True and desired momentum.
+    tau_d : (..., m)
+        Torque that drives the desired state, body frame.
+    """
+
+    G: MatrixLieGroup
+    inertia: Inertia
+    gains: Gains
+    t: Any
+    Q: Array
+    P: Array
+    Qd: Array
+    Pd: Array
+    tau_d: Array
+
+    @cached_property
+    def V(self) -> Array:
+        """Body velocity V = 𝕀⁻¹P."""
+        return self.inertia.velocity(self.P)
+
+    @cached_property
+    def Vd(self) -> Array:
+        """Desired body velocity V_d = 𝕀⁻¹P_d."""
+        return self.inertia.velocity(self.Pd)
+
+    @cached_property
+    def V_tilde(self) -> Array:
+        """Ṽ = V − V_d, body frame."""
+        return self.V - self.Vd
+
+    @cached_property
+    def P_tilde(self) -> Array:
+        """P̃ = P − P_d = 𝕀Ṽ, body frame."""
+        return self.P - self.Pd
+
+    @cached_property
+    def Q_E(self) -> Array:
+        """Q_E = Q Q_d⁻¹, Hampsey et al. (2025), eq. (17)."""
+        return self.Q @ self.G.inverse(self.Qd)
+
+    @cached_property
+    def V_E(self) -> Array:
+        """V_E = Ad_{Q_d} Ṽ, the first part of Hampsey et al. (2025), eq. (19)."""
+        return self.G.Ad(self.Qd, self.V_tilde)
+
+    @cached_property
+    def gradient(self) -> Array:
+        """L*_{Q_E} dΥ(Q_E), spatial frame."""
+        return navigation.gradient(self.G, self.gains.K, self.Q_E)
+
+    @cached_property
+    def spatial_damping(self) -> Array:
+        """K_d V_E, the Rayleigh force in the spatial frame."""
+        return apply_matrix(self.gains.K_d, self.V_E)
+
+    @cached_property
+    def body_damping(self) -> Array:
+        """K_d Ṽ, the Rayleigh force in the body frame."""
+        return apply_matrix(self.gains.K_d, self.V_tilde)
+
+    @property
+    def lyapunov(self) -> Array:
+        """L = ½⟨P_E, 𝕀̄_t⁻¹P_E⟩ + Υ(Q_E) = ½⟨P̃, Ṽ⟩ + Υ(Q_E), Theorems 3.2 and 6.2."""
+        potential = navigation.potential(self.G, self.gains.K, self.Q_E)
+        return dot(self.P_tilde, self.V_tilde) / 2 + potential

@@ -1,0 +1,25 @@
+"""A reference that moves with a constant body velocity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.tracking import Inertia
+from eqt_cli.references.base import Reference
+
+
+@dataclass(frozen=True)
+class ConstantReference(Reference):
+    """A constant body velocity V_d(t) = V_d(0); the torque that holds it follows.
+
+    With V_d(0) = 0 the desired pose stands still.
+    """
+
+    name: ClassVar[str] = "constant"
+
+    def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
+        """τ_d = −ad*_{V_d} P_d, which makes Ṗ_d = 0 in Hampsey et al. (2025), eq. (5)."""
+        return -G.ad_star(inertia.velocity(Pd), Pd)

@@ -1,0 +1,51 @@
+"""A reference driven by a torque that is given as expressions in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+from eqt_cli.core.arrays import Array, stack
+from eqt_cli.core.errors import ExpressionError
+from eqt_cli.core.expressions import Expression, parse
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.tracking import Inertia
+from eqt_cli.references.base import Reference
+
+
+@dataclass(frozen=True)
+class TorqueReference(Reference):
+    """A torque τ_d(t), one expression per coordinate (the paper's §7).
+
+    Attributes
+    ----------
+    torque
+        m expressions in t, body frame: forces dual to the velocity coordinates.
+    """
+
+    name: ClassVar[str] = "torque"
+
+    torque: list[str | float]
+
+    @cached_property
+    def expressions(self) -> list[Expression]:
+        """The torque, parsed."""
+        return [parse(str(text)) for text in self.torque]
+
+    def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
+        """τ_d(t)."""
+        return stack([expression.evaluate({"t": t}) for expression in self.expressions])
+
+    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+        """Expressions that do not parse, or a number of them that is not m."""
+        found = []
+        if len(self.torque) != G.dimension:
+            expected = f"expected {G.dimension} expressions for {G.name}, got {len(self.torque)}"
+            found.append(("torque", expected))
+        for index, text in enumerate(self.torque):
+            try:
+                parse(str(text))
+            except ExpressionError as error:
+                found.append((f"torque[{index}]", f"{error} of '{text}'"))
+        return found

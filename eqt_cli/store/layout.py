@@ -1,0 +1,38 @@
+"""The names that a result file reserves for itself; it must not know what the file is about."""
+
+from __future__ import annotations
+
+FORMAT = 1
+"""Version of the file layout; a reader refuses what is newer than itself."""
+
+FORMAT_ATTRIBUTE = "eqt_format"
+"""The root attribute that marks a file as one of eqt's, and holds its `FORMAT`."""
+
+FILE_NAME = "results.h5"
+"""The name of the result file in a result folder."""
+
+PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."
+"""How netCDF-4 labels the scale of a dimension that has a size but no coordinate values."""
+
+LABELS = "DIMENSION_LABELS"
+"""The attribute in which HDF5 keeps the dimension names of a dataset."""
+
+COORDINATES = "coordinates"
+"""The CF attribute that names the further coordinates of a variable, separated by blanks."""
+
+RESERVED = frozenset(
+    {
+        FORMAT_ATTRIBUTE,
+        LABELS,
+        COORDINATES,
+        "CLASS",
+        "NAME",
+        "DIMENSION_LIST",
+        "REFERENCE_LIST",
+        "_Netcdf4Dimid",
+        "_Netcdf4Coordinates",
+        "_NCProperties",
+        "_nc3_strict",
+    }
+)
+"""Attribute names that carry the structure of the file; they are never a user's attributes."""

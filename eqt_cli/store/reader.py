@@ -1,0 +1,302 @@
+"""Reading result files, also those of strangers; it must not know what the numbers mean."""
+
+from __future__ import annotations
+
+import operator
+import stat
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import MappingProxyType, TracebackType
+from typing import Any, Self
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from eqt_cli.core.errors import ResultError, suggestion
+from eqt_cli.store import safety
+from eqt_cli.store.layout import FILE_NAME, FORMAT, FORMAT_ATTRIBUTE
+from eqt_cli.store.variables import Attribute
+
+Selection = int | slice | Sequence[int] | NDArray[np.integer[Any]]
+"""Positions along one dimension; counted from the end when negative, as in NumPy."""
+
+_SIGNATURE = b"\x89HDF\r\n\x1a\n"
+_AGAIN = "copy it again or run the experiment again"
+_RESTORE = f"eqt writes no such file: {_AGAIN}"
+
+
+def open_results(path: str | Path) -> Results:
+    """Open a result file, after checking that it is safe to read.
+
+    Parameters
+    ----------
+    path
+        The file, or the result folder that holds it as ``results.h5``.
+
+    Returns
+    -------
+    Results
+        To be used as a context manager, which closes the file.
+
+    Raises
+    ------
+    ResultError
+        If there is no such file, it was not written by eqt, is damaged, points to other files or
+        declares more data than it holds.
+    """
+    return Results(_find(Path(path)))
+
+
+class Results:
+    """An open result file; arrays are read, anew each time, when asked for.
+
+    Parameters
+    ----------
+    path
+        The file itself.
+
+    Attributes
+    ----------
+    path : Path
+        The file itself.
+    attributes : Mapping
+        What the writer said of the whole.
+    dimensions : Mapping
+        The size of every dimension.
+    names, coordinates : tuple of str
+        The variables and the coordinates, in the order of writing.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        with ExitStack() as stack, _guard(path):
+            self._size = path.stat().st_size
+            # No locks: result files never change, and some network disks refuse to lock.
+            self._file = stack.enter_context(h5py.File(path, "r", locking=False))
+            _check_format(self._file, self._size)
+            self.attributes: Mapping[str, Attribute] = MappingProxyType(
+                safety.attributes_of(self._file, self._size)
+            )
+            entries = safety.inspect(self._file, self._size)
+            self.dimensions: Mapping[str, int] = MappingProxyType(_dimensions(entries))
+            stack.pop_all()
+        self._entries = {k: v for k, v in entries.items() if not v.is_placeholder}
+        further = {name for entry in entries.values() for name in entry.further_coordinates}
+        scales = {name for name, entry in entries.items() if entry.is_scale}
+        self.coordinates = tuple(k for k in self._entries if k in scales | further)
+        self.names = tuple(k for k in self._entries if k not in scales | further)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the file; nothing can be read from it afterwards."""
+        self._file.close()
+
+    def has(self, name: str) -> bool:
+        """Whether the file holds a variable or coordinate of this name."""
+        return name in self._entries
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """A whole variable or coordinate; strings come as an object array of `str`."""
+        return self.read(name)
+
+    def coordinate(self, name: str) -> NDArray[Any]:
+        """The values of a coordinate, usually one per position along the dimension `name`."""
+        if name not in self.coordinates:
+            raise ResultError(
+                f"{self.path}: holds no coordinate '{name}'{suggestion(name, self.coordinates)}; "
+                f"its coordinates are: {', '.join(self.coordinates)}"
+            )
+        return self.read(name)
+
+    def read(self, name: str, /, **selection: Selection) -> NDArray[Any]:
+        """Part of a variable or coordinate: only what is asked for leaves the disk.
+
+        Parameters
+        ----------
+        name
+            The variable.
+        **selection
+            For some dimensions, the positions to read: an integer (which drops the axis), a slice,
+            or a list of integers in any order.
+
+        Raises
+        ------
+        ResultError
+            If there is no such variable, dimension or position, or its data are damaged.
+        """
+        entry = self._entry(name)
+        for dim in selection:
+            if dim not in entry.dims:
+                raise ResultError(
+                    f"{self.path}: '{name}' has no dimension '{dim}'"
+                    f"{suggestion(dim, entry.dims)}; its dimensions are: {', '.join(entry.dims)}"
+                )
+        wanted = [
+            _positions(f"{self.path}: '{name}': {dim}", selection.get(dim), self.dimensions[dim])
+            for dim in entry.dims
+        ]
+        if not self._file:
+            raise ResultError(f"{self.path}: is closed; read within its `with` block")
+        with _guard(self.path, name):
+            if entry.is_text:
+                safety.check_text_lengths(entry.dataset, self.path, self._size)
+                return _read(entry.dataset.asstr(), wanted).astype(object)
+            return _read(entry.dataset, wanted)
+
+    def dims(self, name: str) -> tuple[str, ...]:
+        """The dimensions of a variable or coordinate, one per axis."""
+        return self._entry(name).dims
+
+    def units(self, name: str) -> str:
+        """The units of a variable or coordinate; empty if the file says none."""
+        return str(self._entry(name).attributes.get("units", ""))
+
+    def long_name(self, name: str) -> str:
+        """What a variable or coordinate is, in words; its name if the file says none."""
+        return str(self._entry(name).attributes.get("long_name", name))
+
+    def _entry(self, name: str) -> safety.Entry:
+        if name not in self._entries:
+            raise ResultError(
+                f"{self.path}: holds no variable '{name}'{suggestion(name, self._entries)}; "
+                f"it holds: {', '.join(self._entries)}"
+            )
+        return self._entries[name]
+
+
+def _find(path: Path) -> Path:
+    file = path
+    try:
+        if path.is_dir():
+            file = path / FILE_NAME
+        mode = file.stat().st_mode
+        if not stat.S_ISREG(mode):  # opening a pipe would wait for ever
+            raise ResultError(f"{file}: is not a file; give a result folder or its {FILE_NAME}")
+        with file.open("rb") as stream:
+            start = stream.read(len(_SIGNATURE))
+    except FileNotFoundError as error:
+        if file == path:
+            raise ResultError(
+                f"{path}: does not exist; give a result folder or its {FILE_NAME}"
+            ) from error
+        raise ResultError(
+            f"{path}: the folder holds no {FILE_NAME}; run its experiment to the end first"
+        ) from error
+    except OSError as error:
+        raise ResultError(
+            f"{file}: cannot be read: {error.strerror}; check the path and its permissions"
+        ) from error
+    if start != _SIGNATURE:
+        raise ResultError(f"{file}: is not an HDF5 file; give the {FILE_NAME} that eqt wrote")
+    return file
+
+
+@contextmanager
+def _guard(path: Path, name: str = "") -> Iterator[None]:
+    """Turn whatever a bad file makes of the HDF5 library into a `ResultError`."""
+    subject = f"{path}: '{name}'" if name else f"{path}:"
+    try:
+        yield
+    except ResultError:
+        raise
+    except safety.Refusal as refusal:
+        raise ResultError(f"{path}: refused: {refusal}; {_RESTORE}") from refusal
+    except MemoryError as error:
+        raise ResultError(f"{subject} does not fit the memory; read it in parts") from error
+    except Exception as error:  # h5py promises no class: seen are OS, Runtime, Value, Key, Type
+        if "truncated file" in str(error):
+            raise ResultError(f"{subject} is cut short; {_AGAIN}") from error
+        raise ResultError(f"{subject} is damaged; {_AGAIN}") from error
+
+
+def _check_format(file: Any, size: int) -> None:
+    if FORMAT_ATTRIBUTE not in file.attrs:
+        raise ResultError(
+            f"{file.filename}: is an HDF5 file, but not one of eqt's (it has no attribute "
+            f"'{FORMAT_ATTRIBUTE}'); give the {FILE_NAME} that eqt wrote"
+        )
+    version = safety.attribute(file, FORMAT_ATTRIBUTE, size)
+    if version != FORMAT:
+        raise ResultError(
+            f"{file.filename}: has format {version!r}, and this eqt reads format {FORMAT}; "
+            "use the version of eqt that wrote it, or a newer one"
+        )
+
+
+def _dimensions(entries: Mapping[str, safety.Entry]) -> dict[str, int]:
+    sizes = {k: int(v.dataset.shape[0]) for k, v in entries.items() if v.is_scale}
+    for name, entry in entries.items():
+        for dim, size in zip(entry.dims, entry.dataset.shape, strict=True):
+            if sizes.get(dim) != size:
+                raise safety.Refusal(
+                    f"'{name}' has {size} entries along '{dim}', which has {sizes.get(dim, 'none')}"
+                )
+    return sizes
+
+
+def _positions(place: str, wanted: Selection | None, size: int) -> int | slice | NDArray[Any]:
+    """A selection in the form that h5py reads: in range, and slices forwards."""
+    if wanted is None:
+        return slice(0, size, 1)
+    try:
+        if isinstance(wanted, slice):
+            steps = range(*wanted.indices(size))
+            if len(steps) == 0:
+                return slice(0, 0, 1)
+            if steps.step > 0:
+                return slice(steps.start, steps[-1] + 1, steps.step)
+            return np.array(steps)
+        if isinstance(wanted, (Sequence, np.ndarray)):
+            listed = [_position(place, k, size) for k in wanted]
+            return np.array(listed) if listed else slice(0, 0, 1)
+        return _position(place, wanted, size)
+    except TypeError:
+        raise ResultError(
+            f"{place}: cannot select {wanted!r}; expected an integer, a slice or a list of integers"
+        ) from None
+
+
+def _position(place: str, wanted: int, size: int) -> int:
+    if isinstance(wanted, (bool, np.bool_)):
+        raise TypeError
+    position = operator.index(wanted)
+    if not -size <= position < size:
+        raise ResultError(f"{place}: {position} is out of range; expected {-size} to {size - 1}")
+    return position % size
+
+
+def _read(dataset: Any, wanted: Sequence[int | slice | NDArray[Any]]) -> NDArray[Any]:
+    """Read with one list of rising positions, which is all that h5py takes, and pick the rest."""
+    stored: list[int | slice | NDArray[Any]] = []
+    picks: list[NDArray[Any] | None] = []  # one for each axis that is left
+    for choice in wanted:
+        if isinstance(choice, int):
+            stored.append(choice)
+        elif isinstance(choice, slice):
+            stored.append(choice)
+            picks.append(None)
+        elif any(isinstance(other, np.ndarray) for other in stored):
+            low, high = int(choice.min()), int(choice.max())
+            stored.append(slice(low, high + 1))
+            picks.append(choice - low)
+        else:
+            rising, pick = np.unique(choice, return_inverse=True)
+            stored.append(rising)
+            picks.append(pick)
+    data = np.asarray(dataset[tuple(stored)])
+    for axis, order in enumerate(picks):
+        if order is not None:
+            data = np.take(data, order, axis=axis)
+    return data

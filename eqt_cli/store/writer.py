@@ -1,0 +1,167 @@
+"""Writing a table to an HDF5 file in one step that either happens or does not."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Literal
+
+import h5py
+from numpy.typing import NDArray
+
+from eqt_cli.core.errors import ResultError
+from eqt_cli.store.layout import COORDINATES, FORMAT, FORMAT_ATTRIBUTE, PLACEHOLDER
+from eqt_cli.store.variables import Attribute, Table, Variable
+
+_CHUNK_BYTES = 2**20
+_NO_SPACE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
+_NO_FOLDER = {errno.ENOENT, errno.ENOTDIR}
+
+
+def write(path: str | Path, table: Table, compression: Literal["gzip"] | None = None) -> None:
+    """Write `table` to the HDF5 file `path`, replacing what is there.
+
+    The file appears complete or not at all: it is written beside its place as ``<name>.tmp``,
+    brought to the disk and renamed. Equal tables give equal bytes. The layout is that of HDF5 1.8
+    with netCDF-4's dimension scales, which HDF5 tools, netCDF and xarray all read.
+
+    Parameters
+    ----------
+    path
+        The file; its folder must exist.
+    table
+        What to store.
+    compression
+        ``"gzip"`` stores numbers in shuffled, compressed chunks; None, contiguously.
+
+    Raises
+    ------
+    ResultError
+        If the disk refuses; `path` is then as it was before.
+    """
+    target = Path(path)
+    temporary = target.with_name(target.name + ".tmp")
+    try:
+        temporary.unlink(missing_ok=True)  # what a killed process may have left
+        _fill(temporary, table, compression)
+        _sync(temporary)
+        temporary.replace(target)
+        _sync_folder(target.parent)
+    except (OSError, RuntimeError) as error:  # h5py raises both for the same causes
+        raise ResultError(_explain(target, error)) from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def _fill(path: Path, table: Table, compression: Literal["gzip"] | None) -> None:
+    file = _create(path)
+    try:
+        file.attrs[FORMAT_ATTRIBUTE] = FORMAT
+        _set_attributes(file, table.attributes)
+        for dim, size in table.dimensions.items():
+            if dim in table.coordinates:
+                _add(file, dim, table.coordinates[dim], None).make_scale(dim)
+            else:
+                # Never written, so that it takes no room: only its length counts.
+                scale = file.create_dataset(dim, shape=(size,), dtype=">f4")
+                scale.make_scale(f"{PLACEHOLDER}{size:10d}")
+        extra = {k: v for k, v in table.coordinates.items() if k not in table.dimensions}
+        for name, variable in {**extra, **table.variables}.items():
+            dataset = _add(file, name, variable, compression)
+            for axis, dim in enumerate(variable.dims):
+                dataset.dims[axis].label = dim
+                dataset.dims[axis].attach_scale(file[dim])
+            described = [k for k, v in extra.items() if set(v.dims) <= set(variable.dims)]
+            if described and name not in extra:
+                dataset.attrs[COORDINATES] = " ".join(described)
+    except BaseException:
+        with suppress(Exception):  # closing fails again when the disk is full
+            file.close()
+        raise
+    file.close()
+
+
+def _create(path: Path) -> Any:
+    """A new file, as readable as HDF5 1.8 and free of times of its own."""
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    # From 1.8 on, attributes may exceed 64 KB and metadata carry checksums.
+    access.set_libver_bounds(h5py.h5f.LIBVER_V18, h5py.h5f.LIBVER_V18)
+    access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
+    access.set_file_locking(False, True)  # nobody else knows the file; some network disks lack it
+    creation = h5py.h5p.create(h5py.h5p.FILE_CREATE)
+    creation.set_obj_track_times(False)
+    creation.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
+    return h5py.File(h5py.h5f.create(os.fsencode(path), h5py.h5f.ACC_EXCL, creation, access))
+
+
+def _add(file: Any, name: str, variable: Variable, compression: Literal["gzip"] | None) -> Any:
+    data = variable.data
+    options: dict[str, Any] = {}
+    if variable.is_text:
+        # Compression would reach only the references to the strings, so it is left out here.
+        data = data.astype(object)
+        options["dtype"] = h5py.string_dtype("utf-8")
+    else:
+        data = data.astype(data.dtype.newbyteorder("<"), copy=False)
+        if compression and data.ndim and data.size:
+            options = {"compression": compression, "shuffle": True, "chunks": _chunks(data)}
+    dataset = file.create_dataset(name, data=data, track_times=False, **options)
+    _set_attributes(dataset, variable.attributes)
+    return dataset
+
+
+def _set_attributes(owner: Any, attributes: Mapping[str, Attribute]) -> None:
+    for key, value in attributes.items():
+        owner.attrs[key] = value
+
+
+def _chunks(data: NDArray[Any]) -> tuple[int, ...]:
+    """Blocks of at most about 1 MiB that hold the last axes whole, in equal shares."""
+    room = max(1, _CHUNK_BYTES // data.itemsize)
+    chunks: list[int] = []
+    for size in reversed(data.shape):
+        pieces = -(-size // room)
+        chunks.insert(0, -(-size // pieces))
+        room = max(1, room // chunks[0])
+    return tuple(chunks)
+
+
+def _sync(path: Path) -> None:
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make a rename last; not every system and disk can, and there the system's own habit holds."""
+    if os.name != "posix":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
+    finally:
+        os.close(handle)
+
+
+def _explain(target: Path, error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    if number is None and (found := re.search(r"errno = (\d+)", str(error))):
+        number = int(found[1])
+    reason = os.strerror(number) if number else str(error).partition("\n")[0]
+    if number in _NO_SPACE:
+        remedy = "free some space or choose another folder with --out"
+    elif number in _FORBIDDEN:
+        remedy = "choose a folder that you may write to with --out"
+    elif number in _NO_FOLDER:
+        remedy = f"create the folder {target.parent} first"
+    else:
+        remedy = f"check the folder {target.parent}"
+    return f"{target}: cannot be written: {reason}; {remedy}"

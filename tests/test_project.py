@@ -1,0 +1,85 @@
+"""The project around the code: what the wheel holds, and descriptions that must agree."""
+
+import re
+import subprocess
+import sys
+import tomllib
+from email import message_from_bytes
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+import yaml
+from packaging.requirements import Requirement
+from packaging.version import Version
+
+import eqt_cli
+
+ROOT = Path(__file__).parents[1]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("wheel")
+    build = [sys.executable, "-m", "hatchling", "build", "--target", "wheel", "--directory", folder]
+    done = subprocess.run(build, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    (path,) = folder.glob("*.whl")
+    with ZipFile(path) as archive:
+        yield archive
+
+
+def test_wheel_holds_the_package_and_the_shipped_configs(wheel):
+    code = {path.relative_to(ROOT).as_posix() for path in ROOT.glob("eqt_cli/**/*.py")}
+    configs = {f"eqt_cli/configs/{path.name}" for path in ROOT.glob("configs/*.yaml")}
+    assert "eqt_cli/configs/paper.yaml" in configs
+    assert code | configs | {"eqt_cli/py.typed"} <= set(wheel.namelist())
+
+
+def test_wheel_and_citation_carry_the_package_version(wheel):
+    (name,) = (name for name in wheel.namelist() if name.endswith("/METADATA"))
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    metadata = message_from_bytes(wheel.read(name))
+    assert {metadata["Version"], citation["version"]} == {eqt_cli.__version__}
+
+
+def test_citation_names_the_paper():
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    paper = citation["preferred-citation"]
+    assert [author["family-names"] for author in paper["authors"]] == [
+        "Hampsey",
+        "Goor",
+        "Banavar",
+        "Mahony",
+    ]
+    assert paper["doi"] == "10.48550/arXiv.2511.18800"
+
+
+def test_contributing_lays_out_every_folder_of_the_package():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    described = set(re.findall(r"^  (\w+)/ +\S", text, flags=re.MULTILINE))
+    assert described == {path.parent.name for path in ROOT.glob("eqt_cli/*/__init__.py")}
+
+
+def test_lower_bounds_are_the_versions_that_test_lowest_installs():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    extras = project["project"]["optional-dependencies"]
+    stated = {
+        _bound(requirement, ">=")
+        for requirements in (
+            project["project"]["dependencies"],
+            extras["taylor"],
+            extras["xarray"],
+            project["dependency-groups"]["test"],
+        )
+        for requirement in requirements
+    }
+    lines = (ROOT / "tests" / "lowest.txt").read_text(encoding="utf-8").splitlines()
+    tested = {_bound(line, "==") for line in lines if "==" in line}
+    assert tested == stated
+
+
+def _bound(requirement, operator):
+    parsed = Requirement(requirement)
+    (version,) = (spec.version for spec in parsed.specifier if spec.operator == operator)
+    return parsed.name, Version(version)
