@@ -1,29 +1,44 @@
 """Annotated types for numbers in a configuration; importing it costs nothing.
 
-`Real` accepts a finite number or a constant expression such as ``-pi/2``. Components use it for
-their options; pydantic calls the hooks below when a configuration is validated.
+Components use them for their options; pydantic calls the hooks below when a configuration is
+validated. Wherever a real number is expected, a constant expression such as ``-pi/2`` will do.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from eqt_cli.core.errors import ExpressionError
 from eqt_cli.core.expressions import constant
 
 
+@dataclass(frozen=True)
 class _FiniteReal:
     """Marks a float that may also be written as a constant expression."""
+
+    above: float | None = None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
 
-        return core_schema.no_info_before_validator_function(
-            _evaluated, core_schema.float_schema(strict=True, allow_inf_nan=False)
-        )
+        number = core_schema.float_schema(strict=True, allow_inf_nan=False, gt=self.above)
+        return core_schema.no_info_before_validator_function(_evaluated, number)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
-        return {"anyOf": [{"type": "number"}, {"type": "string", "description": "such as -pi/2"}]}
+        limit = {} if self.above is None else {"exclusiveMinimum": self.above}
+        expression = {"type": "string", "description": "a constant expression such as -pi/2"}
+        return {"anyOf": [{"type": "number", **limit}, expression]}
+
+
+@dataclass(frozen=True)
+class _WholeNumber:
+    """Marks a whole number of at least 1."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        return core_schema.int_schema(strict=True, ge=1)
 
 
 def _evaluated(value: Any) -> Any:
@@ -37,3 +52,9 @@ def _evaluated(value: Any) -> Any:
 
 Real = Annotated[float, _FiniteReal()]
 """A finite number; in a configuration also a constant expression."""
+
+Positive = Annotated[float, _FiniteReal(above=0.0)]
+"""A finite number greater than 0; in a configuration also a constant expression."""
+
+Count = Annotated[int, _WholeNumber()]
+"""A whole number of at least 1."""

@@ -17,6 +17,7 @@ import scipy.sparse
 from scipy.integrate import solve_ivp
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.numbers import Count, Positive
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Status
 
 EXPLICIT_BLOCK = 100
@@ -44,10 +45,10 @@ class SolveIvp(Engine):
     name: ClassVar[str] = "solve_ivp"
 
     method: Literal["DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"] = "DOP853"
-    rtol: float = 1e-9
-    atol: float = 1e-12
-    block: int | None = None
-    max_steps: int = 1_000_000
+    rtol: Positive = 1e-9
+    atol: Positive = 1e-12
+    block: Count | None = None
+    max_steps: Count = 1_000_000
 
     @property
     def runs_per_block(self) -> int:
@@ -56,21 +57,11 @@ class SolveIvp(Engine):
         return self.block or (EXPLICIT_BLOCK if explicit else 1)
 
     def problems(self) -> list[tuple[str, str]]:
-        """Tolerances or limits that no solver can work with."""
-        found = []
-        for key in ("rtol", "atol"):
-            value = getattr(self, key)
-            if not 0 < value < 1:
-                found.append((key, f"expected a number between 0 and 1, got {value:g}"))
-        if 0 < self.rtol < SMALLEST_RTOL:
-            found.append(
-                ("rtol", f"expected at least {SMALLEST_RTOL:.2g} (SciPy's limit), got {self.rtol:g}")
-            )
-        for key in ("block", "max_steps"):
-            value = getattr(self, key)
-            if value is not None and value < 1:
-                found.append((key, f"expected a whole number of at least 1, got {value}"))
-        return found
+        """A relative tolerance that SciPy cannot work with, or that asks for nothing."""
+        if SMALLEST_RTOL <= self.rtol < 1:
+            return []
+        limits = f"expected a number from {SMALLEST_RTOL:.3g} (SciPy's smallest) to 1"
+        return [("rtol", f"{limits}, got {self.rtol:g}")]
 
     def tightened(self, factor: float) -> SolveIvp:
         """Both tolerances times `factor`."""

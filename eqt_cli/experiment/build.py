@@ -6,6 +6,7 @@ Every section is built even where another is broken; what depends on a broken se
 from __future__ import annotations
 
 import json
+from copy import deepcopy
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -31,7 +32,7 @@ from eqt_cli.experiment.problems import Problems
 from eqt_cli.experiment.schema import Config, GainsSection
 from eqt_cli.experiment.solver import Solver, solver_from
 from eqt_cli.experiment.source import ConfigSource
-from eqt_cli.experiment.translate import problems_of
+from eqt_cli.experiment.translate import UNKNOWN_KEY, problems_of
 from eqt_cli.groups import MatrixLieGroup, groups
 from eqt_cli.mechanics.tracking import Gains, Inertia
 from eqt_cli.references import Reference, references
@@ -172,14 +173,17 @@ def _load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> di
 
 def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
     """The validated sections by name; None for those that are missing or broken."""
+    broken = set()
     try:
-        config = Config.model_validate(data)
-        return {name: getattr(config, name) for name in Config.model_fields}
+        Config.model_validate(data)
     except ValidationError as error:
-        broken = set()
+        data = deepcopy(data)
         for path, message in problems_of(error, data, _known_keys):
             problems.add(path, message)
-            broken.add(path[0])
+            if message.startswith(UNKNOWN_KEY):
+                _remove(data, path)  # the rest of its section can still be judged
+            else:
+                broken.add(path[0])
     sections: dict[str, Any] = dict.fromkeys(Config.model_fields)
     for name, field in Config.model_fields.items():
         if name in broken:
@@ -189,6 +193,12 @@ def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
         else:
             sections[name] = field.get_default(call_default_factory=True, validated_data={})
     return sections
+
+
+def _remove(data: Any, path: KeyPath) -> None:
+    for step in path[:-1]:
+        data = data[step]
+    del data[path[-1]]
 
 
 def _known_keys(path: KeyPath) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 
-from eqt_cli.core.numbers import Real
+from eqt_cli.core.numbers import Count, Positive, Real
 
 
 def _rank(value: Any) -> str:
@@ -62,7 +62,7 @@ class InitialSection(Section):
 class EnsembleSection(Section):
     """How many runs, from which seed."""
 
-    runs: int = Field(default=1, ge=1)
+    runs: Count = 1
     """Runs per controller."""
     seed: int = Field(default=0, ge=0, lt=2**63)
     """Root of all random streams."""
@@ -71,7 +71,7 @@ class EnsembleSection(Section):
 class TimeSection(Section):
     """The uniform grid of sample times, both ends included."""
 
-    duration: Real = Field(gt=0)
+    duration: Positive
     """Length of the horizon, s."""
     samples: int = Field(default=401, ge=2)
     """Number of sample times."""
@@ -82,7 +82,7 @@ class StoreSection(Section):
 
     trajectories: Literal["all", "none"] | Annotated[int, Field(ge=0)] = "all"
     """Trajectories of all runs, of none, or of the first N runs of each controller."""
-    decimate: int = Field(default=1, ge=1)
+    decimate: Count = 1
     """Keep every n-th sample of the trajectories; metrics use all."""
     compression: Literal["none", "gzip"] = "none"
     """gzip saves little on smooth signals and costs ten times the writing time."""
@@ -115,7 +115,7 @@ class Config(Section):
     """`engine` and its options (`eqt list engines`)."""
     store: StoreSection = Field(default_factory=StoreSection)
     """What to keep."""
-    settling_threshold: Real = Field(default=0.05, gt=0)
+    settling_threshold: Positive = 0.05
     """Pose error ‖I − Q_E‖_F below which a run counts as settled."""
     plugins: list[str] = Field(default_factory=list)
     """Python files with components of your own, relative to this file."""

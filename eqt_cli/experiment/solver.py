@@ -6,10 +6,11 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from eqt_cli.core.errors import ComponentError, suggestion
-from eqt_cli.core.numbers import Real
+from eqt_cli.core.numbers import Positive
 from eqt_cli.engines import Engine, engines
 from eqt_cli.experiment.components import option_names, options_into
 from eqt_cli.experiment.problems import Problems
+from eqt_cli.experiment.translate import UNKNOWN_KEY
 
 DEFAULT_ENGINE = "solve_ivp"
 
@@ -26,7 +27,7 @@ class Judgement:
         Solve every run a second time at a tenth of the tolerance and compare.
     """
 
-    max_error: Real | None = None
+    max_error: Positive | None = None
     error_estimate: bool = False
 
 
@@ -48,7 +49,7 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     for key in section.keys() - known.keys() - {"engine"}:
         names = ["engine", *known]
         hint = suggestion(key, names) or f"; known here: {', '.join(names)}"
-        problems.add(("solver", key), "unknown key" + hint)
+        problems.add(("solver", key), UNKNOWN_KEY + hint)
     try:
         engines.get(str(name))
     except ComponentError as error:

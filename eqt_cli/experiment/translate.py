@@ -12,6 +12,9 @@ from eqt_cli.core.errors import suggestion
 
 Path = tuple[str | int, ...]
 
+UNKNOWN_KEY = "unknown key"
+"""How every message about a key that does not belong there begins."""
+
 _EXPECTED = {
     "float_type": "a number",
     "int_type": "a whole number",
@@ -24,7 +27,7 @@ _EXPECTED = {
     "dataclass_type": "a mapping",
     "finite_number": "a finite number",
     "greater_than": "a number greater than {gt:g}",
-    "greater_than_equal": "a number of at least {ge:g}",
+    "greater_than_equal": "at least {ge:g}",
     "less_than": "a number less than {lt:g}",
     "too_short": "at least {min_length} entry",
     "literal_error": "{expected}",
@@ -73,7 +76,7 @@ def shown(value: Any) -> str:
 
 
 def _unknown(key: str, known: Collection[str]) -> str:
-    return "unknown key" + (suggestion(key, known) or f"; known here: {', '.join(known) or 'none'}")
+    return UNKNOWN_KEY + (suggestion(key, known) or f"; known here: {', '.join(known) or 'none'}")
 
 
 def _written(location: Path, data: Any, *, missing: bool) -> Path:

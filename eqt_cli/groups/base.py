@@ -152,11 +152,14 @@ class MatrixLieGroup(ABC):
 
     def Ad(self, Q: Array, V: Array) -> Array:
         """Ad_Q V = (Q V^ Q⁻¹)^∨ in coordinates."""
-        return self.vee(Q @ self.hat(V) @ self.inverse(Q))
+        return apply_matrix(self.Ad_matrix(Q), V)
 
     def Ad_matrix(self, Q: Array) -> Array:
-        """The matrix of V ↦ Ad_Q V, ``(..., d, d) -> (..., m, m)``."""
-        columns = self.Ad(Q[..., None, :, :], np.eye(self.dimension))
+        """The matrix of V ↦ Ad_Q V, ``(..., d, d) -> (..., m, m)``.
+
+        A group that knows its entries in closed form may give them; this is what they must equal.
+        """
+        columns = self.vee(Q[..., None, :, :] @ self.basis @ self.inverse(Q)[..., None, :, :])
         return transpose(columns)
 
     def Ad_star(self, Q: Array, P: Array) -> Array:

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from eqt_cli.core.arrays import Array, frobenius, transpose
+from eqt_cli.core.arrays import Array, apply_matrix, frobenius, transpose
 from eqt_cli.groups.base import MatrixLieGroup, Part
 
 
@@ -42,7 +42,7 @@ class EuclideanGroup(MatrixLieGroup):
         for column in range(k):
             for row in range(n):
                 basis[self.rotations + n * column + row, row, n + column] = 1.0
-        self.basis = basis
+        self.basis, self._turns = basis, turns
         axes = ("x", "y", "z")[:n]
         turning = ("ω",) if n == 2 else tuple("ω" + axis for axis in axes)
         self.axis_names = turning + tuple(
@@ -86,6 +86,25 @@ class EuclideanGroup(MatrixLieGroup):
         if self.columns:
             inverse[..., :n, n:] = -(inverse[..., :n, :n] @ self.translations(Q))
         return inverse
+
+    def Ad_matrix(self, Q: Array) -> Array:
+        """[[A, 0], [−(E·x) A, R]] with A = R in space and 1 in the plane, for each column x.
+
+        Column j of E·x is E_j x, so that (E·x) ω = ω × x in space.
+        """
+        n, turns = self.space, slice(0, self.rotations)
+        R = self.rotation(Q)
+        if n == 3 and not self.columns:
+            return R
+        matrix = np.zeros((*Q.shape[:-2], self.dimension, self.dimension), dtype=Q.dtype)
+        A = R if n == 3 else np.eye(1)
+        matrix[..., turns, turns] = A
+        for index in range(len(self.columns)):
+            rows = slice(self.rotations + n * index, self.rotations + n * (index + 1))
+            x = Q[..., :n, n + index]
+            matrix[..., rows, turns] = -transpose(apply_matrix(self._turns, x[..., None, :])) @ A
+            matrix[..., rows, rows] = R
+        return matrix
 
     def exp(self, V: Array) -> Array:
         """exp in closed form: R = exp ω and each column J(ω) x, J the left Jacobian."""

@@ -47,5 +47,5 @@ class TorqueReference(Reference):
             try:
                 parse(str(text))
             except ExpressionError as error:
-                found.append((f"torque[{index}]", f"{error} of '{text}'"))
+                found.append((f"torque[{index}]", f"'{text}': {error}"))
         return found

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
+NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")
+"""What variables, dimensions and attributes may be called; all tools that read HDF5 take these."""
+
 FORMAT = 1
 """Version of the file layout; a reader refuses what is newer than itself."""
 

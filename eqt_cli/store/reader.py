@@ -6,6 +6,7 @@ import operator
 import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
+from mmap import ACCESS_READ, mmap
 from pathlib import Path
 from types import MappingProxyType, TracebackType
 from typing import Any, Self
@@ -72,21 +73,21 @@ class Results:
     def __init__(self, path: Path) -> None:
         self.path = path
         with ExitStack() as stack, _guard(path):
-            self._size = path.stat().st_size
+            stream = stack.enter_context(path.open("rb"))
+            self._view = stack.enter_context(mmap(stream.fileno(), 0, access=ACCESS_READ))
             # No locks: result files never change, and some network disks refuse to lock.
             self._file = stack.enter_context(h5py.File(path, "r", locking=False))
-            _check_format(self._file, self._size)
-            self.attributes: Mapping[str, Attribute] = MappingProxyType(
-                safety.attributes_of(self._file, self._size)
-            )
-            entries = safety.inspect(self._file, self._size)
-            self.dimensions: Mapping[str, int] = MappingProxyType(_dimensions(entries))
-            stack.pop_all()
-        self._entries = {k: v for k, v in entries.items() if not v.is_placeholder}
-        further = {name for entry in entries.values() for name in entry.further_coordinates}
-        scales = {name for name, entry in entries.items() if entry.is_scale}
-        self.coordinates = tuple(k for k in self._entries if k in scales | further)
-        self.names = tuple(k for k in self._entries if k not in scales | further)
+            _check_format(path, safety.format_of(self._file))
+            contents = safety.inspect(self._file, self._view)
+            self.dimensions: Mapping[str, int] = MappingProxyType(_dimensions(contents.entries))
+            self._open = stack.pop_all()
+        self.attributes: Mapping[str, Attribute] = MappingProxyType(contents.attributes)
+        self._heaps = contents.heaps
+        self._entries = {k: v for k, v in contents.entries.items() if not v.is_placeholder}
+        coordinates = {k for k, v in self._entries.items() if v.is_scale}
+        coordinates.update(*(v.further_coordinates for v in self._entries.values()))
+        self.coordinates = tuple(name for name in self._entries if name in coordinates)
+        self.names = tuple(name for name in self._entries if name not in coordinates)
 
     def __enter__(self) -> Self:
         return self
@@ -101,7 +102,7 @@ class Results:
 
     def close(self) -> None:
         """Close the file; nothing can be read from it afterwards."""
-        self._file.close()
+        self._open.close()
 
     def has(self, name: str) -> bool:
         """Whether the file holds a variable or coordinate of this name."""
@@ -151,7 +152,7 @@ class Results:
             raise ResultError(f"{self.path}: is closed; read within its `with` block")
         with _guard(self.path, name):
             if entry.is_text:
-                safety.check_text_lengths(entry.dataset, self.path, self._size)
+                safety.check_text(entry.dataset, self._view, self._heaps)
                 return _read(entry.dataset.asstr(), wanted).astype(object)
             return _read(entry.dataset, wanted)
 
@@ -221,17 +222,16 @@ def _guard(path: Path, name: str = "") -> Iterator[None]:
         raise ResultError(f"{subject} is damaged; {_AGAIN}") from error
 
 
-def _check_format(file: Any, size: int) -> None:
-    if FORMAT_ATTRIBUTE not in file.attrs:
+def _check_format(path: Path, version: int | None) -> None:
+    if version is None:
         raise ResultError(
-            f"{file.filename}: is an HDF5 file, but not one of eqt's (it has no attribute "
+            f"{path}: is an HDF5 file, but not one of eqt's (it has no attribute "
             f"'{FORMAT_ATTRIBUTE}'); give the {FILE_NAME} that eqt wrote"
         )
-    version = safety.attribute(file, FORMAT_ATTRIBUTE, size)
     if version != FORMAT:
         raise ResultError(
-            f"{file.filename}: has format {version!r}, and this eqt reads format {FORMAT}; "
-            "use the version of eqt that wrote it, or a newer one"
+            f"{path}: has format {version}, and this eqt reads format {FORMAT}; "
+            "read it with the version of eqt that wrote it, or a newer one"
         )
 
 
@@ -241,7 +241,7 @@ def _dimensions(entries: Mapping[str, safety.Entry]) -> dict[str, int]:
         for dim, size in zip(entry.dims, entry.dataset.shape, strict=True):
             if sizes.get(dim) != size:
                 raise safety.Refusal(
-                    f"'{name}' has {size} entries along '{dim}', which has {sizes.get(dim, 'none')}"
+                    f"'{name}' has {size} entries along {dim!r}, which has {sizes.get(dim, 'none')}"
                 )
     return sizes
 

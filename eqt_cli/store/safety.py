@@ -1,21 +1,21 @@
 """Checks on an untrusted HDF5 file before any of its data are read; it must not read data itself.
 
 HDF5 lets a file point elsewhere and declare sizes that it does not hold. Only what eqt's own files
-need is let through: datasets directly in the root, of numbers or strings, whose sizes agree with
-the file's.
+need is let through: datasets directly in the root, of numbers or strings, each in bytes of its own.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from math import prod
-from pathlib import Path
+from mmap import mmap
 from typing import Any
 
 import h5py
 import numpy as np
 
-from eqt_cli.store.layout import COORDINATES, LABELS, PLACEHOLDER, RESERVED
+from eqt_cli.store.heaps import BrokenHeapError, read_heaps
+from eqt_cli.store.layout import COORDINATES, FORMAT_ATTRIBUTE, LABELS, NAME, PLACEHOLDER, RESERVED
 from eqt_cli.store.variables import Attribute
 
 _LINKS = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
@@ -44,10 +44,49 @@ class Entry:
     further_coordinates: tuple[str, ...]
 
 
-def inspect(file: Any, size: int) -> dict[str, Entry]:
-    """Every dataset of the open `file` of `size` bytes, by name, in the order of writing."""
+@dataclass(frozen=True)
+class Contents:
+    """What a checked file holds: its datasets, in the order of writing, and its strings' sizes."""
+
+    entries: dict[str, Entry]
+    attributes: dict[str, Attribute]
+    heaps: dict[int, dict[int, int]]
+
+
+def format_of(file: Any) -> int | None:
+    """The version of eqt's layout, or None for other people's files."""
+    if FORMAT_ATTRIBUTE not in file.attrs:
+        return None
+    handle = h5py.h5a.open(file.id, FORMAT_ATTRIBUTE.encode())
+    if handle.shape != () or handle.get_type().get_class() != h5py.h5t.INTEGER:
+        return None
+    return int(file.attrs[FORMAT_ATTRIBUTE])
+
+
+def inspect(file: Any, view: mmap) -> Contents:
+    """Check an open file, whose bytes are `view`: the structure, then the heaps, then attributes."""
+    size = len(view)
+    version, offset_bytes, length_bytes = view[8:11]
+    if version not in (2, 3) or (offset_bytes, length_bytes) != (8, 8):
+        raise Refusal("it has an HDF5 layout without checksums")
     root = h5py.h5g.open(file.id, b"/")
-    return {raw.decode(): _entry(root, raw, size) for raw in list(root)}
+    datasets = {raw.decode(): _dataset(root, raw) for raw in list(root)}
+    spans = sorted(
+        span for name, dataset in datasets.items() for span in _spans(name, dataset, size)
+    )
+    gaps, position = [], 0
+    for begin, end in spans:
+        if begin < position:
+            raise Refusal("two of its datasets share the same bytes")
+        gaps.append((position, begin))
+        position = end
+    gaps.append((position, size))
+    try:
+        heaps = read_heaps(view, gaps)
+    except BrokenHeapError:
+        raise Refusal("its strings are damaged") from None
+    entries = {name: _entry(name, dataset, size) for name, dataset in datasets.items()}
+    return Contents(entries, attributes_of(file, size), heaps)
 
 
 def attributes_of(owner: Any, size: int) -> dict[str, Attribute]:
@@ -61,13 +100,15 @@ def attribute(owner: Any, name: str, size: int) -> Attribute:
     handle = h5py.h5a.open(owner.id, name.encode())
     space, kind = handle.get_space(), handle.get_type()
     if space.get_simple_extent_npoints() != 1 or not _is_plain(kind, size):
-        raise Refusal(f"its attribute '{name}' is not one number or string")
-    value = np.asarray(owner.attrs[name]).reshape(())[()]
+        where = f" of '{owner.name[1:]}'" if owner.name != "/" else ""
+        raise Refusal(f"its attribute {name!r}{where} is not one number or string")
+    value = np.asarray(owner.attrs[name]).item()
     if isinstance(value, bytes):
         return value.decode()
     if isinstance(value, str):
-        return str(value)
-    number: int | float = value.item()
+        value.encode()  # fails where h5py has let bytes through that are no UTF-8
+        return value
+    number: int | float = value
     return number
 
 
@@ -82,8 +123,11 @@ def _is_number(kind: Any) -> bool:
     return bool(kind.get_class() in (h5py.h5t.INTEGER, h5py.h5t.FLOAT) and kind.get_size() <= 8)
 
 
-def _entry(root: Any, raw: bytes, size: int) -> Entry:
+def _dataset(root: Any, raw: bytes) -> Any:
+    """Open one dataset without following anything that leads out of the file."""
     name = raw.decode()
+    if not NAME.fullmatch(name):
+        raise Refusal(f"it holds something called {name!r}")
     link = root.links.get_info(raw).type
     if link != h5py.h5l.TYPE_HARD:
         raise Refusal(f"'{name}' is {_LINKS.get(link, 'an unknown kind of link')}")
@@ -91,113 +135,112 @@ def _entry(root: Any, raw: bytes, size: int) -> Entry:
     if kind != h5py.h5o.TYPE_DATASET:
         raise Refusal(f"'{name}' is {_OBJECTS.get(kind, 'an unknown kind of object')}")
     identifier = h5py.h5d.open(root, raw)
-    _check_storage_kind(name, identifier)
-    is_text = _check_type(name, identifier)
-    shape = _shape(name, identifier)
-    dataset = h5py.Dataset(identifier)
-    scale = ""
-    if "CLASS" in dataset.attrs and attribute(dataset, "CLASS", size) == "DIMENSION_SCALE":
-        scale = str(attribute(dataset, "NAME", size)) if "NAME" in dataset.attrs else name
-        if len(shape) != 1:
-            raise Refusal(f"'{name}' is a dimension scale of shape {shape}")
-    is_placeholder = scale.startswith(PLACEHOLDER)
-    if not is_placeholder:
-        _check_size(name, identifier, shape, is_text, size)
-    further = ""
-    if COORDINATES in dataset.attrs:
-        further = str(attribute(dataset, COORDINATES, size))
-    return Entry(
-        dataset=dataset,
-        dims=(name,) if scale else _labels(name, dataset, len(shape)),
-        attributes=attributes_of(dataset, size),
-        is_text=is_text,
-        is_scale=bool(scale),
-        is_placeholder=is_placeholder,
-        further_coordinates=tuple(further.split()),
-    )
-
-
-def _check_storage_kind(name: str, identifier: Any) -> None:
-    """First of all: asking a virtual dataset even for its shape may open other files."""
     creation = identifier.get_create_plist()
+    # First of all: asking a virtual dataset even for its shape may open other files.
     if creation.get_layout() == h5py.h5d.VIRTUAL:
         raise Refusal(f"'{name}' is a virtual dataset")
     if creation.get_external_count():
         raise Refusal(f"'{name}' keeps its data in another file")
     if _filters(creation) not in _FILTERS:
         raise Refusal(f"'{name}' uses filters other than shuffle and gzip")
+    if not (_is_text(identifier) or _is_number(identifier.get_type())):
+        raise Refusal(f"'{name}' holds neither numbers nor variable-length strings")
+    if identifier.get_space().get_simple_extent_type() == h5py.h5s.NULL:
+        raise Refusal(f"'{name}' has no shape")
+    return h5py.Dataset(identifier)
+
+
+def _entry(name: str, dataset: Any, size: int) -> Entry:
+    scale = ""
+    if "CLASS" in dataset.attrs and attribute(dataset, "CLASS", size) == "DIMENSION_SCALE":
+        scale = str(attribute(dataset, "NAME", size)) if "NAME" in dataset.attrs else name
+        if dataset.ndim != 1:
+            raise Refusal(f"'{name}' is a dimension scale of shape {dataset.shape}")
+    further = ""
+    if COORDINATES in dataset.attrs:
+        further = str(attribute(dataset, COORDINATES, size))
+    is_placeholder = scale.startswith(PLACEHOLDER)
+    if not is_placeholder and prod(dataset.shape) and not dataset.id.get_storage_size():
+        raise Refusal(f"'{name}' has the shape {dataset.shape} and holds no data")
+    return Entry(
+        dataset=dataset,
+        dims=(name,) if scale else _labels(name, dataset),
+        attributes=attributes_of(dataset, size),
+        is_text=_is_text(dataset.id),
+        is_scale=bool(scale),
+        is_placeholder=is_placeholder,
+        further_coordinates=tuple(further.split()),
+    )
+
+
+def _is_text(identifier: Any) -> bool:
+    kind = identifier.get_type()
+    return bool(kind.get_class() == h5py.h5t.STRING and kind.is_variable_str())
 
 
 def _filters(creation: Any) -> list[int]:
     return [creation.get_filter(k)[0] for k in range(creation.get_nfilters())]
 
 
-def _check_type(name: str, identifier: Any) -> bool:
-    kind = identifier.get_type()
-    if kind.get_class() == h5py.h5t.STRING and kind.is_variable_str():
-        return True
-    if not _is_number(kind):
-        raise Refusal(f"'{name}' holds neither numbers nor variable-length strings")
-    return False
+def _spans(name: str, dataset: Any, size: int) -> list[tuple[int, int]]:
+    """Where in the file a dataset's bytes are, begin and end; refused unless they hold its shape.
 
-
-def _shape(name: str, identifier: Any) -> tuple[int, ...]:
-    space = identifier.get_space()
-    if space.get_simple_extent_type() == h5py.h5s.NULL:
-        raise Refusal(f"'{name}' has no shape")
-    return tuple(map(int, space.get_simple_extent_dims()))
-
-
-def _check_size(
-    name: str, identifier: Any, shape: tuple[int, ...], is_text: bool, size: int
-) -> None:
-    """Compare the bytes that a dataset declares with those that it has, and with the file's."""
+    A dataset that was never written has none; `_entry` lets only the scales of dimensions without
+    values pass so.
+    """
+    identifier, is_text = dataset.id, _is_text(dataset.id)
     creation = identifier.get_create_plist()
     layout = creation.get_layout()
     item = _REFERENCE.itemsize if is_text else identifier.get_type().get_size()
-    declared, stored = item * prod(shape), identifier.get_storage_size()
-    most = stored
-    if is_text and layout != h5py.h5d.CONTIGUOUS:
-        raise Refusal(f"'{name}' holds strings in chunks")
-    if layout == h5py.h5d.CHUNKED:
+    declared, ratio = item * prod(dataset.shape), 1
+    spans: list[tuple[int, int]] = []
+    if layout == h5py.h5d.CONTIGUOUS:
+        if (offset := identifier.get_offset()) is not None:
+            spans.append((offset, offset + identifier.get_storage_size()))
+    elif is_text:
+        raise Refusal(f"'{name}' does not hold its strings in one piece")
+    elif layout == h5py.h5d.CHUNKED:
+        identifier.chunk_iter(lambda c: spans.append((c.byte_offset, c.byte_offset + c.size)))
         # Whole chunks are decoded, also those that reach beyond the edge.
-        counts = zip(shape, creation.get_chunk(), strict=True)
+        counts = zip(dataset.shape, creation.get_chunk(), strict=True)
         declared = item * prod(-(-length // chunk) * chunk for length, chunk in counts)
-        most *= _DEFLATE_RATIO if _filters(creation) else 1
-    elif layout == h5py.h5d.CONTIGUOUS and stored:
-        offset = identifier.get_offset()
-        if offset is None or offset + stored > size:
-            raise Refusal(f"'{name}' lies beyond the end of the file")
-    if declared > most or stored > size or (is_text and declared != stored):
-        raise Refusal(
-            f"'{name}' declares {declared} bytes and has {min(stored, size)} in a file of {size}"
-        )
+        ratio = _DEFLATE_RATIO if _filters(creation) else 1
+    else:
+        return []  # compact: within the checked metadata, at most 64 KB
+    if any(end > size for _, end in spans):
+        raise Refusal(f"'{name}' lies beyond the end of the file")
+    stored = sum(end - begin for begin, end in spans)
+    if spans and (declared > ratio * stored or (is_text and declared != stored)):
+        raise Refusal(f"'{name}' declares {declared} bytes and holds {stored}")
+    return spans
 
 
-def _labels(name: str, dataset: Any, rank: int) -> tuple[str, ...]:
-    if rank == 0:
+def _labels(name: str, dataset: Any) -> tuple[str, ...]:
+    if dataset.ndim == 0:
         return ()
     if LABELS not in dataset.attrs:
         raise Refusal(f"'{name}' does not name its dimensions")
     handle = h5py.h5a.open(dataset.id, LABELS.encode())
-    kind = handle.get_type()
-    if handle.shape != (rank,) or kind.get_class() != h5py.h5t.STRING:
-        raise Refusal(f"'{name}' does not name each of its {rank} dimensions once")
-    labels = dataset.attrs[LABELS]
-    return tuple(map(str, labels))
+    if handle.shape != (dataset.ndim,) or handle.get_type().get_class() != h5py.h5t.STRING:
+        raise Refusal(f"'{name}' does not name each of its {dataset.ndim} dimensions once")
+    return tuple(map(str, dataset.attrs[LABELS]))
 
 
-def check_text_lengths(dataset: Any, path: Path, size: int) -> None:
-    """Refuse strings that claim more room together than the file has.
+def check_text(dataset: Any, view: mmap, heaps: dict[int, dict[int, int]]) -> None:
+    """Refuse strings that are not in the file's heaps, or claim more room than the file has.
 
-    Each string is a reference (length, address) into the file. Many references to one long string
+    Each string is a reference (length, address) into a heap. Many references to one long string
     would fill the memory from a small file, so their lengths are added up before HDF5 follows them.
     """
     offset = dataset.id.get_offset()
     if offset is None:
-        return  # no element was ever written: all are empty
-    references = np.fromfile(path, dtype=_REFERENCE, count=dataset.size, offset=offset)
-    total = int(references["length"].sum(dtype=np.uint64))
-    if total > size:
-        name = dataset.name.lstrip("/")
-        raise Refusal(f"'{name}' declares {total} bytes of text in a file of {size}")
+        return  # without elements
+    name = dataset.name[1:]
+    references = np.frombuffer(view[offset : offset + dataset.id.get_storage_size()], _REFERENCE)
+    total = 0
+    for length, collection, index in references[references["collection"] != 0].tolist():
+        if heaps.get(collection, {}).get(index, -1) < length:
+            raise Refusal(f"'{name}' has damaged strings")
+        total += length
+    if total > len(view):
+        raise Refusal(f"'{name}' declares {total} bytes of text in a file of {len(view)}")

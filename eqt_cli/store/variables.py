@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,12 +9,11 @@ from typing import Any
 from numpy.typing import NDArray
 
 from eqt_cli.core.errors import ResultError
-from eqt_cli.store.layout import RESERVED
+from eqt_cli.store.layout import NAME, RESERVED
 
 Attribute = str | int | float
 """What an attribute may hold; integers must fit 64 bits."""
 
-_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")
 _NUMBERS = frozenset(["i1", "i2", "i4", "i8", "u1", "u2", "u4", "u8", "f4", "f8"])
 
 
@@ -117,7 +115,7 @@ class Table:
 def _check_variable(name: str, variable: Variable) -> None:
     dims, data = variable.dims, variable.data
     for word in (name, *dims):
-        if not _NAME.fullmatch(word):
+        if not NAME.fullmatch(word):
             raise ResultError(
                 f"{name}: cannot store the name {word!r}; use a letter or underscore first, then "
                 "letters, digits and _ . @ + -"
@@ -140,7 +138,7 @@ def _check_variable(name: str, variable: Variable) -> None:
 
 def _check_attributes(place: str, attributes: Mapping[str, Attribute]) -> None:
     for key, value in attributes.items():
-        if not _NAME.fullmatch(key) or key in RESERVED:
+        if not NAME.fullmatch(key) or key in RESERVED:
             raise ResultError(
                 f"{place}: cannot store an attribute called {key!r}; choose another name"
             )

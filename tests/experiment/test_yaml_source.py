@@ -87,8 +87,10 @@ def test_not_a_number() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["on", "off", "yes", "no", "y", "N", "12:30", "1_000", "0b101", "-0x1F", "1e", "e5", "tRue"]
-    + ["2025-11-20", "=", "NaN", "inf", ".", "+", "1.2.3", "0o8", "cos(t)*sin(t)", "-pi/2"],
+    (
+        "on off yes no y N tRue 12:30 1_000 2025-11-20 0b101 -0x1F 0o8 1e e5 1.2.3 "
+        "= . + NaN inf cos(t)*sin(t) -pi/2"
+    ).split(),
 )
 def test_other_plain_values_are_text(text: str) -> None:
     assert load(f"a: {text}", "c.yaml").data == {"a": text}
@@ -256,7 +258,7 @@ def test_message_for_a_value(text: str, message: str) -> None:
         ("a: {017: b}", 'c.yaml:1:5: a: expected text as a key, got 017; write "017"'),
         ("true: a", 'c.yaml:1:1: expected text as a key, got true; write "true"'),
         ("null: a", 'c.yaml:1:1: expected text as a key, got null; write "null"'),
-        ("{: a}", "c.yaml:1:2: expected a key before ':'"),
+        ("? # x\n: a", "c.yaml:1:2: expected a key before ':'"),
         ("[a, b]: 1", "c.yaml:1:1: expected text as a key, got a list"),
         ("{a: 1}: 2", "c.yaml:1:1: expected text as a key, got a mapping"),
         ("a: &x k\n*x : 1", "c.yaml:2:1: expected text as a key, got an alias"),
@@ -470,15 +472,15 @@ def test_the_most_values() -> None:
 
 @given(st.text() | st.binary() | st.text("ab1.0: \n-[]{},&*!|>'\"%@?#\t<=~\\"))
 def test_any_text_is_data_or_a_config_error(text: str | bytes) -> None:
-    for parser in _PARSERS:
-        yaml_source._PARSER = parser  # the fixture would not be set anew for every example
-        try:
-            assert isinstance(load(text, "c.yaml").data, dict)
-        except ConfigError as error:
-            problems = error.problems
-        else:
-            continue
-        assert all(problem.place.startswith("c.yaml") for problem in problems)
+    try:
+        data = load(text, "c.yaml").data
+    except ConfigError as error:
+        problems = error.problems
+    else:
+        assert isinstance(data, dict)
+        return
+    assert problems
+    assert all(problem.place.startswith("c.yaml") for problem in problems)
 
 
 # Writing --------------------------------------------------------------------------------------
@@ -539,11 +541,10 @@ def test_what_occurs_twice_is_written_twice() -> None:
     assert dump({"a": row, "b": row}) == "a: [1, 2]\nb: [1, 2]\n"
 
 
-_tricky = st.sampled_from(
-    ["no", "on", "017", "1e5", "1e-9", "0o17", "0x1F", "1_000", "12:30", "", "~", "null", "True"]
-    + ["<<", "=", "- a", "a: b", "#", " a", "a ", "a\x85b", "\u2028", "\ufeff", "\x00", "\n", "\t"]
-    + [".inf", ".nan", "08", "+1", "2025-11-20", "!x", "&x", "*x", "@", "%", "'", '"', "\\", "?"]
-)
+_NUMBER_LIKE = "017 08 1e5 1e-9 0o17 0x1F 1_000 12:30 +1 .inf .nan 2025-11-20".split()
+_WORD_LIKE = "no on null True ~ << = - ? # !x &x *x @ % ' \" \\".split()
+_SPACED = ["", " a", "a ", "- a", "a: b", "a\nb", "\t", "\r", "\x85", "\u2028", "\ufeff", "\x00"]
+_tricky = st.sampled_from(_NUMBER_LIKE + _WORD_LIKE + _SPACED)
 _texts = st.text() | _tricky | st.text("-+.:019exo #'\"\n\\[]{},&*!|>%@`?~<=")
 _scalars = st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | _texts
 _json = st.recursive(
@@ -553,8 +554,5 @@ _json = st.recursive(
 
 @given(st.dictionaries(_texts, _json))
 def test_what_is_written_is_read_back(data: dict[str, Any]) -> None:
-    text = dump(data)
-    for parser in _PARSERS:
-        yaml_source._PARSER = parser
-        # By their repr, which tells 1 from 1.0 and True, and 0.0 from -0.0.
-        assert repr(load(text, "c.yaml").data) == repr(data)
+    # By their repr, which tells 1 from 1.0 and True, and 0.0 from -0.0.
+    assert repr(load(dump(data), "c.yaml").data) == repr(data)

@@ -1,0 +1,79 @@
+"""`eqt config`: write, check and describe configurations."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from eqt_cli.cli import options
+
+app = typer.Typer(help="Write, check and describe configurations.", no_args_is_help=True)
+
+
+@app.command("new")
+def new(
+    file: Annotated[
+        Path | None, typer.Argument(help="File to write; default: NAME.yaml here, - for stdout.")
+    ] = None,
+    source: Annotated[
+        str, typer.Option("--from", metavar="NAME", help="Shipped configuration to start from.")
+    ] = "paper",
+) -> None:
+    """Write a shipped configuration to a file of your own."""
+    from eqt_cli.cli.output import say
+    from eqt_cli.core.errors import EqtError
+    from eqt_cli.experiment import shipped
+
+    text = shipped.text(source)
+    if file == Path("-"):
+        print(text, end="")
+        return
+    file = file or Path(f"{source}.yaml")
+    try:
+        with file.open("x", encoding="utf-8") as stream:
+            stream.write(text)
+    except FileExistsError:
+        raise EqtError(f"{file}: exists already; give another name, or remove it") from None
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise EqtError(f"{file}: cannot be written: {reason}") from error
+    print(file)
+    say(f"next: eqt run {file}")
+
+
+@app.command("check")
+def check(
+    config: Annotated[Path, typer.Argument(help="YAML configuration, or a result.")],
+    set_: options.Set = None,
+    resolved: Annotated[
+        bool, typer.Option("--resolved", help="Print it with every default written out.")
+    ] = False,
+    trust_plugins: options.TrustPlugins = False,
+) -> None:
+    """Check a configuration without running it."""
+    from eqt_cli.cli.output import say
+    from eqt_cli.experiment.build import build
+    from eqt_cli.experiment.source import read_config
+    from eqt_cli.experiment.yaml_source import dump
+
+    experiment = build(read_config(config, set_ or ()), trust_plugins=trust_plugins)
+    if resolved:
+        print(dump(experiment.resolved), end="")
+        return
+    runs = experiment.config.ensemble.runs
+    say(f"{config}: fine")
+    print(
+        f"{experiment.name}: {experiment.group.name}, {len(experiment.loops)} controllers × "
+        f"{runs} runs, {experiment.config.time.duration:g} s, engine {experiment.engine.name}"
+    )
+
+
+@app.command("schema")
+def schema() -> None:
+    """Print the JSON schema of configurations, for completion and checks in editors."""
+    from eqt_cli.cli.output import print_json
+    from eqt_cli.experiment.json_schema import json_schema
+
+    print_json(json_schema())

@@ -1,0 +1,101 @@
+"""`eqt list`: the components there are."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from eqt_cli.cli import options
+
+if TYPE_CHECKING:
+    from eqt_cli.core.registry import Registry
+
+
+def list_components(
+    kind: Annotated[
+        str | None,
+        typer.Argument(
+            help="groups, controllers, references, engines, poses, velocities, figures or configs."
+        ),
+    ] = None,
+    plugin: Annotated[
+        list[Path] | None, typer.Option("--plugin", help="Load a plugin file first.")
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """List components by kind, with their options."""
+    from eqt_cli.cli.output import print_json
+    from eqt_cli.core.errors import EqtError, suggestion
+    from eqt_cli.core.registry import load_plugin
+    from eqt_cli.experiment import shipped
+
+    registries = _registries()
+    kinds = [*registries, "configs"]
+    if kind is not None and kind not in kinds:
+        hint = suggestion(kind, kinds) or f"; known: {', '.join(kinds)}"
+        raise EqtError(f"unknown kind '{kind}'{hint}")
+    for path in plugin or ():
+        load_plugin(path)
+    listed = {
+        name: (
+            [{"name": config, "summary": "", "options": []} for config in shipped.names()]
+            if name == "configs"
+            else _described(registries[name])
+        )
+        for name in ([kind] if kind else kinds)
+    }
+    if json:
+        print_json(listed)
+    else:
+        _print(listed)
+
+
+def _registries() -> dict[str, Registry[Any]]:
+    from eqt_cli.controllers import controllers
+    from eqt_cli.engines import engines
+    from eqt_cli.ensemble.poses import pose_distributions
+    from eqt_cli.ensemble.velocities import velocity_distributions
+    from eqt_cli.groups import groups
+    from eqt_cli.plots import figures
+    from eqt_cli.references import references
+
+    return {
+        "groups": groups,
+        "controllers": controllers,
+        "references": references,
+        "engines": engines,
+        "poses": pose_distributions,
+        "velocities": velocity_distributions,
+        "figures": figures,
+    }
+
+
+def _described(registry: Registry[Any]) -> list[dict[str, Any]]:
+    from dataclasses import is_dataclass
+
+    from eqt_cli.core.registry import summary
+    from eqt_cli.experiment.components import option_names
+
+    return [
+        {
+            "name": component.name,
+            "summary": summary(component),
+            "options": option_names(component) if is_dataclass(component) else [],
+        }
+        for component in registry.all()
+    ]
+
+
+def _print(listed: dict[str, list[dict[str, Any]]]) -> None:
+    blocks = []
+    for kind, entries in listed.items():
+        width = max((len(entry["name"]) for entry in entries), default=0)
+        lines = [kind]
+        for entry in entries:
+            lines.append(f"  {entry['name']:<{width}}  {entry['summary']}".rstrip())
+            if entry["options"]:
+                lines.append(f"  {'':<{width}}  options: {', '.join(entry['options'])}")
+        blocks.append("\n".join(lines))
+    print("\n\n".join(blocks))

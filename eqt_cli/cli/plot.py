@@ -1,0 +1,1 @@
+"""`eqt plot`: draw a result."""
