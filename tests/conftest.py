@@ -1,7 +1,148 @@
-"""Settings that every test shares."""
+"""Settings and samples that every test shares."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
 from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.groups import MatrixLieGroup, groups
 
 # A deadline would time the machine, which runs tests side by side, and not the code.
 settings.register_profile("eqt", deadline=None)
 settings.load_profile("eqt")
+
+# Near 0, around the switch from series to closed forms, and near π.
+ANGLES = [0.0, 1e-12, 1e-9, 1e-6, 1.1e-3, 0.1, np.pi - 1e-3, np.pi - 1e-6, np.pi - 1e-9]
+
+
+@dataclass(frozen=True)
+class Samples:
+    """Draws by Hypothesis from one group, its algebra and its dual, all with one batch shape."""
+
+    G: MatrixLieGroup
+    shape: tuple[int, ...]
+
+    def numbers(self, data: st.DataObject, *shape: int, bound: float = 1.0) -> Array:
+        """Numbers within ±bound, ``(batch…, *shape)``."""
+        # Without fill=nothing, most entries of an array would be one and the same number.
+        elements = st.floats(-bound, bound, allow_subnormal=False)
+        return data.draw(arrays(float, (*self.shape, *shape), elements=elements, fill=st.nothing()))
+
+    def vector(self, data: st.DataObject, bound: float = 1.0) -> Array:
+        """Coordinates in g or g* with every entry within ±bound, ``(batch…, m)``."""
+        return self.numbers(data, self.G.dimension, bound=bound)
+
+    def vectors(self, data: st.DataObject, count: int) -> list[Array]:
+        """Several of `vector`."""
+        return [self.vector(data) for _ in range(count)]
+
+    def coordinates(self, data: st.DataObject, angle: float | None = None) -> Array:
+        """Coordinates whose rotations turn by `angle`, or by any angle that `log` can return.
+
+        Each element of the batch has its own angle; `ANGLES` are as likely as all others.
+        """
+        V = self.vector(data, bound=2.0)
+        any_angle = st.one_of(st.sampled_from(ANGLES), st.floats(0.0, 3.0))
+        for part in self.G.parts:
+            if part.velocity_unit != "rad/s":
+                continue
+            angles = st.just(angle) if angle is not None else any_angle
+            turn = data.draw(arrays(float, self.shape, elements=angles, fill=st.nothing()))
+            V[..., part.axes] = turn[..., None] * _direction(V[..., part.axes])
+        return V
+
+    def pose(self, data: st.DataObject) -> Array:
+        """An element of the group, ``(batch…, d, d)``."""
+        return self.G.exp(self.coordinates(data))
+
+    def poses(self, data: st.DataObject, count: int) -> list[Array]:
+        """Several of `pose`."""
+        return [self.pose(data) for _ in range(count)]
+
+    def state(self, data: st.DataObject) -> tuple[Array, Array]:
+        """An element (Q, P) of G ⋉ g*."""
+        return self.pose(data), self.vector(data)
+
+    def states(self, data: st.DataObject, count: int) -> list[tuple[Array, Array]]:
+        """Several of `state`."""
+        return [self.state(data) for _ in range(count)]
+
+    def input(self, data: st.DataObject) -> tuple[Array, Array]:
+        """An element (V, τ) of the algebra of G ⋉ g*."""
+        return self.vector(data), self.vector(data)
+
+    def inputs(self, data: st.DataObject, count: int) -> list[tuple[Array, Array]]:
+        """Several of `input`."""
+        return [self.input(data) for _ in range(count)]
+
+    def symmetric(self, data: st.DataObject, n: int) -> Array:
+        """A symmetric matrix, ``(batch…, n, n)``."""
+        A = self.numbers(data, n, n)
+        return (A + transpose(A)) / 2
+
+    def positive_definite(self, data: st.DataObject, n: int) -> Array:
+        """A symmetric matrix with eigenvalues of at least ½, ``(batch…, n, n)``."""
+        A = self.numbers(data, n, n)
+        return A @ transpose(A) + np.eye(n) / 2
+
+
+def _direction(vectors: Array) -> Array:
+    """Unit vectors; the first axis where a vector is too short to have a direction."""
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    first_axis = np.eye(vectors.shape[-1])[0]
+    return np.where(length > 1e-6, vectors / np.maximum(length, 1e-6), first_axis)
+
+
+@pytest.fixture(scope="session", params=groups.all(), ids=lambda group: group.name)
+def G(request: pytest.FixtureRequest) -> MatrixLieGroup:
+    """Every registered group in turn."""
+    group: MatrixLieGroup = request.param()
+    return group
+
+
+@pytest.fixture(scope="session")
+def shape() -> tuple[int, ...]:
+    """The batch shape of `samples`; a module may override it."""
+    return (2,)
+
+
+@pytest.fixture(scope="session")
+def samples(G: MatrixLieGroup, shape: tuple[int, ...]) -> Samples:
+    """Samples of every registered group in turn."""
+    return Samples(G, shape)
+
+
+@pytest.fixture(scope="session")
+def samples_of() -> Callable[[str], Samples]:
+    """Samples of a group by name, for the formulas that a paper states for one group only."""
+    return lambda name: Samples(groups.get(name)(), (2,))
+
+
+@pytest.fixture(scope="session")
+def derivative() -> Callable[[Callable[[float], Any]], Any]:
+    """The derivative at 0 of a curve of arrays, or of tuples of arrays, by central differences.
+
+    Five points at a spacing of h = 1e-3: exact for polynomials of degree 4, else the error is
+    h⁴|f⁽⁵⁾|/30 ~ 3e-14 |f⁽⁵⁾|; rounding adds about 1.5 ε|f|/h ~ 3e-13 |f|. With the curves of the
+    tests, whose velocities have entries within ±1, |f⁽⁵⁾| stays under 1e4 |f|.
+    """
+
+    def differentiate(curve: Callable[[float], Any], h: float = 1e-3) -> Any:
+        a, b, c, d = (curve(k * h) for k in (-2, -1, 1, 2))
+        if isinstance(a, tuple):
+            return tuple(_stencil(*points, h) for points in zip(a, b, c, d, strict=True))
+        return _stencil(a, b, c, d, h)
+
+    return differentiate
+
+
+def _stencil(a: Array, b: Array, c: Array, d: Array, h: float) -> Array:
+    return (8 * (c - b) - (d - a)) / (12 * h)

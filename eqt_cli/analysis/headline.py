@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from eqt_cli.core.arrays import Array
 from eqt_cli.store.reader import Results
 
 
@@ -56,5 +59,5 @@ def headline(results: Results) -> list[Row]:
     return rows
 
 
-def _or_nan(statistic: object, values: np.ndarray) -> float:
+def _or_nan(statistic: Callable[[Array], Any], values: Array) -> float:
     return float(statistic(values)) if values.size else float("nan")

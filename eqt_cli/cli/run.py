@@ -14,14 +14,13 @@ if TYPE_CHECKING:
 
 
 def run(
-    config: Annotated[
-        Path, typer.Argument(help="YAML configuration, or a result to run again.")
-    ],
+    config: Annotated[Path, typer.Argument(help="YAML configuration, or a result to run again.")],
     out: options.Out = None,
     set_: options.Set = None,
     engine: Annotated[
         str | None, typer.Option("--engine", metavar="NAME", help="Engine, as solver.engine.")
     ] = None,
+    workers: options.Workers = None,
     force: Annotated[
         bool, typer.Option("--force", help="Start over, removing what the folder holds.")
     ] = False,
@@ -30,6 +29,7 @@ def run(
     quiet: options.Quiet = False,
 ) -> None:
     """Integrate every run of every controller; results go to results/NAME."""
+    from eqt_cli.cli.options import cores
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.cli.progress import progress
     from eqt_cli.experiment.build import build
@@ -42,7 +42,9 @@ def run(
     out = out or Path("results") / experiment.name
     total = experiment.config.ensemble.runs * len(experiment.loops)
     with progress(total, quiet=quiet) as advance:
-        outcome = execute(experiment, source, out, force=force, progress=advance)
+        outcome = execute(
+            experiment, source, out, force=force, progress=advance, workers=workers or cores()
+        )
     if not quiet:
         for entry in outcome.removed:
             say(f"removed {entry}")
@@ -54,36 +56,55 @@ def run(
         _print_summary(outcome)
     if outcome.failed:
         raise typer.Exit(3)
+    if _cross_check_failed(outcome):
+        raise typer.Exit(4)
 
 
 def _document(outcome: Outcome) -> dict[str, object]:
     from dataclasses import asdict
 
     from eqt_cli.analysis.headline import headline
+    from eqt_cli.cli.summary import cross_check
     from eqt_cli.store.reader import open_results
 
     with open_results(outcome.folder.results) as results:
         rows = [asdict(row) for row in headline(results)]
+        check = cross_check(results)
+    causes = ["some runs failed"] if outcome.failed else []
+    if check and not check["holds"]:
+        causes.append("the cross-check does not hold")
     return {
         "results": str(outcome.folder.results),
         "was_complete": outcome.was_complete,
         "runs": outcome.runs,
         "failed": outcome.failed,
         "seconds": outcome.seconds,
-        "causes": ["some runs failed"] if outcome.failed else [],
+        "causes": causes,
         "controllers": rows,
+        "cross_check": check,
     }
 
 
+def _cross_check_failed(outcome: Outcome) -> bool:
+    from eqt_cli.cli.summary import cross_check
+    from eqt_cli.store.reader import open_results
+
+    with open_results(outcome.folder.results) as results:
+        check = cross_check(results)
+    return check is not None and not check["holds"]
+
+
 def _print_summary(outcome: Outcome) -> None:
-    from eqt_cli.cli.summary import print_failures, print_headline
+    from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
     from eqt_cli.store.reader import open_results
 
     with open_results(outcome.folder.results) as results:
         print_headline(results)
+        print()
+        print_accuracy(results)
         if outcome.failed:
             print_failures(results)
     took = "".join(f", {name} {value:.1f} s" for name, value in outcome.seconds.items())
-    print(f"\n{outcome.runs} runs{took}")
+    print(f"{outcome.runs} runs{took}")
     print(f"results  {outcome.folder.results}")
     print(f"next     eqt plot {outcome.folder.path}")

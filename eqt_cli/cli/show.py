@@ -73,7 +73,7 @@ def _units(results: Results, name: str) -> str:
 def _print_summary(results: Results) -> None:
     import json
 
-    from eqt_cli.cli.summary import print_failures, print_headline
+    from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
 
     origin = json.loads(str(results.attributes["provenance"]))
     packages = ", ".join(f"{name} {origin[name]}" for name in ("eqt", "python", "numpy", "scipy"))
@@ -83,6 +83,8 @@ def _print_summary(results: Results) -> None:
     print(f"digest   {str(results.attributes['digest'])[:16]}")
     print(f"sizes    {sizes}\n")
     print_headline(results)
+    print()
+    print_accuracy(results)
     if results["status"].any():
         print_failures(results)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from typing import Any
 
 import numpy as np
 
@@ -42,6 +43,40 @@ def print_headline(results: Results) -> None:
         "energy residual",
     ]
     print(table(header, rows))
+
+
+def cross_check(results: Results) -> dict[str, Any] | None:
+    """What the result says of its cross-check, and whether it holds; None where it has none."""
+    found = {
+        key.removeprefix("cross_check_"): value
+        for key, value in results.attributes.items()
+        if key.startswith("cross_check_")
+    }
+    if not found:
+        return None
+    within = float(found["difference"]) <= float(found["bound"])
+    return found | {"holds": within}
+
+
+def print_accuracy(results: Results) -> None:
+    """How accurate the numbers are, by their own estimate and by another engine."""
+    estimates = results["error_estimate"]
+    if np.isfinite(estimates).any():
+        largest, median = np.nanmax(estimates), np.nanmedian(estimates)
+        print(f"error estimates: largest {largest:.1e}, median {median:.1e}")
+    check = cross_check(results)
+    if check is None:
+        return
+    print(
+        f"cross-check: {check['runs']} runs per controller by {check['method']}, "
+        f"largest difference {check['difference']:.1e} (bound {check['bound']:.0e})"
+    )
+    if not check["holds"]:
+        print(
+            "eqt: the two ways of integrating disagree beyond the bound; tighten solver.rtol, "
+            "or look for kinks and discontinuities in the laws",
+            file=sys.stderr,
+        )
 
 
 def print_failures(results: Results) -> None:

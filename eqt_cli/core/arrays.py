@@ -19,47 +19,53 @@ from eqt_cli.core.errors import TraceError
 Array = NDArray[Any]
 """A float array, or an object array of symbols, with any leading batch axes."""
 
-FUNCTIONS = (
-    "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log sqrt abs".split()
-)
+FUNCTIONS = "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log sqrt abs".split()
 """Elementwise functions of one argument; the names are also those of the expression grammar."""
 
-_NUMPY = {name: getattr(np, name) for name in FUNCTIONS}
-_symbol_tables: dict[type, Mapping[str, Callable[[Any], Any]]] = {}
+_NUMPY: dict[str, Callable[..., Any]] = {
+    **{name: getattr(np, name) for name in FUNCTIONS},
+    "less": np.less,
+    "where": np.where,
+}
+_symbol_tables: dict[type, Mapping[str, Callable[..., Any]]] = {}
 
 
-def register_symbols(symbol: type, table: Mapping[str, Callable[[Any], Any]]) -> None:
-    """Say how the elementwise functions act on one `symbol` type held in object arrays."""
+def register_symbols(symbol: type, table: Mapping[str, Callable[..., Any]]) -> None:
+    """Say how the functions of this module act on one `symbol` type held in object arrays.
+
+    The table holds any of `FUNCTIONS`, ``less(a, b)`` and ``where(condition, a, b)``.
+    """
     _symbol_tables[symbol] = table
 
 
-def apply(name: str, x: Any) -> Any:
-    """Apply the elementwise function `name` to floats or symbols.
+def apply(name: str, *arguments: Any) -> Any:
+    """Apply the elementwise function `name` to floats or symbols, which broadcast.
 
     Raises
     ------
     TraceError
-        If `x` holds symbols whose engine offers no such function.
+        If an argument holds symbols whose engine offers no such function.
     """
-    x = np.asarray(x)
-    if x.dtype != object:
-        return _NUMPY[name](x)
-    out = np.empty(x.shape, dtype=object)
-    for index, value in np.ndenumerate(x):
-        out[index] = _apply_to_symbol(name, value)
+    arrays = [np.asarray(argument) for argument in arguments]
+    if not any(array.dtype == object for array in arrays):
+        return _NUMPY[name](*arrays)
+    entries = np.broadcast(*arrays) if len(arrays) > 1 else ((entry,) for entry in arrays[0].flat)
+    shape = np.broadcast_shapes(*(array.shape for array in arrays))
+    out = np.empty(shape, dtype=object)
+    flat = [_apply_to_symbols(name, entry) for entry in entries]
+    for position, index in enumerate(np.ndindex(shape)):
+        out[index] = flat[position]
     return out
 
 
-def _apply_to_symbol(name: str, value: Any) -> Any:
-    if isinstance(value, (int, float)):
-        return _NUMPY[name](value)
-    table = _symbol_tables.get(type(value), {})
+def _apply_to_symbols(name: str, values: tuple[Any, ...]) -> Any:
+    symbols = [value for value in values if not isinstance(value, int | float | np.generic)]
+    if not symbols:
+        return _NUMPY[name](*values)
+    table = _symbol_tables.get(type(symbols[0]), {})
     if name not in table:
-        raise TraceError(
-            f"{name}() is not available for symbols of type {type(value).__name__}; "
-            "use `engine: solve_ivp`, which evaluates laws on numbers"
-        )
-    return table[name](value)
+        raise TraceError(f"{name}() is not available for {type(symbols[0]).__name__} symbols")
+    return table[name](*values)
 
 
 def sin(x: Any) -> Any:
@@ -80,6 +86,34 @@ def exp(x: Any) -> Any:
 def sqrt(x: Any) -> Any:
     """Square root, elementwise, of floats or symbols."""
     return apply("sqrt", x)
+
+
+def less(a: Any, b: Any) -> Any:
+    """a < b, elementwise: a condition for `where`, and for nothing else."""
+    return apply("less", a, b)
+
+
+def where(condition: Any, a: Any, b: Any) -> Any:
+    """a where the condition of `less` holds, b elsewhere, elementwise."""
+    return apply("where", condition, a, b)
+
+
+def minimum(a: Any, b: Any) -> Any:
+    """The smaller of a and b, elementwise."""
+    return where(less(a, b), a, b)
+
+
+def maximum(a: Any, b: Any) -> Any:
+    """The larger of a and b, elementwise."""
+    return where(less(a, b), b, a)
+
+
+def clip(x: Any, low: Any, high: Any) -> Any:
+    """x, but no less than low and no more than high, elementwise.
+
+    Saturation has kinks, across which high-order steps lose accuracy: mind the error estimate.
+    """
+    return minimum(maximum(x, low), high)
 
 
 def norm(x: Array) -> Any:

@@ -8,7 +8,7 @@ from difflib import get_close_matches
 
 
 class EqtError(Exception):
-    """Anything that a user can mend; commands print it without a traceback and exit with `exit_code`."""
+    """Anything that a user can mend; commands print it and exit with `exit_code`."""
 
     exit_code = 2
 

@@ -33,12 +33,14 @@ class _FiniteReal:
 
 @dataclass(frozen=True)
 class _WholeNumber:
-    """Marks a whole number of at least 1."""
+    """Marks a whole number that is not less than `least`."""
+
+    least: int
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         from pydantic_core import core_schema
 
-        return core_schema.int_schema(strict=True, ge=1)
+        return core_schema.int_schema(strict=True, ge=self.least)
 
 
 def _evaluated(value: Any) -> Any:
@@ -56,5 +58,8 @@ Real = Annotated[float, _FiniteReal()]
 Positive = Annotated[float, _FiniteReal(above=0.0)]
 """A finite number greater than 0; in a configuration also a constant expression."""
 
-Count = Annotated[int, _WholeNumber()]
+Count = Annotated[int, _WholeNumber(1)]
 """A whole number of at least 1."""
+
+CountOrNone = Annotated[int, _WholeNumber(0)]
+"""A whole number of at least 0, where 0 stands for none."""

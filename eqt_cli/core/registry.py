@@ -10,6 +10,7 @@ import importlib
 import importlib.util
 import inspect
 import pkgutil
+import sys
 from collections.abc import Iterator
 from functools import cached_property
 from hashlib import sha256
@@ -144,7 +145,7 @@ def load_plugin(path: Path, source: str | None = None) -> str:
         return digest
     module = ModuleType(f"eqt_plugin_{digest[:12]}")
     module.__file__ = str(path)
-    importlib.sys.modules[module.__name__] = module  # dataclasses look their module up there
+    sys.modules[module.__name__] = module  # dataclasses look their module up there
     try:
         exec(compile(text, str(path), "exec"), module.__dict__)
         added = [name for registry in _registries for name in registry.add_from(module, path.name)]

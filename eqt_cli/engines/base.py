@@ -51,7 +51,7 @@ class Problem:
         """The number of runs."""
         return len(self.states)
 
-    def select(self, runs: slice) -> Problem:
+    def select(self, runs: slice | Array) -> Problem:
         """The same problem for some of its runs."""
         varying = {name: values[runs] for name, values in self.varying.items()}
         return Problem(self.loop, self.states[runs], self.times, varying)
@@ -119,15 +119,31 @@ class Engine(ABC):
     """An integrator: a frozen dataclass whose fields are its keys in `solver`."""
 
     name: ClassVar[str]
+    estimates_errors: ClassVar[bool] = False
+    """Whether a second, tighter solve is cheap enough to estimate every run's error by default."""
+    rtol: float
+    """The accuracy that the results are judged by."""
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
+    @classmethod
+    def unavailable(cls) -> str | None:
+        """Why it cannot be used on this machine and how to change that; None where it can."""
+        return None
+
     @abstractmethod
-    def solve(self, problem: Problem, progress: Progress) -> Solution:
-        """Integrate every run; a run that fails gets a status and harms no other."""
+    def solve(self, problem: Problem, progress: Progress, workers: int = 1) -> Solution:
+        """Integrate every run; a run that fails gets a status and harms no other.
+
+        `workers` bounds the threads of an engine that can use several; it never changes a result.
+        """
 
     @abstractmethod
     def tightened(self, factor: float) -> Engine:
         """The same engine with its tolerances multiplied by `factor` < 1."""
+
+    def sized(self, runs: int, state_length: int) -> Engine:
+        """The engine for work of this size; settings that parts must agree on are fixed here."""
+        return self
 
     def runs_at_once(self, most: int) -> int:
         """How many runs to give to one `solve`, near `most`; it must not change the results."""

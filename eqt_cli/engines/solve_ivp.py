@@ -72,7 +72,7 @@ class SolveIvp(Engine):
         """Whole blocks, so that the same runs share a block whatever the memory."""
         return max(1, most // self.runs_per_block) * self.runs_per_block
 
-    def solve(self, problem: Problem, progress: Progress) -> Solution:
+    def solve(self, problem: Problem, progress: Progress, workers: int = 1) -> Solution:
         """Integrate block by block; a block that fails is redone run by run."""
         solution = Solution.empty(problem)
         block = self.runs_per_block
@@ -91,14 +91,13 @@ class SolveIvp(Engine):
         """The block's solution, or None where any of its runs fails in a block of several."""
         count = _Reporter(block, progress)
         try:
-            outcome = self._integrate(block, count)
+            states = self._integrate(block, count)
         except _Failed as failure:
-            outcome = failure
-        count.finish()
-        if isinstance(outcome, _Failed):
-            return _failed(block, outcome, count.evaluations) if block.runs == 1 else None
+            return _failed(block, failure, count.evaluations) if block.runs == 1 else None
+        finally:
+            count.finish()
         solution = Solution.empty(block)
-        solution.states[:] = outcome
+        solution.states[:] = states
         solution.steps[:] = count.evaluations
         return solution
 
@@ -139,7 +138,7 @@ class SolveIvp(Engine):
                 )
             except (ValueError, np.linalg.LinAlgError) as error:
                 raise count.failure(str(error)) from error
-        states = result.y.T.reshape(-1, *shape).swapaxes(0, 1)
+        states: Array = result.y.T.reshape(-1, *shape).swapaxes(0, 1)
         if result.status != 0 or not np.isfinite(states).all():
             raise count.failure(result.message, states)
         return states

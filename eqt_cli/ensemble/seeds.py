@@ -14,6 +14,7 @@ class Stream(IntEnum):
     """What a stream is for; the numbers are part of every result and never change."""
 
     INITIAL_STATE = 0
+    CROSS_CHECK = 1
 
 
 def generator(root: int, stream: Stream, run: int) -> np.random.Generator:

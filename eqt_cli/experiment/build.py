@@ -139,9 +139,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     loops = {
         label: ClosedLoop(group, inertia, gains, reference, law) for label, law in laws.items()
     }
-    return Experiment(
-        config, complete, group, loops, Qd, Vd, poses, velocities, solver, plugins
-    )
+    return Experiment(config, complete, group, loops, Qd, Vd, poses, velocities, solver, plugins)
 
 
 def _load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dict[str, str]:

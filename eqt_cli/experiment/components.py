@@ -11,6 +11,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from eqt_cli.core.errors import ComponentError
 from eqt_cli.core.registry import Registry
+from eqt_cli.ensemble.spread import Spread
 from eqt_cli.experiment.problems import Problems
 from eqt_cli.experiment.translate import Path, problems_of
 
@@ -59,7 +60,7 @@ def resolved(component: Any) -> dict[str, Any]:
     """A component as a mapping with `kind` and every option, defaults included."""
     options = {name: getattr(component, name) for name in option_names(type(component))}
     plain = {
-        name: dataclasses.asdict(value) if dataclasses.is_dataclass(value) else value
+        name: dataclasses.asdict(value) if isinstance(value, Spread) else value
         for name, value in options.items()
         if value is not None
     }

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.cross_check import CrossCheck
 from eqt_cli.experiment.folder import ResultFolder
 from eqt_cli.experiment.provenance import provenance
 from eqt_cli.experiment.run import Progress, simulate
@@ -36,7 +37,7 @@ class Outcome:
     runs, failed
         Runs over all controllers, and those with a status other than 0.
     seconds
-        Wall time of the integration and of everything, s.
+        Wall time of simulation and writing, s.
     """
 
     folder: ResultFolder
@@ -54,6 +55,7 @@ def execute(
     *,
     force: bool = False,
     progress: Progress = lambda runs: None,
+    workers: int = 1,
 ) -> Outcome:
     """Run an experiment and write its folder; a finished result of the same one is kept.
 
@@ -70,13 +72,14 @@ def execute(
     started = time.perf_counter()
     manifest = _manifest(experiment, source)
     removed = folder.claim(experiment, source, manifest, force)
-    table = simulate(experiment, progress)
+    simulated = simulate(experiment, progress, workers)
+    table, check = simulated.table, simulated.check
     integrated = time.perf_counter()
     failed = int(np.count_nonzero(table.variables["status"].data))
     compression = experiment.config.store.compression
     write(
         folder.results,
-        _described(table, experiment, manifest),
+        _described(table, experiment, manifest, check),
         compression="gzip" if compression == "gzip" else None,
     )
     seconds = {
@@ -84,7 +87,8 @@ def execute(
         "writing": round(time.perf_counter() - integrated, 3),
     }
     finished = datetime.now(UTC).isoformat(timespec="seconds")
-    folder.finish(manifest | {"finished": finished, "seconds": seconds, "failed": failed})
+    ending = {"finished": finished, "seconds": seconds, "failed": failed}
+    folder.finish(manifest | ending)
     return Outcome(folder, False, removed, runs, failed, seconds)
 
 
@@ -99,7 +103,9 @@ def _manifest(experiment: Experiment, source: ConfigSource) -> dict[str, Any]:
     }
 
 
-def _described(table: Table, experiment: Experiment, manifest: dict[str, Any]) -> Table:
+def _described(
+    table: Table, experiment: Experiment, manifest: dict[str, Any], check: CrossCheck | None
+) -> Table:
     """The table with all that is needed to understand it and to run it again."""
     attributes = {
         "title": experiment.name,
@@ -110,4 +116,5 @@ def _described(table: Table, experiment: Experiment, manifest: dict[str, Any]) -
         "provenance": json.dumps(manifest["provenance"], ensure_ascii=False),
         "source": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
     }
-    return Table(table.variables, table.coordinates, {**table.attributes, **attributes})
+    checked = {} if check is None else {f"cross_check_{k}": v for k, v in asdict(check).items()}
+    return Table(table.variables, table.coordinates, {**table.attributes, **attributes, **checked})

@@ -38,8 +38,7 @@ class Gathered:
         self.experiment = experiment
         self.labels = list(experiment.loops)
         self.runs = config.ensemble.runs
-        kept = config.store.trajectories
-        self.kept_runs = min(self.runs, {"all": self.runs, "none": 0}.get(kept, kept))
+        self.kept_runs = _kept(config.store.trajectories, self.runs)
         self.samples = slice(None, None, config.store.decimate)
         self.times = experiment.times[self.samples]
         self.sizes = {"row": group.size, "col": group.size, "axis": group.dimension}
@@ -114,7 +113,10 @@ class Gathered:
             "initial_pose": Variable(
                 ("run", "row", "col"),
                 Q,
-                {"units": units["pose"], "long_name": "pose at the start, same for all controllers"},
+                {
+                    "units": units["pose"],
+                    "long_name": "pose at the start, same for all controllers",
+                },
             ),
             "initial_velocity": Variable(
                 ("run", "axis"),
@@ -143,6 +145,10 @@ class Gathered:
                 "units": "mixed",
                 "long_name": "largest max(||dQ||_F, ||dV||) against a tighter solve",
             },
+        }
+        described["reference_residual"] = {
+            "units": "mixed",
+            "long_name": "distance of the run's own reference to desired_pose, desired_velocity",
         }
         described["early_torque"]["window_s"] = EARLY_WINDOW
         described["settling_time"]["threshold"] = self.experiment.config.settling_threshold
@@ -180,6 +186,13 @@ class Gathered:
                 "stored_run", self.kept_runs, "run whose trajectory is stored"
             )
         return coordinates
+
+
+def _kept(trajectories: str | int, runs: int) -> int:
+    """How many runs of each controller keep their trajectories."""
+    if isinstance(trajectories, int):
+        return min(trajectories, runs)
+    return runs if trajectories == "all" else 0
 
 
 def _in_units(pattern: str, unit: str) -> str:

@@ -78,7 +78,8 @@ def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
     properties: dict[str, Any] = {
         "engine": {"enum": engines.names(), "type": "string", "default": DEFAULT_ENGINE}
     }
-    for owner in (Judgement, *engines.all()):
+    owners: list[type] = [Judgement, *engines.all()]
+    for owner in owners:
         properties |= _options(owner, shared)["properties"]
     return {
         "type": "object",

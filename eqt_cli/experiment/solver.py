@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from eqt_cli.core.errors import ComponentError, suggestion
-from eqt_cli.core.numbers import Positive
+from eqt_cli.core.numbers import CountOrNone, Positive
 from eqt_cli.engines import Engine, engines
 from eqt_cli.experiment.components import option_names, options_into
 from eqt_cli.experiment.problems import Problems
@@ -24,54 +24,79 @@ class Judgement:
     max_error
         Runs whose error estimate exceeds it count as failed.
     error_estimate
-        Solve every run a second time at a tenth of the tolerance and compare.
+        Solve every run a second time at a tenth of the tolerance and compare. Default: where the
+        engine makes that cheap.
+    cross_check
+        How many runs of each controller are redone by another engine and compared.
     """
 
     max_error: Positive | None = None
-    error_estimate: bool = False
+    error_estimate: bool | None = None
+    cross_check: CountOrNone = 3
 
 
 @dataclass(frozen=True)
 class Solver:
-    """The engine, how its accuracy is judged, and the section as it is kept."""
+    """The engine, how its accuracy is judged, and the section as it is kept.
+
+    Attributes
+    ----------
+    other
+        Another engine of this machine with its own keys of the section, for the cross-check.
+    """
 
     engine: Engine
+    other: Engine | None
     judgement: Judgement
     resolved: dict[str, Any]
+
+    @property
+    def estimates_errors(self) -> bool:
+        """Whether every run is solved a second time."""
+        wanted = self.judgement.error_estimate
+        return self.engine.estimates_errors if wanted is None else wanted
 
 
 def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     """The solver that a section asks for, or None after noting what is wrong with it."""
     before = len(problems)
     name = section.get("engine", DEFAULT_ENGINE)
-    owners: dict[str, type] = {"": Judgement} | {entry.name: entry for entry in engines.all()}
-    known = {key: owner for owner in owners.values() for key in option_names(owner)}
-    for key in section.keys() - known.keys() - {"engine"}:
-        names = ["engine", *known]
-        hint = suggestion(key, names) or f"; known here: {', '.join(names)}"
-        problems.add(("solver", key), UNKNOWN_KEY + hint)
-    try:
-        engines.get(str(name))
-    except ComponentError as error:
-        problems.add(("solver", "engine"), str(error))
-    built = {
-        owner: options_into(
-            component,
-            {key: section[key] for key in option_names(component) if key in section},
-            ("solver",),
-            problems,
-        )
-        for owner, component in owners.items()
-    }
+    owners: dict[str, type[Any]] = {entry.name: entry for entry in engines.all()}
+    _note_unknown_keys(section, [Judgement, *owners.values()], problems)
+    _note_engine(name, problems)
+    built = {owner: _build(entry, section, problems) for owner, entry in owners.items()}
+    judgement = _build(Judgement, section, problems)
     for candidate in built.values():
-        if isinstance(candidate, Engine):
-            for option, message in candidate.problems():
-                problems.add(("solver", option), message)
+        for option, message in candidate.problems() if candidate else ():
+            problems.add(("solver", option), message)
     if len(problems) > before:
         return None
-    engine, judgement = built[name], built[""]
-    assert isinstance(engine, Engine) and isinstance(judgement, Judgement)
-    kept = {key: section[key] for key in section if key != "engine"}
+    engine = built.pop(name)
+    others = [entry for entry in built.values() if entry and entry.unavailable() is None]
+    kept = {key: value for key, value in section.items() if key != "engine"}
     own = {**asdict(engine), **asdict(judgement)}
     filled = {key: value for key, value in own.items() if value is not None}
-    return Solver(engine, judgement, {"engine": name, **kept, **filled})
+    resolved = {"engine": name, **kept, **filled}
+    return Solver(engine, others[0] if others else None, judgement, resolved)
+
+
+def _note_unknown_keys(section: dict[str, Any], owners: list[type], problems: Problems) -> None:
+    known = list(dict.fromkeys(["engine", *(key for own in owners for key in option_names(own))]))
+    for key in section:
+        if key not in known:
+            hint = suggestion(key, known) or f"; known here: {', '.join(known)}"
+            problems.add(("solver", key), UNKNOWN_KEY + hint)
+
+
+def _note_engine(name: Any, problems: Problems) -> None:
+    try:
+        unavailable = engines.get(str(name)).unavailable()
+    except ComponentError as error:
+        unavailable = str(error)
+    if unavailable:
+        problems.add(("solver", "engine"), unavailable)
+
+
+def _build(owner: type[Any], section: dict[str, Any], problems: Problems) -> Any:
+    options = {key: section[key] for key in option_names(owner) if key in section}
+    return options_into(owner, options, ("solver",), problems)

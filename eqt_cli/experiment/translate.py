@@ -63,7 +63,9 @@ def problems_of(
             expected.setdefault(path, []).append(words)
     for path, alternatives in expected.items():
         # The alternatives of a union fail one by one at the same place, or deeper in its value.
-        if path not in messages and not any(_below(other, path) for other in [*expected, *messages]):
+        if path not in messages and not any(
+            _below(other, path) for other in [*expected, *messages]
+        ):
             words = " or ".join(dict.fromkeys(alternatives))
             messages[path] = f"expected {words}, got {shown(_at(path, data))}"
     return list(messages.items())

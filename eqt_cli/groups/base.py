@@ -175,7 +175,8 @@ class MatrixLieGroup(ABC):
         while True:
             further = reached | (reached.astype(int) @ reached.astype(int) > 0)
             if (further == reached).all():
-                return np.nonzero(reached)
+                rows, columns = np.nonzero(reached)
+                return rows, columns
             reached = further
 
     @property
@@ -187,7 +188,8 @@ class MatrixLieGroup(ABC):
         """The entries of a pose that can vary, ``(..., d, d) -> (..., pose_length)``."""
         if self.pose_length == self.size**2:
             return Q.reshape(*Q.shape[:-2], -1)
-        return Q[(..., *self._free_entries)]
+        rows, columns = self._free_entries
+        return Q[..., rows, columns]
 
     def unpack(self, entries: Array) -> Array:
         """The pose with these entries, the others as in the identity; undoes `pack`."""
@@ -195,7 +197,8 @@ class MatrixLieGroup(ABC):
             return entries.reshape(*entries.shape[:-1], self.size, self.size)
         Q = np.empty((*entries.shape[:-1], self.size, self.size), dtype=entries.dtype)
         Q[...] = self.identity
-        Q[(..., *self._free_entries)] = entries
+        rows, columns = self._free_entries
+        Q[..., rows, columns] = entries
         return Q
 
     def violation(self, Q: Array) -> float:

@@ -6,7 +6,7 @@ from eqt_cli.groups.euclidean import EuclideanGroup
 
 
 class SE3(EuclideanGroup):
-    """Rigid motions of space; V = (ω, v), angular before linear velocity, both in the body frame."""
+    """Rigid motions of space; V = (ω, v), angular before linear velocity, in the body frame."""
 
     name: ClassVar[str] = "SE3"
     space: ClassVar[int] = 3

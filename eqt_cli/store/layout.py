@@ -19,18 +19,15 @@ FILE_NAME = "results.h5"
 PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."
 """How netCDF-4 labels the scale of a dimension that has a size but no coordinate values."""
 
-LABELS = "DIMENSION_LABELS"
-"""The attribute in which HDF5 keeps the dimension names of a dataset."""
-
 COORDINATES = "coordinates"
 """The CF attribute that names the further coordinates of a variable, separated by blanks."""
 
 RESERVED = frozenset(
     {
         FORMAT_ATTRIBUTE,
-        LABELS,
         COORDINATES,
         "CLASS",
+        "DIMENSION_LABELS",
         "NAME",
         "DIMENSION_LIST",
         "REFERENCE_LIST",

@@ -79,15 +79,13 @@ class Results:
             self._file = stack.enter_context(h5py.File(path, "r", locking=False))
             _check_format(path, safety.format_of(self._file))
             contents = safety.inspect(self._file, self._view)
-            self.dimensions: Mapping[str, int] = MappingProxyType(_dimensions(contents.entries))
             self._open = stack.pop_all()
         self.attributes: Mapping[str, Attribute] = MappingProxyType(contents.attributes)
+        self.dimensions: Mapping[str, int] = MappingProxyType(contents.dimensions)
+        self.coordinates = tuple(k for k in contents.entries if k in contents.coordinates)
+        self.names = tuple(k for k in contents.entries if k not in contents.coordinates)
+        self._entries = contents.entries
         self._heaps = contents.heaps
-        self._entries = {k: v for k, v in contents.entries.items() if not v.is_placeholder}
-        coordinates = {k for k, v in self._entries.items() if v.is_scale}
-        coordinates.update(*(v.further_coordinates for v in self._entries.values()))
-        self.coordinates = tuple(name for name in self._entries if name in coordinates)
-        self.names = tuple(name for name in self._entries if name not in coordinates)
 
     def __enter__(self) -> Self:
         return self
@@ -233,17 +231,6 @@ def _check_format(path: Path, version: int | None) -> None:
             f"{path}: has format {version}, and this eqt reads format {FORMAT}; "
             "read it with the version of eqt that wrote it, or a newer one"
         )
-
-
-def _dimensions(entries: Mapping[str, safety.Entry]) -> dict[str, int]:
-    sizes = {k: int(v.dataset.shape[0]) for k, v in entries.items() if v.is_scale}
-    for name, entry in entries.items():
-        for dim, size in zip(entry.dims, entry.dataset.shape, strict=True):
-            if sizes.get(dim) != size:
-                raise safety.Refusal(
-                    f"'{name}' has {size} entries along {dim!r}, which has {sizes.get(dim, 'none')}"
-                )
-    return sizes
 
 
 def _positions(place: str, wanted: Selection | None, size: int) -> int | slice | NDArray[Any]:

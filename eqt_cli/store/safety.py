@@ -6,6 +6,7 @@ need is let through: datasets directly in the root, of numbers or strings, each 
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import prod
 from mmap import mmap
@@ -15,7 +16,7 @@ import h5py
 import numpy as np
 
 from eqt_cli.store.heaps import BrokenHeapError, read_heaps
-from eqt_cli.store.layout import COORDINATES, FORMAT_ATTRIBUTE, LABELS, NAME, PLACEHOLDER, RESERVED
+from eqt_cli.store.layout import COORDINATES, FORMAT_ATTRIBUTE, NAME, PLACEHOLDER, RESERVED
 from eqt_cli.store.variables import Attribute
 
 _LINKS = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
@@ -24,6 +25,7 @@ _SHUFFLE, _DEFLATE = h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE
 _FILTERS: tuple[list[int], ...] = ([], [_DEFLATE], [_SHUFFLE, _DEFLATE])
 # One byte of a deflate stream expands to at most 1032 bytes (RFC 1951: 258 bytes from 2 bits).
 _DEFLATE_RATIO = 1032
+_ATTACHMENT = np.dtype([("address", "<u8"), ("axis", "<u4"), ("padding", "<u4")])
 _REFERENCE = np.dtype([("length", "<u4"), ("collection", "<u8"), ("index", "<u4")])
 
 
@@ -33,22 +35,21 @@ class Refusal(Exception):
 
 @dataclass(frozen=True)
 class Entry:
-    """One dataset that passed the checks."""
+    """One array of a file that passed the checks."""
 
     dataset: Any
     dims: tuple[str, ...]
     attributes: dict[str, Attribute]
     is_text: bool
-    is_scale: bool
-    is_placeholder: bool
-    further_coordinates: tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class Contents:
-    """What a checked file holds: its datasets, in the order of writing, and its strings' sizes."""
+    """What a checked file holds; `entries` and `dimensions` are in the order of writing."""
 
     entries: dict[str, Entry]
+    coordinates: set[str]
+    dimensions: dict[str, int]
     attributes: dict[str, Attribute]
     heaps: dict[int, dict[int, int]]
 
@@ -64,29 +65,52 @@ def format_of(file: Any) -> int | None:
 
 
 def inspect(file: Any, view: mmap) -> Contents:
-    """Check an open file, whose bytes are `view`: the structure, then the heaps, then attributes."""
+    """Check an open file, whose bytes are `view`: its structure, its heaps, its attributes."""
     size = len(view)
     version, offset_bytes, length_bytes = view[8:11]
     if version not in (2, 3) or (offset_bytes, length_bytes) != (8, 8):
         raise Refusal("it has an HDF5 layout without checksums")
     root = h5py.h5g.open(file.id, b"/")
     datasets = {raw.decode(): _dataset(root, raw) for raw in list(root)}
-    spans = sorted(
-        span for name, dataset in datasets.items() for span in _spans(name, dataset, size)
+    heaps = _heaps(datasets, view)
+    labels = {name: _scale_label(dataset, size) for name, dataset in datasets.items()}
+    scales = [name for name, label in labels.items() if label]
+    stored = {k: v for k, v in datasets.items() if not labels[k].startswith(PLACEHOLDER)}
+    for name, dataset in stored.items():
+        if prod(dataset.shape) and not dataset.id.get_storage_size():
+            raise Refusal(f"'{name}' has the shape {dataset.shape} and holds no data")
+    dims = _dimensions(datasets, scales)
+    further = " ".join(
+        str(attribute(dataset, COORDINATES, size))
+        for dataset in stored.values()
+        if COORDINATES in dataset.attrs
     )
+    return Contents(
+        entries={
+            name: Entry(dataset, dims[name], attributes_of(dataset, size), _is_text(dataset.id))
+            for name, dataset in stored.items()
+        },
+        coordinates={*scales, *further.split()},
+        dimensions={name: len(datasets[name]) for name in scales},
+        attributes=attributes_of(file, size),
+        heaps=heaps,
+    )
+
+
+def _heaps(datasets: Mapping[str, Any], view: mmap) -> dict[int, dict[int, int]]:
+    """Find where the datasets are, and the heaps of strings between them."""
+    spans = [span for name, data in datasets.items() for span in _spans(name, data, len(view))]
     gaps, position = [], 0
-    for begin, end in spans:
+    for begin, end in sorted(spans):
         if begin < position:
             raise Refusal("two of its datasets share the same bytes")
         gaps.append((position, begin))
         position = end
-    gaps.append((position, size))
+    gaps.append((position, len(view)))
     try:
-        heaps = read_heaps(view, gaps)
+        return read_heaps(view, gaps)
     except BrokenHeapError:
         raise Refusal("its strings are damaged") from None
-    entries = {name: _entry(name, dataset, size) for name, dataset in datasets.items()}
-    return Contents(entries, attributes_of(file, size), heaps)
 
 
 def attributes_of(owner: Any, size: int) -> dict[str, Attribute]:
@@ -150,29 +174,6 @@ def _dataset(root: Any, raw: bytes) -> Any:
     return h5py.Dataset(identifier)
 
 
-def _entry(name: str, dataset: Any, size: int) -> Entry:
-    scale = ""
-    if "CLASS" in dataset.attrs and attribute(dataset, "CLASS", size) == "DIMENSION_SCALE":
-        scale = str(attribute(dataset, "NAME", size)) if "NAME" in dataset.attrs else name
-        if dataset.ndim != 1:
-            raise Refusal(f"'{name}' is a dimension scale of shape {dataset.shape}")
-    further = ""
-    if COORDINATES in dataset.attrs:
-        further = str(attribute(dataset, COORDINATES, size))
-    is_placeholder = scale.startswith(PLACEHOLDER)
-    if not is_placeholder and prod(dataset.shape) and not dataset.id.get_storage_size():
-        raise Refusal(f"'{name}' has the shape {dataset.shape} and holds no data")
-    return Entry(
-        dataset=dataset,
-        dims=(name,) if scale else _labels(name, dataset),
-        attributes=attributes_of(dataset, size),
-        is_text=_is_text(dataset.id),
-        is_scale=bool(scale),
-        is_placeholder=is_placeholder,
-        further_coordinates=tuple(further.split()),
-    )
-
-
 def _is_text(identifier: Any) -> bool:
     kind = identifier.get_type()
     return bool(kind.get_class() == h5py.h5t.STRING and kind.is_variable_str())
@@ -185,8 +186,7 @@ def _filters(creation: Any) -> list[int]:
 def _spans(name: str, dataset: Any, size: int) -> list[tuple[int, int]]:
     """Where in the file a dataset's bytes are, begin and end; refused unless they hold its shape.
 
-    A dataset that was never written has none; `_entry` lets only the scales of dimensions without
-    values pass so.
+    A dataset that was never written has none, which is right only for a dimension without values.
     """
     identifier, is_text = dataset.id, _is_text(dataset.id)
     creation = identifier.get_create_plist()
@@ -215,15 +215,52 @@ def _spans(name: str, dataset: Any, size: int) -> list[tuple[int, int]]:
     return spans
 
 
-def _labels(name: str, dataset: Any) -> tuple[str, ...]:
-    if dataset.ndim == 0:
-        return ()
-    if LABELS not in dataset.attrs:
-        raise Refusal(f"'{name}' does not name its dimensions")
-    handle = h5py.h5a.open(dataset.id, LABELS.encode())
-    if handle.shape != (dataset.ndim,) or handle.get_type().get_class() != h5py.h5t.STRING:
-        raise Refusal(f"'{name}' does not name each of its {dataset.ndim} dimensions once")
-    return tuple(map(str, dataset.attrs[LABELS]))
+def _scale_label(dataset: Any, size: int) -> str:
+    """The label of a dimension scale; empty if the dataset is none."""
+    name = dataset.name[1:]
+    if "CLASS" not in dataset.attrs or attribute(dataset, "CLASS", size) != "DIMENSION_SCALE":
+        return ""
+    if dataset.ndim != 1:
+        raise Refusal(f"'{name}' is a dimension scale of shape {dataset.shape}")
+    return str(attribute(dataset, "NAME", size)) if "NAME" in dataset.attrs else name
+
+
+def _dimensions(datasets: Mapping[str, Any], scales: Iterable[str]) -> dict[str, tuple[str, ...]]:
+    """The dimensions of each dataset, by what the scales say they are attached to.
+
+    The datasets say it too, but through references in a heap, which would have to be followed.
+    """
+    names = {h5py.h5o.get_info(dataset.id).addr: name for name, dataset in datasets.items()}
+    dims = {name: [""] * dataset.ndim for name, dataset in datasets.items()}
+    for scale in scales:
+        dims[scale] = [scale]
+        for address, axis in _attached(datasets[scale]):
+            name = names.get(address, "")
+            if not name or axis >= len(dims[name]) or dims[name][axis]:
+                raise Refusal(f"'{scale}' is attached where it cannot be")
+            dims[name][axis] = scale
+    for name, dataset in datasets.items():
+        for dim, length in zip(dims[name], dataset.shape, strict=True):
+            if not dim:
+                raise Refusal(f"'{name}' has an axis without a dimension")
+            if datasets[dim].shape != (length,):
+                raise Refusal(
+                    f"'{name}' has {length} entries along '{dim}', which has {len(datasets[dim])}"
+                )
+    return {name: tuple(words) for name, words in dims.items()}
+
+
+def _attached(scale: Any) -> list[tuple[int, int]]:
+    """The addresses of the datasets that a scale is attached to, and along which axis."""
+    if "REFERENCE_LIST" not in scale.attrs:
+        return []
+    handle = h5py.h5a.open(scale.id, b"REFERENCE_LIST")
+    kind = handle.get_type()
+    if kind.get_class() != h5py.h5t.COMPOUND or kind.get_size() != _ATTACHMENT.itemsize:
+        raise Refusal(f"'{scale.name[1:]}' is attached in an unknown way")
+    raw = np.empty(handle.shape, f"V{_ATTACHMENT.itemsize}")
+    handle.read(raw, kind)  # as bytes, so that no reference is followed
+    return [(int(address), int(axis)) for address, axis, _ in raw.view(_ATTACHMENT)]
 
 
 def check_text(dataset: Any, view: mmap, heaps: dict[int, dict[int, int]]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from eqt_cli.core.errors import ResultError
 from eqt_cli.store.layout import COORDINATES, FORMAT, FORMAT_ATTRIBUTE, PLACEHOLDER
+from eqt_cli.store.sink import Sink
 from eqt_cli.store.variables import Attribute, Table, Variable
 
 _CHUNK_BYTES = 2**20
@@ -48,56 +48,51 @@ def write(path: str | Path, table: Table, compression: Literal["gzip"] | None = 
     temporary = target.with_name(target.name + ".tmp")
     try:
         temporary.unlink(missing_ok=True)  # what a killed process may have left
-        _fill(temporary, table, compression)
-        _sync(temporary)
+        with Sink(temporary) as sink:
+            with _create(sink) as file:
+                _fill(file, table, compression)
+            sink.synchronise()
         temporary.replace(target)
         _sync_folder(target.parent)
-    except (OSError, RuntimeError) as error:  # h5py raises both for the same causes
+    except OSError as error:
         raise ResultError(_explain(target, error)) from error
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
 
 
-def _fill(path: Path, table: Table, compression: Literal["gzip"] | None) -> None:
-    file = _create(path)
-    try:
-        file.attrs[FORMAT_ATTRIBUTE] = FORMAT
-        _set_attributes(file, table.attributes)
-        for dim, size in table.dimensions.items():
-            if dim in table.coordinates:
-                _add(file, dim, table.coordinates[dim], None).make_scale(dim)
-            else:
-                # Never written, so that it takes no room: only its length counts.
-                scale = file.create_dataset(dim, shape=(size,), dtype=">f4")
-                scale.make_scale(f"{PLACEHOLDER}{size:10d}")
-        extra = {k: v for k, v in table.coordinates.items() if k not in table.dimensions}
-        for name, variable in {**extra, **table.variables}.items():
-            dataset = _add(file, name, variable, compression)
-            for axis, dim in enumerate(variable.dims):
-                dataset.dims[axis].label = dim
-                dataset.dims[axis].attach_scale(file[dim])
-            described = [k for k, v in extra.items() if set(v.dims) <= set(variable.dims)]
-            if described and name not in extra:
-                dataset.attrs[COORDINATES] = " ".join(described)
-    except BaseException:
-        with suppress(Exception):  # closing fails again when the disk is full
-            file.close()
-        raise
-    file.close()
-
-
-def _create(path: Path) -> Any:
-    """A new file, as readable as HDF5 1.8 and free of times of its own."""
+def _create(sink: Sink) -> Any:
+    """A new HDF5 file in `sink`, as readable as HDF5 1.8 and free of times of its own."""
     access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_fileobj_driver(h5py.h5fd.fileobj_driver, sink)
     # From 1.8 on, attributes may exceed 64 KB and metadata carry checksums.
     access.set_libver_bounds(h5py.h5f.LIBVER_V18, h5py.h5f.LIBVER_V18)
     access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
-    access.set_file_locking(False, True)  # nobody else knows the file; some network disks lack it
     creation = h5py.h5p.create(h5py.h5p.FILE_CREATE)
     creation.set_obj_track_times(False)
     creation.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
-    return h5py.File(h5py.h5f.create(os.fsencode(path), h5py.h5f.ACC_EXCL, creation, access))
+    return h5py.File(h5py.h5f.create(b"results", h5py.h5f.ACC_TRUNC, creation, access))
+
+
+def _fill(file: Any, table: Table, compression: Literal["gzip"] | None) -> None:
+    file.attrs[FORMAT_ATTRIBUTE] = FORMAT
+    _set_attributes(file, table.attributes)
+    for dim, size in table.dimensions.items():
+        if dim in table.coordinates:
+            _add(file, dim, table.coordinates[dim], None).make_scale(dim)
+        else:
+            # Never written, so that it takes no room: only its length counts.
+            file.create_dataset(dim, shape=(size,), dtype=">f4").make_scale(
+                f"{PLACEHOLDER}{size:10d}"
+            )
+    extra = {k: v for k, v in table.coordinates.items() if k not in table.dimensions}
+    for name, variable in {**extra, **table.variables}.items():
+        dataset = _add(file, name, variable, compression)
+        for axis, dim in enumerate(variable.dims):
+            dataset.dims[axis].attach_scale(file[dim])
+        described = [k for k, v in extra.items() if set(v.dims) <= set(variable.dims)]
+        if described and name not in extra:
+            dataset.attrs[COORDINATES] = " ".join(described)
 
 
 def _add(file: Any, name: str, variable: Variable, compression: Literal["gzip"] | None) -> Any:
@@ -132,11 +127,6 @@ def _chunks(data: NDArray[Any]) -> tuple[int, ...]:
     return tuple(chunks)
 
 
-def _sync(path: Path) -> None:
-    with path.open("rb+") as file:
-        os.fsync(file.fileno())
-
-
 def _sync_folder(folder: Path) -> None:
     """Make a rename last; not every system and disk can, and there the system's own habit holds."""
     if os.name != "posix":
@@ -151,17 +141,13 @@ def _sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _explain(target: Path, error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    if number is None and (found := re.search(r"errno = (\d+)", str(error))):
-        number = int(found[1])
-    reason = os.strerror(number) if number else str(error).partition("\n")[0]
-    if number in _NO_SPACE:
+def _explain(target: Path, error: OSError) -> str:
+    if error.errno in _NO_SPACE:
         remedy = "free some space or choose another folder with --out"
-    elif number in _FORBIDDEN:
+    elif error.errno in _FORBIDDEN:
         remedy = "choose a folder that you may write to with --out"
-    elif number in _NO_FOLDER:
+    elif error.errno in _NO_FOLDER:
         remedy = f"create the folder {target.parent} first"
     else:
         remedy = f"check the folder {target.parent}"
-    return f"{target}: cannot be written: {reason}; {remedy}"
+    return f"{target}: cannot be written: {error.strerror or error}; {remedy}"

@@ -1,0 +1,66 @@
+"""The figure of the paper's experiment: means over runs of the errors, the torque and L."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.plots.base import Figure
+from eqt_cli.plots.curves import draw_band, scale_norm
+from eqt_cli.plots.good_runs import GoodRuns
+from eqt_cli.plots.labels import SYMBOLS, quantity
+from eqt_cli.plots.layout import add_legend, sheet
+from eqt_cli.plots.style import Width, line_style
+
+_NORMS = ("pose_error", "velocity_error", "torque_norm")
+
+
+@dataclass(frozen=True)
+class Paper(Figure):
+    """Means over runs of pose error, velocity error, torque norm and Lyapunov function.
+
+    Figure 3 of Hampsey et al. (2025), on any group: where rotation and translation have units of
+    their own, the norms of both are shown, side by side, instead of the mixed ones.
+
+    Attributes
+    ----------
+    log
+        A logarithmic scale for what converges to zero: the errors and L, but not the torque.
+    bands
+        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs.
+    """
+
+    name: ClassVar[str] = "paper"
+
+    log: bool = False
+    bands: Literal["none", "quantiles"] = "none"
+
+    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+        """Two by two panels, or a row per norm and a column per part."""
+        parts = runs.parts
+        if len(parts) > 1:
+            mosaic = [[norm + part for part in parts] for norm in _NORMS]
+            mosaic.append(["lyapunov"] * len(parts))
+        else:
+            mosaic = [["pose_error", "velocity_error"], ["torque_norm", "lyapunov"]]
+        drawing, panels = sheet(width, mosaic, runs.times, runs.unit("time"))
+        for signal, axes in panels.items():
+            self._fill(axes, signal, runs)
+        for signal, part in zip(mosaic[0], parts, strict=False):
+            panels[signal].set_title(part.removeprefix("_"))
+        add_legend(drawing, panels["lyapunov"].lines, [e.title for e in runs.shown])
+        return drawing
+
+    def _fill(self, axes: Axes, signal: str, runs: GoodRuns) -> None:
+        for ensemble in runs.shown:
+            values = runs.values(signal, ensemble)
+            look = line_style(ensemble.index)
+            axes.plot(runs.times, values.mean(axis=0), **look)
+            if self.bands == "quantiles":
+                draw_band(axes, runs.times, values, look["color"])
+        scale_norm(axes, log=self.log and not signal.startswith("torque_norm"))
+        (symbol,) = (symbol for norm, symbol in SYMBOLS.items() if signal.startswith(norm))
+        axes.set_ylabel(quantity(symbol, runs.unit(signal)))

@@ -1,0 +1,65 @@
+"""Drawings as files that are equal, byte for byte, whenever they are made; it knows no result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from io import BytesIO
+from pathlib import Path
+from typing import Literal
+
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli import __version__
+from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.style import house_style
+
+Format = Literal["pdf", "svg", "png"]
+
+_MAKER = f"eqt {__version__}"
+
+
+def encode(drawing: Drawing, format: Format, title: str = "", description: str = "") -> bytes:
+    """The file's content; it holds no date and no random name."""
+    buffer = BytesIO()
+    with house_style():
+        drawing.savefig(buffer, format=format, metadata=_metadata(format, title, description))
+    return buffer.getvalue()
+
+
+def write(contents: Mapping[Path, bytes]) -> None:
+    """Write files, each in one step that either happens or does not; folders are made.
+
+    Raises
+    ------
+    EqtError
+        If a folder or file cannot be written.
+    """
+    for path, content in contents.items():
+        temporary = path.with_name(path.name + ".tmp")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            temporary.write_bytes(content)
+            temporary.replace(path)
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise EqtError(
+                f"{path}: cannot be written: {reason}; choose another folder with --out"
+            ) from error
+        finally:
+            with suppress(OSError):
+                temporary.unlink(missing_ok=True)
+
+
+def _metadata(format: Format, title: str, description: str) -> dict[str, str | None]:
+    title, description = _printable(title), _printable(description)
+    if format == "pdf":
+        return {"Title": title, "Subject": description, "Creator": _MAKER, "CreationDate": None}
+    if format == "svg":
+        return {"Title": title, "Description": description, "Creator": _MAKER, "Date": None}
+    return {"Title": title, "Description": description, "Software": _MAKER}
+
+
+def _printable(text: str) -> str:
+    """Text without control characters, which XML has no way to write."""
+    return "".join(character if character.isprintable() else " " for character in text)

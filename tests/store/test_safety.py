@@ -1,0 +1,375 @@
+"""Files that nobody should have to trust; each is made with h5py, or by spoiling bytes."""
+
+import os
+import struct
+
+import h5py
+import numpy as np
+import pytest
+
+from eqt_cli.core.errors import ResultError
+from eqt_cli.store.reader import open_results
+from eqt_cli.store.variables import Table, Variable
+from eqt_cli.store.writer import write
+
+AGAIN = "copy it again or run the experiment again"
+
+
+@pytest.fixture
+def path(tmp_path, table):
+    write(tmp_path / "results.h5", table)
+    return tmp_path / "results.h5"
+
+
+def refusal(path):
+    with pytest.raises(ResultError) as caught, open_results(path):
+        pass
+    return str(caught.value)
+
+
+def spoil(path, old, new):
+    """Replace the only occurrence of some bytes."""
+    content = path.read_bytes()
+    assert content.count(old) == 1
+    path.write_bytes(content.replace(old, new))
+
+
+def test_a_missing_path(tmp_path):
+    path = tmp_path / "none"
+    assert refusal(path) == f"{path}: does not exist; give a result folder or its results.h5"
+
+
+def test_a_folder_without_results(tmp_path):
+    assert refusal(tmp_path) == (
+        f"{tmp_path}: the folder holds no results.h5; run its experiment to the end first"
+    )
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    path = tmp_path / "results.h5"
+    os.mkfifo(path)
+    assert refusal(tmp_path) == f"{path}: is not a file; give a result folder or its results.h5"
+
+
+def test_a_path_through_a_file(path):
+    below = path / "results.h5"
+    assert refusal(below) == (
+        f"{below}: cannot be read: Not a directory; check the path and its permissions"
+    )
+
+
+@pytest.mark.parametrize("content", [b"", b"\x89HDF", b"name: paper\n", bytes(range(256)) * 40])
+def test_a_file_of_another_kind(tmp_path, content):
+    path = tmp_path / "results.h5"
+    path.write_bytes(content)
+    assert refusal(path) == f"{path}: is not an HDF5 file; give the results.h5 that eqt wrote"
+
+
+def test_an_hdf5_file_of_another_program(tmp_path):
+    path = tmp_path / "other.h5"
+    with h5py.File(path, "w") as file:
+        file["group/data"] = 1.0
+    assert refusal(path) == (
+        f"{path}: is an HDF5 file, but not one of eqt's (it has no attribute 'eqt_format'); "
+        "give the results.h5 that eqt wrote"
+    )
+
+
+def test_a_newer_format(path):
+    with h5py.File(path, "r+") as file:
+        file.attrs["eqt_format"] = 2
+    assert refusal(path) == (
+        f"{path}: has format 2, and this eqt reads format 1; "
+        "read it with the version of eqt that wrote it, or a newer one"
+    )
+
+
+@pytest.mark.parametrize("kept", [0.25, 0.9, -1])
+def test_a_file_cut_short(path, kept):
+    content = path.read_bytes()
+    path.write_bytes(content[: kept if kept < 0 else int(kept * len(content))])
+    assert refusal(path) == f"{path}: is cut short; {AGAIN}"
+
+
+def test_only_a_signature(tmp_path):
+    path = tmp_path / "results.h5"
+    path.write_bytes(b"\x89HDF\r\n\x1a\n" + np.random.default_rng(0).bytes(5000))
+    assert refusal(path) == f"{path}: is damaged; {AGAIN}"
+
+
+def test_spoiled_metadata(path):
+    spoil(path, b"control torque", b"cOntrol torque")  # a heap: without a checksum, yet well-formed
+    with open_results(path) as results:
+        assert results.long_name("torque") == "cOntrol torque τ"
+    spoil(path, b"settling_time", b"settling-time")  # an object header: with one
+    assert refusal(path) == f"{path}: is damaged; {AGAIN}"
+
+
+def _soft_link(file):
+    file["evil"] = h5py.SoftLink("/torque")
+
+
+def _external_link(file):
+    file["evil"] = h5py.ExternalLink("/etc/other.h5", "/data")
+
+
+def _group(file):
+    file.create_group("evil")
+
+
+def _named_type(file):
+    file["evil"] = np.dtype("f8")
+
+
+def _strange_name(file):
+    file["\x1b[31m"] = 1.0
+
+
+def _virtual(file):
+    layout = h5py.VirtualLayout((5,), "f8")
+    layout[:] = h5py.VirtualSource("/etc/other.h5", "data", (5,))
+    file.create_virtual_dataset("evil", layout)
+
+
+def _external_storage(file):
+    file.create_dataset("evil", (5,), "f8", external=[("/etc/passwd", 0, 40)])
+
+
+def _compound(file):
+    file["evil"] = np.zeros(5, dtype=[("a", "f8"), ("b", "i4")])
+
+
+def _reference(file):
+    file["evil"] = np.array([file.ref] * 5, dtype=h5py.ref_dtype)
+
+
+def _boolean(file):
+    file["evil"] = np.zeros(5, dtype=bool)
+
+
+def _fixed_width_text(file):
+    file["evil"] = np.array([b"eqt", b"gt"])
+
+
+def _numbers_of_variable_length(file):
+    file.create_dataset("evil", (5,), h5py.vlen_dtype(np.float64))
+
+
+def _no_shape(file):
+    file["evil"] = h5py.Empty("f8")
+
+
+def _other_filter(file):
+    file.create_dataset("evil", data=np.zeros(50), compression="lzf")
+
+
+def _two_deflations(file):
+    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    creation.set_chunk((50,))
+    creation.set_deflate(9)
+    creation.set_deflate(9)
+    kind, space = h5py.h5t.IEEE_F64LE, h5py.h5s.create_simple((50,))
+    h5py.h5d.create(file.id, b"evil", kind, space, creation)
+
+
+def _huge_and_empty(file):
+    file.create_dataset("evil", (2**34,), "f8")
+
+
+def _huge_chunked_and_empty(file):
+    file.create_dataset("evil", (2**34,), "f8", chunks=(1000,))
+
+
+def _huge_beyond_64_bits(file):
+    file.create_dataset("evil", (2**40, 2**40), "f8", chunks=(1000, 1000))
+
+
+def _one_chunk_of_many(file):
+    file.create_dataset("evil", (2**34,), "f8", chunks=(1000,))[:1000] = 1.0
+
+
+def _one_compressed_chunk_of_many(file):
+    file.create_dataset("evil", (2**34,), "f8", chunks=(1000,), compression="gzip")[:1000] = 1.0
+
+
+def _without_dimension(file):
+    file["evil"] = np.zeros(5)
+
+
+def _of_another_size(file):
+    file["evil"] = np.zeros(6)
+    file["evil"].dims[0].attach_scale(file["run"])
+
+
+def _two_dimensions_on_an_axis(file):
+    file["torque"].dims[0].attach_scale(file["run"])
+
+
+def _attached_to_no_dataset(file):
+    attached = file["run"].attrs["REFERENCE_LIST"]
+    attached[0] = (file.ref, 0)
+    file["run"].attrs["REFERENCE_LIST"] = attached
+
+
+def _attached_beyond_the_last_axis(file):
+    attached = file["run"].attrs["REFERENCE_LIST"]
+    attached[0] = (attached[0][0], 4)
+    file["run"].attrs["REFERENCE_LIST"] = attached
+
+
+def _attached_by_text(file):
+    del file["run"].attrs["REFERENCE_LIST"]
+    file["run"].attrs["REFERENCE_LIST"] = "torque"
+
+
+def _scale_with_two_axes(file):
+    file["evil"] = np.zeros((5, 5))
+    file["evil"].make_scale("evil")
+
+
+def _twice_the_same(file):
+    file["evil"] = file["torque"]
+
+
+def _text_in_chunks(file):
+    file.create_dataset("evil", (5,), h5py.string_dtype(), chunks=(5,))
+
+
+def _array_attribute(file):
+    file["torque"].attrs["evil"] = np.zeros(3)
+
+
+def _huge_attribute(file):
+    file.attrs.create("evil", np.zeros(10**6))
+
+
+BUILDERS = {
+    _soft_link: "'evil' is a soft link",
+    _external_link: "'evil' is an external link",
+    _group: "'evil' is a group",
+    _named_type: "'evil' is a named type",
+    _strange_name: "it holds something called '\\x1b[31m'",
+    _virtual: "'evil' is a virtual dataset",
+    _external_storage: "'evil' keeps its data in another file",
+    _compound: "'evil' holds neither numbers nor variable-length strings",
+    _reference: "'evil' holds neither numbers nor variable-length strings",
+    _boolean: "'evil' holds neither numbers nor variable-length strings",
+    _fixed_width_text: "'evil' holds neither numbers nor variable-length strings",
+    _numbers_of_variable_length: "'evil' holds neither numbers nor variable-length strings",
+    _no_shape: "'evil' has no shape",
+    _other_filter: "'evil' uses filters other than shuffle and gzip",
+    _two_deflations: "'evil' uses filters other than shuffle and gzip",
+    _huge_and_empty: "'evil' has the shape (17179869184,) and holds no data",
+    _huge_chunked_and_empty: "'evil' has the shape (17179869184,) and holds no data",
+    _huge_beyond_64_bits: ("'evil' has the shape (1099511627776, 1099511627776) and holds no data"),
+    _one_chunk_of_many: "'evil' declares 137438960000 bytes and holds 8000",
+    _one_compressed_chunk_of_many: "'evil' declares 137438960000 bytes and holds 41",
+    _without_dimension: "'evil' has an axis without a dimension",
+    _of_another_size: "'evil' has 6 entries along 'run', which has 5",
+    _two_dimensions_on_an_axis: "'run' is attached where it cannot be",
+    _attached_to_no_dataset: "'run' is attached where it cannot be",
+    _attached_beyond_the_last_axis: "'run' is attached where it cannot be",
+    _attached_by_text: "'run' is attached in an unknown way",
+    _scale_with_two_axes: "'evil' is a dimension scale of shape (5, 5)",
+    _twice_the_same: "two of its datasets share the same bytes",
+    _text_in_chunks: "'evil' does not hold its strings in one piece",
+    _array_attribute: "its attribute 'evil' of 'torque' is not one number or string",
+    _huge_attribute: "its attribute 'evil' is not one number or string",
+}
+
+
+@pytest.mark.parametrize("build", BUILDERS, ids=lambda build: build.__name__.strip("_"))
+def test_what_eqt_never_writes_is_refused(path, build):
+    with h5py.File(path, "r+") as file:
+        build(file)
+    assert refusal(path) == (
+        f"{path}: refused: {BUILDERS[build]}; eqt writes no such file: {AGAIN}"
+    )
+
+
+def test_the_layout_without_checksums(tmp_path):
+    path = tmp_path / "results.h5"
+    with h5py.File(path, "w", libver=("earliest", "v108")) as file:
+        file.attrs["eqt_format"] = 1
+    assert refusal(path) == (
+        f"{path}: refused: it has an HDF5 layout without checksums; "
+        f"eqt writes no such file: {AGAIN}"
+    )
+
+
+def test_a_broken_heap_does_not_hang(tmp_path):
+    """The HDF5 library itself loops for ever on this file (its issue 1707)."""
+    path = tmp_path / "results.h5"
+    write(path, Table({}, attributes={"note": "something to find"}))
+    size = struct.pack("<Q", len("something to find"))
+    spoil(path, size + b"something to find", bytes(8) + b"something to find")
+    assert refusal(path) == (
+        f"{path}: refused: its strings are damaged; eqt writes no such file: {AGAIN}"
+    )
+
+
+@pytest.fixture
+def texts(tmp_path):
+    """A file with many short strings and one long, and where the references to them are."""
+    path = tmp_path / "results.h5"
+    data = np.array(["x" * 100_000] + ["short"] * 99)
+    write(path, Table({"message": Variable(("run",), data)}))
+    with h5py.File(path) as file:
+        return path, file["message"].id.get_offset()
+
+
+def test_many_references_to_one_long_string(texts):
+    """100 strings of 100 kB each, 10 MB, from a file of about 100 kB."""
+    path, offset = texts
+    content = bytearray(path.read_bytes())
+    content[offset : offset + 1600] = bytes(content[offset : offset + 16]) * 100
+    path.write_bytes(content)
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results["message"]
+    assert str(caught.value) == (
+        f"{path}: refused: 'message' declares 10000000 bytes of text in a file of {len(content)}; "
+        f"eqt writes no such file: {AGAIN}"
+    )
+
+
+@pytest.mark.parametrize(
+    "reference",
+    [
+        struct.pack("<IQI", 5, 8, 1),  # where there is no heap
+        struct.pack("<IQI", 2**32 - 1, 0, 0)[:4],  # longer than what is there
+    ],
+    ids=["elsewhere", "too long"],
+)
+def test_a_reference_to_a_string_that_is_not_there(texts, reference):
+    path, offset = texts
+    content = bytearray(path.read_bytes())
+    content[offset : offset + len(reference)] = reference
+    path.write_bytes(content)
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results["message"]
+    assert str(caught.value) == (
+        f"{path}: refused: 'message' has damaged strings; eqt writes no such file: {AGAIN}"
+    )
+
+
+def test_spoiled_compressed_data(tmp_path, table):
+    path = tmp_path / "results.h5"
+    write(path, table, "gzip")
+    with h5py.File(path) as file:
+        chunk = file["torque"].id.get_chunk_info(0)
+    content = bytearray(path.read_bytes())
+    content[chunk.byte_offset : chunk.byte_offset + 20] = bytes(20)
+    path.write_bytes(content)
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results["torque"]
+    assert str(caught.value) == f"{path}: 'torque' is damaged; {AGAIN}"
+
+
+def test_more_than_the_memory_holds(path, monkeypatch):
+    def fail(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(h5py.Dataset, "__getitem__", fail)
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results["torque"]
+    assert str(caught.value) == f"{path}: 'torque' does not fit the memory; read it in parts"
