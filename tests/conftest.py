@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from eqt_cli.core.arrays import Array, transpose
-from eqt_cli.groups import MatrixLieGroup, groups
+from eqt_cli.groups import MatrixLieGroup, group_named, groups
 
 # A deadline would time the machine, which runs tests side by side, and not the code.
 settings.register_profile("eqt", deadline=None)
@@ -85,13 +85,18 @@ class Samples:
 
     def symmetric(self, data: st.DataObject, n: int) -> Array:
         """A symmetric matrix, ``(batch…, n, n)``."""
-        A = self.numbers(data, n, n)
+        A = self._matrix(data, n)
         return (A + transpose(A)) / 2
 
     def positive_definite(self, data: st.DataObject, n: int) -> Array:
         """A symmetric matrix with eigenvalues of at least ½, ``(batch…, n, n)``."""
-        A = self.numbers(data, n, n)
+        A = self._matrix(data, n)
         return A @ transpose(A) + np.eye(n) / 2
+
+    def _matrix(self, data: st.DataObject, n: int) -> Array:
+        # From a seed: to draw up to n² = 81 entries one by one is slow and finds no more.
+        seed = data.draw(st.integers(0, 2**32 - 1))
+        return np.random.default_rng(seed).uniform(-1.0, 1.0, (*self.shape, n, n))
 
 
 def _direction(vectors: Array) -> Array:
@@ -101,20 +106,23 @@ def _direction(vectors: Array) -> Array:
     return np.where(length > 1e-6, vectors / np.maximum(length, 1e-6), first_axis)
 
 
-@pytest.fixture(scope="session", params=groups.all(), ids=lambda group: group.name)
+ALL_GROUPS = [group_named(name) for kind in groups.all() for name in kind.examples()]
+
+
+@pytest.fixture(scope="session", params=ALL_GROUPS, ids=lambda group: group.name)
 def G(request: pytest.FixtureRequest) -> MatrixLieGroup:
     """Every registered group in turn."""
-    group: MatrixLieGroup = request.param()
+    group: MatrixLieGroup = request.param
     return group
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def shape() -> tuple[int, ...]:
     """The batch shape of `samples`; a module may override it."""
     return (2,)
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def samples(G: MatrixLieGroup, shape: tuple[int, ...]) -> Samples:
     """Samples of every registered group in turn."""
     return Samples(G, shape)
@@ -122,8 +130,8 @@ def samples(G: MatrixLieGroup, shape: tuple[int, ...]) -> Samples:
 
 @pytest.fixture(scope="session")
 def samples_of() -> Callable[[str], Samples]:
-    """Samples of a group by name, for the formulas that a paper states for one group only."""
-    return lambda name: Samples(groups.get(name)(), (2,))
+    """Single samples of a group by name, for what the paper states for that group only."""
+    return lambda name: Samples(group_named(name), ())
 
 
 @pytest.fixture(scope="session")

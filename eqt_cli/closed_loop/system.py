@@ -16,8 +16,9 @@ import numpy as np
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.inertia import InertiaLaw
 from eqt_cli.mechanics.lie_poisson import lie_poisson
-from eqt_cli.mechanics.tracking import Gains, Inertia, Tracking
+from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
 
 
@@ -31,7 +32,7 @@ class ClosedLoop:
     """
 
     group: MatrixLieGroup
-    inertia: Inertia
+    inertia: InertiaLaw
     gains: Gains
     reference: Reference
     controller: Controller
@@ -41,25 +42,20 @@ class ClosedLoop:
     @property
     def parameters(self) -> dict[str, Array]:
         """Every runtime parameter, by name; scalars as arrays of shape (1,)."""
-        own = {
-            "inertia": self.inertia.matrix,
-            "inertia_inverse": self.inertia.inverse,
-            "kp": self.gains.K,
-            "kd": self.gains.K_d,
-        }
+        gains = {"kp": self.gains.K, "kd": self.gains.K_d}
         options = {
             f"controller.{name}": np.atleast_1d(value)
             for name, value in vars(self.controller).items()
             if isinstance(value, float | np.ndarray)
         }
-        return own | options
+        return self.inertia.parameters | gains | options
 
     def with_parameters(self, values: dict[str, Array]) -> Self:
         """The same structure with other parameters, which may be batched or symbols."""
         controller = _replaced(self.controller, values, "controller.")
         return dataclasses.replace(
             self,
-            inertia=Inertia(values["inertia"], values["inertia_inverse"]),
+            inertia=self.inertia.with_parameters(values),
             gains=Gains(values["kp"], values["kd"]),
             controller=controller,
         )
@@ -79,31 +75,33 @@ class ClosedLoop:
         """The number of entries of a flat state."""
         return self._layout[-1] + 1
 
-    def initial_state(self, Q: Array, V: Array, Qd: Array, Vd: Array) -> Array:
-        """The flat state for poses ``(..., d, d)`` and body velocities ``(..., m)``; W = 0."""
+    def initial_state(self, Q: Array, V: Array, Qd: Array, Vd: Array, t: float = 0.0) -> Array:
+        """The flat state at time t; poses ``(..., d, d)``, velocities ``(..., m)``, W = 0."""
+        inertia = self.inertia.at(t)
         batch = np.broadcast_shapes(Q.shape[:-2], V.shape[:-1], Qd.shape[:-2], Vd.shape[:-1])
         state = np.zeros((*batch, self.state_length))
         pose, momentum, desired_pose, desired_momentum, _ = self._layout
         state[..., pose] = self.group.pack(Q)
-        state[..., momentum] = self.inertia.momentum(V)
+        state[..., momentum] = inertia.momentum(V)
         state[..., desired_pose] = self.group.pack(Qd)
-        state[..., desired_momentum] = self.inertia.momentum(Vd)
+        state[..., desired_momentum] = inertia.momentum(Vd)
         return state
 
     def tracking(self, t: Any, state: Array) -> Tracking:
         """Everything a law may read, at time t and a flat state ``(..., state_length)``."""
         pose, momentum, desired_pose, desired_momentum, _ = self._layout
         Pd = state[..., desired_momentum]
+        inertia = self.inertia.at(t)
         return Tracking(
             G=self.group,
-            inertia=self.inertia,
+            inertia=inertia,
             gains=self.gains,
             t=t,
             Q=self.group.unpack(state[..., pose]),
             P=state[..., momentum],
             Qd=self.group.unpack(state[..., desired_pose]),
             Pd=Pd,
-            tau_d=self.reference.driving_torque(self.group, self.inertia, t, Pd),
+            tau_d=self.reference.driving_torque(self.group, inertia, t, Pd),
         )
 
     def work(self, state: Array) -> Array:

@@ -23,10 +23,13 @@ class Controller(ABC):
         As written in a configuration: ``eqt``.
     title
         As written in figures: ``EqT``.
+    tasks
+        The tasks of a configuration that it is for.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
+    tasks: ClassVar[tuple[str, ...]] = ("track",)
     # Read by pydantic when a configuration gives options: no other keys, no silent conversions.
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 

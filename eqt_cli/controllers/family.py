@@ -16,6 +16,7 @@ class Family(Controller):
 
     τ = τ_d − g·ad*_Ṽ 𝕀V_d − c·ad*_{V_d} 𝕀Ṽ + n·𝕀 ad_V V_d − damping − Ad*_{Q_d} L*_{Q_E}dΥ(Q_E)
 
+    and, where the inertia varies by itself, + Ṡ*S⁻* 𝕀Ṽ (Theorem 3.2);
     with damping Ad*_{Q_d} K_d Ad_{Q_d} Ṽ (spatial) or K_d Ṽ (body). All members with c + n = 1
     change L = ½⟨𝕀Ṽ, Ṽ⟩ + Υ(Q_E) at the same rate, −⟨K_d V_E, V_E⟩ or −⟨K_d Ṽ, Ṽ⟩: the g-term is
     gyroscopic, and the c- and n-terms have the same power on every group. Generalises Hampsey et
@@ -54,6 +55,7 @@ class Family(Controller):
             - self.gyroscopic * G.ad_star(s.V_tilde, s.Pd)
             - self.transport * G.ad_star(s.Vd, s.P_tilde)
             + self.connection * s.inertia.momentum(G.ad(s.V, s.Vd))
+            + s.inertia_force
         )
         spatial_force = s.gradient + self.spatial * s.spatial_damping
         body_force = (1 - self.spatial) * s.body_damping

@@ -147,6 +147,24 @@ def stack(entries: Sequence[Any]) -> Array:
     return out
 
 
+def inverse_spd(matrix: Array) -> Array:
+    """The inverse of a symmetric positive definite matrix, ``(..., m, m)``.
+
+    LAPACK's for floats. For symbols Gauss-Jordan elimination without pivoting or branches, which
+    definiteness makes stable (Golub and Van Loan, Matrix Computations, section 4.2).
+    """
+    if matrix.dtype != object:
+        return np.linalg.inv(matrix)
+    n = matrix.shape[-1]
+    work = np.concatenate([matrix, np.broadcast_to(np.eye(n), matrix.shape)], axis=-1)
+    for k in range(n):
+        work[..., k, :] = work[..., k, :] / work[..., k, k, None]
+        for row in range(n):
+            if row != k:
+                work[..., row, :] = work[..., row, :] - work[..., row, k, None] * work[..., k, :]
+    return work[..., n:]
+
+
 def transpose(matrix: Array) -> Array:
     """Matrix transpose, over the last two axes."""
     return matrix.swapaxes(-1, -2)

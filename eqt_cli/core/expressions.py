@@ -85,7 +85,7 @@ class Expression:
         The variables that occur in it.
     tree : Node
         The syntax tree, in which chains such as ``a + b + c`` lean to the left without limit of
-        depth: walk it with a loop along `Binary.left`, as `_fold` does.
+        depth: walk it with a loop along `Binary.left`, as `fold` does.
     """
 
     text: str
@@ -121,10 +121,10 @@ class Expression:
                 if isinstance(value, np.ndarray) and value.ndim == 0:
                     value = value[()]
                 return float(value) if isinstance(value, int) else value
-            return _combine(node, operands)
+            return combine(node, operands)
 
         with np.errstate(all="ignore"):
-            return _fold(self.tree, visit)
+            return fold(self.tree, visit)
 
     def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, tuple[str, ...]]]:
         """Travel to workers as text: pickling a deep tree would exhaust the stack."""
@@ -142,7 +142,7 @@ def parse(text: str, variables: Collection[str] = ("t",)) -> Expression:
     """
     tree, used = _Parser(text, variables).parse()
     with np.errstate(all="ignore"):
-        _fold(tree, _constant_value)
+        fold(tree, _constant_value)
     return Expression(text, used, tree)
 
 
@@ -160,25 +160,25 @@ def constant(text: str) -> float:
 # Evaluation -----------------------------------------------------------------------------------
 
 
-def _fold(node: Node, visit: Callable[[Node, tuple[Any, ...]], Any]) -> Any:
+def fold(node: Node, visit: Callable[[Node, tuple[Any, ...]], Any]) -> Any:
     """Visit the tree from the leaves up, each node with the results of its operands."""
     chain: list[Binary] = []
     while isinstance(node, Binary):  # a long sum is a deep tree: recursion would not do
         chain.append(node)
         node = node.left
     if isinstance(node, Negation):
-        result = visit(node, (_fold(node.operand, visit),))
+        result = visit(node, (fold(node.operand, visit),))
     elif isinstance(node, Call):
-        result = visit(node, (_fold(node.argument, visit),))
+        result = visit(node, (fold(node.argument, visit),))
     else:
         result = visit(node, ())
     while chain:
         binary = chain.pop()
-        result = visit(binary, (result, _fold(binary.right, visit)))
+        result = visit(binary, (result, fold(binary.right, visit)))
     return result
 
 
-def _combine(node: Number | Negation | Binary | Call, operands: tuple[Any, ...]) -> Any:
+def combine(node: Number | Negation | Binary | Call, operands: tuple[Any, ...]) -> Any:
     """Compute the value of a node from those of its operands."""
     if isinstance(node, Binary):
         left, right = operands
@@ -220,7 +220,7 @@ def _constant_value(node: Node, operands: tuple[float | None, ...]) -> float | N
         raise ExpressionError(f"division by zero at column {node.column}", node.column)
     if isinstance(node, Variable) or None in operands:
         return None
-    value = float(_combine(node, operands))
+    value = float(combine(node, operands))
     if isinstance(node, (Binary, Call)) and not math.isfinite(value):
         name = node.operator if isinstance(node, Binary) else node.function
         raise ExpressionError(

@@ -9,7 +9,6 @@ import json
 from copy import deepcopy
 from dataclasses import dataclass
 from hashlib import sha256
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,23 +18,24 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ComponentError
-from eqt_cli.core.numbers import Real
-from eqt_cli.core.registry import Registry, load_plugin
+from eqt_cli.core.registry import Registry
 from eqt_cli.engines import Engine
+from eqt_cli.ensemble.factor_poses import FactorPoses
 from eqt_cli.ensemble.poses import PoseDistribution, pose_distributions
 from eqt_cli.ensemble.velocities import VelocityDistribution, velocity_distributions
-from eqt_cli.experiment import tensors
-from eqt_cli.experiment.components import component, resolved
-from eqt_cli.experiment.pose import pose_from
+from eqt_cli.experiment.components import component, option_path, resolved
+from eqt_cli.experiment.gains import gains_from
+from eqt_cli.experiment.inertia import inertia_from
+from eqt_cli.experiment.motion import motion_from
+from eqt_cli.experiment.plugins import load_plugins
 from eqt_cli.experiment.problems import Path as KeyPath
 from eqt_cli.experiment.problems import Problems
-from eqt_cli.experiment.schema import Config, GainsSection
+from eqt_cli.experiment.schema import Config
 from eqt_cli.experiment.solver import Solver, solver_from
 from eqt_cli.experiment.source import ConfigSource
 from eqt_cli.experiment.translate import UNKNOWN_KEY, problems_of
-from eqt_cli.groups import MatrixLieGroup, groups
-from eqt_cli.mechanics.tracking import Gains, Inertia
-from eqt_cli.references import Reference, references
+from eqt_cli.groups import MatrixLieGroup, group_named
+from eqt_cli.groups.product import ProductGroup
 
 
 @dataclass(frozen=True)
@@ -110,63 +110,55 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         With every problem, each at its place in the file.
     """
     problems = Problems(source.place)
-    plugins = _load_plugins(source, trust_plugins, problems)
+    plugins = load_plugins(source, trust_plugins, problems)
     problems.raise_if_any()  # without its plugins a configuration cannot be judged
     sections = _sections(source.data, problems)
     group = _group(sections["group"], problems)
-    inertia = _inertia(group, sections["inertia"], problems)
-    gains = _gains(group, sections["gains"], problems)
-    reference, Qd, Vd = _reference(group, sections["reference"], problems)
-    laws = _controllers(sections["controllers"] or [], problems)
-    initial = sections["initial"]
-    poses = initial and _distribution(
-        pose_distributions, initial.pose, group, ("initial", "pose"), problems
+    motion = motion_from(
+        sections["task"], sections["reference"], sections["target"], group, problems
     )
-    velocities = initial and _distribution(
-        velocity_distributions, initial.velocity, group, ("initial", "velocity"), problems
-    )
+    laws = _controllers(sections["controllers"] or [], sections["task"], problems)
     solver = None if sections["solver"] is None else solver_from(sections["solver"], problems)
+    inertia = gains = poses = velocities = None
+    if group and sections["inertia"] is not None:
+        horizon = sections["time"].duration if sections["time"] else 0.0
+        inertia = inertia_from(sections["inertia"], group, horizon, problems)
+    if group and sections["gains"]:
+        gains = gains_from(sections["gains"], group, problems)
+    if sections["initial"]:
+        poses = _pose_distribution(sections["initial"].pose, group, problems)
+        velocities = _distribution(
+            velocity_distributions,
+            sections["initial"].velocity,
+            group,
+            ("initial", "velocity"),
+            problems,
+        )
     problems.raise_if_any()
-    assert group and inertia and gains and reference and poses and velocities and solver
-    assert Qd is not None and Vd is not None
+    assert group and motion and inertia and gains and poses and velocities and solver
     config = Config.model_validate(source.data)
-    complete = config.model_dump(exclude_none=True) | {
-        "reference": {**_reference_section(source.data["reference"]), **resolved(reference)},
+    complete = config.model_dump(exclude_none=True, warnings="none") | {
+        **motion.resolved,
         "controllers": [resolved(law) | {"label": label} for label, law in laws.items()],
-        "initial": {"pose": resolved(poses), "velocity": resolved(velocities)},
+        "initial": {"pose": _resolved_poses(poses), "velocity": resolved(velocities)},
         "solver": solver.resolved,
     }
     loops = {
-        label: ClosedLoop(group, inertia, gains, reference, law) for label, law in laws.items()
+        label: ClosedLoop(group, inertia, gains, motion.reference, law)
+        for label, law in laws.items()
     }
-    return Experiment(config, complete, group, loops, Qd, Vd, poses, velocities, solver, plugins)
-
-
-def _load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dict[str, str]:
-    """Load every plugin; returns their sources by path."""
-    paths = source.data.get("plugins", [])
-    if not isinstance(paths, list) or not all(isinstance(path, str) for path in paths):
-        problems.add(("plugins",), "expected a list of paths to Python files")
-        return {}
-    sources: dict[str, str] = {}
-    for index, path in enumerate(paths):
-        try:
-            if source.stored_plugins is None:
-                file = source.folder / path
-                load_plugin(file)
-                sources[path] = file.read_text(encoding="utf-8")
-            elif trusted:
-                sources[path] = source.stored_plugins[path]
-                load_plugin(Path(path), sources[path])
-            else:
-                problems.add(
-                    ("plugins", index),
-                    f"the result holds the source of {path}, which is executed only on request; "
-                    "read it with `eqt show --plugins`, then add --trust-plugins",
-                )
-        except ComponentError as error:
-            problems.add(("plugins", index), str(error))
-    return sources
+    return Experiment(
+        config,
+        complete,
+        group,
+        loops,
+        motion.pose,
+        motion.velocity,
+        poses,
+        velocities,
+        solver,
+        plugins,
+    )
 
 
 def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
@@ -211,81 +203,13 @@ def _group(name: str | None, problems: Problems) -> MatrixLieGroup | None:
     if name is None:
         return None
     try:
-        return groups.get(name)()
+        return group_named(name)
     except ComponentError as error:
         problems.add(("group",), str(error))
         return None
 
 
-def _inertia(G: MatrixLieGroup | None, value: Any, problems: Problems) -> Inertia | None:
-    if G is None or value is None:
-        return None
-    matrix = tensors.square(value, G.dimension, G)
-    if isinstance(matrix, str):
-        problems.add(("inertia",), matrix)
-        return None
-    wrong = tensors.asymmetry(matrix) or tensors.indefiniteness(matrix)
-    if wrong:
-        problems.add(("inertia",), wrong)
-        return None
-    return Inertia(matrix, np.linalg.inv(matrix))
-
-
-def _gains(
-    G: MatrixLieGroup | None, section: GainsSection | None, problems: Problems
-) -> Gains | None:
-    if G is None or section is None:
-        return None
-    K = tensors.square(section.kp, G.size, G)
-    wrong = K if isinstance(K, str) else tensors.asymmetry(K) or tensors.degenerate_minimum(K, G)
-    if wrong:
-        problems.add(("gains", "kp"), wrong)
-    K_d = tensors.square(section.kd, G.dimension, G)
-    wrong = K_d if isinstance(K_d, str) else tensors.indefiniteness(K_d)
-    if wrong:
-        problems.add(("gains", "kd"), wrong)
-    return None if isinstance(K, str) or isinstance(K_d, str) else Gains(K, K_d)
-
-
-def _reference_section(section: dict[str, Any]) -> dict[str, Any]:
-    """The keys that every reference takes, with their defaults."""
-    return {"pose": section.get("pose", "identity"), "velocity": section.get("velocity", 0.0)}
-
-
-def _reference(
-    G: MatrixLieGroup | None, section: dict[str, Any] | None, problems: Problems
-) -> tuple[Reference | None, Array | None, Array | None]:
-    """The reference, Q_d(0) and V_d(0)."""
-    if section is None:
-        return None, None, None
-    options = {key: value for key, value in section.items() if key not in ("pose", "velocity")}
-    reference = component(references, {"kind": "torque"} | options, ("reference",), problems)
-    if G is None:
-        return reference, None, None
-    for option, message in reference.problems(G) if reference else ():
-        problems.add(_option_path(("reference",), option), message)
-    common = _reference_section(section)
-    Qd = pose_from(common["pose"], G, ("reference", "pose"), problems)
-    Vd = _velocity(common["velocity"], G, problems)
-    return reference, Qd, Vd
-
-
-def _velocity(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None:
-    path: KeyPath = ("reference", "velocity")
-    try:
-        numbers = TypeAdapter(Real | list[Real]).validate_python(value)
-    except ValidationError as error:
-        for place, message in problems_of(error, value, lambda _: ()):
-            problems.add((*path, *place), message)
-        return None
-    velocity = tensors.vector(numbers, G.dimension, G)
-    if isinstance(velocity, str):
-        problems.add(path, velocity)
-        return None
-    return velocity
-
-
-def _controllers(entries: list[Any], problems: Problems) -> dict[str, Controller]:
+def _controllers(entries: list[Any], task: str | None, problems: Problems) -> dict[str, Controller]:
     """The control laws by label."""
     laws: dict[str, Controller] = {}
     for index, entry in enumerate(entries):
@@ -296,6 +220,9 @@ def _controllers(entries: list[Any], problems: Problems) -> dict[str, Controller
             label = entry.pop("label", None)
         law = component(controllers, entry, path, problems)
         if law is None:
+            continue
+        if task is not None and task not in law.tasks:
+            problems.add(path, _wrong_task(law, task))
             continue
         label = law.name if label is None else label
         if not isinstance(label, str) or not label:
@@ -319,14 +246,36 @@ def _distribution(
     if distribution is None or G is None:
         return None
     for option, message in distribution.problems(G):
-        problems.add(_option_path(path, option), message)
+        problems.add(option_path(path, option), message)
     return distribution
 
 
-def _option_path(path: KeyPath, option: str) -> KeyPath:
-    """The path of an option such as ``position.std`` or ``torque[1]`` below `path`."""
-    name, _, rest = option.partition("[")
-    steps: list[str | int] = list(name.split("."))
-    if rest:
-        steps.append(int(rest.removesuffix("]")))
-    return (*path, *steps)
+def _wrong_task(law: Controller, task: str) -> str:
+    fitting = ", ".join(kind.name for kind in controllers.all() if task in kind.tasks)
+    return f"{law.name} is for task: {' or '.join(law.tasks)}; task: {task} takes {fitting}"
+
+
+def _pose_distribution(
+    value: Any, G: MatrixLieGroup | None, problems: Problems
+) -> PoseDistribution | None:
+    """One distribution, or one per factor of a product."""
+    path: KeyPath = ("initial", "pose")
+    if not isinstance(value, list):
+        return _distribution(pose_distributions, value, G, path, problems)
+    factors = G.factors if isinstance(G, ProductGroup) else ()
+    if len(value) != len(factors):
+        if G is not None:
+            expected = f"one entry per factor of {G.name}" if factors else "one distribution"
+            problems.add(path, f"expected {expected}, got {len(value)} entries")
+        return None
+    found = [
+        _distribution(pose_distributions, entry, factor, (*path, index), problems)
+        for index, (entry, factor) in enumerate(zip(value, factors, strict=True))
+    ]
+    return None if None in found else FactorPoses(tuple(found))
+
+
+def _resolved_poses(poses: PoseDistribution) -> Any:
+    if isinstance(poses, FactorPoses):
+        return [resolved(factor) for factor in poses.factors]
+    return resolved(poses)

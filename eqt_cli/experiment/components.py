@@ -51,6 +51,15 @@ def options_into(
         return None
 
 
+def option_path(path: Path, option: str) -> Path:
+    """The path of an option such as ``position.std`` or ``torque[1]`` below `path`."""
+    name, _, rest = option.partition("[")
+    steps: list[str | int] = list(name.split("."))
+    if rest:
+        steps.append(int(rest.removesuffix("]")))
+    return (*path, *steps)
+
+
 def option_names(component: type) -> list[str]:
     """The options that a component takes in a configuration."""
     return [field.name for field in dataclasses.fields(component) if field.init]

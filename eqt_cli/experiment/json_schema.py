@@ -22,7 +22,7 @@ def json_schema() -> dict[str, Any]:
     schema = Config.model_json_schema()
     shared: dict[str, Any] = schema["$defs"]
     top = schema["properties"]
-    top["group"]["examples"] = groups.names()
+    top["group"]["examples"] = [name for kind in groups.all() for name in kind.examples()]
     top["controllers"]["items"] = _any_of(controllers, shared, extra={"label": {"type": "string"}})
     initial = shared["InitialSection"]["properties"]
     for key, registry in (("pose", pose_distributions), ("velocity", velocity_distributions)):

@@ -1,4 +1,7 @@
-"""A pose from a configuration: `identity`, a matrix, or rotation and translations by name."""
+"""A pose from a configuration: `identity`, a matrix, or rotation and translations by name.
+
+For a product of groups also a list with one of these per factor.
+"""
 
 from __future__ import annotations
 
@@ -11,9 +14,10 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
 from eqt_cli.experiment.problems import Path, Problems
 from eqt_cli.experiment.tensors import square, vector
-from eqt_cli.experiment.translate import problems_of
+from eqt_cli.experiment.translate import UNKNOWN_KEY, problems_of
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.groups.product import ProductGroup
 
 GROUP_TOLERANCE = 1e-9
 """Largest ‖QᵀQ − I‖ of a pose written in decimal; less than the integrators' own tolerances."""
@@ -23,6 +27,13 @@ def pose_from(value: Any, G: MatrixLieGroup, path: Path, problems: Problems) -> 
     """The pose that `value` describes, or None after noting what is wrong with it."""
     if value == "identity":
         return G.identity
+    if isinstance(G, ProductGroup) and isinstance(value, list) and len(value) == len(G.factors):
+        found = [
+            pose_from(entry, factor, (*path, index), problems)
+            for index, (entry, factor) in enumerate(zip(value, G.factors, strict=True))
+        ]
+        poses = [pose for pose in found if pose is not None]
+        return G.assemble(poses) if len(poses) == len(found) else None
     if isinstance(value, dict):
         return _from_parts(value, G, path, problems)
     if not isinstance(value, list):
@@ -50,14 +61,15 @@ def _from_parts(
     value: dict[str, Any], G: MatrixLieGroup, path: Path, problems: Problems
 ) -> Array | None:
     if not isinstance(G, EuclideanGroup):
-        problems.add(path, f"expected identity or a {G.size}×{G.size} matrix for {G.name}")
+        expected = f"identity, a {G.size}×{G.size} matrix, or a list with a pose per factor"
+        problems.add(path, f"expected {expected} of {G.name}")
         return None
     known = {"rotvec": G.rotations, **dict.fromkeys(G.columns, G.space)}
     coordinates = {name: np.zeros(length) for name, length in known.items()}
     before = len(problems)
     for key, entry in value.items():
         if key not in known:
-            problems.add((*path, key), f"unknown key; a pose of {G.name} has {', '.join(known)}")
+            problems.add((*path, key), f"{UNKNOWN_KEY}; a pose of {G.name} has {', '.join(known)}")
             continue
         numbers = _validated(Real | list[Real], entry, (*path, key), problems)
         if numbers is None:

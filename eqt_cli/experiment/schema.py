@@ -31,6 +31,24 @@ Matrix = Annotated[
     Discriminator(_rank),
 ]
 """A number (times the identity), a list (a diagonal) or a list of rows."""
+
+
+def _weight_kind(value: Any) -> str:
+    if not isinstance(value, list):
+        return "scalar"
+    kinds = {_rank(entry) for entry in value}
+    return "factors" if "matrix" in kinds or len(kinds) > 1 else _rank(value)
+
+
+Weight = Annotated[
+    Annotated[Real, Tag("scalar")]
+    | Annotated[Row, Tag("list")]
+    | Annotated[list[Row], Tag("matrix")]
+    | Annotated[list[Matrix], Tag("factors")],
+    Discriminator(_weight_kind),
+]
+"""A matrix, or for a product of groups a list with one matrix per factor."""
+
 Component = str | dict[str, Any]
 """A component by name, or a mapping with `kind` and its options."""
 
@@ -44,8 +62,9 @@ class Section(BaseModel):
 class GainsSection(Section):
     """Gains of the control laws."""
 
-    kp: Matrix
-    """Navigation weight K of Υ(Q) = ½ tr((Q − I) K (Q − I)ᵀ): scalar, diagonal or d×d matrix."""
+    kp: Weight
+    """Navigation weight K of Υ(Q) = ½ tr((Q − I) K (Q − I)ᵀ): scalar, diagonal or d×d matrix;
+    for a product of groups also a list with one of these per factor."""
     kd: Matrix
     """Rayleigh tensor K_d, positive definite: scalar, diagonal or m×m matrix."""
 
@@ -53,8 +72,8 @@ class GainsSection(Section):
 class InitialSection(Section):
     """Distributions of the initial state, relative to the reference's."""
 
-    pose: Component = "fixed"
-    """Q(0) = Q_d(0) · draw."""
+    pose: Component | list[Component] = "fixed"
+    """Q(0) = Q_d(0) · draw; for a product of groups also a list with one entry per factor."""
     velocity: Component = "fixed"
     """V(0) = V_d(0) + draw."""
 
@@ -88,21 +107,67 @@ class StoreSection(Section):
     """gzip saves little on smooth signals and costs ten times the writing time."""
 
 
+Formula = str | float
+"""An expression in t, or a number."""
+
+
+class FactoredInertiaSection(Section):
+    """𝕀_t = S_tᵀ 𝕀_0 S_t, as in Theorem 3.2."""
+
+    initial: Matrix
+    """𝕀_0, symmetric positive definite."""
+    factor: list[list[Formula]]
+    """S_t, m×m expressions in t with S(0) = I."""
+
+
+class PrescribedInertiaSection(Section):
+    """𝕀_t as it is; the feedforward is then ½𝕀̇V."""
+
+    matrix: list[list[Formula]]
+    """𝕀_t, m×m expressions in t, symmetric positive definite at all times."""
+
+
+def _inertia_kind(value: Any) -> str:
+    if isinstance(value, dict):
+        return "prescribed" if "matrix" in value else "factored"
+    return _rank(value)
+
+
+InertiaValue = Annotated[
+    Annotated[Real, Tag("scalar")]
+    | Annotated[Row, Tag("list")]
+    | Annotated[list[Row], Tag("matrix")]
+    | Annotated[FactoredInertiaSection, Tag("factored")]
+    | Annotated[PrescribedInertiaSection, Tag("prescribed")],
+    Discriminator(_inertia_kind),
+]
+"""A constant tensor, or a mapping with expressions in t."""
+
+
+class TargetSection(Section):
+    """Where `task: stabilise` is to end."""
+
+    pose: Any = "identity"
+    """The target pose: identity, a matrix, or rotation and translations by name."""
+
+
 class Config(Section):
     """An experiment: one mechanical system, one reference, several controllers, many runs."""
 
     name: str | None = Field(default=None, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
     """Name of the experiment and of its folder under results/; default: the file's stem."""
-    task: Literal["track"] = "track"
-    """What the controllers are for."""
+    task: Literal["track", "stabilise"] = "track"
+    """Follow a `reference`, or come to rest at a `target`."""
     group: str
     """The configuration space: SO3, SE3, … (`eqt list groups`)."""
-    inertia: Matrix
-    """Inertia tensor 𝕀, symmetric positive definite: scalar, diagonal or m×m matrix."""
+    inertia: InertiaValue
+    """Inertia tensor 𝕀: scalar, diagonal, m×m matrix, or varying in time."""
     gains: GainsSection
     """Gains of the control laws."""
-    reference: dict[str, Any]
+    reference: dict[str, Any] | None = None
     """The desired trajectory: `kind` (default torque), its options, `pose` and `velocity`."""
+    target: TargetSection | None = None
+    """Where to come to rest, for `task: stabilise`."""
     controllers: list[Component] = Field(min_length=1)
     """Control laws to compare, from the same initial states (`eqt list controllers`)."""
     initial: InitialSection = Field(default_factory=InitialSection)

@@ -1,8 +1,27 @@
 """Matrix Lie groups: one file per group, found by scanning this folder."""
 
+from eqt_cli.core.errors import ComponentError, suggestion
 from eqt_cli.core.registry import Registry
 from eqt_cli.groups.base import MatrixLieGroup, Part
 
 groups = Registry("group", __name__, MatrixLieGroup)
 
-__all__ = ["MatrixLieGroup", "Part", "groups"]
+
+def group_named(name: str) -> MatrixLieGroup:
+    """The group that a configuration calls `name`, products included.
+
+    Raises
+    ------
+    ComponentError
+        If there is none; the message lists examples of what there is.
+    """
+    for kind in groups.all():
+        group = kind.named(name)
+        if group is not None:
+            return group
+    known = [example for kind in groups.all() for example in kind.examples()]
+    hint = suggestion(name, known)
+    raise ComponentError(f"unknown group '{name}'{hint or ';'} known: {', '.join(known)}")
+
+
+__all__ = ["MatrixLieGroup", "Part", "group_named", "groups"]

@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import Self
 
 import numpy as np
 
@@ -58,7 +58,7 @@ class MatrixLieGroup(ABC):
         One short name per algebra coordinate, for figures and tables.
     """
 
-    name: ClassVar[str]
+    name: str
     basis: Array
     axis_names: Sequence[str]
 
@@ -76,6 +76,16 @@ class MatrixLieGroup(ABC):
     @abstractmethod
     def parts(self) -> tuple[Part, ...]:
         """The parts of the coordinates that carry units of their own."""
+
+    @classmethod
+    def named(cls, name: str) -> Self | None:
+        """The group that a configuration calls `name`, if it is of this class."""
+        return cls() if name == cls.name else None
+
+    @classmethod
+    def examples(cls) -> tuple[str, ...]:
+        """Names of groups of this class, for tests and tables."""
+        return (cls.name,)
 
     # The closed forms that a group gives.
 

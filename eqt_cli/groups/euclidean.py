@@ -6,8 +6,6 @@ SciPy's; this module arranges them by columns and knows no law.
 
 from __future__ import annotations
 
-from typing import ClassVar
-
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
@@ -24,14 +22,17 @@ class EuclideanGroup(MatrixLieGroup):
         n, the dimension of the space that the rotations act on.
     columns
         A name for each of the k translation columns, as written in a configuration.
+    rates
+        A letter for the velocity of each column, for the names of the coordinates.
     column_units
         Units of each column; its velocity is in the same unit per second.
     """
 
-    space: ClassVar[int]
-    columns: ClassVar[tuple[str, ...]] = ()
-    column_units: ClassVar[tuple[str, ...]] = ()
-    force_units: ClassVar[tuple[str, ...]] = ()
+    space: int
+    columns: tuple[str, ...] = ()
+    rates: tuple[str, ...] = ()
+    column_units: tuple[str, ...] = ()
+    force_units: tuple[str, ...] = ()
 
     def __init__(self) -> None:
         n, k = self.space, len(self.columns)
@@ -45,9 +46,7 @@ class EuclideanGroup(MatrixLieGroup):
         self.basis, self._turns = basis, turns
         axes = ("x", "y", "z")[:n]
         turning = ("ω",) if n == 2 else tuple("ω" + axis for axis in axes)
-        self.axis_names = turning + tuple(
-            f"{column[0]}{axis}" for column in self.columns for axis in axes
-        )
+        self.axis_names = turning + tuple(f"{rate}{axis}" for rate in self.rates for axis in axes)
 
     @property
     def parts(self) -> tuple[Part, ...]:

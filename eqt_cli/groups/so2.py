@@ -1,12 +1,10 @@
 """SO(2), the rotations of the plane (Hampsey et al. (2025), Remark 6.3)."""
 
-from typing import ClassVar
-
 from eqt_cli.groups.euclidean import EuclideanGroup
 
 
 class SO2(EuclideanGroup):
     """Rotations of the plane; V is the angular velocity."""
 
-    name: ClassVar[str] = "SO2"
-    space: ClassVar[int] = 2
+    name = "SO2"
+    space = 2

@@ -6,9 +6,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 
 
-def lie_poisson(
-    G: MatrixLieGroup, Q: Array, P: Array, V: Array, tau: Array
-) -> tuple[Array, Array]:
+def lie_poisson(G: MatrixLieGroup, Q: Array, P: Array, V: Array, tau: Array) -> tuple[Array, Array]:
     """The vector field (Q̇, Ṗ) = (Q V^, ad*_V P + τ).
 
     Hampsey et al. (2025), eq. (5). With V = 𝕀⁻¹P it is a mechanical system with kinetic energy

@@ -12,6 +12,7 @@ from typing import Any
 from eqt_cli.core.arrays import Array, apply_matrix, dot
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics import navigation
+from eqt_cli.mechanics.inertia import Inertia
 
 
 @dataclass(frozen=True)
@@ -23,22 +24,6 @@ class Gains:
 
     K: Array
     K_d: Array
-
-
-@dataclass(frozen=True)
-class Inertia:
-    """The inertia tensor 𝕀: g → g* as a matrix, and its inverse, both ``(..., m, m)``."""
-
-    matrix: Array
-    inverse: Array
-
-    def momentum(self, V: Array) -> Array:
-        """P = 𝕀 V."""
-        return apply_matrix(self.matrix, V)
-
-    def velocity(self, P: Array) -> Array:
-        """V = δh/δP = 𝕀⁻¹ P, Hampsey et al. (2025), eq. (6) and (9)."""
-        return apply_matrix(self.inverse, P)
 
 
 @dataclass(frozen=True)
@@ -96,6 +81,16 @@ class Tracking:
     def V_E(self) -> Array:
         """V_E = Ad_{Q_d} Ṽ, the first part of Hampsey et al. (2025), eq. (19)."""
         return self.G.Ad(self.Qd, self.V_tilde)
+
+    @cached_property
+    def inertia_force(self) -> Array | float:
+        """Ṡ*S⁻* P̃, which compensates a change of the inertia by itself; 0.0 where it is constant.
+
+        Hampsey et al. (2025), eq. (11) in the tracking errors: with 𝕀̄_t = S̄* 𝕀_0 S̄ and
+        S̄ = S Ad_{Q_d⁻¹}, the feedforward of Theorem 3.2 is −ad*_{V_d} P̃ + Ṡ*S⁻* P̃ in the body
+        frame.
+        """
+        return self.inertia.feedforward(self.V_tilde)
 
     @cached_property
     def gradient(self) -> Array:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 
@@ -14,8 +16,12 @@ BAND = (0.1, 0.9)
 def draw_band(axes: Axes, times: Array, values: Array, colour: str) -> None:
     """Shade the range between two quantiles over runs, of values ``(runs, samples)``."""
     low, high = np.quantile(values, BAND, axis=0)
-    fill, edge = (colour, 0.1), (colour, 0.8)  # edges tell overlapping bands apart
-    axes.fill_between(times, low, high, facecolor=fill, edgecolor=edge, linewidth=0.35)
+    axes.fill_between(times, low, high, **band_look(colour))
+
+
+def band_look(colour: str) -> dict[str, Any]:
+    """A tint of the colour, with edges that tell overlapping bands apart."""
+    return {"facecolor": (colour, 0.1), "edgecolor": (colour, 0.8), "linewidth": 0.35}
 
 
 def scale_norm(axes: Axes, *, log: bool) -> None:

@@ -68,7 +68,7 @@ class GoodRuns:
         self._check_stored("lyapunov")
         self.times: Array = results.coordinate("time")
         if len(self.times) < 2:
-            raise self._error(
+            raise self.error(
                 "needs trajectories of two samples or more, and the result holds one; "
                 "decrease store.decimate and run the experiment again"
             )
@@ -77,14 +77,14 @@ class GoodRuns:
         for label in chosen:
             if label not in labels:
                 hint = suggestion(label, labels) or f"; the result holds: {', '.join(labels)}"
-                raise self._error(f"finds no controller '{label}'{hint}")
+                raise self.error(f"finds no controller '{label}'{hint}")
         self.ensembles = [
             Ensemble(index, label, _title(label), self._good(index))
             for index, label in enumerate(labels)
             if not chosen or label in chosen
         ]
         if not any(ensemble.good.any() for ensemble in self.ensembles):
-            raise self._error("has nothing to show, since every run failed; see `eqt show`")
+            raise self.error("has nothing to show, since every run failed; see `eqt show`")
 
     @property
     def shown(self) -> list[Ensemble]:
@@ -123,11 +123,17 @@ class GoodRuns:
         """Name and torque unit of every algebra coordinate."""
         names = [str(name) for name in self.results.coordinate("axis")]
         units = [self.unit("torque")] * len(names)
-        group = str(self.results.attributes["group"])
+        group = str(self.results.attributes.get("group"))
         if MIXED in units and group in groups.names():  # a plugin's group need not be loaded here
             for part in groups.get(group)().parts:
                 units[part.axes] = [part.force_unit] * len(names[part.axes])
         return list(zip(names, units, strict=True))
+
+    @property
+    def desired_torque(self) -> Array:
+        """τ_d at the sample times, ``(samples, m)``."""
+        self._check_stored("desired_torque")
+        return self.results["desired_torque"]
 
     def notes(self) -> list[str]:
         """What a reader must know about the runs that are not shown."""
@@ -140,8 +146,7 @@ class GoodRuns:
             yield f"Trajectories of the first {stored} of {total} runs."
         for ensemble in self.ensembles:
             if ensemble.failed:
-                count = "1 run" if ensemble.failed == 1 else f"{ensemble.failed} runs"
-                yield f"{ensemble.title}: {count} of {stored} failed and left out."
+                yield f"{ensemble.title}: {ensemble.failed} of {stored} runs failed; left out."
 
     def _good(self, controller: int) -> Array:
         status = self.results.read("status", controller=controller)
@@ -150,12 +155,13 @@ class GoodRuns:
 
     def _check_stored(self, signal: str) -> None:
         if not (self.results.has(signal) and "time" in self.results.dims(signal)):
-            raise self._error(
+            raise self.error(
                 f"needs the trajectories of '{signal}', which the result does not hold; "
                 "set store.trajectories to all and run the experiment again"
             )
 
-    def _error(self, message: str) -> EqtError:
+    def error(self, message: str) -> EqtError:
+        """An error of this figure about this result."""
         return EqtError(f"{self.results.path}: figure '{self.figure}' {message}")
 
 

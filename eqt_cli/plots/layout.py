@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import RendererAgg
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from eqt_cli.core.arrays import Array
@@ -18,10 +18,16 @@ EMPTY = "."
 """An empty place in a mosaic."""
 
 _PANEL_HEIGHTS: dict[Width, float] = {"column": 1.15, "page": 1.55}
+_LONGEST = 9.0
+"""in, that the panels of a figure fill at most: a page, as long as none gets too low."""
+_LOWEST_PANEL = 0.6
 _REMARK_HEIGHT = 0.14
 """in, of a line of small text."""
+_NARROW = 1.1
+"""in; a panel of less takes fewer numbers along its time axis."""
 
 Mosaic = list[list[str]]
+"""Names of panels, row by row."""
 
 
 def sheet(width: Width, mosaic: Mosaic, times: Array, unit: str) -> tuple[Figure, dict[str, Axes]]:
@@ -31,21 +37,35 @@ def sheet(width: Width, mosaic: Mosaic, times: Array, unit: str) -> tuple[Figure
     ----------
     mosaic
         The names of the panels, row by row; a name that is repeated spans its places, and `EMPTY`
-        is no panel. The lowest panels carry the labels of the time axis.
+        is no panel.
     times, unit
         The range of the time axis and its unit.
     """
-    drawing = Figure(figsize=(WIDTHS[width], _PANEL_HEIGHTS[width] * len(mosaic)))
-    panels: dict[str, Axes] = drawing.subplot_mosaic(mosaic, empty_sentinel=EMPTY)
-    columns = [[name for name in column if name != EMPTY] for column in zip(*mosaic, strict=True)]
-    lowest = {column[-1] for column in columns}
+    rows = len(mosaic)
+    height = max(_LOWEST_PANEL, min(_PANEL_HEIGHTS[width], _LONGEST / rows))
+    drawing = Figure(figsize=(WIDTHS[width], height * rows))
+    nested: Any = mosaic  # Matplotlib's type for it is a recursive one
+    panels: dict[str, Axes] = drawing.subplot_mosaic(nested, empty_sentinel=EMPTY)
+    numbered = _numbered(mosaic)
+    ticks = 3 if WIDTHS[width] / len(mosaic[0]) < _NARROW else 5
     for name, axes in panels.items():
         axes.set_xlim(times[0], times[-1])
-        axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
-        axes.tick_params(labelbottom=name in lowest)
-        if name in lowest:
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=ticks, steps=[1, 2, 5, 10]))
+        axes.tick_params(labelbottom=name in numbered)
+        if name in mosaic[-1]:
             axes.set_xlabel(quantity("t", unit))
     return drawing, panels
+
+
+def _numbered(mosaic: Mosaic) -> set[str]:
+    """The panels with numbers along the time axis: those with no panel of equal width below."""
+    below: Mosaic = [*mosaic[1:], [EMPTY] * len(mosaic[0])]
+    return {
+        name
+        for row, next_row in zip(mosaic, below, strict=True)
+        for name, lower in zip(row, next_row, strict=True)
+        if lower == EMPTY or row.count(name) != next_row.count(lower)
+    }
 
 
 def share_scale(panels: Iterable[Axes]) -> None:
@@ -55,27 +75,34 @@ def share_scale(panels: Iterable[Axes]) -> None:
         axes.sharey(first)
 
 
+def name_scale(axes: Axes, text: str) -> None:
+    """Label a vertical scale."""
+    # On the baseline, so that labels with and without descenders line up from panel to panel.
+    axes.set_ylabel(text, va="baseline", labelpad=4)
+
+
 def hide_scale(axes: Axes) -> None:
-    """Leave out the numbers of a vertical scale that the panel to the left shows."""
+    """Leave out what names a vertical scale, since the panel to the left shows it."""
     axes.tick_params(labelleft=False)
+    axes.set_ylabel("")
 
 
-def add_legend(figure: Figure, handles: Sequence[Line2D], names: Sequence[str]) -> None:
+def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) -> None:
     """Name the curves above the panels, in as few rows as fit the width; the figure grows by them.
 
     Names are a user's text.
     """
-    width, height = figure.get_size_inches()
-    renderer = RendererAgg(width, height, figure.dpi)
     for columns in range(len(names), 0, -1):
-        legend = figure.legend(handles, [""] * len(names), loc="outside upper center", ncols=columns)
+        legend = figure.legend(
+            handles, [""] * len(names), loc="outside upper center", ncols=columns
+        )
         for text, name in zip(legend.get_texts(), names, strict=True):
             set_name(text, name)
-        extent = legend.get_window_extent(renderer)
+        extent = legend.get_window_extent()
         if extent.width <= figure.bbox.width or columns == 1:
             break
         legend.remove()
-    figure.set_figheight(height + extent.height / figure.dpi)
+    figure.set_figheight(figure.get_figheight() + extent.height / figure.dpi)
 
 
 def add_remarks(figure: Figure, remarks: Sequence[str]) -> None:

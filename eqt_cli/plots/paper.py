@@ -12,7 +12,7 @@ from eqt_cli.plots.base import Figure
 from eqt_cli.plots.curves import draw_band, scale_norm
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import SYMBOLS, quantity
-from eqt_cli.plots.layout import add_legend, sheet
+from eqt_cli.plots.layout import add_legend, name_scale, sheet
 from eqt_cli.plots.style import Width, line_style
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
@@ -41,15 +41,15 @@ class Paper(Figure):
     def compose(self, runs: GoodRuns, width: Width) -> Drawing:
         """Two by two panels, or a row per norm and a column per part."""
         parts = runs.parts
+        norms = [[norm + part for part in parts] for norm in _NORMS]
         if len(parts) > 1:
-            mosaic = [[norm + part for part in parts] for norm in _NORMS]
-            mosaic.append(["lyapunov"] * len(parts))
+            mosaic = [*norms, ["lyapunov"] * len(parts)]
         else:
             mosaic = [["pose_error", "velocity_error"], ["torque_norm", "lyapunov"]]
         drawing, panels = sheet(width, mosaic, runs.times, runs.unit("time"))
         for signal, axes in panels.items():
             self._fill(axes, signal, runs)
-        for signal, part in zip(mosaic[0], parts, strict=False):
+        for signal, part in zip(norms[0], parts, strict=True):
             panels[signal].set_title(part.removeprefix("_"))
         add_legend(drawing, panels["lyapunov"].lines, [e.title for e in runs.shown])
         return drawing
@@ -63,4 +63,4 @@ class Paper(Figure):
                 draw_band(axes, runs.times, values, look["color"])
         scale_norm(axes, log=self.log and not signal.startswith("torque_norm"))
         (symbol,) = (symbol for norm, symbol in SYMBOLS.items() if signal.startswith(norm))
-        axes.set_ylabel(quantity(symbol, runs.unit(signal)))
+        name_scale(axes, quantity(symbol, runs.unit(signal)))

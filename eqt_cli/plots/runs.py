@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
@@ -14,8 +15,21 @@ from eqt_cli.plots.base import Figure
 from eqt_cli.plots.curves import scale_norm
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import SYMBOLS, quantity, set_name
-from eqt_cli.plots.layout import EMPTY, Mosaic, add_legend, hide_scale, share_scale, sheet
+from eqt_cli.plots.layout import (
+    EMPTY,
+    Mosaic,
+    add_legend,
+    hide_scale,
+    name_scale,
+    share_scale,
+    sheet,
+)
 from eqt_cli.plots.style import Width, line_style
+
+MOST_LINES = 200
+"""Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
+
+_MEAN, _THIN = "black", 0.35
 
 
 @dataclass(frozen=True)
@@ -29,8 +43,6 @@ class Runs(Figure):
     ----------
     signal
         What is drawn over time.
-    lines
-        At most so many single runs are drawn, the first ones; the mean is over all.
     log
         A logarithmic scale.
     """
@@ -38,42 +50,52 @@ class Runs(Figure):
     name: ClassVar[str] = "runs"
 
     signal: Literal["pose_error", "velocity_error", "torque_norm", "lyapunov"] = "pose_error"
-    lines: int = 200
     log: bool = False
 
     def compose(self, runs: GoodRuns, width: Width) -> Drawing:
         """A row per controller and a column per part, or else controllers two by two."""
-        parts = runs.parts if self.signal != "lyapunov" else [""]
-        rows = [[f"{e.index}{part}" for part in parts] for e in runs.shown]
-        mosaic = rows if len(parts) > 1 else _in_two_columns([name for (name,) in rows])
+        shown = runs.shown
+        parts = [""] if self.signal == "lyapunov" else runs.parts
+        mosaic = _mosaic([e.index for e in shown], parts)
         drawing, panels = sheet(width, mosaic, runs.times, runs.unit("time"))
-        for names in zip(*rows, strict=True):  # the panels of one part
-            share_scale([panels[name] for name in names])
-        for ensemble, names in zip(runs.shown, rows, strict=True):
-            for name, part in zip(names, parts, strict=True):
-                axes, signal = panels[name], self.signal + part
+        for part in parts:
+            share_scale(panels[_panel(e.index, part)] for e in shown)
+        for ensemble in shown:
+            for part in parts:
+                axes, signal = panels[_panel(ensemble.index, part)], self.signal + part
                 self._fill(axes, runs.times, runs.values(signal, ensemble), ensemble.index)
                 set_name(axes.set_title(""), ", ".join([ensemble.title, *part.split("_")[1:]]))
-                if any(name == row[-1] for row in mosaic) and len(parts) == 1 < len(mosaic[0]):
-                    hide_scale(axes)
-                else:
-                    axes.set_ylabel(quantity(SYMBOLS[self.signal], runs.unit(signal)))
-        single = Line2D([], [], color="0.5", linewidth=_THIN * 2)
-        add_legend(drawing, [single, Line2D([], [], color=_MEAN)], ["single runs", "mean"])
+                name_scale(axes, quantity(SYMBOLS[self.signal], runs.unit(signal)))
+        if len(parts) == 1:
+            for _, right in (row for row in mosaic if len(row) == 2 and row[1] != EMPTY):
+                hide_scale(panels[right])
+        add_legend(drawing, *_legend(max(int(e.good.sum()) for e in shown)))
         return drawing
 
     def _fill(self, axes: Axes, times: Array, values: Array, index: int) -> None:
-        colour = line_style(index)["color"]
-        axes.plot(times, values[: self.lines].T, color=colour, linewidth=_THIN, alpha=0.3)
+        drawn = values[:MOST_LINES]
+        opacity = min(0.8, 4 / np.sqrt(len(drawn)))  # few lines are seen, many make shades
+        colour = (line_style(index)["color"], opacity)
+        axes.plot(times, drawn.T, color=colour, linewidth=_THIN)
         axes.plot(times, values.mean(axis=0), color=_MEAN)
         scale_norm(axes, log=self.log)
 
 
-_MEAN, _THIN = "black", 0.3
+def _panel(controller: int, part: str) -> str:
+    return f"{controller}{part}"
 
 
-def _in_two_columns(names: list[str]) -> Mosaic:
-    if len(names) == 1:
-        return [names]
-    padded = [*names, EMPTY][: len(names) + len(names) % 2]
-    return [padded[k : k + 2] for k in range(0, len(padded), 2)]
+def _mosaic(controllers: list[int], parts: list[str]) -> Mosaic:
+    """Panels by controller and part."""
+    if len(parts) > 1 or len(controllers) == 1:
+        return [[_panel(index, part) for part in parts] for index in controllers]
+    places = [_panel(index, parts[0]) for index in controllers]
+    pairs = zip(places[::2], [*places[1::2], EMPTY], strict=False)
+    return [[left, right] for left, right in pairs]
+
+
+def _legend(runs: int) -> tuple[list[Line2D], list[str]]:
+    single = Line2D([], [], color="0.5", linewidth=2 * _THIN)
+    mean = Line2D([], [], color=_MEAN)
+    lines = "single runs" if runs <= MOST_LINES else f"first {MOST_LINES} runs"
+    return [single, mean], [lines, "mean over runs"]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from contextlib import suppress
+import logging
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from io import BytesIO
 from pathlib import Path
 from typing import Literal
@@ -22,7 +23,7 @@ _MAKER = f"eqt {__version__}"
 def encode(drawing: Drawing, format: Format, title: str = "", description: str = "") -> bytes:
     """The file's content; it holds no date and no random name."""
     buffer = BytesIO()
-    with house_style():
+    with house_style(), _quiet_font_tools():
         drawing.savefig(buffer, format=format, metadata=_metadata(format, title, description))
     return buffer.getvalue()
 
@@ -49,6 +50,18 @@ def write(contents: Mapping[Path, bytes]) -> None:
         finally:
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def _quiet_font_tools() -> Iterator[None]:
+    """Keep remarks on the dates inside of Matplotlib's own fonts from the user."""
+    log = logging.getLogger("fontTools")
+    level = log.level
+    log.setLevel(logging.ERROR)
+    try:
+        yield
+    finally:
+        log.setLevel(level)
 
 
 def _metadata(format: Format, title: str, description: str) -> dict[str, str | None]:

@@ -3,21 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
+from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import Figure
-from eqt_cli.plots.curves import draw_band
+from eqt_cli.plots.curves import band_look, draw_band
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import component, quantity, set_name
-from eqt_cli.plots.layout import add_legend, hide_scale, share_scale, sheet
+from eqt_cli.plots.layout import add_legend, hide_scale, name_scale, share_scale, sheet
 from eqt_cli.plots.style import Width, line_style
+
+_MOST_CONTROLLERS: dict[Width, int] = {"column": 4, "page": 8}
+_DESIRED: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0, (2, 1.5))}
+_ANY = "0.3"
+"""The grey that stands for every controller's colour in the legend."""
 
 
 @dataclass(frozen=True)
 class Torque(Figure):
     """Torque components: their mean over runs, a row per axis and a column per controller.
+
+    The desired torque is drawn in every panel.
 
     Attributes
     ----------
@@ -30,21 +42,43 @@ class Torque(Figure):
     bands: Literal["none", "quantiles"] = "quantiles"
 
     def compose(self, runs: GoodRuns, width: Width) -> Drawing:
-        """Axes downwards, controllers to the right, the desired torque in every panel."""
-        rows = [[f"{axis} {e.index}" for e in runs.shown] for axis in range(len(runs.axes))]
+        """Axes downwards with a scale each, controllers to the right."""
+        shown, most = runs.shown, _MOST_CONTROLLERS[width]
+        if len(shown) > most:
+            raise runs.error(
+                f"has a column of panels per controller, and width '{width}' has room for "
+                f"{most}, not {len(shown)}; "
+                + ("take width 'page' or " if width == "column" else "")
+                + "choose some with the option 'controllers'"
+            )
+        rows = [[f"{axis} {e.index}" for e in shown] for axis in range(len(runs.axes))]
         drawing, panels = sheet(width, rows, runs.times, runs.unit("time"))
-        for names, (axis, unit) in zip(rows, runs.axes, strict=True):
-            share_scale([panels[name] for name in names])
-            panels[names[0]].set_ylabel(quantity(component(r"\tau", axis), unit))
-            for name in names[1:]:
-                hide_scale(panels[name])
-        for column, ensemble in enumerate(runs.shown):
-            values = runs.values("torque", ensemble)
+        grid = [[panels[name] for name in row] for row in rows]
+        for row, (axis, unit) in zip(grid, runs.axes, strict=True):
+            share_scale(row)
+            name_scale(row[0], quantity(component(r"\tau", axis), unit))
+            for axes in row[1:]:
+                hide_scale(axes)
+        for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):
+            set_name(column[0].set_title(""), ensemble.title)
             colour = line_style(ensemble.index)["color"]
-            set_name(panels[rows[0][column]].set_title(""), ensemble.title)
-            for axis, names in enumerate(rows):
-                axes = panels[names[column]]
-                axes.plot(runs.times, values[..., axis].mean(axis=0), color=colour)
-                if self.bands == "quantiles":
-                    draw_band(axes, runs.times, values[..., axis], colour)
+            values = runs.values("torque", ensemble)
+            for k, axes in enumerate(column):
+                self._fill(axes, runs.times, values[..., k], runs.desired_torque[:, k], colour)
+        self._add_legend(drawing)
         return drawing
+
+    def _fill(self, axes: Axes, times: Array, values: Array, desired: Array, colour: str) -> None:
+        axes.plot(times, values.mean(axis=0), color=colour)
+        axes.plot(times, desired, **_DESIRED)
+        if self.bands == "quantiles":
+            draw_band(axes, times, values, colour)
+
+    def _add_legend(self, drawing: Drawing) -> None:
+        handles: dict[str, Artist] = {
+            "mean": Line2D([], [], color=_ANY),
+            r"$\tau_d$": Line2D([], [], **_DESIRED),
+        }
+        if self.bands == "quantiles":
+            handles["10–90 % of runs"] = Patch(**band_look(_ANY))
+        add_legend(drawing, list(handles.values()), list(handles))

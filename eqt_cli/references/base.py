@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.tracking import Inertia
+from eqt_cli.mechanics.inertia import Inertia
 
 
 @dataclass(frozen=True)

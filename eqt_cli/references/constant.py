@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.tracking import Inertia
+from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.references.base import Reference
 
 
@@ -21,5 +21,6 @@ class ConstantReference(Reference):
     name: ClassVar[str] = "constant"
 
     def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
-        """τ_d = −ad*_{V_d} P_d, which makes Ṗ_d = 0 in Hampsey et al. (2025), eq. (5)."""
-        return -G.ad_star(inertia.velocity(Pd), Pd)
+        """τ_d = 𝕀̇V_d − ad*_{V_d} P_d, with which V_d stays in Hampsey et al. (2025), eq. (5)."""
+        Vd = inertia.velocity(Pd)
+        return inertia.rate_force(Vd) - G.ad_star(Vd, Pd)

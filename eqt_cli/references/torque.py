@@ -10,7 +10,7 @@ from eqt_cli.core.arrays import Array, stack
 from eqt_cli.core.errors import ExpressionError
 from eqt_cli.core.expressions import Expression, parse
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.tracking import Inertia
+from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.references.base import Reference
 
 

@@ -50,7 +50,7 @@ def _objects(view: mmap, at: int, stop: int) -> dict[int, int]:
     while at + _HEADER <= stop:
         index, size = _number(view, at, 2), _number(view, at + 8, 8)
         step = _HEADER + -(-size // 8) * 8 if index else size
-        if index in sizes or step < _HEADER or at + step > stop:
+        if index in sizes or step < _HEADER:
             raise BrokenHeapError
         sizes[index] = size
         at += step

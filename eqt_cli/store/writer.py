@@ -96,18 +96,32 @@ def _fill(file: Any, table: Table, compression: Literal["gzip"] | None) -> None:
 
 
 def _add(file: Any, name: str, variable: Variable, compression: Literal["gzip"] | None) -> Any:
-    data = variable.data
-    options: dict[str, Any] = {}
     if variable.is_text:
-        # Compression would reach only the references to the strings, so it is left out here.
-        data = data.astype(object)
-        options["dtype"] = h5py.string_dtype("utf-8")
+        dataset = _add_text(file, name, variable.data.astype(object))
     else:
+        data = variable.data
         data = data.astype(data.dtype.newbyteorder("<"), copy=False)
+        options: dict[str, Any] = {}
         if compression and data.ndim and data.size:
             options = {"compression": compression, "shuffle": True, "chunks": _chunks(data)}
-    dataset = file.create_dataset(name, data=data, track_times=False, **options)
+        dataset = file.create_dataset(name, data=data, **options)
     _set_attributes(dataset, variable.attributes)
+    return dataset
+
+
+def _add_text(file: Any, name: str, text: NDArray[Any]) -> Any:
+    """Strings, never compressed: that would reach only the references to them.
+
+    Empty ones are left unwritten, which reads the same: the millions of runs without a message
+    then cost a reference each, but no object in a heap.
+    """
+    dataset = file.create_dataset(name, shape=text.shape, dtype=h5py.string_dtype("utf-8"))
+    if text.ndim == 0:
+        dataset[()] = text.item()
+    elif text.size:
+        filled = text != ""
+        filled.flat[0] = True  # so that the dataset takes its room
+        dataset[filled] = text[filled]
     return dataset
 
 

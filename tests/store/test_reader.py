@@ -158,3 +158,13 @@ def test_a_file_replaced_while_open_still_reads(tmp_path, table):
     with open_results(tmp_path) as results:
         write(tmp_path / "results.h5", Table({}))
         assert results["message"].tolist() == table.variables["message"].data.tolist()
+
+
+def test_a_locked_file_is_read(tmp_path, table):
+    """Also disks that refuse to lock can then hold results."""
+    fcntl = pytest.importorskip("fcntl", reason="only POSIX has flock")
+    write(tmp_path / "results.h5", table)
+    with (tmp_path / "results.h5").open("rb") as stream:
+        fcntl.flock(stream, fcntl.LOCK_EX)
+        with open_results(tmp_path) as results:
+            assert results["torque"].shape == (2, 5, 11, 3)

@@ -105,6 +105,23 @@ def test_spoiled_metadata(path):
     assert refusal(path) == f"{path}: is damaged; {AGAIN}"
 
 
+def test_text_that_is_no_utf8(path):
+    spoil(path, b"control torque", b"\xffontrol torque")
+    assert refusal(path) == f"{path}: is damaged; {AGAIN}"
+
+
+def test_a_chunk_beyond_the_end(tmp_path, table):
+    path = tmp_path / "results.h5"
+    write(path, table, "gzip")
+    with h5py.File(path) as file:
+        address = file["torque"].id.get_chunk_info(0).byte_offset
+    spoil(path, struct.pack("<Q", address), struct.pack("<Q", 2**40))
+    assert refusal(path) == (
+        f"{path}: refused: 'torque' lies beyond the end of the file; "
+        f"eqt writes no such file: {AGAIN}"
+    )
+
+
 def _soft_link(file):
     file["evil"] = h5py.SoftLink("/torque")
 

@@ -1,4 +1,5 @@
 import errno
+import io
 import os
 import stat
 import time
@@ -112,6 +113,7 @@ def test_gzip_chunks_share_the_outer_axis_equally(path):
     write(path, Table({"x": Variable(("run", "time"), np.zeros((500, 401)))}), "gzip")
     with h5py.File(path) as file:
         assert file["x"].chunks == (250, 401)  # 1 MiB holds 326 rows; two chunks are needed
+        assert file["x"].shuffle
 
 
 def test_replaces_a_file_and_what_a_killed_process_left(path, table):
@@ -160,6 +162,24 @@ def test_a_full_disk_leaves_the_old_file_and_no_other(path, table, room):
     )
     assert [entry.name for entry in path.parent.iterdir()] == ["results.h5"]
     assert path.read_text(encoding="utf-8") == "old"
+
+
+@pytest.mark.parametrize("call", [1, 3, 6])
+def test_an_interruption_within_hdf5_waits_for_its_end(path, table, monkeypatch, call):
+    calls = []
+
+    class Interrupted(io.FileIO):
+        def write(self, data):
+            calls.append(data)
+            if len(calls) == call:
+                raise KeyboardInterrupt
+            return super().write(data)
+
+    monkeypatch.setattr(io, "FileIO", Interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write(path, table)
+    assert len(calls) == call
+    assert list(path.parent.iterdir()) == []
 
 
 def test_an_interruption_removes_the_unfinished_file(path, table, monkeypatch):
@@ -214,15 +234,39 @@ def test_a_missing_folder_is_named(tmp_path, table):
     )
 
 
-def test_a_folder_that_cannot_be_synchronised_is_no_failure(path, table, monkeypatch):
-    """Some network disks refuse it; the file itself is then complete all the same."""
+@pytest.fixture
+def folder_fails(monkeypatch):
+    """Let bringing a folder to the disk fail, but not a file."""
     synchronise = os.fsync
 
-    def files_only(handle):
-        if stat.S_ISDIR(os.fstat(handle).st_mode):
-            raise OSError(errno.EINVAL, "Invalid argument")
-        synchronise(handle)
+    def install(number):
+        def fail(handle):
+            if stat.S_ISDIR(os.fstat(handle).st_mode):
+                raise OSError(number, os.strerror(number))
+            synchronise(handle)
 
-    monkeypatch.setattr(os, "fsync", files_only)
+        monkeypatch.setattr(os, "fsync", fail)
+
+    return install
+
+
+def test_a_disk_that_cannot_synchronise_folders_is_no_failure(path, table, folder_fails):
+    """Some network disks refuse it; the file itself is then complete all the same."""
+    folder_fails(errno.EINVAL)
     write(path, table)
     assert path.exists()
+
+
+def test_a_folder_that_does_not_reach_the_disk_is_a_failure(path, table, folder_fails):
+    folder_fails(errno.EIO)
+    with pytest.raises(ResultError, match="cannot be written: Input/output error"):
+        write(path, table)
+
+
+def test_empty_strings_take_only_their_references(tmp_path):
+    for count in (1000, 2000):
+        write(tmp_path / f"{count}.h5", Table({"x": Variable(("run",), np.full(count, ""))}))
+    sizes = [(tmp_path / f"{count}.h5").stat().st_size for count in (1000, 2000)]
+    assert sizes[1] - sizes[0] == 1000 * 16  # length, address and index of each
+    with open_results(tmp_path / "1000.h5") as results:
+        assert results["x"].tolist() == [""] * 1000

@@ -79,7 +79,7 @@ class RotationDistribution(PoseDistribution):
 
     def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
         """A group without rotations, or a column that it does not have."""
-        if not isinstance(G, EuclideanGroup):
+        if not isinstance(G, EuclideanGroup) or not G.rotations:
             return [("kind", f"{self.name} needs a group of rotations; {G.name} takes exp_normal")]
         found = []
         for column in ("position", "velocity"):

@@ -1,0 +1,147 @@
+"""The `inertia` section: a tensor, constant or varying in time, checked over the horizon."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import ExpressionError
+from eqt_cli.core.expressions import Expression, parse
+from eqt_cli.experiment import tensors
+from eqt_cli.experiment.problems import Path, Problems
+from eqt_cli.experiment.schema import FactoredInertiaSection, PrescribedInertiaSection
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, InertiaLaw, PrescribedInertia
+
+INSTANTS = 1001
+"""How many instants of the horizon a time-varying inertia is checked at."""
+
+IDENTITY_TOLERANCE = 1e-12
+"""Largest deviation of S(0) from the identity: rounding of the expressions."""
+
+Constant = float | list[float] | list[list[float]]
+Section = Constant | FactoredInertiaSection | PrescribedInertiaSection
+
+
+def inertia_from(
+    section: Section, G: MatrixLieGroup, horizon: float, problems: Problems
+) -> InertiaLaw | None:
+    """The inertia that a section describes, or None after noting what is wrong with it."""
+    if isinstance(section, PrescribedInertiaSection):
+        law: InertiaLaw | None = _prescribed(section, G, problems)
+    elif isinstance(section, FactoredInertiaSection):
+        law = _factored(section, G, problems)
+    else:
+        matrix = _constant(section, G, ("inertia",), problems)
+        return None if matrix is None else Inertia(matrix, np.linalg.inv(matrix))
+    return law if law and _definite(law, horizon, problems) else None
+
+
+def _prescribed(
+    section: PrescribedInertiaSection, G: MatrixLieGroup, problems: Problems
+) -> PrescribedInertia | None:
+    rows = _expressions(section.matrix, G, ("inertia", "matrix"), problems)
+    return PrescribedInertia(rows) if rows else None
+
+
+def _factored(
+    section: FactoredInertiaSection, G: MatrixLieGroup, problems: Problems
+) -> FactoredInertia | None:
+    initial = _constant(section.initial, G, ("inertia", "initial"), problems)
+    rows = _expressions(section.factor, G, ("inertia", "factor"), problems)
+    if initial is None or not rows:
+        return None
+    law = FactoredInertia(initial, rows)
+    return law if _starts_at_identity(law, problems) else None
+
+
+def _constant(
+    value: Constant,
+    G: MatrixLieGroup,
+    path: Path,
+    problems: Problems,
+) -> Array | None:
+    matrix = tensors.square(value, G.dimension, G)
+    if isinstance(matrix, str):
+        problems.add(path, matrix)
+        return None
+    wrong = tensors.asymmetry(matrix) or tensors.indefiniteness(matrix)
+    if wrong:
+        problems.add(path, wrong)
+        return None
+    return matrix
+
+
+def _expressions(
+    rows: Sequence[Sequence[str | float]], G: MatrixLieGroup, path: Path, problems: Problems
+) -> tuple[tuple[Expression, ...], ...] | None:
+    before = len(problems)
+    shape = tensors.square([[0.0] * len(row) for row in rows], G.dimension, G)
+    if isinstance(shape, str):
+        problems.add(path, shape)
+    parsed = []
+    for i, row in enumerate(rows):
+        for j, text in enumerate(row):
+            try:
+                parsed.append(parse(str(text)))
+            except ExpressionError as error:
+                problems.add((*path, i, j), f"'{text}': {error}")
+    if len(problems) > before:
+        return None
+    m = G.dimension
+    return tuple(tuple(parsed[m * row : m * (row + 1)]) for row in range(m))
+
+
+def _starts_at_identity(law: FactoredInertia, problems: Problems) -> bool:
+    start = law.factor_at(0.0)
+    deviation = np.abs(start - np.eye(len(start)))
+    if deviation.max() <= IDENTITY_TOLERANCE:
+        return True
+    i, j = np.unravel_index(deviation.argmax(), deviation.shape)
+    expected = f"expected the identity at t = 0, got [{i}][{j}] = {start[i, j]:g}"
+    problems.add(("inertia", "factor"), expected)
+    return False
+
+
+def _definite(law: InertiaLaw, horizon: float, problems: Problems) -> bool:
+    times = np.linspace(0.0, horizon, INSTANTS)
+    with np.errstate(all="ignore"):
+        matrices = np.broadcast_to(law.matrix_at(times), (INSTANTS, *law.matrix_at(0.0).shape))
+    for t, matrix in zip(times, matrices, strict=True):
+        if not np.isfinite(matrix).all():
+            problems.add(("inertia",), f"expected finite entries, got none at t = {t:g} s")
+            return False
+        wrong = tensors.asymmetry(matrix) or tensors.indefiniteness(matrix)
+        if wrong:
+            problems.add(("inertia",), f"at t = {t:g} s: {wrong}")
+            return False
+    return True
+
+
+@dataclass(frozen=True)
+class InertiaBounds:
+    """The bounds that Theorem 3.2 asks for, over the horizon.
+
+    Attributes
+    ----------
+    smallest, largest
+        Extreme eigenvalues of 𝕀_t.
+    rate
+        Largest spectral norm of 𝕀̇_t.
+    """
+
+    smallest: float
+    largest: float
+    rate: float
+
+
+def inertia_bounds(law: InertiaLaw, horizon: float) -> InertiaBounds:
+    """The bounds of an inertia at `INSTANTS` instants of the horizon."""
+    now = law.at(np.linspace(0.0, horizon, INSTANTS))
+    eigenvalues = np.linalg.eigvalsh(now.matrix)
+    change = np.zeros_like(now.matrix) if now.change is None else now.change
+    rates = np.linalg.norm(change + change.swapaxes(-1, -2), 2, axis=(-2, -1))
+    return InertiaBounds(float(eigenvalues.min()), float(eigenvalues.max()), float(rates.max()))

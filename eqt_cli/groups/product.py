@@ -1,0 +1,115 @@
+"""Direct products of groups, as block-diagonal matrices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Self
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups.base import MatrixLieGroup, Part
+
+
+class ProductGroup(MatrixLieGroup):
+    """A direct product such as SO3*R3; coordinates and blocks in the order of its factors."""
+
+    name = "<group>*<group>"
+
+    def __init__(self, *factors: MatrixLieGroup) -> None:
+        self.factors = factors
+        self.name = "*".join(factor.name for factor in factors)
+        self.blocks = _slices([factor.size for factor in factors])
+        self.coordinates = _slices([factor.dimension for factor in factors])
+        size, dimension = self.blocks[-1].stop, self.coordinates[-1].stop
+        self.basis = np.zeros((dimension, size, size))
+        for factor, block, coordinates in self._layout():
+            self.basis[coordinates, block, block] = factor.basis
+        self.axis_names = tuple(
+            f"{axis}{_subscript(index)}"
+            for index, factor in enumerate(factors)
+            for axis in factor.axis_names
+        )
+
+    @classmethod
+    def named(cls, name: str) -> Self | None:
+        """SO3*R3 for the product of SO3 and R3."""
+        from eqt_cli.groups import group_named
+
+        factors = name.split("*")
+        return cls(*map(group_named, factors)) if len(factors) > 1 else None
+
+    @classmethod
+    def examples(cls) -> tuple[str, ...]:
+        """A rigid body with an independent translation, and one with a wheel."""
+        return "SO3*R3", "SE3*SO2"
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The parts of all factors, numbered by factor."""
+        return tuple(
+            replace(
+                part,
+                name=f"{part.name}_{index + 1}",
+                axes=_shifted(part.axes, coordinates.start),
+                entries=(
+                    _shifted(part.entries[0], block.start),
+                    _shifted(part.entries[1], block.start),
+                ),
+            )
+            for index, (factor, block, coordinates) in enumerate(self._layout())
+            for part in factor.parts
+        )
+
+    def inverse(self, Q: Array) -> Array:
+        """Block by block."""
+        inverse = Q.copy()
+        for factor, block, _ in self._layout():
+            inverse[..., block, block] = factor.inverse(Q[..., block, block])
+        return inverse
+
+    def Ad_matrix(self, Q: Array) -> Array:
+        """Block by block."""
+        matrix = np.zeros((*Q.shape[:-2], self.dimension, self.dimension), dtype=Q.dtype)
+        for factor, block, coordinates in self._layout():
+            matrix[..., coordinates, coordinates] = factor.Ad_matrix(Q[..., block, block])
+        return matrix
+
+    def exp(self, V: Array) -> Array:
+        """Block by block."""
+        return self.assemble(
+            [factor.exp(V[..., coordinates]) for factor, _, coordinates in self._layout()]
+        )
+
+    def log(self, Q: Array) -> Array:
+        """Block by block."""
+        logs = [factor.log(Q[..., block, block]) for factor, block, _ in self._layout()]
+        return np.concatenate(logs, axis=-1)
+
+    def drift(self, Q: Array) -> Array:
+        """The largest drift of a factor."""
+        drifts = [factor.drift(Q[..., block, block]) for factor, block, _ in self._layout()]
+        return np.max(drifts, axis=0)
+
+    def assemble(self, poses: list[Array]) -> Array:
+        """The pose with these poses of the factors as its blocks."""
+        Q = np.zeros((*poses[0].shape[:-2], self.size, self.size))
+        for pose, block in zip(poses, self.blocks, strict=True):
+            Q[..., block, block] = pose
+        return Q
+
+    def _layout(self) -> list[tuple[MatrixLieGroup, slice, slice]]:
+        return list(zip(self.factors, self.blocks, self.coordinates, strict=True))
+
+
+def _slices(lengths: list[int]) -> list[slice]:
+    ends = np.cumsum(lengths)
+    return [slice(int(end - length), int(end)) for end, length in zip(ends, lengths, strict=True)]
+
+
+def _shifted(part: slice, by: int) -> slice:
+    return slice(part.start + by, part.stop + by)
+
+
+def _subscript(index: int) -> str:
+    return chr(ord("₁") + index)

@@ -1,0 +1,62 @@
+"""R^n, as a factor of products: translations without rotations."""
+
+from __future__ import annotations
+
+import re
+from typing import Self
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups.base import Part
+from eqt_cli.groups.euclidean import EuclideanGroup
+
+
+class VectorGroup(EuclideanGroup):
+    """Vectors of R^n under addition, R1 to R9, as matrices [[I, x], [0, 1]]; V is ẋ."""
+
+    name = "R<n>"
+    columns = ("position",)
+    column_units = ("m",)
+    force_units = ("N",)
+
+    def __init__(self, n: int) -> None:
+        self.space = n
+        self.rotations = 0
+        self.basis = np.zeros((n, n + 1, n + 1))
+        self.basis[range(n), range(n), n] = 1.0
+        self.axis_names = tuple(f"v{index + 1}" for index in range(n))
+        self.name = f"R{n}"
+
+    @classmethod
+    def named(cls, name: str) -> Self | None:
+        """R3 for R^3."""
+        found = re.fullmatch(r"R([1-9])", name)
+        return cls(int(found.group(1))) if found else None
+
+    @classmethod
+    def examples(cls) -> tuple[str, ...]:
+        """A line and a space."""
+        return "R1", "R3"
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        """The translation."""
+        n = self.space
+        return (Part("translation", slice(0, n), (slice(0, n), slice(n, n + 1)), "m", "m/s", "N"),)
+
+    def Ad_matrix(self, Q: Array) -> Array:
+        """I: the group is commutative."""
+        return np.broadcast_to(np.eye(self.space), (*Q.shape[:-2], self.space, self.space))
+
+    def exp(self, V: Array) -> Array:
+        """I + V^."""
+        return self.identity + self.hat(V)
+
+    def log(self, Q: Array) -> Array:
+        """The translation."""
+        return Q[..., : self.space, self.space]
+
+    def drift(self, Q: Array) -> Array:
+        """0: no entry that can vary can leave the group."""
+        return np.zeros(Q.shape[:-2])

@@ -1,0 +1,169 @@
+"""Inertia tensors, constant or varying in time, and the force that compensates their change.
+
+An inertia law gives, at a time t, the tensor 𝕀_t with its inverse, and a matrix A with
+A + Aᵀ = 𝕀̇_t: the feedforward Ṡ*S⁻* P of Theorem 3.2 is A V. The paper's factor S, with
+𝕀_t = S* 𝕀_0 S, is not unique; its choices differ by the skew part of A, a gyroscopic force
+without power.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+from eqt_cli.core.arrays import Array, apply_matrix, inverse_spd, stack, transpose
+from eqt_cli.core.differentiation import value_and_derivative
+from eqt_cli.core.expressions import Expression
+
+
+class InertiaLaw(ABC):
+    """The inertia tensor as a function of time."""
+
+    @abstractmethod
+    def at(self, t: Any) -> Inertia:
+        """The tensor at time t: a number, an array ``(samples,)`` or a symbol."""
+
+    def matrix_at(self, t: Any) -> Array:
+        """𝕀_t alone, also where it is singular."""
+        return self.at(t).matrix
+
+    @property
+    @abstractmethod
+    def parameters(self) -> dict[str, Array]:
+        """The numbers in it that may differ from run to run."""
+
+    @abstractmethod
+    def with_parameters(self, values: Mapping[str, Array]) -> Self:
+        """The same law with other parameters, which may be batched or symbols."""
+
+
+@dataclass(frozen=True)
+class Inertia(InertiaLaw):
+    """The inertia tensor 𝕀: g → g* as a matrix, at one time or, as a law of its own, at all times.
+
+    Attributes
+    ----------
+    matrix, inverse : (..., m, m)
+        𝕀 and 𝕀⁻¹.
+    change : (..., m, m), optional
+        A, with A + Aᵀ = 𝕀̇; None where the inertia is constant.
+    """
+
+    matrix: Array
+    inverse: Array
+    change: Array | None = None
+
+    def momentum(self, V: Array) -> Array:
+        """P = 𝕀 V."""
+        return apply_matrix(self.matrix, V)
+
+    def velocity(self, P: Array) -> Array:
+        """V = δh/δP = 𝕀⁻¹ P, Hampsey et al. (2025), eq. (6) and (9)."""
+        return apply_matrix(self.inverse, P)
+
+    def feedforward(self, V: Array) -> Array | float:
+        """Ṡ*S⁻* P = A V, Hampsey et al. (2025), eq. (11); 0.0 where the inertia is constant."""
+        return 0.0 if self.change is None else apply_matrix(self.change, V)
+
+    def rate_force(self, V: Array) -> Array | float:
+        """𝕀̇ V; 0.0 where the inertia is constant."""
+        if self.change is None:
+            return 0.0
+        return apply_matrix(self.change + transpose(self.change), V)
+
+    def at(self, t: Any) -> Inertia:
+        """The same at all times."""
+        return self
+
+    @property
+    def parameters(self) -> dict[str, Array]:
+        """𝕀 and 𝕀⁻¹."""
+        return {"inertia": self.matrix, "inertia_inverse": self.inverse}
+
+    def with_parameters(self, values: Mapping[str, Array]) -> Self:
+        """Another constant tensor."""
+        return replace(self, matrix=values["inertia"], inverse=values["inertia_inverse"])
+
+
+@dataclass(frozen=True)
+class FactoredInertia(InertiaLaw):
+    """𝕀_t = S_tᵀ 𝕀_0 S_t with S given as expressions in t, as in Theorem 3.2.
+
+    Attributes
+    ----------
+    initial : (m, m)
+        𝕀_0.
+    factor
+        m rows of m expressions; S(0) = I.
+    """
+
+    initial: Array
+    factor: tuple[tuple[Expression, ...], ...]
+
+    def at(self, t: Any) -> Inertia:
+        """𝕀_t, and A = Ṡᵀ 𝕀_0 S, since S⁻* P = 𝕀_0 S V."""
+        S, rate = _matrix_and_rate(self.factor, t)
+        image = self.initial @ S
+        matrix = transpose(S) @ image
+        return Inertia(matrix, inverse_spd(matrix), transpose(rate) @ image)
+
+    def factor_at(self, t: Any) -> Array:
+        """S_t."""
+        return _matrix_and_rate(self.factor, t)[0]
+
+    def matrix_at(self, t: Any) -> Array:
+        """𝕀_t alone, also where it is singular."""
+        S = self.factor_at(t)
+        return transpose(S) @ self.initial @ S
+
+    @property
+    def parameters(self) -> dict[str, Array]:
+        """𝕀_0."""
+        return {"inertia": self.initial}
+
+    def with_parameters(self, values: Mapping[str, Array]) -> Self:
+        """The same factor on another initial tensor."""
+        return replace(self, initial=values["inertia"])
+
+
+@dataclass(frozen=True)
+class PrescribedInertia(InertiaLaw):
+    """𝕀_t given as expressions in t; the feedforward takes the symmetric choice A = ½𝕀̇.
+
+    Attributes
+    ----------
+    matrix
+        m rows of m expressions.
+    """
+
+    matrix: tuple[tuple[Expression, ...], ...]
+
+    def at(self, t: Any) -> Inertia:
+        """𝕀_t, and A = ½𝕀̇_t."""
+        matrix, rate = _matrix_and_rate(self.matrix, t)
+        return Inertia(matrix, inverse_spd(matrix), rate / 2)
+
+    def matrix_at(self, t: Any) -> Array:
+        """𝕀_t alone, also where it is singular."""
+        return _matrix_and_rate(self.matrix, t)[0]
+
+    @property
+    def parameters(self) -> dict[str, Array]:
+        """None: everything is in the expressions."""
+        return {}
+
+    def with_parameters(self, values: Mapping[str, Array]) -> Self:
+        """Itself."""
+        return self
+
+
+def _matrix_and_rate(rows: tuple[tuple[Expression, ...], ...], t: Any) -> tuple[Array, Array]:
+    """A matrix of expressions and its time derivative at t, ``(..., m, m)`` each."""
+    pairs = [[value_and_derivative(entry, {"t": t}) for entry in row] for row in rows]
+    size = len(rows)
+    entries = stack([value for row in pairs for value, _ in row])
+    rates = stack([rate for row in pairs for _, rate in row])
+    shape = (*entries.shape[:-1], size, size)
+    return entries.reshape(shape), rates.reshape(*rates.shape[:-1], size, size)

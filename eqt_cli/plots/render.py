@@ -1,0 +1,102 @@
+"""From a result to the files of one figure; it knows no single figure."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any, get_args
+
+from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.core.registry import summary
+from eqt_cli.plots import Figure, figures
+from eqt_cli.plots.save import Format, encode, write
+from eqt_cli.plots.style import WIDTHS, Width
+from eqt_cli.store.reader import Results
+
+FORMATS: tuple[Format, ...] = get_args(Format)
+
+
+def render(
+    results: Results,
+    figure_name: str,
+    folder: Path,
+    formats: Sequence[Format] = FORMATS,
+    width: Width = "column",
+    options: Mapping[str, Any] | None = None,
+) -> list[Path]:
+    """Draw one figure of a result and write it as ``<folder>/<figure_name>.<format>``.
+
+    Nothing is written unless every format could be drawn.
+
+    Parameters
+    ----------
+    results
+        Open.
+    figure_name
+        One of `eqt_cli.plots.figures`.
+    width
+        One ``column`` of a journal (3.5 in) or the ``page`` (7.16 in).
+    options
+        The fields of the figure to set, as data from a configuration or a command line.
+
+    Returns
+    -------
+    list of Path
+        The files, in the order of `formats`.
+
+    Raises
+    ------
+    EqtError
+        If there is no such figure, option, format or width, the result lacks what the figure
+        shows, or the files cannot be written.
+    """
+    figure = figure_from(figure_name, options or {})
+    for given in formats:
+        _one_of("format", given, FORMATS)
+    _one_of("width", width, list(WIDTHS))
+    drawing = figure.draw(results, width)
+    title = f"{results.attributes.get('title', results.path.parent.name)}: {figure.name}"
+    description = f"{summary(type(figure))} Experiment {results.attributes.get('digest', '')}"
+    files = {
+        folder / f"{figure.name}.{format}": encode(drawing, format, title, description)
+        for format in formats
+    }
+    write(files)
+    return list(files)
+
+
+def figure_from(name: str, options: Mapping[str, Any]) -> Figure:
+    """The figure of this name with these options.
+
+    Raises
+    ------
+    EqtError
+        If there is no such figure or option, or an option cannot have its value.
+    """
+    from pydantic import TypeAdapter, ValidationError  # slow to import, and often not needed
+
+    component = figures.get(name)
+    known = [field.name for field in fields(component) if field.init]
+    for option in options:
+        if option not in known:
+            hint = suggestion(option, known) or f"; it has: {', '.join(known)}"
+            raise EqtError(f"figure '{name}' has no option '{option}'{hint}")
+    try:
+        # As JSON, since strict validation takes a mapping for a dataclass only from there.
+        return TypeAdapter(component).validate_json(json.dumps(dict(options)))
+    except ValidationError as error:
+        detail = error.errors(include_url=False)[0]
+        wrong = str(detail["loc"][0])
+        expected = detail["msg"].removeprefix("Input should be ")
+        raise EqtError(
+            f"figure '{name}', option '{wrong}': got {options[wrong]!r}; expected {expected}"
+        ) from error
+
+
+def _one_of(what: str, given: str, known: Sequence[str]) -> None:
+    if given not in known:
+        raise EqtError(
+            f"unknown {what} '{given}'{suggestion(given, known)}; known: {', '.join(known)}"
+        )

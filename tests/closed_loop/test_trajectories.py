@@ -1,0 +1,269 @@
+"""What holds along every trajectory of a closed loop: energy balance, symmetry, reference.
+
+Tolerances are multiples of the solver's rtol. A step commits an error of about rtol, the steps of
+these horizons number some dozens, and the damping forgets most of it: measured over all groups and
+controllers at rtol 1e-6, 1e-8 and 1e-10, the energy balance is kept to between 0.2 and 3 rtol·L(0).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.signals import compute, signals
+from eqt_cli.controllers import Controller, controllers
+from eqt_cli.controllers.family import Family
+from eqt_cli.core.arrays import dot
+from eqt_cli.engines import Problem
+from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.groups import groups
+from eqt_cli.mechanics.tracking import Gains, Inertia
+from eqt_cli.references.constant import ConstantReference
+from eqt_cli.references.torque import TorqueReference
+
+RTOL = 1e-7
+TOLERANCE = 20 * RTOL
+TIMES = np.linspace(0.0, 5.0, 51)
+RUNS = 3
+
+PAPER_TORQUE = ["cos(t)", "sin(t)", "cos(t)*sin(t)"]
+
+
+@dataclass(frozen=True)
+class Free(Controller):
+    """No force at all."""
+
+    def torque(self, s):
+        return 0 * s.P
+
+
+def any_matrix(n, seed):
+    """A positive definite matrix with eigenvalues between ½ and about 2."""
+    A = np.random.default_rng(seed).uniform(-1.0, 1.0, (n, n)) / np.sqrt(n)
+    return A @ A.T + np.eye(n) / 2
+
+
+def closed_loop(G, controller, reference=None):
+    inertia, K_d = any_matrix(G.dimension, 1), any_matrix(G.dimension, 2)
+    return ClosedLoop(
+        group=G,
+        inertia=Inertia(inertia, np.linalg.inv(inertia)),
+        gains=Gains(any_matrix(G.size, 3), K_d),
+        reference=reference or TorqueReference((PAPER_TORQUE * 3)[: G.dimension]),
+        controller=controller,
+    )
+
+
+def initial_states(loop, runs=RUNS):
+    G, random = loop.group, np.random.default_rng(4)
+    Q, Qd = (G.exp(random.standard_normal((runs, G.dimension))) for _ in range(2))
+    V, Vd = random.standard_normal((2, runs, G.dimension))
+    return loop.initial_state(Q, V, Qd, Vd)
+
+
+def trajectories(loop, times=TIMES):
+    """States ``(runs, samples, n)``."""
+    engine = SolveIvp(rtol=RTOL, atol=RTOL * 1e-3, block=RUNS)
+    solution = engine.solve(Problem(loop, initial_states(loop), times), lambda runs: None)
+    assert not solution.status.any()
+    return solution.states
+
+
+def assert_constant(quantity):
+    """A quantity ``(runs, samples, …)`` keeps its initial value."""
+    change = np.abs(quantity - quantity[:, :1])
+    assert change.max() < TOLERANCE * np.abs(quantity).max()
+
+
+# Theorems 3.2 and 6.2 along trajectories ----------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", controllers.names())
+def test_energy_balance(G, name):
+    """L(t) + W(t) = L(0), W the work that the law's dissipation has taken out."""
+    loop = closed_loop(G, controllers.get(name)())
+    states = trajectories(loop)
+    assert_constant(loop.tracking(TIMES, states).lyapunov + loop.work(states))
+
+
+def test_energy_balance_off_the_plane(G):
+    """Also where c + n ≠ 1, and L may well grow."""
+    loop = closed_loop(G, Family(gyroscopic=0.3, transport=-0.5, connection=0.2, damping="body"))
+    states = trajectories(loop)
+    assert_constant(loop.tracking(TIMES, states).lyapunov + loop.work(states))
+
+
+@pytest.mark.parametrize("name", controllers.names())
+def test_lyapunov_function_decreases(G, name):
+    loop = closed_loop(G, controllers.get(name)())
+    L = loop.tracking(TIMES, trajectories(loop)).lyapunov
+    assert (np.diff(L, axis=1) < TOLERANCE * L[:, :1]).all()
+    assert (L[:, -1] < L[:, 0]).all()
+
+
+@pytest.mark.parametrize("name", controllers.names())
+def test_trajectories_reach_the_desired_one(name):
+    loop = closed_loop(groups.get("SO3")(), controllers.get(name)())
+    times = np.array([0.0, 60.0])
+    L = loop.tracking(times, trajectories(loop, times)).lyapunov
+    assert (L[:, 1] < 1e-6 * L[:, 0]).all()
+
+
+# Symmetry: the free system ------------------------------------------------------------------------
+
+
+def test_free_motion_conserves_energy(G):
+    loop = closed_loop(G, Free())
+    s = loop.tracking(TIMES, trajectories(loop))
+    assert_constant(dot(s.P, s.V) / 2)
+
+
+def test_free_motion_conserves_spatial_momentum(G):
+    """Ad*_{Q⁻¹} P is constant: P stays on its coadjoint orbit."""
+    loop = closed_loop(G, Free())
+    s = loop.tracking(TIMES, trajectories(loop))
+    assert_constant(G.Ad_star(G.inverse(s.Q), s.P))
+
+
+def test_free_rigid_body_conserves_the_casimir():
+    """‖π‖ on SO(3)."""
+    loop = closed_loop(groups.get("SO3")(), Free())
+    s = loop.tracking(TIMES, trajectories(loop))
+    assert_constant(np.linalg.norm(s.P, axis=-1))
+
+
+def test_free_rigid_motion_conserves_both_casimirs():
+    """‖p‖ and π·p on SE(3)."""
+    loop = closed_loop(groups.get("SE3")(), Free())
+    s = loop.tracking(TIMES, trajectories(loop))
+    angular, linear = s.P[..., :3], s.P[..., 3:]
+    assert_constant(np.linalg.norm(linear, axis=-1))
+    assert_constant(dot(angular, linear))
+
+
+# References ---------------------------------------------------------------------------------------
+
+
+def test_constant_reference_keeps_its_velocity(G):
+    """V_d(t) = V_d(0) and Q_d(t) = Q_d(0) exp(t V_d)."""
+    loop = closed_loop(G, controllers.get("eqt")(), ConstantReference())
+    s = loop.tracking(TIMES, trajectories(loop))
+    assert_constant(s.Vd)
+    expected = s.Qd[:, :1] @ G.exp(TIMES[:, None] * s.Vd[:, :1])
+    np.testing.assert_allclose(s.Qd, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())
+
+
+def test_reference_moves_as_a_system_driven_by_its_torque(G):
+    """(Q_d, P_d) is the trajectory of a system that starts there and is given τ = τ_d."""
+
+    @dataclass(frozen=True)
+    class Feedforward(Controller):
+        def torque(self, s):
+            return s.tau_d
+
+    loop = closed_loop(G, Feedforward())
+    start = initial_states(loop)
+    s = loop.tracking(0.0, start)
+    twins = loop.initial_state(s.Qd, s.Vd, s.Qd, s.Vd)
+    engine = SolveIvp(rtol=RTOL, atol=RTOL * 1e-3, block=RUNS)
+    solution = engine.solve(Problem(loop, twins, TIMES), lambda runs: None)
+    s = loop.tracking(TIMES, solution.states)
+    np.testing.assert_allclose(s.Q, s.Qd, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(s.P, s.Pd, rtol=0, atol=1e-12)
+
+
+def test_reference_does_not_depend_on_the_law():
+    G = groups.get("SO3")()
+    desired = [
+        loop.tracking(TIMES, trajectories(loop)).Qd
+        for loop in (closed_loop(G, controllers.get(name)()) for name in ("eqt", "gt"))
+    ]
+    # Both within the tolerance of the exact one, along steps of their own.
+    np.testing.assert_allclose(desired[0], desired[1], rtol=0, atol=TOLERANCE)
+
+
+def test_torque_reference_takes_one_time_or_many(G):
+    loop = closed_loop(G, Free())
+    many = loop.tracking(TIMES, trajectories(loop)).tau_d
+    expected = np.stack([np.cos(TIMES), np.sin(TIMES), np.cos(TIMES) * np.sin(TIMES)] * 3, axis=-1)
+    np.testing.assert_allclose(many, expected[:, : G.dimension], rtol=1e-15, atol=1e-15)
+    one = loop.tracking(TIMES[7], initial_states(loop)).tau_d
+    np.testing.assert_allclose(one, expected[7, : G.dimension], rtol=1e-15, atol=1e-15)
+
+
+# The vector field ---------------------------------------------------------------------------------
+
+
+def test_flat_state_holds_what_it_was_made_of(G):
+    random = np.random.default_rng(5)
+    Q, Qd = (G.exp(random.standard_normal((RUNS, G.dimension))) for _ in range(2))
+    V, Vd = random.standard_normal((2, RUNS, G.dimension))
+    loop = closed_loop(G, Free())
+    state = loop.initial_state(Q, V, Qd, Vd)
+    assert state.shape == (RUNS, loop.state_length)
+    s = loop.tracking(0.0, state)
+    for held, given in ((s.Q, Q), (s.V, V), (s.Qd, Qd), (s.Vd, Vd), (loop.work(state), 0.0)):
+        np.testing.assert_allclose(held, given, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", controllers.names())
+def test_vector_field_takes_object_arrays(G, name):
+    """What a compiling engine relies on, with numbers in the place of its symbols."""
+    loop = closed_loop(G, controllers.get(name)())
+    state = initial_states(loop)
+    symbolic = loop.with_parameters(
+        {key: value.astype(object) for key, value in loop.parameters.items()}
+    )
+    field = symbolic.vector_field(0.5, state[0].astype(object))
+    assert field.dtype == object
+    np.testing.assert_allclose(
+        field.astype(float), loop.vector_field(0.5, state)[0], rtol=0, atol=1e-13
+    )
+
+
+def test_parameters_may_differ_from_run_to_run(G):
+    loops = [closed_loop(G, Family(g, c, 1 - c)) for g, c in ((0.0, 1.0), (1.0, 0.5), (2.0, -1.0))]
+    scaled = [
+        loop.with_parameters(loop.parameters | {"kp": k * loop.gains.K, "kd": k * loop.gains.K_d})
+        for k, loop in enumerate(loops, start=1)
+    ]
+    batched = loops[0].with_parameters(
+        {key: np.stack([loop.parameters[key] for loop in scaled]) for key in loops[0].parameters}
+    )
+    states = initial_states(loops[0])
+    alone = [loop.vector_field(0.5, state) for loop, state in zip(scaled, states, strict=True)]
+    np.testing.assert_allclose(batched.vector_field(0.5, states), alone, rtol=0, atol=1e-13)
+
+
+# Signals ------------------------------------------------------------------------------------------
+
+
+def test_signals_are_the_norms_they_are_named_after(G):
+    loop = closed_loop(G, controllers.get("gt")())
+    states = trajectories(loop)
+    found, s = compute(loop, TIMES, states), loop.tracking(TIMES, states)
+    assert set(found) == {signal.name for signal in signals(G)} | {"energy_balance"}
+    tau = loop.controller.torque(s)
+    error = np.eye(G.size) - s.Q @ np.linalg.inv(s.Qd)
+    expected = {
+        "pose": s.Q,
+        "velocity": s.V,
+        "torque": tau,
+        "pose_error": np.linalg.norm(error, axis=(-2, -1)),
+        "velocity_error": np.linalg.norm(s.V - s.Vd, axis=-1),
+        "torque_norm": np.linalg.norm(tau, axis=-1),
+        "lyapunov": s.lyapunov,
+    }
+    # The closed-form inverse sees a drift of rtol off the group differently than `inv` does.
+    for name, values in expected.items():
+        np.testing.assert_allclose(found[name], values, rtol=0, atol=TOLERANCE * 10, err_msg=name)
+
+
+def test_parts_of_a_norm_make_up_the_whole():
+    G = groups.get("SE23")()
+    loop = closed_loop(G, controllers.get("eqt")())
+    found = compute(loop, TIMES, trajectories(loop))
+    for norm in ("pose_error", "velocity_error", "torque_norm"):
+        parts = [found[f"{norm}_{part}"] for part in ("rotation", "velocity", "position")]
+        np.testing.assert_allclose(np.sqrt(sum(part**2 for part in parts)), found[norm], rtol=1e-12)
