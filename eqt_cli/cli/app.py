@@ -2,15 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from eqt_cli import __version__
 from eqt_cli.cli import config, listing, plot, run, show
+from eqt_cli.cli.output import say
+
+INTERRUPTED = 130
+"""The exit code after Ctrl-C, as shells have it."""
+
+
+class _Commands(TyperGroup):
+    """The commands; typer's own answer to Ctrl-C differs from version to version."""
+
+    def invoke(self, ctx: typer.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            say("eqt: interrupted; run the same command again")
+            raise typer.Exit(INTERRUPTED) from None
+
 
 app = typer.Typer(
     name="eqt",
+    cls=_Commands,
     help="Experiments with equivariant tracking control on matrix Lie groups: from YAML to figure.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,

@@ -17,6 +17,7 @@ def list_components(
     kind: Annotated[
         str | None,
         typer.Argument(
+            metavar="KIND",
             help="groups, controllers, references, engines, poses, velocities, figures or configs."
         ),
     ] = None,

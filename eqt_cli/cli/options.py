@@ -21,7 +21,7 @@ Json = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results only.")]
 Workers = Annotated[
     int | None,
-    typer.Option("--workers", min=1, metavar="N", help="Most cores to use. [default: all]"),
+    typer.Option("--workers", min=1, metavar="N", help="Most cores to use; default: all."),
 ]
 TrustPlugins = Annotated[
     bool,

@@ -1,14 +1,83 @@
-"""`eqt plot`: draw a result."""
+"""`eqt plot`: draw figures of a result."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+from eqt_cli.cli import options
 
 
 def plot(
     result: Annotated[Path, typer.Argument(help="Result folder, or its results.h5.")],
+    figure: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--figure", metavar="NAME", help="Figure to draw; may be repeated. [default: paper]"
+        ),
+    ] = None,
+    option: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--option",
+            metavar="KEY=VALUE",
+            help="Option of the figure, as log=true; `eqt list figures` names them.",
+        ),
+    ] = None,
+    format_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--format", metavar="NAME", help="pdf, svg or png; may be repeated. [default: all]"
+        ),
+    ] = None,
+    width: Annotated[
+        str, typer.Option("--width", metavar="NAME", help="column (3.5 in) or page (7.16 in).")
+    ] = "column",
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out", metavar="DIR", help="Folder of the figures. [default: RESULT/figures]"
+        ),
+    ] = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
-    """Draw a result."""
+    """Draw figures of a result as PDF, SVG and PNG."""
+    from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.summary import print_headline
+    from eqt_cli.plots.render import FORMATS, render
+    from eqt_cli.store.reader import open_results
+
+    with open_results(result) as results:
+        folder = out or results.path.parent / "figures"
+        files = [
+            file
+            for name in figure or ["paper"]
+            for file in render(
+                results, name, folder, format_ or FORMATS, width, _options(option or ())
+            )
+        ]
+        if json:
+            print_json({"figures": list(map(str, files))})
+            return
+        if not quiet:
+            print_headline(results)
+            print()
+    for file in files:
+        print(f"figure   {file}")
+
+
+def _options(given: tuple[str, ...] | list[str]) -> dict[str, Any]:
+    """``KEY=VALUE`` pairs, values as in a configuration."""
+    from eqt_cli.core.errors import EqtError
+    from eqt_cli.experiment.yaml_source import parse_value
+
+    found = {}
+    for index, text in enumerate(given):
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise EqtError(f"--option[{index}]: expected KEY=VALUE, got '{text}'")
+        found[key.strip()] = parse_value(value, f"--option[{index}]")
+    return found

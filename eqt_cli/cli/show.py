@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def show(
-    result: Annotated[Path, typer.Argument(help="Result folder, or its results.h5.")],
+    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")],
     config: Annotated[
         bool, typer.Option("--config", help="Print the resolved configuration.")
     ] = False,

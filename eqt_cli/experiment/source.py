@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 from eqt_cli.core.errors import ConfigError, EqtError, Problem
 from eqt_cli.experiment import yaml_source
+from eqt_cli.experiment.translate import shown
 from eqt_cli.experiment.yaml_source import Source, dotted
 from eqt_cli.store.reader import open_results
 
@@ -44,18 +46,36 @@ def read_config(path: Path, overrides: Sequence[str] = ()) -> ConfigSource:
     if path.suffix == ".h5" or path.is_dir():
         config = _from_result(path)
     else:
-        try:
-            text = path.read_bytes()
-        except OSError as error:
-            reason = error.strerror or str(error)
-            raise EqtError(f"{path}: cannot be read: {reason.lower()}") from error
-        source = yaml_source.load(text, str(path))
+        source = yaml_source.load(_text(path), str(path))
         config = ConfigSource(source, source.data, path.parent)
-    if "name" not in config.data:
-        config.data = {"name": path.stem, **config.data}
+    if config.data.get("name") is None:
+        config.data = config.data | {"name": _name(path)}
+    problems: list[Problem] = []
     for index, override in enumerate(overrides):
-        _apply(config, override, f"--set[{index}]")
+        try:
+            _apply(config, override, f"--set[{index}]")
+        except ConfigError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigError(problems)
     return config
+
+
+def _text(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise EqtError(
+            f"{path}: does not exist; give a YAML file, which `eqt config new` writes, or a result"
+        ) from None
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise EqtError(f"{path}: cannot be read: {reason}; check the path and its permissions") from error
+
+
+def _name(path: Path) -> str:
+    """The file's stem as a name: what a name must not have becomes a hyphen."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).lstrip("-._") or "experiment"
 
 
 def _from_result(path: Path) -> ConfigSource:
@@ -73,25 +93,47 @@ def _apply(config: ConfigSource, override: str, place: str) -> None:
     if not equals or not key.strip():
         raise ConfigError([Problem("", f"expected KEY=VALUE, got '{override}'", place)])
     path = parse_key(key.strip(), place)
-    value = yaml_source.parse_value(text, place)
+    value = _value(text, path, place)
     container: Any = config.data
     for depth, step in enumerate(path):
         last = depth == len(path) - 1
         if isinstance(step, int):
             if not isinstance(container, list) or step >= len(container):
-                length = len(container) if isinstance(container, list) else 0
-                message = f"no entry {step}: {dotted(path[:depth])} has {length}"
+                message = f"{_described(container, path[:depth])}; entries count from [0]"
                 raise ConfigError([Problem(dotted(path), message, place)])
         elif not isinstance(container, dict):
-            message = f"{dotted(path[:depth])} is not a mapping, so it has no key '{step}'"
+            whole = dotted(path[:depth])
+            message = f"{_described(container, path[:depth])}; set {whole} as a whole"
             raise ConfigError([Problem(dotted(path), message, place)])
         if last:
             container[step] = value
         else:
-            if isinstance(step, str):
-                container.setdefault(step, {})
+            if isinstance(step, str) and step not in container:
+                container[step] = {}
+                config.overrides[path[: depth + 1]] = place
             container = container[step]
+    for replaced in [other for other in config.overrides if other[: len(path)] == path]:
+        del config.overrides[replaced]
     config.overrides[path] = place
+
+
+def _value(text: str, path: KeyPath, place: str) -> Any:
+    try:
+        return yaml_source.parse_value(text, place)
+    except ConfigError as error:
+        key = dotted(path)
+        inner = [f".{p.path}" if p.path[:1] not in ("", "[") else p.path for p in error.problems]
+        raise ConfigError(
+            Problem(key + rest, problem.message, place)
+            for rest, problem in zip(inner, error.problems, strict=True)
+        ) from error
+
+
+def _described(value: Any, path: KeyPath) -> str:
+    """What stands at a path where an override expects something else."""
+    if isinstance(value, list):
+        return f"{dotted(path)} is a list of {len(value)}"
+    return f"{dotted(path)} is " + ("a mapping" if isinstance(value, dict) else shown(value))
 
 
 def parse_key(text: str, place: str) -> KeyPath:

@@ -111,12 +111,11 @@ class GoodRuns:
     def parts(self) -> list[str]:
         """Suffixes of the norms with units of their own, ``_rotation``; else one empty suffix."""
         whole = _PARTED[0]
-        suffixes = [name.removeprefix(whole) for name in self.results.names]
-        return [
-            suffix
-            for suffix in suffixes
-            if suffix.startswith("_") and all(self.results.has(norm + suffix) for norm in _PARTED)
-        ] or [""]
+        suffixes = [
+            name.removeprefix(whole) for name in self.results.names if name.startswith(whole + "_")
+        ]
+        has = self.results.has
+        return [end for end in suffixes if all(has(norm + end) for norm in _PARTED)] or [""]
 
     @cached_property
     def axes(self) -> list[tuple[str, str]]:
@@ -167,4 +166,6 @@ class GoodRuns:
 
 def _title(label: str) -> str:
     """How a controller is written in figures: by its title if its label is a law's name."""
-    return controllers.get(label).title if label in controllers.names() else label
+    if label not in controllers.names():
+        return label
+    return getattr(controllers.get(label), "title", label)

@@ -7,7 +7,6 @@ import textwrap
 import unicodedata
 
 from matplotlib.mathtext import MathTextParser
-from matplotlib.text import Text
 
 SYMBOLS = {
     "pose_error": r"\|I - Q_E\|_{\mathrm{F}}",
@@ -17,8 +16,7 @@ SYMBOLS = {
 }
 """The paper's symbol for each scalar signal, in Matplotlib's mathematical notation."""
 
-_LONGEST_LINE = 40
-_PLAIN_UNIT = re.compile(r"[A-Za-z0-9/^() -]+")
+_PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
 
 
 def quantity(symbol: str, unit: str) -> str:
@@ -37,8 +35,7 @@ def quantity(symbol: str, unit: str) -> str:
     if unit == "mixed":
         return f"${symbol}$ (mixed units)"
     if not _PLAIN_UNIT.fullmatch(unit):
-        escaped = unit.replace("$", r"\$")
-        return f"${symbol}$ ({escaped})"
+        return f"${symbol}$ ({_literal(unit)})"
     upright = re.sub(r"\^(-?\d+)", r"^{\1}", unit).replace(" ", r"\,")
     return rf"${symbol}$ $(\mathrm{{{upright}}})$"
 
@@ -52,18 +49,29 @@ def component(symbol: str, axis: str) -> str:
 def _mathematical(letter: str) -> str:
     """A letter in mathematical notation, where Greek ones have names."""
     words = unicodedata.name(letter, "").split()
-    if words[:3] == ["GREEK", "SMALL", "LETTER"]:
-        return "\\" + words[-1].lower()
+    if len(words) == 4 and words[:3] == ["GREEK", "SMALL", "LETTER"]:
+        return "\\" + words[3].lower()
     return letter
 
 
-def set_name(text: Text, name: str) -> None:
-    """Show a name that a user chose; ``$…$`` is mathematics only if it can be typeset."""
+def free_text(name: str, characters: int) -> str:
+    """What to draw for a text that a user chose, in lines of at most so many characters.
+
+    ``$…$`` is mathematics if it can be typeset, and is else shown as it is.
+    """
     shown = "".join(c if c.isprintable() else " " for c in name)
     try:
         MathTextParser("path").parse(shown)
     except ValueError:
-        text.set_parse_math(False)
-    if "$" not in shown:
-        shown = textwrap.fill(shown, _LONGEST_LINE)
-    text.set_text(shown)
+        shown = _literal(shown)
+    return shown if "$" in shown else textwrap.fill(shown, characters)
+
+
+def part_name(suffix: str) -> str:
+    """The words in the suffix of a norm over a part: ``rotation`` for ``_rotation``."""
+    return suffix.removeprefix("_").replace("_", " ")
+
+
+def _literal(text: str) -> str:
+    """Text in which no dollar sign begins mathematics."""
+    return text.replace("$", r"\$")

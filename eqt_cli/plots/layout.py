@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.labels import quantity, set_name
+from eqt_cli.plots.labels import free_text, quantity
 from eqt_cli.plots.style import WIDTHS, Width
 
 EMPTY = "."
@@ -25,6 +25,8 @@ _REMARK_HEIGHT = 0.14
 """in, of a line of small text."""
 _NARROW = 1.1
 """in; a panel of less takes fewer numbers along its time axis."""
+_CHARACTERS = 18
+"""per inch, of the text of labels; small text takes a fifth less room."""
 
 Mosaic = list[list[str]]
 """Names of panels, row by row."""
@@ -87,17 +89,25 @@ def hide_scale(axes: Axes) -> None:
     axes.set_ylabel("")
 
 
+def add_title(axes: Axes, name: str, mosaic: Mosaic) -> None:
+    """Name a panel above it; the name is a user's text."""
+    width = axes.get_figure(root=True).get_figwidth() / len(mosaic[0])
+    axes.set_title(free_text(name, int(_CHARACTERS * width)))
+
+
 def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) -> None:
     """Name the curves above the panels, in as few rows as fit the width; the figure grows by them.
 
     Names are a user's text.
     """
+    characters = int(_CHARACTERS * (figure.get_figwidth() - 0.5))  # beside the handle
     for columns in range(len(names), 0, -1):
         legend = figure.legend(
             handles, [""] * len(names), loc="outside upper center", ncols=columns
         )
         for text, name in zip(legend.get_texts(), names, strict=True):
-            set_name(text, name)
+            # Not as labels above: those that begin with an underscore would be left out.
+            text.set_text(free_text(name, characters))
         extent = legend.get_window_extent()
         if extent.width <= figure.bbox.width or columns == 1:
             break
@@ -108,9 +118,11 @@ def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) 
 def add_remarks(figure: Figure, remarks: Sequence[str]) -> None:
     """Print remarks below the panels, a line each; the figure grows by them."""
     if remarks:
-        figure.set_figheight(figure.get_figheight() + _REMARK_HEIGHT * len(remarks))
-        text = figure.supxlabel("", x=0.01, ha="left", fontsize="small")
-        set_name(text, "\n".join(remarks))
+        characters = int(1.2 * _CHARACTERS * figure.get_figwidth())
+        text = "\n".join(free_text(remark, characters) for remark in remarks)
+        lines = text.count("\n") + 1
+        figure.set_figheight(figure.get_figheight() + _REMARK_HEIGHT * lines)
+        figure.supxlabel(text, x=0.01, ha="left", fontsize="small")
 
 
 def freeze(figure: Figure) -> None:

@@ -14,11 +14,12 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import Figure
 from eqt_cli.plots.curves import scale_norm
 from eqt_cli.plots.good_runs import GoodRuns
-from eqt_cli.plots.labels import SYMBOLS, quantity, set_name
+from eqt_cli.plots.labels import SYMBOLS, part_name, quantity
 from eqt_cli.plots.layout import (
     EMPTY,
     Mosaic,
     add_legend,
+    add_title,
     hide_scale,
     name_scale,
     share_scale,
@@ -64,8 +65,10 @@ class Runs(Figure):
             for part in parts:
                 axes, signal = panels[_panel(ensemble.index, part)], self.signal + part
                 self._fill(axes, runs.times, runs.values(signal, ensemble), ensemble.index)
-                set_name(axes.set_title(""), ", ".join([ensemble.title, *part.split("_")[1:]]))
+                add_title(axes, _title(ensemble.title, part), mosaic)
                 name_scale(axes, quantity(SYMBOLS[self.signal], runs.unit(signal)))
+        for axes in panels.values():  # now that every curve of a common scale is there
+            scale_norm(axes, log=self.log)
         if len(parts) == 1:
             for _, right in (row for row in mosaic if len(row) == 2 and row[1] != EMPTY):
                 hide_scale(panels[right])
@@ -78,7 +81,10 @@ class Runs(Figure):
         colour = (line_style(index)["color"], opacity)
         axes.plot(times, drawn.T, color=colour, linewidth=_THIN)
         axes.plot(times, values.mean(axis=0), color=_MEAN)
-        scale_norm(axes, log=self.log)
+
+
+def _title(controller: str, part: str) -> str:
+    return f"{controller}, {part_name(part)}" if part else controller
 
 
 def _panel(controller: int, part: str) -> str:

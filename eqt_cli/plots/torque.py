@@ -15,8 +15,8 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import Figure
 from eqt_cli.plots.curves import band_look, draw_band
 from eqt_cli.plots.good_runs import GoodRuns
-from eqt_cli.plots.labels import component, quantity, set_name
-from eqt_cli.plots.layout import add_legend, hide_scale, name_scale, share_scale, sheet
+from eqt_cli.plots.labels import component, quantity
+from eqt_cli.plots.layout import add_legend, add_title, hide_scale, name_scale, share_scale, sheet
 from eqt_cli.plots.style import Width, line_style
 
 _MOST_CONTROLLERS: dict[Width, int] = {"column": 4, "page": 8}
@@ -59,12 +59,13 @@ class Torque(Figure):
             name_scale(row[0], quantity(component(r"\tau", axis), unit))
             for axes in row[1:]:
                 hide_scale(axes)
+        desired = runs.desired_torque
         for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):
-            set_name(column[0].set_title(""), ensemble.title)
+            add_title(column[0], ensemble.title, rows)
             colour = line_style(ensemble.index)["color"]
             values = runs.values("torque", ensemble)
             for k, axes in enumerate(column):
-                self._fill(axes, runs.times, values[..., k], runs.desired_torque[:, k], colour)
+                self._fill(axes, runs.times, values[..., k], desired[:, k], colour)
         self._add_legend(drawing)
         return drawing
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from eqt_cli.core.arrays import apply_matrix, dot, transpose
 from eqt_cli.groups import group_named
 
-EXAMPLES = settings(max_examples=12)
+EXAMPLES = settings(max_examples=8)
 
 ROUNDING = 1e-12
 # SciPy's rigid motions leave their series for closed forms at an angle of 1e-3, where cancellation

@@ -9,7 +9,7 @@ from eqt_cli.core.arrays import apply_matrix, dot, transpose
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.navigation import gradient, hessian_at_identity, potential
 
-EXAMPLES = settings(max_examples=20)
+EXAMPLES = settings(max_examples=12)
 
 # Hundreds of last places of numbers of order 10.
 ROUNDING = 1e-13
