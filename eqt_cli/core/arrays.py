@@ -83,6 +83,16 @@ def exp(x: Any) -> Any:
     return apply("exp", x)
 
 
+def log(x: Any) -> Any:
+    """Natural logarithm, elementwise, of floats or symbols."""
+    return apply("log", x)
+
+
+def tanh(x: Any) -> Any:
+    """Hyperbolic tangent, elementwise, of floats or symbols; a smooth saturation."""
+    return apply("tanh", x)
+
+
 def sqrt(x: Any) -> Any:
     """Square root, elementwise, of floats or symbols."""
     return apply("sqrt", x)
@@ -111,7 +121,7 @@ def maximum(a: Any, b: Any) -> Any:
 def clip(x: Any, low: Any, high: Any) -> Any:
     """x, but no less than low and no more than high, elementwise.
 
-    Saturation has kinks, across which high-order steps lose accuracy: mind the error estimate.
+    A kink costs high-order steps their accuracy: mind the cross-check, or saturate with `tanh`.
     """
     return minimum(maximum(x, low), high)
 

@@ -28,6 +28,7 @@ from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
 from eqt_cli.core.errors import EqtError, TraceError
 from eqt_cli.core.numbers import Count, Positive
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Status
+from eqt_cli.engines.switching import Comparisons, Crossing, Switchboard, recording
 
 FULL_CODE_RUNS = 500
 FULL_CODE_STATES = 30

@@ -96,24 +96,17 @@ def _apply(config: ConfigSource, override: str, place: str) -> None:
     value = _value(text, path, place)
     container: Any = config.data
     for depth, step in enumerate(path):
-        last = depth == len(path) - 1
-        if isinstance(step, int):
-            if not isinstance(container, list) or step >= len(container):
-                message = f"{_described(container, path[:depth])}; entries count from [0]"
-                raise ConfigError([Problem(dotted(path), message, place)])
-        elif not isinstance(container, dict):
-            whole = dotted(path[:depth])
-            message = f"{_described(container, path[:depth])}; set {whole} as a whole"
-            raise ConfigError([Problem(dotted(path), message, place)])
-        if last:
+        wrong = _unfit(container, path[:depth], step)
+        if wrong:
+            raise ConfigError([Problem(dotted(path), wrong, place)])
+        if depth == len(path) - 1:
             container[step] = value
-        else:
-            if isinstance(step, str) and step not in container:
-                container[step] = {}
-                config.overrides[path[: depth + 1]] = place
-            container = container[step]
-    for replaced in [other for other in config.overrides if other[: len(path)] == path]:
-        del config.overrides[replaced]
+        elif isinstance(step, str) and step not in container:
+            container[step] = {}
+            config.overrides[path[: depth + 1]] = place
+        container = container[step]
+    for earlier in [other for other in config.overrides if other[: len(path)] == path]:
+        del config.overrides[earlier]
     config.overrides[path] = place
 
 
@@ -121,19 +114,34 @@ def _value(text: str, path: KeyPath, place: str) -> Any:
     try:
         return yaml_source.parse_value(text, place)
     except ConfigError as error:
-        key = dotted(path)
-        inner = [f".{p.path}" if p.path[:1] not in ("", "[") else p.path for p in error.problems]
         raise ConfigError(
-            Problem(key + rest, problem.message, place)
-            for rest, problem in zip(inner, error.problems, strict=True)
+            Problem(_joined(dotted(path), problem.path), problem.message, place)
+            for problem in error.problems
         ) from error
 
 
-def _described(value: Any, path: KeyPath) -> str:
-    """What stands at a path where an override expects something else."""
-    if isinstance(value, list):
-        return f"{dotted(path)} is a list of {len(value)}"
-    return f"{dotted(path)} is " + ("a mapping" if isinstance(value, dict) else shown(value))
+def _joined(key: str, rest: str) -> str:
+    return f"{key}.{rest}" if rest and not rest.startswith("[") else key + rest
+
+
+def _unfit(container: Any, path: KeyPath, step: str | int) -> str | None:
+    """Why the value at `path` has no place for `step`, if it has none."""
+    name = dotted(path)
+    if isinstance(step, str):
+        if isinstance(container, dict):
+            return None
+        return f"{name} is {_kind(container)}, not a mapping; set {name} as a whole"
+    if not isinstance(container, list):
+        return f"{name} is {_kind(container)}, not a list; set {name} as a whole"
+    if step < len(container):
+        return None
+    return f"no entry {step}; {name} has {len(container)}, counted from 0"
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, dict | list):
+        return "a mapping" if isinstance(value, dict) else "a list"
+    return shown(value)
 
 
 def parse_key(text: str, place: str) -> KeyPath:
@@ -141,7 +149,7 @@ def parse_key(text: str, place: str) -> KeyPath:
     steps: list[str | int] = []
     for part in text.split("."):
         name, *indices = part.split("[")
-        numbers = [index[:-1] for index in indices if index.endswith("]") and index[:-1].isdigit()]
+        numbers = [index[:-1] for index in indices if index.endswith("]") and index[:-1].isdecimal()]
         if not name or len(numbers) != len(indices):
             message = f"expected a key such as gains.kp or controllers[0].label, got '{text}'"
             raise ConfigError([Problem("", message, place)])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Collection
 from typing import Any
 
@@ -27,11 +28,11 @@ _EXPECTED = {
     "dataclass_type": "a mapping",
     "finite_number": "a finite number",
     "greater_than": "a number greater than {gt:g}",
-    "greater_than_equal": "at least {ge:g}",
-    "less_than": "a number less than {lt:g}",
+    "greater_than_equal": "a whole number of at least {ge}",
+    "less_than": "a whole number less than {lt}",
     "too_short": "at least {min_length} entry",
     "literal_error": "{expected}",
-    "string_pattern_mismatch": "letters, digits, '.', '_' and '-'",
+    "string_pattern_mismatch": "a letter or digit, then letters, digits, '.', '_' and '-'",
 }
 
 
@@ -66,15 +67,33 @@ def problems_of(
         if path not in messages and not any(
             _below(other, path) for other in [*expected, *messages]
         ):
-            words = " or ".join(dict.fromkeys(alternatives))
+            words = _listed(list(dict.fromkeys(alternatives)))
             messages[path] = f"expected {words}, got {shown(_at(path, data))}"
     return list(messages.items())
 
 
 def shown(value: Any) -> str:
-    """A value as it would stand in YAML, shortened."""
-    text = f"'{value}'" if isinstance(value, str) else json.dumps(value, default=str)
+    """A value as it would stand on one line of YAML, shortened."""
+    text = _flow(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, str):
+        return repr(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_flow, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(entry)}" for key, entry in value.items()) + "}"
+    return json.dumps(value, default=str)
+
+
+def _listed(alternatives: list[str]) -> str:
+    """``a, b or c``; an alternative may itself be such a list."""
+    *first, last = alternatives
+    return f"{', '.join(first).replace(' or ', ', ')} or {last}" if first else last
 
 
 def _unknown(key: str, known: Collection[str]) -> str:

@@ -89,10 +89,9 @@ def hide_scale(axes: Axes) -> None:
     axes.set_ylabel("")
 
 
-def add_title(axes: Axes, name: str, mosaic: Mosaic) -> None:
-    """Name a panel above it; the name is a user's text."""
-    width = axes.get_figure(root=True).get_figwidth() / len(mosaic[0])
-    axes.set_title(free_text(name, int(_CHARACTERS * width)))
+def add_title(axes: Axes, name: str, room: float) -> None:
+    """Name a panel above it, within so many inches; the name is a user's text."""
+    axes.set_title(free_text(name, int(_CHARACTERS * room)))
 
 
 def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) -> None:

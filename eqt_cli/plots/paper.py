@@ -13,7 +13,7 @@ from eqt_cli.plots.curves import draw_band, scale_norm
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import SYMBOLS, part_name, quantity
 from eqt_cli.plots.layout import add_legend, add_title, name_scale, sheet
-from eqt_cli.plots.style import Width, line_style
+from eqt_cli.plots.style import WIDTHS, Width, line_style
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
 
@@ -50,7 +50,7 @@ class Paper(Figure):
         for signal, axes in panels.items():
             self._fill(axes, signal, runs)
         for signal, part in zip(norms[0], parts, strict=True):
-            add_title(panels[signal], part_name(part), mosaic)
+            add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
         add_legend(drawing, panels["lyapunov"].lines, [e.title for e in runs.shown])
         return drawing
 

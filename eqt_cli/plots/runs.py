@@ -25,7 +25,7 @@ from eqt_cli.plots.layout import (
     share_scale,
     sheet,
 )
-from eqt_cli.plots.style import Width, line_style
+from eqt_cli.plots.style import WIDTHS, Width, line_style
 
 MOST_LINES = 200
 """Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
@@ -58,6 +58,7 @@ class Runs(Figure):
         shown = runs.shown
         parts = [""] if self.signal == "lyapunov" else runs.parts
         mosaic = _mosaic([e.index for e in shown], parts)
+        room = WIDTHS[width] / len(mosaic[0])
         drawing, panels = sheet(width, mosaic, runs.times, runs.unit("time"))
         for part in parts:
             share_scale(panels[_panel(e.index, part)] for e in shown)
@@ -65,7 +66,7 @@ class Runs(Figure):
             for part in parts:
                 axes, signal = panels[_panel(ensemble.index, part)], self.signal + part
                 self._fill(axes, runs.times, runs.values(signal, ensemble), ensemble.index)
-                add_title(axes, _title(ensemble.title, part), mosaic)
+                add_title(axes, _title(ensemble.title, part), room)
                 name_scale(axes, quantity(SYMBOLS[self.signal], runs.unit(signal)))
         for axes in panels.values():  # now that every curve of a common scale is there
             scale_norm(axes, log=self.log)

@@ -17,7 +17,7 @@ from eqt_cli.plots.curves import band_look, draw_band
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import component, quantity
 from eqt_cli.plots.layout import add_legend, add_title, hide_scale, name_scale, share_scale, sheet
-from eqt_cli.plots.style import Width, line_style
+from eqt_cli.plots.style import WIDTHS, Width, line_style
 
 _MOST_CONTROLLERS: dict[Width, int] = {"column": 4, "page": 8}
 _DESIRED: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0, (2, 1.5))}
@@ -61,7 +61,7 @@ class Torque(Figure):
                 hide_scale(axes)
         desired = runs.desired_torque
         for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):
-            add_title(column[0], ensemble.title, rows)
+            add_title(column[0], ensemble.title, WIDTHS[width] / len(shown))
             colour = line_style(ensemble.index)["color"]
             values = runs.values("torque", ensemble)
             for k, axes in enumerate(column):

@@ -1,0 +1,391 @@
+"""The solve_ivp engine: how accurate blocks are, and what becomes of runs that fail.
+
+Errors are measured against the same engine at its smallest tolerance, at the sample points, where
+the interpolation between steps adds to the error of the steps themselves. They are multiples of
+rtol because the closed loop forgets errors about as fast as steps commit them: measured over all
+blocks and tolerances of `test_error_is_a_few_rtol`, between 0.4 and 11 rtol.
+"""
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import Controller, controllers
+from eqt_cli.controllers.eqt import EqT
+from eqt_cli.controllers.family import Family
+from eqt_cli.engines import Problem, Status
+from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.references.constant import ConstantReference
+from eqt_cli.references.torque import TorqueReference
+
+METHODS = ["DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"]
+INERTIA = np.array([[0.824, 0, 0.12], [0, 1.135, 0], [0.12, 0, 1.759]])
+
+
+def quiet(runs):
+    """Report to nobody."""
+
+
+def paper_loop(controller, reference=None):
+    return ClosedLoop(
+        group=group_named("SO3"),
+        inertia=Inertia(INERTIA, np.linalg.inv(INERTIA)),
+        gains=Gains(np.eye(3), 0.5 * np.eye(3)),
+        reference=reference or TorqueReference(["cos(t)", "sin(t)", "cos(t)*sin(t)"]),
+        controller=controller,
+    )
+
+
+def paper_problem(runs, duration, controller=None, samples=41):
+    loop = paper_loop(controller or EqT())
+    random = np.random.default_rng(7)
+    Q = loop.group.exp(random.standard_normal((runs, 3)))
+    states = loop.initial_state(Q, random.standard_normal((runs, 3)), np.eye(3), np.zeros(3))
+    return Problem(loop, states, np.linspace(0.0, duration, samples))
+
+
+def exact(problem):
+    engine = SolveIvp(rtol=SMALLEST_RTOL, atol=1e-15, block=problem.runs)
+    return engine.solve(problem, quiet).states
+
+
+def errors(solution, reference):
+    """The largest error of each run."""
+    return np.abs(solution.states - reference).max(axis=(1, 2))
+
+
+# Accuracy -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["eqt", "nog"])
+@pytest.mark.parametrize("rtol", [1e-5, 1e-8])
+def test_error_is_a_few_rtol(name, rtol):
+    """One run per call, blocks that divide the runs or do not, and all runs in one block."""
+    problem = paper_problem(runs=8, duration=5.0, controller=controllers.get(name)())
+    reference = exact(problem)
+    for block in (1, 3, 8):
+        solution = SolveIvp(rtol=rtol, atol=rtol * 1e-3, block=block).solve(problem, quiet)
+        assert not solution.status.any()
+        assert errors(solution, reference).max() < 30 * rtol
+
+
+def test_worst_run_of_a_block_is_no_worse_than_alone():
+    """What the division of the tolerances by √block is for."""
+    problem = paper_problem(runs=16, duration=5.0)
+    reference = exact(problem)
+    alone, together = (
+        errors(SolveIvp(rtol=1e-6, atol=1e-9, block=block).solve(problem, quiet), reference).max()
+        for block in (1, 16)
+    )
+    assert together < alone
+
+
+@pytest.mark.parametrize("block", [1, 3])
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_keeps_its_tolerance(method, block):
+    problem = paper_problem(runs=3, duration=1.0, samples=11)
+    solution = SolveIvp(method=method, rtol=1e-6, atol=1e-9, block=block).solve(problem, quiet)
+    # Measured: between 0.02 rtol (LSODA) and 2.5 rtol (DOP853, whose steps are the longest).
+    assert errors(solution, exact(problem)).max() < 10 * 1e-6
+
+
+def test_initial_time_need_not_be_zero():
+    whole = paper_problem(runs=2, duration=4.0, samples=41)
+    engine = SolveIvp(rtol=1e-8, atol=1e-11, block=2)
+    first = engine.solve(whole, quiet).states
+    rest = Problem(whole.loop, first[:, 20], whole.times[20:])
+    # Both halves within 30 rtol of the exact solution, as above.
+    np.testing.assert_allclose(engine.solve(rest, quiet).states, first[:, 20:], rtol=0, atol=6e-7)
+
+
+@pytest.mark.parametrize("block", [1, 3])
+def test_parameters_may_differ_from_run_to_run(block):
+    problem = paper_problem(runs=3, duration=1.0, controller=Family(), samples=5)
+    gyroscopic, scale = np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 0.5])
+    varying = {
+        "controller.gyroscopic": gyroscopic[:, None],
+        "kd": scale[:, None, None] * problem.loop.gains.K_d,
+    }
+    engine = SolveIvp(rtol=1e-8, atol=1e-11, block=block)
+    together = engine.solve(Problem(problem.loop, problem.states, problem.times, varying), quiet)
+    for run in range(3):
+        loop = problem.loop.with_parameters(
+            problem.loop.parameters | {name: values[run] for name, values in varying.items()}
+        )
+        one = Problem(loop, problem.states[run : run + 1], problem.times)
+        assert errors(together, exact(one))[run] < 30 * 1e-8
+
+
+# What a run's numbers depend on -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("block", [1, 3])
+def test_runs_of_other_blocks_change_no_bit(block):
+    problem = paper_problem(runs=8, duration=2.0)
+    engine = SolveIvp(rtol=1e-6, atol=1e-9, block=block)
+    whole = engine.solve(problem, quiet)
+    for runs in (slice(0, 3), slice(3, 6), slice(6, 8), slice(3, 8)):
+        part = engine.solve(problem.select(runs), quiet)
+        assert (part.states == whole.states[runs]).all()
+        assert (part.steps == whole.steps[runs]).all()
+
+
+def test_runs_at_once_are_whole_blocks():
+    engine = SolveIvp(block=30)
+    assert [engine.runs_at_once(most) for most in (1, 29, 30, 100)] == [30, 30, 30, 90]
+
+
+def test_block_is_one_by_default_for_methods_with_jacobians():
+    assert [SolveIvp(method=method).runs_per_block for method in METHODS] == [100] * 3 + [1] * 3
+
+
+def test_tightened_tolerances():
+    engine = SolveIvp(rtol=1e-6, atol=1e-9, method="RK45", block=7).tightened(0.01)
+    assert (engine.rtol, engine.atol) == (pytest.approx(1e-8), pytest.approx(1e-11))
+    assert (engine.method, engine.block) == ("RK45", 7)
+    assert SolveIvp(rtol=1e-12).tightened(1e-3).rtol == SMALLEST_RTOL
+
+
+def test_first_sample_is_the_initial_state():
+    problem = paper_problem(runs=3, duration=1.0, samples=5)
+    solution = SolveIvp(block=2).solve(problem, quiet)
+    assert (solution.states[:, 0] == problem.states).all()
+
+
+# Runs that fail -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Faulty(Controller):
+    """EqT, but for runs with a `fault` a torque that cannot be integrated."""
+
+    fault: float = 0.0
+
+    def torque(self, s):
+        return np.where(self.fault > 0, self.bad_torque(s), EqT().torque(s))
+
+
+class Escaping(Faulty):
+    """d/dt ‖P‖² = 2‖P‖²(1 + ‖P‖²), infinite at t = ½ log(1 + 1/‖P(0)‖²)."""
+
+    def bad_torque(self, s):
+        return s.P * (1 + (s.P * s.P).sum(axis=-1, keepdims=True))
+
+
+class NotANumberAtOnce(Faulty):
+    def bad_torque(self, s):
+        return np.full(s.P.shape, np.nan)
+
+
+class NotANumberAfterTheStart(Faulty):
+    def bad_torque(self, s):
+        return np.full(s.P.shape, np.nan) if s.t > 0 else 0 * s.P
+
+
+class NotANumberAfterOneSecond(Faulty):
+    def bad_torque(self, s):
+        return np.full(s.P.shape, np.nan) if s.t > 1 else 0 * s.P
+
+
+class InfiniteAfterOneSecond(Faulty):
+    def bad_torque(self, s):
+        return np.full(s.P.shape, np.inf) if s.t > 1 else 0 * s.P
+
+
+class Rattling(Faulty):
+    """Takes many thousand steps a second, with every method."""
+
+    def bad_torque(self, s):
+        return 1e4 * np.sin(1e5 * s.t) + 0 * s.P
+
+
+class NotANumberInTrialStepsThenEscaping(Escaping):
+    """Until t = 1 the steps that an explicit method tries are at times too long, and refused."""
+
+    def bad_torque(self, s):
+        if s.t < 1:
+            return np.where(np.abs(s.P) > 3, np.nan, -200 * (s.P - 0.5))
+        return super().bad_torque(s)
+
+
+FAULTS = {
+    "escape": (Escaping, Status.SOLVER_FAILED),
+    "nan_at_once": (NotANumberAtOnce, Status.NON_FINITE),
+    "nan_after_the_start": (NotANumberAfterTheStart, Status.NON_FINITE),
+    "nan_after_one_second": (NotANumberAfterOneSecond, Status.NON_FINITE),
+    "inf_after_one_second": (InfiniteAfterOneSecond, Status.NON_FINITE),
+    "rattling": (Rattling, Status.STEP_LIMIT),
+}
+SAMPLES = 21
+DURATION = 2.0
+LIMIT = 4000
+
+
+def faulty_problem(controller, faults, momentum=1.0):
+    """Runs with the given faults; the others track a target at rest."""
+    loop = paper_loop(controller(), ConstantReference())
+    random = np.random.default_rng(7)
+    runs = len(faults)
+    Q = loop.group.exp(random.standard_normal((runs, 3)))
+    P = random.standard_normal((runs, 3))
+    P *= momentum / np.linalg.norm(P, axis=-1, keepdims=True)
+    V = loop.inertia.velocity(P)
+    states = loop.initial_state(Q, V, np.eye(3), np.zeros(3))
+    varying = {"controller.fault": np.array(faults, dtype=float)[:, None]}
+    return Problem(loop, states, np.linspace(0.0, DURATION, SAMPLES), varying)
+
+
+def engine_for_faults(method="DOP853", block=3, max_steps=LIMIT):
+    return SolveIvp(method=method, rtol=1e-6, atol=1e-9, block=block, max_steps=max_steps)
+
+
+def solve_one(controller, momentum=1.0, **options):
+    """The state, status and message of a single faulty run."""
+    problem = faulty_problem(controller, [1], momentum)
+    solution = engine_for_faults(block=1, **options).solve(problem, quiet)
+    return solution.states[0], Status(solution.status[0]), solution.messages[0]
+
+
+@pytest.mark.parametrize("block", [1, 3])
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("fault", FAULTS)
+def test_failing_run_gets_a_status_and_harms_no_other(fault, method, block):
+    """Four runs, the second of which fails; the first three are one block of three.
+
+    A block that fails is redone run by run, and each run is then, bit for bit, what it is when it
+    is solved alone by an engine with the same options.
+    """
+    controller, status = FAULTS[fault]
+    problem = faulty_problem(controller, [0, 1, 0, 0])
+    engine = engine_for_faults(method, block)
+    solution = engine.solve(problem, quiet)
+    # LSODA and Radau may take to the limit of steps to find that a solution ends.
+    allowed = {status, Status.STEP_LIMIT} if fault == "escape" else {status}
+    assert solution.status[1] in allowed
+    assert solution.messages[1]
+    assert solution.status[[0, 2, 3]].tolist() == [Status.OK] * 3
+    assert [solution.messages[run] for run in (0, 2, 3)] == [""] * 3
+    for run in (0, 1, 2, 3):
+        alone = engine.solve(problem.select(slice(run, run + 1)), quiet)
+        assert np.array_equal(solution.states[run], alone.states[0], equal_nan=True)
+        assert solution.steps[run] == alone.steps[0]
+        assert solution.messages[run] == alone.messages[0]
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_redone_runs_stay_within_the_tolerance(fault):
+    problem = faulty_problem(FAULTS[fault][0], [0, 1, 0])
+    solution = engine_for_faults().solve(problem, quiet)
+    healthy = faulty_problem(FAULTS[fault][0], [0, 0, 0])
+    assert (errors(solution, exact(healthy))[[0, 2]] < 30 * 1e-6).all()
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("fault", FAULTS)
+def test_failing_run_keeps_its_samples_up_to_the_failure(fault, method):
+    states, status, message = solve_one(FAULTS[fault][0], method=method)
+    at = float(re.match(r"t = (\S+) s: ", message).group(1))
+    known = np.isfinite(states).all(axis=-1)
+    assert (known == np.isfinite(states).any(axis=-1)).all()
+    times = np.linspace(0.0, DURATION, SAMPLES)
+    # The failed step, which may begin before the failure by what a method dares: half a second.
+    assert known[times < at - 0.5].all()
+    assert not known[times > at].any()
+    assert status is not Status.OK
+
+
+def test_message_of_a_finite_time_escape():
+    # ‖P(0)‖² = 1/(e − 1) escapes at t = ½.
+    _, status, message = solve_one(Escaping, momentum=np.sqrt(1 / (np.e - 1)))
+    assert status is Status.SOLVER_FAILED
+    assert message == "t = 0.5 s: Required step size is less than spacing between numbers"
+
+
+def test_message_of_a_vector_field_that_is_not_finite_from_the_start():
+    states, status, message = solve_one(NotANumberAtOnce)
+    assert status is Status.NON_FINITE
+    assert message == "t = 0 s: the vector field is not finite"
+
+
+@pytest.mark.parametrize("controller", [NotANumberAfterOneSecond, InfiniteAfterOneSecond])
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "RK23"])
+def test_message_of_a_vector_field_that_is_no_longer_finite(method, controller):
+    states, status, message = solve_one(controller, method=method)
+    assert status is Status.NON_FINITE
+    assert message == "t = 1 s: the state or its derivative is no longer finite"
+    assert np.isfinite(states[:10]).all()  # t = 0 … 0.9
+
+
+@pytest.mark.parametrize("controller", [NotANumberAfterOneSecond, InfiniteAfterOneSecond])
+@pytest.mark.parametrize("method", ["Radau", "BDF", "LSODA"])
+def test_place_of_a_vector_field_that_is_no_longer_finite(method, controller):
+    """Multistep and implicit methods notice it in the step that crosses t = 1."""
+    _, status, message = solve_one(controller, method=method)
+    assert status is Status.NON_FINITE
+    match = re.fullmatch(r"t = (\S+) s: the state or its derivative is no longer finite", message)
+    assert 1 <= float(match.group(1)) < 1.5
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_message_of_the_step_limit(method):
+    _, status, message = solve_one(Rattling, method=method, max_steps=200)
+    assert status is Status.STEP_LIMIT
+    expected = r"t = \S+ s: step limit: 200 evaluations \(solver\.max_steps\)"
+    assert re.fullmatch(expected, message)
+
+
+def test_refused_trial_steps_are_no_failure():
+    """What failed is the escape, long after the last trial step that was not finite."""
+    _, status, message = solve_one(NotANumberInTrialStepsThenEscaping)
+    assert status is Status.SOLVER_FAILED
+    assert message.endswith("s: Required step size is less than spacing between numbers")
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_step_limit_bounds_the_evaluations(method):
+    problem = paper_problem(runs=2, duration=5.0)
+    engine = SolveIvp(method=method, block=1, max_steps=100)
+    solution = engine.solve(problem, quiet)
+    assert solution.status.tolist() == [Status.STEP_LIMIT] * 2
+    assert solution.steps.tolist() == [100, 100]
+
+
+# Progress -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("faults", [[0, 0, 0, 0, 0], [0, 1, 0, 0, 1]])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_progress_adds_up_to_the_number_of_runs(fault, faults):
+    reports = []
+    problem = faulty_problem(FAULTS[fault][0], faults)
+    engine_for_faults(block=2).solve(problem, reports.append)
+    assert all(report >= 0 for report in reports)
+    assert sum(reports) == pytest.approx(5)
+
+
+def test_progress_is_reported_along_the_way():
+    reports = []
+    SolveIvp(block=10).solve(paper_problem(runs=10, duration=5.0), reports.append)
+    assert max(reports) < 2  # no report of more than a fifth
+
+
+# Options ------------------------------------------------------------------------------------------
+
+
+def test_options_that_work_have_no_problems():
+    assert SolveIvp().problems() == []
+    assert SolveIvp(rtol=SMALLEST_RTOL).problems() == []
+
+
+@pytest.mark.parametrize(
+    ("rtol", "got"), [(1e-14, "1e-14"), (1.0, "1")], ids=["too_small", "too_large"]
+)
+def test_message_of_a_tolerance_that_scipy_cannot_use(rtol, got):
+    message = f"expected a number from 2.22e-14 (SciPy's smallest) to 1, got {got}"
+    assert SolveIvp(rtol=rtol).problems() == [("rtol", message)]
