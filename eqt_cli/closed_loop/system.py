@@ -44,9 +44,7 @@ class ClosedLoop:
         """Every runtime parameter, by name; scalars as arrays of shape (1,)."""
         gains = {"kp": self.gains.K, "kd": self.gains.K_d}
         options = {
-            f"controller.{name}": np.atleast_1d(value)
-            for name, value in vars(self.controller).items()
-            if isinstance(value, float | np.ndarray)
+            f"controller.{name}": value for name, value in self.controller.parameters.items()
         }
         return self.inertia.parameters | gains | options
 

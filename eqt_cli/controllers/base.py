@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Hashable
 from dataclasses import dataclass
 from typing import Any, ClassVar
+
+import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.mechanics.tracking import Tracking
@@ -33,6 +36,19 @@ class Controller(ABC):
     # Read by pydantic when a configuration gives options: no other keys, no silent conversions.
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
+    @property
+    def structure(self) -> Hashable:
+        """What of the law is not a runtime parameter; equal structures can be solved together."""
+        options = {name: value for name, value in vars(self).items() if not _is_parameter(value)}
+        return type(self), tuple((name, repr(value)) for name, value in options.items())
+
+    @property
+    def parameters(self) -> dict[str, Array]:
+        """The runtime parameters by name, scalars as arrays of shape (1,)."""
+        return {
+            name: np.atleast_1d(value) for name, value in vars(self).items() if _is_parameter(value)
+        }
+
     @abstractmethod
     def torque(self, s: Tracking) -> Array:
         """τ, body frame, ``(..., m)``."""
@@ -43,3 +59,7 @@ class Controller(ABC):
         It is integrated along with every run, so that L(t) + ∫dissipation = L(0) can be checked.
         """
         return None
+
+
+def _is_parameter(value: Any) -> bool:
+    return isinstance(value, float | np.ndarray)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
@@ -46,6 +47,11 @@ class Family(Controller):
     def __post_init__(self) -> None:
         # The frame as a number, so that one compiled law serves the whole family.
         object.__setattr__(self, "spatial", 1.0 if self.damping == "spatial" else 0.0)
+
+    @property
+    def structure(self) -> Hashable:
+        """The same for the whole family: all that tells its members apart are numbers."""
+        return Family
 
     def torque(self, s: Tracking) -> Array:
         """τ(g, c, n), body frame."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any, ClassVar
@@ -55,6 +55,22 @@ class Problem:
         """The same problem for some of its runs."""
         varying = {name: values[runs] for name, values in self.varying.items()}
         return Problem(self.loop, self.states[runs], self.times, varying)
+
+    @staticmethod
+    def joined(problems: Sequence[Problem]) -> Problem:
+        """The runs of several problems as one; their loops have the same structure and times."""
+        first = problems[0]
+        parameters = [
+            {
+                name: problem.varying.get(name, np.broadcast_to(shared, (runs, *shared.shape)))
+                for name, shared in problem.loop.parameters.items()
+            }
+            for problem in problems
+            for runs in [problem.runs]
+        ]
+        varying = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
+        states = np.concatenate([problem.states for problem in problems])
+        return Problem(first.loop, states, first.times, varying)
 
     def batched_loop(self, extra_axes: int = 0) -> ClosedLoop:
         """The loop with its varying parameters along a leading run axis.

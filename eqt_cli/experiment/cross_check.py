@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,15 +62,26 @@ def cross_check(experiment: Experiment, compared: dict[str, tuple[Problem, Array
         For each controller its chosen runs as a problem, and the states that were found for them.
     """
     engine, method = _another_way(experiment)
-    largest, runs = 0.0, 0
-    for problem, states in compared.values():
-        runs = problem.runs
+    largest = 0.0
+    for group in _by_structure(compared):
+        problem = Problem.joined([problem for problem, _ in group])
+        states = np.concatenate([states for _, states in group])
         again = engine.solve(problem, lambda runs: None)
-        difference = distance(problem.loop, problem.times, states, again.states)
+        loop = problem.batched_loop(extra_axes=1)
+        difference = distance(loop, problem.times, states, again.states)
         finite = difference[np.isfinite(difference)]
         largest = max(largest, float(finite.max(initial=0.0)))
+    runs = next(iter(compared.values()))[0].runs
     bound = BOUND_PER_RTOL * experiment.engine.rtol
     return CrossCheck(method, runs, largest, bound)
+
+
+def _by_structure(compared: dict[str, tuple[Problem, Array]]) -> list[list[tuple[Problem, Array]]]:
+    """Controllers that one vectorised solve can take together; all else is the same for all."""
+    groups: dict[Hashable, list[tuple[Problem, Array]]] = {}
+    for problem, states in compared.values():
+        groups.setdefault(problem.loop.controller.structure, []).append((problem, states))
+    return list(groups.values())
 
 
 def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:
