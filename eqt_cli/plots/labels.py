@@ -16,6 +16,8 @@ SYMBOLS = {
 }
 """The paper's symbol for each scalar signal, in Matplotlib's mathematical notation."""
 
+_RENAMED = {"LAMDA": r"\lambda", "OMICRON": "o"}
+"""Greek letters that Unicode and TeX name differently."""
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
 
 
@@ -50,7 +52,7 @@ def _mathematical(letter: str) -> str:
     """A letter in mathematical notation, where Greek ones have names."""
     words = unicodedata.name(letter, "").split()
     if len(words) == 4 and words[:3] == ["GREEK", "SMALL", "LETTER"]:
-        return "\\" + words[3].lower()
+        return _RENAMED.get(words[3], "\\" + words[3].lower())
     return letter
 
 

@@ -1,0 +1,110 @@
+"""Small results to draw: real ones, and the same with single arrays replaced or left out."""
+
+from functools import partial
+
+import pytest
+import yaml
+
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.execute import execute
+from eqt_cli.experiment.source import read_config
+from eqt_cli.store.reader import open_results
+from eqt_cli.store.variables import Table, Variable
+from eqt_cli.store.writer import write
+
+RUNS = 6
+
+CONFIG = {
+    "group": "SO3",
+    "inertia": [1.0, 2.0, 3.0],
+    "gains": {"kp": 1.0, "kd": 0.5},
+    "reference": {"torque": ["cos(t)", "sin(t)", "0"]},
+    "controllers": ["eqt", "gt", "nog", "asym"],
+    "initial": {
+        "pose": {"kind": "exp_normal", "std": 1.0},
+        "velocity": {"kind": "normal", "std": 1.0},
+    },
+    "ensemble": {"runs": RUNS, "seed": 1},
+    "time": {"duration": 4.0, "samples": 41},
+    "solver": {"rtol": 1e-5},
+}
+
+
+def simulated(folder, **changes):
+    """The result file of a small experiment."""
+    config = folder / "small.yaml"
+    config.write_text(yaml.safe_dump(CONFIG | changes))
+    source = read_config(config)
+    return execute(build(source), source, folder / "out").folder.results
+
+
+@pytest.fixture(scope="session")
+def so3(tmp_path_factory):
+    return simulated(tmp_path_factory.mktemp("so3"))
+
+
+@pytest.fixture(scope="session")
+def se3(tmp_path_factory):
+    return simulated(
+        tmp_path_factory.mktemp("se3"),
+        group="SE3",
+        inertia=1.0,
+        reference={"torque": ["cos(t)", "sin(t)", "0", "1", "cos(t)", "0"]},
+    )
+
+
+@pytest.fixture(scope="session")
+def odd_names(tmp_path_factory):
+    """Four controllers with names of every kind, and trajectories of some runs only."""
+    labels = ["_hidden", "g = $\\frac{1}{2}$", "5 $\\oops$", "a long name " * 6]
+    return simulated(
+        tmp_path_factory.mktemp("names"),
+        controllers=[{"kind": "family", "label": label} for label in labels],
+        store={"trajectories": 4},
+    )
+
+
+@pytest.fixture
+def simulate(tmp_path):
+    """The result file of `CONFIG` with some keys replaced."""
+    return partial(simulated, tmp_path)
+
+
+@pytest.fixture
+def opened(request):
+    """Open a result file until the test ends."""
+
+    def open_until_end(path):
+        results = open_results(path)
+        request.addfinalizer(results.close)
+        return results
+
+    return open_until_end
+
+
+@pytest.fixture
+def altered(tmp_path, opened):
+    """A result with some arrays replaced, or left out where None is given."""
+
+    def alter(path, **arrays):
+        results = opened(path)
+
+        def variable(name):
+            given = arrays.get(name)
+            return Variable(
+                results.dims(name),
+                results[name] if given is None else given,
+                {"units": results.units(name), "long_name": results.long_name(name)},
+            )
+
+        left_out = {name for name, array in arrays.items() if array is None}
+        table = Table(
+            {name: variable(name) for name in results.names if name not in left_out},
+            {name: variable(name) for name in results.coordinates},
+            results.attributes,
+        )
+        target = tmp_path / "altered.h5"
+        write(target, table)
+        return opened(target)
+
+    return alter

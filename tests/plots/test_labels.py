@@ -1,0 +1,72 @@
+"""Symbols, units and free text as Matplotlib typesets them."""
+
+import unicodedata
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.mathtext import MathTextParser
+
+from eqt_cli.plots.labels import SYMBOLS, component, free_text, quantity
+
+
+@pytest.mark.parametrize(
+    ("unit", "expected"),
+    [
+        ("", "$L$"),
+        ("1", "$L$"),
+        ("mixed", "$L$ (mixed units)"),
+        ("N m", r"$L$ $(\mathrm{N\,m})$"),
+        ("m/s^2", r"$L$ $(\mathrm{m/s^{2}})$"),
+        ("m s^-2", r"$L$ $(\mathrm{m\,s^{-2}})$"),
+        ("(N m)^2 s", r"$L$ $(\mathrm{(N\,m)^{2}\,s})$"),
+        ("µm", "$L$ (µm)"),
+        ("US$", r"$L$ (US\$)"),
+        ("m^", "$L$ (m^)"),
+    ],
+)
+def test_units_are_upright(unit, expected):
+    label = quantity("L", unit)
+    assert label == expected
+    MathTextParser("path").parse(label)
+
+
+def test_every_symbol_can_be_typeset():
+    for symbol in SYMBOLS.values():
+        MathTextParser("path").parse(f"${symbol}$")
+
+
+@pytest.mark.parametrize(
+    ("axis", "expected"),
+    [("ωx", r"\tau_{\omega x}"), ("x_1", r"\tau_{x 1}"), ("ά", r"\tau_{ά}"), ("-", r"\tau_{}")],
+)
+def test_axes_are_indices(axis, expected):
+    label = component(r"\tau", axis)
+    assert label == expected
+    MathTextParser("path").parse(f"${label}$")
+
+
+@pytest.mark.parametrize("letter", [chr(code) for code in range(ord("α"), ord("ω") + 1)])
+def test_every_greek_letter_can_be_an_axis(letter):
+    assert unicodedata.category(letter) == "Ll"
+    MathTextParser("path").parse(f"${component('P', letter)}$")
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("my_law <0.5>", "my_law <0.5>"),
+        ("$g = 1/2$", "$g = 1/2$"),
+        (r"$\oops$", r"\$\oops\$"),
+        ("$5", r"\$5"),
+        ("tab\tand\x01bell", "tab and bell"),
+        ("one two three", "one two\nthree"),
+    ],
+)
+def test_free_text_is_mathematics_only_if_it_can_be(name, expected):
+    assert free_text(name, 12) == expected
+
+
+@given(st.text())
+def test_free_text_can_always_be_typeset(name):
+    MathTextParser("path").parse(free_text(name, 20))

@@ -1,0 +1,116 @@
+"""Writing figures, and what a command gives to `render`."""
+
+import xml.etree.ElementTree as ElementTree
+
+import pytest
+from PIL import Image
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.paper import Paper
+from eqt_cli.plots.render import figure_from, render
+from eqt_cli.plots.save import encode, write
+
+
+def test_files_say_what_they_show(so3, opened):
+    drawing = Paper().draw(opened(so3))
+    pdf = encode(drawing, "pdf", "small: paper", "Means\x01over runs.")
+    assert b"(small: paper)" in pdf
+    assert b"(Means over runs.)" in pdf
+    assert b"Date" not in pdf
+    svg = ElementTree.fromstring(encode(drawing, "svg", "small: paper", "Means\x01over runs."))
+    texts = [(element.tag.rpartition("}")[2], element.text) for element in svg.iter()]
+    assert ("title", "small: paper") in texts
+    assert ("description", "Means over runs.") in texts
+    assert "date" not in dict(texts)
+
+
+def test_png_is_for_print(so3, opened, tmp_path):
+    (path,) = render(opened(so3), "paper", tmp_path, ["png"], "column")
+    with Image.open(path) as image:
+        assert image.width == 1050  # 3.5 in at 300 dpi
+        assert image.info["Title"] == "small: paper"
+        assert image.info["Description"].startswith("Means over runs of pose error")
+        assert image.info["Description"].endswith(str(opened(so3).attributes["digest"]))
+
+
+def test_pdf_embeds_fonts_that_can_be_edited(so3, opened):
+    pdf = encode(Paper().draw(opened(so3)), "pdf")
+    assert b"/CIDFontType2" in pdf
+    assert b"/Type3" not in pdf
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    path = tmp_path / "file" / "figures" / "paper.pdf"
+    with pytest.raises(EqtError) as caught:
+        write({path: b"new"})
+    assert str(caught.value) == (
+        f"{path}: cannot be written: not a directory; choose another folder with --out"
+    )
+
+
+def test_a_file_that_cannot_be_replaced_stays_and_nothing_is_left_behind(tmp_path):
+    blocked = tmp_path / "paper.pdf"
+    blocked.mkdir()
+    (blocked / "inside").write_text("")
+    with pytest.raises(EqtError, match=r"paper\.pdf: cannot be written: "):
+        write({blocked: b"new"})
+    assert list(tmp_path.iterdir()) == [blocked]
+
+
+def test_files_are_replaced(tmp_path):
+    path = tmp_path / "paper.pdf"
+    path.write_bytes(b"old")
+    write({path: b"new"})
+    assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_nothing_is_written_when_the_figure_cannot_be_drawn(so3, altered, tmp_path):
+    results = altered(so3, lyapunov=None)
+    with pytest.raises(EqtError):
+        render(results, "paper", tmp_path / "figures")
+    assert not (tmp_path / "figures").exists()
+
+
+def test_options_come_as_data():
+    assert figure_from("paper", {"log": True, "bands": "quantiles", "controllers": ["eqt"]}) == (
+        Paper(log=True, bands="quantiles", controllers=["eqt"])
+    )
+    assert figure_from("paper", {}) == Paper()
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("papper", {}, "unknown figure 'papper'; did you mean 'paper'?"),
+        ("paper", {"bnads": 1}, "figure 'paper' has no option 'bnads'; did you mean 'bands'?"),
+        ("paper", {"x": 1}, "figure 'paper' has no option 'x'; it has: controllers, log, bands"),
+        (
+            "paper",
+            {"bands": "some"},
+            "figure 'paper', option 'bands': got 'some'; expected 'none' or 'quantiles'",
+        ),
+        ("paper", {"log": 1}, "figure 'paper', option 'log': got 1; expected a valid boolean"),
+        (
+            "paper",
+            {"controllers": "eqt"},
+            "figure 'paper', option 'controllers': got 'eqt'; expected a valid array",
+        ),
+    ],
+)
+def test_wrong_options_are_explained(name, options, message):
+    with pytest.raises(EqtError) as caught:
+        figure_from(name, options)
+    assert str(caught.value).startswith(message)
+
+
+def test_unknown_formats_and_widths_are_explained(so3, opened, tmp_path):
+    with pytest.raises(EqtError) as caught:
+        render(opened(so3), "paper", tmp_path, ["pdf", "jpeg"])
+    assert str(caught.value) == "unknown format 'jpeg'; known: pdf, svg, png"
+    with pytest.raises(EqtError) as caught:
+        render(opened(so3), "paper", tmp_path, ["pdf"], "columns")
+    assert (
+        str(caught.value) == "unknown width 'columns'; did you mean 'column'?; known: column, page"
+    )
