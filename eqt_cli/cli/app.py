@@ -18,7 +18,7 @@ INTERRUPTED = 130
 class _Commands(TyperGroup):
     """The commands; typer's own answer to Ctrl-C differs from version to version."""
 
-    def invoke(self, ctx: typer.Context) -> Any:
+    def invoke(self, ctx: Any) -> Any:
         try:
             return super().invoke(ctx)
         except KeyboardInterrupt:

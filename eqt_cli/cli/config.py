@@ -15,7 +15,10 @@ app = typer.Typer(help="Write, check and describe configurations.", no_args_is_h
 @app.command("new")
 def new(
     file: Annotated[
-        Path | None, typer.Argument(metavar="FILE", help="File to write; default: NAME.yaml here, - for stdout.")
+        Path | None,
+        typer.Argument(
+            metavar="FILE", help="File to write; default: NAME.yaml here, - for stdout."
+        ),
     ] = None,
     source: Annotated[
         str, typer.Option("--from", metavar="NAME", help="Shipped configuration to start from.")
@@ -45,7 +48,9 @@ def new(
 
 @app.command("check")
 def check(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result.")],
+    config: Annotated[
+        Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result.")
+    ],
     set_: options.Set = None,
     resolved: Annotated[
         bool, typer.Option("--resolved", help="Print it with every default written out.")

@@ -18,7 +18,7 @@ def list_components(
         str | None,
         typer.Argument(
             metavar="KIND",
-            help="groups, controllers, references, engines, poses, velocities, figures or configs."
+            help="groups, controllers, references, engines, poses, velocities, figures or configs.",
         ),
     ] = None,
     plugin: Annotated[

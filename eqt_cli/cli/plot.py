@@ -11,11 +11,13 @@ from eqt_cli.cli import options
 
 
 def plot(
-    result: Annotated[Path, typer.Argument(help="Result folder, or its results.h5.")],
+    result: Annotated[
+        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
+    ],
     figure: Annotated[
         list[str] | None,
         typer.Option(
-            "--figure", metavar="NAME", help="Figure to draw; may be repeated. [default: paper]"
+            "--figure", metavar="NAME", help="Figure to draw, may be repeated; default: paper."
         ),
     ] = None,
     option: Annotated[
@@ -29,7 +31,7 @@ def plot(
     format_: Annotated[
         list[str] | None,
         typer.Option(
-            "--format", metavar="NAME", help="pdf, svg or png; may be repeated. [default: all]"
+            "--format", metavar="NAME", help="pdf, svg or png, may be repeated; default: all."
         ),
     ] = None,
     width: Annotated[
@@ -38,7 +40,7 @@ def plot(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="DIR", help="Folder of the figures. [default: RESULT/figures]"
+            "--out", metavar="DIR", help="Folder of the figures; default: RESULT/figures."
         ),
     ] = None,
     json: options.Json = False,

@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 def run(
-    config: Annotated[Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")],
+    config: Annotated[
+        Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")
+    ],
     out: options.Out = None,
     set_: options.Set = None,
     engine: Annotated[

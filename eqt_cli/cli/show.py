@@ -14,7 +14,9 @@ if TYPE_CHECKING:
 
 
 def show(
-    result: Annotated[Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")],
+    result: Annotated[
+        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
+    ],
     config: Annotated[
         bool, typer.Option("--config", help="Print the resolved configuration.")
     ] = False,
@@ -102,15 +104,22 @@ def _print_variables(results: Results) -> None:
 def _print_failed(results: Results) -> None:
     import numpy as np
 
+    from eqt_cli.cli.output import say
+
     status, messages = results["status"], results["message"]
+    if not status.any():
+        say("no run failed")
     labels = results.coordinate("controller")
     for controller, run in np.argwhere(status):
         print(f"{labels[controller]} run {run}: {messages[controller, run]}")
 
 
 def _print_plugins(results: Results) -> None:
+    from eqt_cli.cli.output import say
     from eqt_cli.experiment import yaml_source
 
     sources = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
+    if not sources:
+        say("no plugins")
     for path, source in sources.items():
         print(f"# {path}\n{source}", end="" if source.endswith("\n") else "\n")

@@ -54,8 +54,8 @@ def cross_check(results: Results) -> dict[str, Any] | None:
     }
     if not found:
         return None
-    within = float(found["difference"]) <= float(found["bound"])
-    return found | {"holds": within}
+    beyond = float(found["difference"]) > float(found["bound"])
+    return found | {"holds": not beyond}
 
 
 def print_accuracy(results: Results) -> None:

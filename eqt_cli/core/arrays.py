@@ -98,6 +98,11 @@ def sqrt(x: Any) -> Any:
     return apply("sqrt", x)
 
 
+def absolute(x: Any) -> Any:
+    """Absolute value, elementwise, of floats or symbols."""
+    return apply("abs", x)
+
+
 def less(a: Any, b: Any) -> Any:
     """a < b, elementwise: a condition for `where`, and for nothing else."""
     return apply("less", a, b)
@@ -121,19 +126,28 @@ def maximum(a: Any, b: Any) -> Any:
 def clip(x: Any, low: Any, high: Any) -> Any:
     """x, but no less than low and no more than high, elementwise.
 
-    A kink costs high-order steps their accuracy: mind the cross-check, or saturate with `tanh`.
+    Engines step to each kink and on from there; `tanh` saturates without any.
     """
     return minimum(maximum(x, low), high)
 
 
 def norm(x: Array) -> Any:
     """Euclidean norm over the last axis."""
-    return sqrt((x * x).sum(axis=-1))
+    return absolute(x[..., 0]) if x.shape[-1] == 1 else _root((x * x).sum(axis=-1))
 
 
 def frobenius(x: Array) -> Any:
     """Frobenius norm over the last two axes."""
-    return sqrt((x * x).sum(axis=(-2, -1)))
+    return _root((x * x).sum(axis=(-2, -1)))
+
+
+def _root(squares: Any) -> Any:
+    """The root of a sum of squares."""
+    root = sqrt(squares)
+    if np.asarray(root).dtype != object:
+        return root
+    # At 0 a root has no series in time; what divides by it there should stay finite.
+    return where(less(0.0, squares), root, 1e-100)
 
 
 def apply_matrix(matrix: Array, vector: Array) -> Array:

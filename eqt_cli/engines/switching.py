@@ -18,7 +18,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 
 WIDTH = 1e-12
-"""How far a - b passes zero before a side changes, relative to max(1, |a|, |b|) at the start."""
+"""How far a - b passes zero before a side changes, relative to its scale."""
 
 AT_ONCE = 1e-6
 """A step that is shorter, s, is no more than the return to a side that was just left."""
@@ -40,7 +40,7 @@ class Comparisons:
         The module.
     first
         Index of the first parameter behind the law's own. Comparison k has two: its side at
-        ``first + 2k``, negative where a < b, and its width.
+        ``first + 2k``, negative where a < b, and its scale, max(1, |a|, |b|) at the start.
     """
 
     heyoka: ModuleType
@@ -57,12 +57,17 @@ class Comparisons:
         return self.heyoka.lt(par[self.first + 2 * index], 0.0)
 
     def margins(self) -> list[Any]:
-        """a - b + side · width for every comparison; it has the sign of the side or is 0."""
-        par = self.heyoka.par
-        return [
-            a - b + par[self.first + 2 * index] * par[self.first + 2 * index + 1]
-            for (a, b), index in self.pairs.items()
-        ]
+        """The events, e / (1 + e²) with e = (a - b) / scale + side · width.
+
+        A margin has the sign of the side, or is 0. It is bounded, because heyoka chooses steps by
+        the largest of states and events: a large event would leave the states inaccurate.
+        """
+        par, margins = self.heyoka.par, []
+        for (a, b), index in self.pairs.items():
+            side, scale = par[self.first + 2 * index], par[self.first + 2 * index + 1]
+            e = (a - b) / scale + side * WIDTH
+            margins.append(e / (1.0 + e * e))
+        return margins
 
 
 @dataclass(frozen=True)
@@ -81,27 +86,51 @@ class Switchboard:
     evaluate: Any
 
     def start(self, integrator: Any) -> None:
-        """Choose sides and widths at the initial states."""
-        sides, widths = integrator.pars[self.first :: 2], integrator.pars[self.first + 1 :: 2]
-        sides[:], widths[:] = 1.0, WIDTH
-        a, b, _ = self._values(integrator)
-        widths *= np.maximum(1.0, np.fmax(abs(a), abs(b)))
-        self.settle(integrator)
+        """Choose sides and scales at the initial states."""
+        sides, scales = integrator.pars[self.first :: 2], integrator.pars[self.first + 1 :: 2]
+        sides[:], scales[:] = 1.0, 1.0
+        self._settle(integrator, slice(None))
+        size = np.abs(self._values(integrator)[:2]).max(axis=0)
+        scales[:] = np.where(np.isfinite(size), np.maximum(size, 1.0), 1.0)
+        self._settle(integrator, slice(None))
 
-    def settle(self, integrator: Any) -> None:
+    def cross(self, integrator: Any, index: int, lane: int) -> bool:
+        """Change a side where its event has happened; False if it only goes back and forth."""
+        sides = integrator.pars[self.first :: 2, lane]
+        if integrator.last_h[lane] > AT_ONCE:
+            sides[:] = np.sign(sides)
+        sides[index] *= -2
+        self._settle(integrator, slice(lane, lane + 1))
+        return bool(abs(sides[index]) < 2**MOST_RETURNS)
+
+    def check(self, integrator: Any) -> bool:
+        """After a step: False if a side has become wrong without an event.
+
+        heyoka looks for none where the series of a comparison is not finite.
+        """
+        sides = integrator.pars[self.first :: 2]
+        wrong = -self._values(integrator)[2] * np.sign(sides)
+        if not (wrong > 0).any():
+            return True
+        if (wrong > WIDTH).any():
+            return False
+        self._settle(integrator, slice(None))  # the step ended on a crossing, to rounding
+        return True
+
+    def _settle(self, integrator: Any, lanes: slice) -> None:
         """Change every side whose margin has the other sign.
 
         A comparison may depend on those before it, so there may be a change behind every change.
         """
-        sides = integrator.pars[self.first :: 2]
+        sides = integrator.pars[self.first :: 2, lanes]
         for _ in sides:
-            _, _, margins = self._values(integrator)
-            wrong = margins * sides < 0
+            wrong = self._values(integrator)[2, :, lanes] * sides < 0
             if not wrong.any():
                 return
             sides[wrong] *= -1
 
     def _values(self, integrator: Any) -> Array:
+        """All a, b and margins, ``(3, comparisons, lanes)``."""
         values: Array = self.evaluate(
             np.ascontiguousarray(integrator.state), pars=integrator.pars, time=integrator.time
         )
@@ -110,16 +139,11 @@ class Switchboard:
 
 @dataclass(frozen=True)
 class Crossing:
-    """What an integrator calls when comparison `index` crosses in a lane."""
+    """What an integrator calls at the event of comparison `index`."""
 
     board: Switchboard
     index: int
 
     def __call__(self, integrator: Any, direction: int, lane: int) -> bool:
-        """Change the side; False stops a lane that only goes back and forth."""
-        sides = integrator.pars[self.board.first :: 2, lane]
-        if integrator.last_h[lane] > AT_ONCE:
-            sides[:] = np.sign(sides)
-        sides[self.index] *= -2
-        self.board.settle(integrator)
-        return bool(abs(sides[self.index]) < 2**MOST_RETURNS)
+        """Go on from the event on its other side, if that leads anywhere."""
+        return self.board.cross(integrator, self.index, lane)

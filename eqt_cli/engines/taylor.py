@@ -106,21 +106,21 @@ class Taylor(Engine):
         the order or the number of threads.
         """
         compiled = self._compile(problem.loop)
-        parameters = _parameter_rows(problem)[:, : compiled.pars.shape[0]]
+        parameters = _parameter_rows(problem)
         solution = Solution.empty(problem)
-        lanes = compiled.batch_size
+        lanes = compiled.integrator.batch_size
         batches = iter(range(0, problem.runs, lanes))
         lock = threading.Lock()
 
         def work() -> None:
-            integrator = copy.deepcopy(compiled)
+            own = copy.deepcopy(compiled)
             while True:
                 with lock:
                     start = next(batches, None)
                 if start is None:
                     return
                 runs = np.arange(start, min(start + lanes, problem.runs))
-                self._solve_batch(integrator, problem, parameters, runs, solution)
+                self._solve_batch(own, problem, parameters, runs, solution)
                 with lock:
                     progress(len(runs))
 
@@ -130,52 +130,92 @@ class Taylor(Engine):
             _in_threads(work, min(workers, -(-problem.runs // lanes)), batches, lock)
         return solution
 
-    def _compile(self, loop: ClosedLoop) -> Any:
+    def _compile(self, loop: ClosedLoop) -> _Compiled:
         """An integrator for the structure of a loop, whatever its parameters."""
-        variables, derivative = trace(loop)
-        return _integrator(variables, derivative, self.step_tolerance, self.code != "full")
+        return _compiled(trace(loop), self.step_tolerance, self.code != "full")
 
     def _solve_batch(
         self,
-        integrator: Any,
+        compiled: _Compiled,
         problem: Problem,
         parameters: Array,
         runs: Array,
         solution: Solution,
     ) -> None:
         """Integrate up to as many runs as there are lanes, the last one in all lanes left over."""
+        integrator = compiled.integrator
         lanes = integrator.batch_size
         padded = np.append(runs, np.full(lanes - len(runs), runs[-1]))
         integrator.set_time(float(problem.times[0]))
         integrator.state[:] = problem.states[padded].T
-        integrator.pars[:] = parameters[padded].T
+        compiled.set_parameters(parameters[padded].T)
         grid = np.repeat(problem.times[:, None], lanes, axis=1)
-        _, states = integrator.propagate_grid(grid, max_steps=self.max_steps)
+        _, states = integrator.propagate_grid(grid, max_steps=self.max_steps, **compiled.watch)
         ends = integrator.propagate_res
         good = np.isfinite(states[-1]).all() and all(_is_success(end[0]) for end in ends)
         if not good and len(set(padded)) > 1:
             # heyoka stops all lanes when one fails; alone, each run ends in its own way.
             for run in runs:
-                self._solve_batch(integrator, problem, parameters, np.array([run]), solution)
+                self._solve_batch(compiled, problem, parameters, np.array([run]), solution)
             return
         count = len(runs)
         solution.states[runs] = states[:, :, :count].transpose(2, 0, 1)
         solution.steps[runs] = [end[3] for end in ends[:count]]
         if not good:
-            status, message = self._failure(ends[0][0], float(integrator.time[0]))
-            solution.status[runs] = status
-            solution.messages[runs[0]] = message
+            self._note_failure(integrator, problem.times, solution, runs[0])
 
-    def _failure(self, end: Any, t: float) -> tuple[Status, str]:
-        if end == _heyoka().taylor_outcome.step_limit:
+    def _note_failure(self, integrator: Any, times: Array, solution: Solution, run: int) -> None:
+        """Say how the run in all lanes has ended, and when."""
+        outcomes = _heyoka().taylor_outcome
+        end, t, states = integrator.propagate_res[0][0], integrator.time[0], solution.states[run]
+        if end == outcomes.cb_stop:
+            t -= integrator.last_h[0]  # the last step went wrong
+            states[times > t] = np.nan
+        at = f"t = {t:.6g} s"
+        if np.isnan(t):
+            finite = times[np.isfinite(states).all(axis=1)]
+            at = f"after t = {finite[-1] if len(finite) else times[0]:.6g} s"
+        if end == outcomes.step_limit:
+            status = Status.STEP_LIMIT
             reason = f"step limit: {self.max_steps} steps (solver.max_steps)"
-            return Status.STEP_LIMIT, f"t = {t:.6g} s: {reason}"
-        reason = "the state or its derivative is no longer finite"
-        return Status.NON_FINITE, f"t = {t:.6g} s: {reason}"
+        elif end == outcomes.cb_stop:
+            status = Status.SOLVER_FAILED
+            reason = "a comparison in the law has no finite series here; try engine solve_ivp"
+        elif end == outcomes.err_nf_state or _is_success(end):
+            status = Status.NON_FINITE
+            reason = "the state or its derivative is no longer finite"
+        else:
+            status = Status.SOLVER_FAILED
+            reason = "the law switches back and forth without end; smooth it, as with tanh"
+        solution.status[run] = status
+        solution.messages[run] = f"{at}: {reason}"
 
 
-def trace(loop: ClosedLoop) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-    """The state variables and their derivatives as heyoka expressions.
+@dataclass(frozen=True)
+class Traced:
+    """A closed loop as heyoka expressions; equal ones compile to the same code.
+
+    Attributes
+    ----------
+    variables, derivative
+        The flat state and its time derivative.
+    compared
+        The pairs (a, b) that the law compares.
+    margins
+        Their events (see `switching`).
+    first_side
+        The number of parameters of the law itself.
+    """
+
+    variables: tuple[Any, ...]
+    derivative: tuple[Any, ...]
+    compared: tuple[tuple[Any, Any], ...]
+    margins: tuple[Any, ...]
+    first_side: int
+
+
+def trace(loop: ClosedLoop) -> Traced:
+    """The closed loop as expressions.
 
     Raises
     ------
@@ -185,14 +225,20 @@ def trace(loop: ClosedLoop) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     heyoka = _heyoka()
     names = [f"y{index:04d}" for index in range(loop.state_length)]
     variables = np.array(heyoka.make_vars(*names), dtype=object)
+    parameters = sum(value.size for value in loop.parameters.values())
+    comparisons = Comparisons(heyoka, parameters)
+    token = recording.set(comparisons)
     try:
         derivative = _symbolic(loop).vector_field(heyoka.time, variables)
     except Exception as error:
         raise TraceError(_explain(error, loop)) from error
+    finally:
+        recording.reset(token)
     # Entries that are the same in every run come back as plain numbers.
     symbol = heyoka.expression
     rows = [entry if isinstance(entry, symbol) else symbol(float(entry)) for entry in derivative]
-    return tuple(variables), tuple(rows)
+    compared, margins = tuple(comparisons.pairs), tuple(comparisons.margins())
+    return Traced(tuple(variables), tuple(rows), compared, margins, parameters)
 
 
 def _symbolic(loop: ClosedLoop) -> ClosedLoop:
@@ -216,18 +262,49 @@ def _parameter_rows(problem: Problem) -> Array:
     return np.concatenate(columns, axis=1)
 
 
+@dataclass(frozen=True)
+class _Compiled:
+    """An integrator of as many runs as there are SIMD lanes; every thread needs its own."""
+
+    integrator: Any
+    board: Switchboard | None
+
+    @property
+    def watch(self) -> dict[str, Any]:
+        """What is to be called after every step, as an argument."""
+        return {} if self.board is None else {"callback": self.board.check}
+
+    def set_parameters(self, values: Array) -> None:
+        """The parameters of the law in every lane, ``(parameters, lanes)``; the state is set."""
+        used = self.integrator.pars
+        if self.board is None:
+            used[:] = values[: len(used)]  # heyoka has none behind the last one that occurs
+        else:
+            used[: len(values)] = values
+            self.board.start(self.integrator)
+
+
 @lru_cache(maxsize=16)
-def _integrator(
-    variables: tuple[Any, ...], derivative: tuple[Any, ...], tol: float, compact: bool
-) -> Any:
-    """A compiled integrator; equal expressions give the same one, whichever law they came from."""
+def _compiled(traced: Traced, tol: float, compact: bool) -> _Compiled:
+    """Compile a law, or find it among those compiled before."""
     heyoka = _heyoka()
-    return heyoka.taylor_adaptive_batch(
-        list(zip(variables, derivative, strict=True)),
-        np.zeros((len(variables), heyoka.recommended_simd_size())),
+    events, board = [], None
+    if traced.compared:
+        a, b = zip(*traced.compared, strict=True)
+        values = heyoka.cfunc([*a, *b, *traced.margins], list(traced.variables))
+        board = Switchboard(traced.first_side, values)
+        events = [
+            heyoka.t_event_batch(margin, callback=Crossing(board, index), cooldown=0.0)
+            for index, margin in enumerate(traced.margins)
+        ]
+    integrator = heyoka.taylor_adaptive_batch(
+        list(zip(traced.variables, traced.derivative, strict=True)),
+        np.zeros((len(traced.variables), heyoka.recommended_simd_size())),
         tol=tol,
         compact_mode=compact,
+        t_events=events,
     )
+    return _Compiled(integrator, board)
 
 
 def _in_threads(work: Any, threads: int, batches: Iterator[int], lock: threading.Lock) -> None:
@@ -254,10 +331,11 @@ def _heyoka() -> ModuleType:
         import heyoka
     except ImportError as error:
         raise EqtError(Taylor.unavailable() or f"heyoka cannot be imported: {error}") from error
+    heyoka.set_logger_level_error()  # its warnings are in the outcome of the runs concerned
     functions = {name: getattr(heyoka, name) for name in FUNCTIONS if hasattr(heyoka, name)}
     functions |= {
-        "abs": lambda x: heyoka.select(heyoka.lt(x, 0.0), -x, x),
-        "less": heyoka.lt,
+        "abs": lambda x: heyoka.select(recording.get().less(x, 0.0), -x, x),
+        "less": lambda a, b: recording.get().less(a, b),
         "where": heyoka.select,
     }
     register_symbols(heyoka.expression, functions)

@@ -32,7 +32,9 @@ class Spread:
     def problems(self, key: str, length: int) -> list[tuple[str, str]]:
         """A wrong number of standard deviations, or a negative one."""
         if isinstance(self.std, list) and len(self.std) != length:
-            return [(key, f"expected a number or a list of {length}, got {len(self.std)} entries")]
+            return [
+                (key, f"expected a number or a list of {length}, got a list of {len(self.std)}")
+            ]
         if np.min(self.std) < 0:
             return [(key, f"expected no negative standard deviation, got {np.min(self.std):g}")]
         return []

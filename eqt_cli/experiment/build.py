@@ -6,10 +6,11 @@ Every section is built even where another is broken; what depends on a broken se
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
@@ -30,10 +31,10 @@ from eqt_cli.experiment.motion import motion_from
 from eqt_cli.experiment.plugins import load_plugins
 from eqt_cli.experiment.problems import Path as KeyPath
 from eqt_cli.experiment.problems import Problems
-from eqt_cli.experiment.schema import Config
+from eqt_cli.experiment.schema import Config, GainsSection, Section
 from eqt_cli.experiment.solver import Solver, solver_from
 from eqt_cli.experiment.source import ConfigSource
-from eqt_cli.experiment.translate import UNKNOWN_KEY, problems_of
+from eqt_cli.experiment.translate import UNKNOWN_KEY, problems_of, shown
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.groups.product import ProductGroup
 
@@ -114,17 +115,19 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     problems.raise_if_any()  # without its plugins a configuration cannot be judged
     sections = _sections(source.data, problems)
     group = _group(sections["group"], problems)
-    motion = motion_from(
-        sections["task"], sections["reference"], sections["target"], group, problems
-    )
+    motion = None
+    if sections["reference"] is not None or source.data.get("reference") is None:
+        motion = motion_from(
+            sections["task"], sections["reference"], sections["target"], group, problems
+        )
     laws = _controllers(sections["controllers"] or [], sections["task"], problems)
     solver = None if sections["solver"] is None else solver_from(sections["solver"], problems)
     inertia = gains = poses = velocities = None
     if group and sections["inertia"] is not None:
         horizon = sections["time"].duration if sections["time"] else 0.0
         inertia = inertia_from(sections["inertia"], group, horizon, problems)
-    if group and sections["gains"]:
-        gains = gains_from(sections["gains"], group, problems)
+    if group:
+        gains = gains_from(_good_keys(GainsSection, source.data.get("gains")), group, problems)
     if sections["initial"]:
         poses = _pose_distribution(sections["initial"].pose, group, problems)
         velocities = _distribution(
@@ -185,18 +188,41 @@ def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
     return sections
 
 
+def _good_keys(model: type[Section], data: Any) -> dict[str, Any]:
+    """The validated keys of a section in which others may be broken; `_sections` notes those."""
+    found = {}
+    for name, field in model.model_fields.items():
+        if isinstance(data, dict) and name in data:
+            with suppress(ValidationError):
+                adapter = TypeAdapter(field.rebuild_annotation())
+                found[name] = adapter.validate_python(data[name])
+    return found
+
+
 def _remove(data: Any, path: KeyPath) -> None:
     for step in path[:-1]:
         data = data[step]
     del data[path[-1]]
 
 
-def _known_keys(path: KeyPath) -> list[str]:
-    """The keys of the section at a path."""
-    model: Any = Config
+def _known_keys(path: KeyPath) -> dict[str, str]:
+    """The keys of the section at a path, with their meanings."""
+    models: list[type[Section]] = [Config]
     for step in path:
-        model = model.model_fields[step].annotation
-    return list(model.model_fields)
+        annotations = [model.model_fields[str(step)].rebuild_annotation() for model in models]
+        models = [model for annotation in annotations for model in _sections_in(annotation)]
+    return {
+        name: " ".join((field.description or "").split()).removesuffix(".")
+        for model in models
+        for name, field in model.model_fields.items()
+    }
+
+
+def _sections_in(annotation: Any) -> list[type[Section]]:
+    """The sections that a value of this type may be."""
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        return [annotation]
+    return [model for part in get_args(annotation) for model in _sections_in(part)]
 
 
 def _group(name: str | None, problems: Problems) -> MatrixLieGroup | None:
@@ -218,15 +244,15 @@ def _controllers(entries: list[Any], task: str | None, problems: Problems) -> di
         if isinstance(entry, dict):
             entry = dict(entry)
             label = entry.pop("label", None)
-        law = component(controllers, entry, path, problems)
+        law = component(controllers, entry, path, problems, ("label",))
         if law is None:
             continue
         if task is not None and task not in law.tasks:
             problems.add(path, _wrong_task(law, task))
             continue
         label = law.name if label is None else label
-        if not isinstance(label, str) or not label:
-            problems.add((*path, "label"), f"expected text, got {label!r}")
+        if not isinstance(label, str) or not label.strip() or not label.isprintable():
+            problems.add((*path, "label"), f"expected text on one line, got {shown(label)}")
         elif label in laws:
             message = f"label '{label}' is taken by an earlier controller; give this one a `label`"
             problems.add(path, message)
@@ -266,7 +292,7 @@ def _pose_distribution(
     if len(value) != len(factors):
         if G is not None:
             expected = f"one entry per factor of {G.name}" if factors else "one distribution"
-            problems.add(path, f"expected {expected}, got {len(value)} entries")
+            problems.add(path, f"expected {expected}, got a list of {len(value)}")
         return None
     found = [
         _distribution(pose_distributions, entry, factor, (*path, index), problems)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -13,24 +13,37 @@ from eqt_cli.core.errors import ComponentError
 from eqt_cli.core.registry import Registry
 from eqt_cli.ensemble.spread import Spread
 from eqt_cli.experiment.problems import Problems
-from eqt_cli.experiment.translate import Path, problems_of
+from eqt_cli.experiment.translate import UNKNOWN_KEY, Path, problems_of, shown
 
 T = TypeVar("T")
 
 
-def component(registry: Registry[T], value: Any, path: Path, problems: Problems) -> T | None:
-    """The component that `value` asks for, or None after noting what is wrong with it."""
+def component(
+    registry: Registry[T],
+    value: Any,
+    path: Path,
+    problems: Problems,
+    common: tuple[str, ...] = (),
+) -> T | None:
+    """The component that `value` asks for, or None after noting what is wrong with it.
+
+    `common` are the keys that the section takes beside the component's own.
+    """
+    if not isinstance(value, str | Mapping):
+        problems.add(path, f"expected text or a mapping, got {shown(value)}")
+        return None
     kind, options = (value, {}) if isinstance(value, str) else split_kind(value)
     if not isinstance(kind, str):
-        names = ", ".join(registry.names())
-        problems.add((*path, "kind"), f"missing; the {registry.kind} to use, one of {names}")
+        expected = f"expected a {registry.kind}, one of {', '.join(registry.names())}"
+        wrong = f"missing; {expected}" if kind is None else f"{expected}, got {shown(kind)}"
+        problems.add((*path, "kind"), wrong)
         return None
     try:
         found = registry.get(kind)
     except ComponentError as error:
         problems.add((*path, "kind") if isinstance(value, Mapping) else path, str(error))
         return None
-    return options_into(found, options, path, problems)
+    return options_into(found, options, path, problems, ("kind", *common))
 
 
 def split_kind(value: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
@@ -39,16 +52,34 @@ def split_kind(value: Mapping[str, Any]) -> tuple[Any, dict[str, Any]]:
 
 
 def options_into(
-    component: type[T], options: dict[str, Any], path: Path, problems: Problems
+    component: type[T],
+    options: dict[str, Any],
+    path: Path,
+    problems: Problems,
+    common: tuple[str, ...] = (),
 ) -> T | None:
-    """An instance with these options, or None after noting what is wrong with them."""
+    """An instance with these options, or None after noting what is wrong with them.
+
+    Keys that do not belong there are noted, and the rest is judged without them.
+    """
     try:
         # As JSON, since strict validation takes a mapping for a dataclass only from there.
         return TypeAdapter(component).validate_json(json.dumps(options))
     except ValidationError as error:
-        for place, message in problems_of(error, options, lambda _: option_names(component)):
-            problems.add((*path, *place), message)
-        return None
+        found = problems_of(error, options, lambda at: _known_options(component, at, common))
+    for place, message in found:
+        problems.add((*path, *place), message)
+    unknown = [place[0] for place, message in found if message.startswith(UNKNOWN_KEY)]
+    known = {key: value for key, value in options.items() if key not in unknown}
+    return options_into(component, known, path, problems, common) if unknown else None
+
+
+def _known_options(component: type, place: Path, common: tuple[str, ...]) -> dict[str, str]:
+    """The keys at a place within a component's options; their meanings are in its docstring."""
+    for step in place:
+        kinds = get_args(get_type_hints(component)[str(step)])
+        component = next(kind for kind in kinds if hasattr(kind, "__dataclass_fields__"))
+    return dict.fromkeys([*(() if place else common), *option_names(component)], "")
 
 
 def option_path(path: Path, option: str) -> Path:

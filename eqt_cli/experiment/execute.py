@@ -71,7 +71,7 @@ def execute(
         return Outcome(folder, True, [], runs, failed, {})
     started = time.perf_counter()
     manifest = _manifest(experiment, source)
-    removed = folder.claim(experiment, source, manifest, force)
+    removed = folder.claim(experiment, manifest, force)
     simulated = simulate(experiment, progress, workers)
     table, check = simulated.table, simulated.check
     integrated = time.perf_counter()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +10,12 @@ from typing import Any
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import Experiment
-from eqt_cli.experiment.source import ConfigSource
+from eqt_cli.experiment.translate import Path as Steps
 from eqt_cli.experiment.translate import shown
-from eqt_cli.experiment.yaml_source import dump
+from eqt_cli.experiment.yaml_source import dotted, dump
 
-RESULTS, MANIFEST, CONFIG, FIGURES = "results.h5", "manifest.json", "config.yaml", "figures"
+RESULTS, MANIFEST, CONFIG = "results.h5", "manifest.json", "config.yaml"
+FIGURES, PLUGINS = "figures", "stored_plugins"
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class ResultFolder:
         except FileNotFoundError:
             return None
         except OSError as error:
-            raise _refused(self.path / MANIFEST, error) from error
+            raise _refused(self.path, error) from error
         try:
             manifest: dict[str, Any] = json.loads(text)
             return manifest if "digest" in manifest else None
@@ -50,20 +50,20 @@ class ResultFolder:
         same = manifest is not None and manifest["digest"] == experiment.digest
         return same and self.results.exists()
 
-    def claim(
-        self, experiment: Experiment, source: ConfigSource, manifest: dict[str, Any], force: bool
-    ) -> list[str]:
+    def claim(self, experiment: Experiment, manifest: dict[str, Any], force: bool) -> list[str]:
         """Make the folder this experiment's own; returns what was removed from it.
 
         Raises
         ------
         EqtError
-            If it holds another experiment and `force` is not given, or files that are not eqt's.
+            If it holds results of another experiment and `force` is not given, or files that are
+            not eqt's. What was begun and left without results is replaced.
         """
-        removed = self._clear(experiment, force)
         try:
+            removed = self._clear(experiment, force)
             self.path.mkdir(parents=True, exist_ok=True)
-            _write(self.path / CONFIG, dump(self._relocated(experiment, source)))
+            plugins = self._copy_plugins(experiment)
+            _write(self.path / CONFIG, dump(experiment.resolved | {"plugins": plugins}))
             _write(self.path / MANIFEST, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
         except OSError as error:
             raise _refused(self.path, error) from error
@@ -77,7 +77,7 @@ class ResultFolder:
             raise _refused(self.path, error) from error
 
     def _clear(self, experiment: Experiment, force: bool) -> list[str]:
-        ours = [self.path / name for name in (RESULTS, MANIFEST, CONFIG, FIGURES)]
+        ours = [self.path / name for name in (RESULTS, MANIFEST, CONFIG, FIGURES, PLUGINS)]
         there = [entry for entry in ours if entry.exists()]
         manifest = self.manifest
         if there and manifest is None:
@@ -85,38 +85,49 @@ class ResultFolder:
                 f"{self.path}: holds {there[0].name} that eqt did not write; "
                 "choose another folder with --out"
             )
-        if manifest is not None and manifest["digest"] != experiment.digest and not force:
-            keys = _differences(manifest.get("config", {}), experiment.numeric_config)
+        other = manifest if manifest and manifest["digest"] != experiment.digest else None
+        precious = self.results.exists() or (self.path / FIGURES).exists()
+        if other is not None and precious and not force:
+            keys = _differences(other.get("config", {}), experiment.numeric_config)
             raise EqtError(
                 f"{self.path}: holds another experiment, which differs in\n"
                 + "\n".join(f"  {line}" for line in keys)
                 + "\nchoose another folder with --out, or replace it with --force"
             )
-        if not force:
+        if other is None and not force:
             return []
         for entry in there:
             shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
-        return [str(entry) for entry in there]
+        return [str(entry) for entry in there] if force else []
 
-    def _relocated(self, experiment: Experiment, source: ConfigSource) -> dict[str, Any]:
-        """The resolved configuration with plugin paths as seen from this folder."""
-        config = dict(experiment.resolved)
-        if config.get("plugins"):
-            config["plugins"] = [
-                os.path.relpath(source.folder / path, self.path) for path in config["plugins"]
-            ]
-        return config
+    def _copy_plugins(self, experiment: Experiment) -> list[str]:
+        """Keep the sources, so that the folder runs again wherever it is; returns their paths."""
+        copies = []
+        for index, (path, text) in enumerate(experiment.plugins.items()):
+            copy = f"{PLUGINS}/{index}-{Path(path).name}"
+            (self.path / PLUGINS).mkdir(exist_ok=True)
+            _write(self.path / copy, text)
+            copies.append(copy)
+        return copies
 
 
-def _differences(old: Any, new: Any, path: str = "") -> list[str]:
+_ABSENT = object()
+
+
+def _differences(old: Any, new: Any, path: Steps = ()) -> list[str]:
     """The keys in which two configurations differ, with both values."""
+    pairs: dict[str | int, tuple[Any, Any]] = {}
     if isinstance(old, dict) and isinstance(new, dict):
-        found = []
-        for key in [*new, *(key for key in old if key not in new)]:
-            inner = f"{path}.{key}" if path else str(key)
-            found += _differences(old.get(key), new.get(key), inner)
-        return found
-    return [] if old == new else [f"{path}: {shown(old)} there, {shown(new)} here"]
+        pairs = {key: (old.get(key, _ABSENT), new.get(key, _ABSENT)) for key in {**new, **old}}
+    elif isinstance(old, list) and isinstance(new, list) and len(old) == len(new):
+        pairs = dict(enumerate(zip(old, new, strict=True)))
+    elif old != new:
+        return [f"{dotted(path)}: {_given(old)} there, {_given(new)} here"]
+    return [line for key, pair in pairs.items() for line in _differences(*pair, (*path, key))]
+
+
+def _given(value: Any) -> str:
+    return "not given" if value is _ABSENT else shown(value)
 
 
 def _write(path: Path, text: str) -> None:

@@ -196,4 +196,4 @@ def _kept(trajectories: str | int, runs: int) -> int:
 
 
 def _in_units(pattern: str, unit: str) -> str:
-    return "mixed" if unit == "mixed" else pattern.format(unit)
+    return "mixed" if unit == "mixed" and "{}" in pattern else pattern.format(unit)

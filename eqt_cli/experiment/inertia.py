@@ -96,7 +96,8 @@ def _expressions(
 
 
 def _starts_at_identity(law: FactoredInertia, problems: Problems) -> bool:
-    start = law.factor_at(0.0)
+    with np.errstate(all="ignore"):
+        start = law.factor_at(np.zeros(1)).reshape(law.initial.shape)
     deviation = np.abs(start - np.eye(len(start)))
     if deviation.max() <= IDENTITY_TOLERANCE:
         return True
@@ -109,10 +110,13 @@ def _starts_at_identity(law: FactoredInertia, problems: Problems) -> bool:
 def _definite(law: InertiaLaw, horizon: float, problems: Problems) -> bool:
     times = np.linspace(0.0, horizon, INSTANTS)
     with np.errstate(all="ignore"):
-        matrices = np.broadcast_to(law.matrix_at(times), (INSTANTS, *law.matrix_at(0.0).shape))
+        found = law.matrix_at(times)
+        matrices = np.broadcast_to(found, (INSTANTS, *found.shape[-2:]))
     for t, matrix in zip(times, matrices, strict=True):
         if not np.isfinite(matrix).all():
-            problems.add(("inertia",), f"expected finite entries, got none at t = {t:g} s")
+            i, j = np.argwhere(~np.isfinite(matrix))[0]
+            got = f"got [{i}][{j}] = {matrix[i, j]:g}"
+            problems.add(("inertia",), f"at t = {t:g} s: expected finite entries, {got}")
             return False
         wrong = tensors.asymmetry(matrix) or tensors.indefiniteness(matrix)
         if wrong:

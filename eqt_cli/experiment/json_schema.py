@@ -11,6 +11,7 @@ from eqt_cli.core.registry import Registry, summary
 from eqt_cli.engines import engines
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.velocities import velocity_distributions
+from eqt_cli.experiment.components import option_names
 from eqt_cli.experiment.schema import Config
 from eqt_cli.experiment.solver import DEFAULT_ENGINE, Judgement
 from eqt_cli.groups import groups
@@ -19,14 +20,16 @@ from eqt_cli.references import references
 
 def json_schema() -> dict[str, Any]:
     """The schema of a configuration file, JSON Schema draft 2020-12."""
-    schema = Config.model_json_schema()
+    schema = _overlapping(Config.model_json_schema())
     shared: dict[str, Any] = schema["$defs"]
     top = schema["properties"]
     top["group"]["examples"] = [name for kind in groups.all() for name in kind.examples()]
     top["controllers"]["items"] = _any_of(controllers, shared, extra={"label": {"type": "string"}})
     initial = shared["InitialSection"]["properties"]
-    for key, registry in (("pose", pose_distributions), ("velocity", velocity_distributions)):
-        initial[key] |= _any_of(registry, shared)
+    shared["PoseDistribution"] = _any_of(pose_distributions, shared)
+    one = {"$ref": "#/$defs/PoseDistribution"}
+    initial["pose"] |= {"anyOf": [one, {"type": "array", "items": one}]}
+    initial["velocity"] |= _any_of(velocity_distributions, shared)
     top["reference"] = _reference(top["reference"], shared)
     top["solver"] = _solver(top["solver"], shared)
     return {
@@ -34,6 +37,15 @@ def json_schema() -> dict[str, Any]:
         "title": "eqt experiment",
         **{key: value for key, value in schema.items() if key != "title"},
     }
+
+
+def _overlapping(schema: Any) -> Any:
+    """The same with `anyOf` for `oneOf`: a list of numbers fits several members of our unions."""
+    if isinstance(schema, dict):
+        return {
+            "anyOf" if key == "oneOf" else key: _overlapping(value) for key, value in schema.items()
+        }
+    return [_overlapping(entry) for entry in schema] if isinstance(schema, list) else schema
 
 
 def _any_of(
@@ -52,7 +64,7 @@ def _mapping(component: type, shared: dict[str, Any], extra: dict[str, Any]) -> 
         "type": "object",
         "description": summary(component),
         "properties": {"kind": kind, **extra, **options["properties"]},
-        "required": ["kind", *options.get("required", [])],
+        "required": ["kind", *options["required"]],
         "additionalProperties": False,
     }
 
@@ -61,7 +73,9 @@ def _options(component: type, shared: dict[str, Any]) -> dict[str, Any]:
     """The object schema of a component's options; what it refers to goes to `shared`."""
     schema = TypeAdapter(component).json_schema()
     shared |= schema.pop("$defs", {})
-    return {"properties": {}, **schema}
+    properties = {name: schema["properties"][name] for name in option_names(component)}
+    required = [name for name in schema.get("required", []) if name in properties]
+    return {"properties": properties, "required": required}
 
 
 def _reference(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:

@@ -20,6 +20,9 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.references import Reference, references
 from eqt_cli.references.constant import ConstantReference
 
+DEFAULTS = {"pose": "identity", "velocity": 0.0}
+"""Q_d(0) and V_d(0), which every reference takes beside its own options."""
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -69,16 +72,16 @@ def _rest(target: TargetSection, G: MatrixLieGroup | None, problems: Problems) -
     pose = pose_from(target.pose, G, ("target", "pose"), problems)
     if pose is None:
         return None
-    section = {"target": {"pose": target.pose}}
+    section = {"target": {"pose": _as_floats(target.pose)}}
     return Motion(ConstantReference(), pose, np.zeros(G.dimension), section)
 
 
 def _tracked(
     section: dict[str, Any], G: MatrixLieGroup | None, problems: Problems
 ) -> Motion | None:
-    common = {"pose": section.get("pose", "identity"), "velocity": section.get("velocity", 0.0)}
+    common = {key: section.get(key, default) for key, default in DEFAULTS.items()}
     options = {"kind": "torque"} | {k: v for k, v in section.items() if k not in common}
-    reference = component(references, options, ("reference",), problems)
+    reference = component(references, options, ("reference",), problems, tuple(DEFAULTS))
     if G is None:
         return None
     for option, message in reference.problems(G) if reference else ():
@@ -87,7 +90,17 @@ def _tracked(
     velocity = _velocity(common["velocity"], G, problems)
     if reference is None or pose is None or velocity is None:
         return None
-    return Motion(reference, pose, velocity, {"reference": {**resolved(reference), **common}})
+    described = {**resolved(reference), **_as_floats(common)}
+    return Motion(reference, pose, velocity, {"reference": described})
+
+
+def _as_floats(value: Any) -> Any:
+    """The same with whole numbers as floats, so that 0 and 0.0 describe one experiment."""
+    if isinstance(value, dict):
+        return {key: _as_floats(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_as_floats(entry) for entry in value]
+    return float(value) if isinstance(value, int) else value
 
 
 def _velocity(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None:
@@ -95,7 +108,7 @@ def _velocity(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None
     try:
         numbers = TypeAdapter(Real | list[Real]).validate_python(value)
     except ValidationError as error:
-        for place, message in problems_of(error, value, lambda _: ()):
+        for place, message in problems_of(error, value, lambda _: {}):
             problems.add((*path, *place), message)
         return None
     velocity = tensors.vector(numbers, G.dimension, G)

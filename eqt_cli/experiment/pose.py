@@ -14,7 +14,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
 from eqt_cli.experiment.problems import Path, Problems
 from eqt_cli.experiment.tensors import square, vector
-from eqt_cli.experiment.translate import UNKNOWN_KEY, problems_of
+from eqt_cli.experiment.translate import UNKNOWN_KEY, problems_of, shown
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
@@ -27,7 +27,10 @@ def pose_from(value: Any, G: MatrixLieGroup, path: Path, problems: Problems) -> 
     """The pose that `value` describes, or None after noting what is wrong with it."""
     if value == "identity":
         return G.identity
-    if isinstance(G, ProductGroup) and isinstance(value, list) and len(value) == len(G.factors):
+    if isinstance(G, ProductGroup) and isinstance(value, list) and len(value) != G.size:
+        if len(value) != len(G.factors):
+            problems.add(path, f"expected {_alternatives(G)}, got a list of {len(value)}")
+            return None
         found = [
             pose_from(entry, factor, (*path, index), problems)
             for index, (entry, factor) in enumerate(zip(value, G.factors, strict=True))
@@ -37,7 +40,7 @@ def pose_from(value: Any, G: MatrixLieGroup, path: Path, problems: Problems) -> 
     if isinstance(value, dict):
         return _from_parts(value, G, path, problems)
     if not isinstance(value, list):
-        problems.add(path, f"expected identity, a matrix or {{rotvec: …}}, got {value!r}")
+        problems.add(path, f"expected {_alternatives(G)}, got {shown(value)}")
         return None
     rows = _validated(list[list[Real]], value, path, problems)
     if rows is None:
@@ -50,21 +53,37 @@ def pose_from(value: Any, G: MatrixLieGroup, path: Path, problems: Problems) -> 
     if violation > GROUP_TOLERANCE:
         problems.add(
             path,
-            f"expected an element of {G.name}, got a matrix that is {violation:.2g} away from one; "
-            f"give all digits (to {GROUP_TOLERANCE:g}), or {{rotvec: …}}",
+            f"expected an element of {G.name}, got a matrix that is {violation:.2g} away from one "
+            f"(at most {GROUP_TOLERANCE:g} is rounding); give {_alternatives(G)}",
         )
         return None
     return Q
+
+
+def _alternatives(G: MatrixLieGroup) -> str:
+    """The ways to write a pose of this group."""
+    matrix = f"a {G.size}×{G.size} matrix with all its digits"
+    if isinstance(G, ProductGroup):
+        return f"identity, {matrix}, or a list of {len(G.factors)} poses for {G.name}"
+    if isinstance(G, EuclideanGroup):
+        parts = ", ".join(f"{key}: …" for key in _lengths(G))
+        return f"identity, {matrix}, or {{{parts}}} for {G.name}"
+    return f"identity or {matrix} for {G.name}"
+
+
+def _lengths(G: EuclideanGroup) -> dict[str, int]:
+    """The parts of a pose and how many numbers each has."""
+    turn = {"rotvec": G.rotations} if G.rotations else {}
+    return turn | dict.fromkeys(G.columns, G.space)
 
 
 def _from_parts(
     value: dict[str, Any], G: MatrixLieGroup, path: Path, problems: Problems
 ) -> Array | None:
     if not isinstance(G, EuclideanGroup):
-        expected = f"identity, a {G.size}×{G.size} matrix, or a list with a pose per factor"
-        problems.add(path, f"expected {expected} of {G.name}")
+        problems.add(path, f"expected {_alternatives(G)}, got {shown(value)}")
         return None
-    known = {"rotvec": G.rotations, **dict.fromkeys(G.columns, G.space)}
+    known = _lengths(G)
     coordinates = {name: np.zeros(length) for name, length in known.items()}
     before = len(problems)
     for key, entry in value.items():
@@ -82,7 +101,7 @@ def _from_parts(
     if len(problems) > before:
         return None
     turn = np.zeros(G.dimension)
-    turn[: G.rotations] = coordinates["rotvec"]
+    turn[: G.rotations] = coordinates.get("rotvec", 0.0)
     columns = np.array([coordinates[name] for name in G.columns]).reshape(-1, G.space).T
     return G.assemble(G.rotation(G.exp(turn)), columns)
 
@@ -91,6 +110,6 @@ def _validated(kind: Any, value: Any, path: Path, problems: Problems) -> Any:
     try:
         return TypeAdapter(kind).validate_python(value)
     except ValidationError as error:
-        for place, message in problems_of(error, value, lambda _: ()):
+        for place, message in problems_of(error, value, lambda _: {}):
             problems.add((*path, *place), message)
         return None

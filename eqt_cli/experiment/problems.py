@@ -24,8 +24,10 @@ class Problems:
         self._found: list[Problem] = []
 
     def add(self, path: Path, message: str) -> None:
-        """Note one problem."""
-        self._found.append(Problem(dotted(path), message, self._place(path)))
+        """Note one problem; the same one is noted once."""
+        problem = Problem(dotted(path), message, self._place(path))
+        if problem not in self._found:
+            self._found.append(problem)
 
     def __len__(self) -> int:
         return len(self._found)

@@ -6,6 +6,7 @@ What depends on the group or on a component (shapes, options, definiteness) is c
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
@@ -13,29 +14,31 @@ from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
 from eqt_cli.core.numbers import Count, Positive, Real
 
 
-def _rank(value: Any) -> str:
+def _rank(value: Any) -> str | None:
     if not isinstance(value, list):
-        return "scalar"
+        number = isinstance(value, int | float | str) and not isinstance(value, bool)
+        return "scalar" if number else None
     return "matrix" if any(isinstance(row, list) for row in value) else "list"
 
 
+def _one_of(kind: Callable[[Any], str | None], expected: str) -> Discriminator:
+    """Tells the members of a union apart; what is none of them is reported by `expected`."""
+    return Discriminator(kind, custom_error_type="none_of", custom_error_message=expected)
+
+
 Row = list[Real]
-Vector = Annotated[
-    Annotated[Real, Tag("scalar")] | Annotated[Row, Tag("list")], Discriminator(_rank)
-]
-"""A number that stands for all entries, or a list of them."""
 Matrix = Annotated[
     Annotated[Real, Tag("scalar")]
     | Annotated[Row, Tag("list")]
     | Annotated[list[Row], Tag("matrix")],
-    Discriminator(_rank),
+    _one_of(_rank, "a number, a list (the diagonal) or a list of rows"),
 ]
 """A number (times the identity), a list (a diagonal) or a list of rows."""
 
 
-def _weight_kind(value: Any) -> str:
+def _weight_kind(value: Any) -> str | None:
     if not isinstance(value, list):
-        return "scalar"
+        return _rank(value)
     kinds = {_rank(entry) for entry in value}
     return "factors" if "matrix" in kinds or len(kinds) > 1 else _rank(value)
 
@@ -45,12 +48,9 @@ Weight = Annotated[
     | Annotated[Row, Tag("list")]
     | Annotated[list[Row], Tag("matrix")]
     | Annotated[list[Matrix], Tag("factors")],
-    Discriminator(_weight_kind),
+    _one_of(_weight_kind, "a number, a list (the diagonal) or a list of rows"),
 ]
 """A matrix, or for a product of groups a list with one matrix per factor."""
-
-Component = str | dict[str, Any]
-"""A component by name, or a mapping with `kind` and its options."""
 
 
 class Section(BaseModel):
@@ -72,9 +72,9 @@ class GainsSection(Section):
 class InitialSection(Section):
     """Distributions of the initial state, relative to the reference's."""
 
-    pose: Component | list[Component] = "fixed"
+    pose: Any = "fixed"
     """Q(0) = Q_d(0) · draw; for a product of groups also a list with one entry per factor."""
-    velocity: Component = "fixed"
+    velocity: Any = "fixed"
     """V(0) = V_d(0) + draw."""
 
 
@@ -127,7 +127,7 @@ class PrescribedInertiaSection(Section):
     """𝕀_t, m×m expressions in t, symmetric positive definite at all times."""
 
 
-def _inertia_kind(value: Any) -> str:
+def _inertia_kind(value: Any) -> str | None:
     if isinstance(value, dict):
         return "prescribed" if "matrix" in value else "factored"
     return _rank(value)
@@ -139,7 +139,7 @@ InertiaValue = Annotated[
     | Annotated[list[Row], Tag("matrix")]
     | Annotated[FactoredInertiaSection, Tag("factored")]
     | Annotated[PrescribedInertiaSection, Tag("prescribed")],
-    Discriminator(_inertia_kind),
+    _one_of(_inertia_kind, "a number, a list (the diagonal), a list of rows or a mapping"),
 ]
 """A constant tensor, or a mapping with expressions in t."""
 
@@ -168,14 +168,14 @@ class Config(Section):
     """The desired trajectory: `kind` (default torque), its options, `pose` and `velocity`."""
     target: TargetSection | None = None
     """Where to come to rest, for `task: stabilise`."""
-    controllers: list[Component] = Field(min_length=1)
+    controllers: list[Any] = Field(min_length=1)
     """Control laws to compare, from the same initial states (`eqt list controllers`)."""
     initial: InitialSection = Field(default_factory=InitialSection)
     """Where the runs start."""
     ensemble: EnsembleSection = Field(default_factory=EnsembleSection)
     """How many runs."""
     time: TimeSection
-    """How long, and where to sample."""
+    """The horizon and its samples."""
     solver: dict[str, Any] = Field(default_factory=dict)
     """`engine` and its options (`eqt list engines`)."""
     store: StoreSection = Field(default_factory=StoreSection)

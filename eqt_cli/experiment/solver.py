@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from eqt_cli.core.errors import ComponentError, suggestion
 from eqt_cli.core.numbers import CountOrNone, Positive
 from eqt_cli.engines import Engine, engines
 from eqt_cli.experiment.components import option_names, options_into
 from eqt_cli.experiment.problems import Problems
-from eqt_cli.experiment.translate import UNKNOWN_KEY
+from eqt_cli.experiment.translate import UNKNOWN_KEY, shown
 
 DEFAULT_ENGINE = "solve_ivp"
 
@@ -29,6 +29,8 @@ class Judgement:
     cross_check
         How many runs of each controller are redone by another engine and compared.
     """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     max_error: Positive | None = None
     error_estimate: bool | None = None
@@ -66,18 +68,21 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     _note_engine(name, problems)
     built = {owner: _build(entry, section, problems) for owner, entry in owners.items()}
     judgement = _build(Judgement, section, problems)
-    for candidate in built.values():
-        for option, message in candidate.problems() if candidate else ():
-            problems.add(("solver", option), message)
-    if len(problems) > before:
+    engine = built.pop(name, None) if isinstance(name, str) else None
+    for option, message in engine.problems() if engine else ():
+        problems.add(("solver", option), message)
+    if engine is None or len(problems) > before:
         return None
-    engine = built.pop(name)
-    others = [entry for entry in built.values() if entry and entry.unavailable() is None]
-    kept = {key: value for key, value in section.items() if key != "engine"}
-    own = {**asdict(engine), **asdict(judgement)}
-    filled = {key: value for key, value in own.items() if value is not None}
-    resolved = {"engine": name, **kept, **filled}
+    others = [entry for entry in built.values() if _can_check(entry)]
+    keys = {**section, **asdict(engine), **asdict(judgement), "engine": name}
+    given = {key: value for key, value in keys.items() if value is not None}
+    resolved = {"engine": name} | given
     return Solver(engine, others[0] if others else None, judgement, resolved)
+
+
+def _can_check(engine: Engine) -> bool:
+    """Whether another engine is there, and can work with the keys that it shares."""
+    return engine.unavailable() is None and not engine.problems()
 
 
 def _note_unknown_keys(section: dict[str, Any], owners: list[type], problems: Problems) -> None:
@@ -89,8 +94,11 @@ def _note_unknown_keys(section: dict[str, Any], owners: list[type], problems: Pr
 
 
 def _note_engine(name: Any, problems: Problems) -> None:
+    if not isinstance(name, str):
+        problems.add(("solver", "engine"), f"expected the name of an engine, got {shown(name)}")
+        return
     try:
-        unavailable = engines.get(str(name)).unavailable()
+        unavailable = engines.get(name).unavailable()
     except ComponentError as error:
         unavailable = str(error)
     if unavailable:

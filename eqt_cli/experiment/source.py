@@ -70,12 +70,14 @@ def _text(path: Path) -> bytes:
         ) from None
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        raise EqtError(f"{path}: cannot be read: {reason}; check the path and its permissions") from error
+        raise EqtError(
+            f"{path}: cannot be read: {reason}; check the path and its permissions"
+        ) from error
 
 
 def _name(path: Path) -> str:
     """The file's stem as a name: what a name must not have becomes a hyphen."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).lstrip("-._") or "experiment"
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-._") or "experiment"
 
 
 def _from_result(path: Path) -> ConfigSource:
@@ -149,7 +151,9 @@ def parse_key(text: str, place: str) -> KeyPath:
     steps: list[str | int] = []
     for part in text.split("."):
         name, *indices = part.split("[")
-        numbers = [index[:-1] for index in indices if index.endswith("]") and index[:-1].isdecimal()]
+        numbers = [
+            index[:-1] for index in indices if index.endswith("]") and index[:-1].isdecimal()
+        ]
         if not name or len(numbers) != len(indices):
             message = f"expected a key such as gains.kp or controllers[0].label, got '{text}'"
             raise ConfigError([Problem("", message, place)])

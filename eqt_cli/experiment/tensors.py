@@ -53,18 +53,18 @@ def asymmetry(matrix: Array) -> str | None:
     )
 
 
-def indefiniteness(matrix: Array, what: str = "a positive definite matrix") -> str | None:
+def indefiniteness(matrix: Array) -> str | None:
     """The eigenvalues of a matrix's symmetric part, if they are not all positive."""
     eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
-    if eigenvalues.min() > 0:
+    if _positive(eigenvalues):
         return None
-    return f"expected {what}, got eigenvalues {_listed(eigenvalues)}"
+    return f"expected a positive definite matrix, got eigenvalues {_listed(eigenvalues)}"
 
 
 def degenerate_minimum(K: Array, group: MatrixLieGroup) -> str | None:
     """Why Υ has no non-degenerate minimum at I, if it has none."""
     eigenvalues = np.linalg.eigvalsh(navigation.hessian_at_identity(group, K))
-    if eigenvalues.min() > 0:
+    if _positive(eigenvalues):
         return None
     return (
         "expected a weight whose navigation function has a non-degenerate minimum at I, "
@@ -73,5 +73,17 @@ def degenerate_minimum(K: Array, group: MatrixLieGroup) -> str | None:
     )
 
 
+def _positive(eigenvalues: Array) -> bool:
+    """Whether all are greater than 0 beyond rounding, so that there is an inverse."""
+    return bool(eigenvalues.min() > max(_rounding(eigenvalues), np.finfo(float).tiny))
+
+
 def _listed(eigenvalues: Array) -> str:
-    return ", ".join(f"{value:.4g}" for value in eigenvalues)
+    """The eigenvalues, with 0 for those that are nothing but rounding."""
+    clean = np.where(np.abs(eigenvalues) <= _rounding(eigenvalues), 0.0, eigenvalues)
+    return ", ".join(f"{value:.4g}" for value in clean)
+
+
+def _rounding(eigenvalues: Array) -> float:
+    """How wrong computed eigenvalues may be."""
+    return float(len(eigenvalues) * np.finfo(float).eps * np.abs(eigenvalues).max())

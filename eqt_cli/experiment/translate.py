@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from pydantic import ValidationError
@@ -15,6 +15,9 @@ Path = tuple[str | int, ...]
 
 UNKNOWN_KEY = "unknown key"
 """How every message about a key that does not belong there begins."""
+
+MISSING = "missing; this key has no default"
+"""What is said of a key whose meaning is not known here."""
 
 _EXPECTED = {
     "float_type": "a number",
@@ -37,7 +40,7 @@ _EXPECTED = {
 
 
 def problems_of(
-    error: ValidationError, data: Any, known: Callable[[Path], Collection[str]]
+    error: ValidationError, data: Any, known: Callable[[Path], Mapping[str, str]]
 ) -> list[tuple[Path, str]]:
     """(path, message) for each error, at the path that the user wrote.
 
@@ -46,7 +49,7 @@ def problems_of(
     error
         What pydantic found in `data`.
     known
-        The keys that a mapping at a path may have, for suggestions.
+        The keys that a mapping at a path may have, for suggestions, with their meanings.
     """
     messages: dict[Path, str] = {}
     expected: dict[Path, list[str]] = {}
@@ -56,7 +59,8 @@ def problems_of(
         if kind in ("extra_forbidden", "unexpected_keyword_argument"):
             messages[path] = _unknown(str(path[-1]), known(path[:-1]))
         elif kind == "missing":
-            messages[path] = "missing; this key has no default"
+            meaning = known(path[:-1]).get(str(path[-1]))
+            messages[path] = f"missing; expected: {meaning}" if meaning else MISSING
         elif kind == "value_error":
             messages[path] = str(context["error"])
         else:
@@ -96,8 +100,9 @@ def _listed(alternatives: list[str]) -> str:
     return f"{', '.join(first).replace(' or ', ', ')} or {last}" if first else last
 
 
-def _unknown(key: str, known: Collection[str]) -> str:
-    return UNKNOWN_KEY + (suggestion(key, known) or f"; known here: {', '.join(known) or 'none'}")
+def _unknown(key: str, known: Mapping[str, str]) -> str:
+    others = [name for name in known if name != key]  # of a union, `key` may be known elsewhere
+    return UNKNOWN_KEY + (suggestion(key, others) or f"; known here: {', '.join(others)}")
 
 
 def _written(location: Path, data: Any, *, missing: bool) -> Path:

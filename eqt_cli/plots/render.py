@@ -6,14 +6,16 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.registry import summary
 from eqt_cli.plots import Figure, figures
 from eqt_cli.plots.save import Format, encode, write
-from eqt_cli.plots.style import WIDTHS, Width
+from eqt_cli.plots.style import WIDTHS
 from eqt_cli.store.reader import Results
+
+Choice = TypeVar("Choice", bound=str)
 
 FORMATS: tuple[Format, ...] = get_args(Format)
 
@@ -22,8 +24,8 @@ def render(
     results: Results,
     figure_name: str,
     folder: Path,
-    formats: Sequence[Format] = FORMATS,
-    width: Width = "column",
+    formats: Sequence[str] = FORMATS,
+    width: str = "column",
     options: Mapping[str, Any] | None = None,
 ) -> list[Path]:
     """Draw one figure of a result and write it as ``<folder>/<figure_name>.<format>``.
@@ -53,15 +55,13 @@ def render(
         shows, or the files cannot be written.
     """
     figure = figure_from(figure_name, options or {})
-    for given in formats:
-        _one_of("format", given, FORMATS)
-    _one_of("width", width, list(WIDTHS))
-    drawing = figure.draw(results, width)
+    wanted = [_one_of("format", given, FORMATS) for given in formats]
+    drawing = figure.draw(results, _one_of("width", width, list(WIDTHS)))
     title = f"{results.attributes.get('title', results.path.parent.name)}: {figure.name}"
     description = f"{summary(type(figure))} Experiment {results.attributes.get('digest', '')}"
     files = {
         folder / f"{figure.name}.{format}": encode(drawing, format, title, description)
-        for format in formats
+        for format in wanted
     }
     write(files)
     return list(files)
@@ -95,8 +95,9 @@ def figure_from(name: str, options: Mapping[str, Any]) -> Figure:
         ) from error
 
 
-def _one_of(what: str, given: str, known: Sequence[str]) -> None:
-    if given not in known:
-        raise EqtError(
-            f"unknown {what} '{given}'{suggestion(given, known)}; known: {', '.join(known)}"
-        )
+def _one_of(what: str, given: str, known: Sequence[Choice]) -> Choice:
+    """The one of the known words that was given."""
+    for word in known:
+        if word == given:
+            return word
+    raise EqtError(f"unknown {what} '{given}'{suggestion(given, known)}; known: {', '.join(known)}")

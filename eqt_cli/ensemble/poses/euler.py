@@ -47,7 +47,9 @@ class Euler(RotationDistribution):
         """A group without rotations of space, an unknown sequence, bounds in the wrong order."""
         found = super().problems(G)
         if isinstance(G, EuclideanGroup) and G.space != 3:
-            found.append(("kind", f"euler turns space; {G.name} takes haar or exp_normal"))
+            found.append(
+                ("kind", f"euler is for rotations of space; {G.name} takes haar or exp_normal")
+            )
         axes = self.sequence.upper()
         valid = len(axes) == 3 and set(axes) <= set("XYZ") and axes[1] not in (axes[0], axes[2])
         if not valid or self.sequence not in (axes, axes.lower()):

@@ -1,0 +1,88 @@
+"""The command line as users call it, within this process and in one of its own."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from eqt_cli.cli import main
+from eqt_cli.core import registry
+
+CONFIG = """\
+group: SO3
+inertia: [2, 1, 3]
+gains: {kp: 1.0, kd: 0.5}
+reference: {torque: ["cos(t)", "sin(t)", "0"]}
+controllers: [eqt, gt]
+initial: {pose: haar, velocity: normal}
+ensemble: {runs: 3, seed: 1}
+time: {duration: 1.0, samples: 11}
+solver: {rtol: 1.0e-6, cross_check: 0}
+"""
+
+
+@dataclass(frozen=True)
+class Done:
+    """How a command ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+Eqt = Callable[..., Done]
+
+
+@pytest.fixture(autouse=True)
+def _no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plugin that one test loads is unknown to the next."""
+    monkeypatch.setattr(registry, "_loaded_plugins", {})
+    for one in registry._registries:
+        monkeypatch.setattr(one, "_plugins", {})
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The current folder, with a small configuration in it."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setenv("NO_COLOR", "1")
+    (tmp_path / "c.yaml").write_text(CONFIG, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.fixture
+def eqt(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Eqt:
+    """Calls the command within this process."""
+
+    def call(*arguments: object) -> Done:
+        monkeypatch.setattr(sys, "argv", ["eqt", *map(str, arguments)])
+        with pytest.raises(SystemExit) as exit_:
+            main()
+        out, err = capsys.readouterr()
+        return Done(int(exit_.value.code or 0), out, err)
+
+    return call
+
+
+@pytest.fixture
+def process() -> Eqt:
+    """Calls the command in a process of its own."""
+
+    def call(*arguments: object, **environment: str) -> Done:
+        done = subprocess.run(
+            [sys.executable, "-m", "eqt_cli", *map(str, arguments)],
+            capture_output=True,
+            encoding="utf-8",
+            env={**os.environ, "PYTHONIOENCODING": "utf-8", **environment},
+            check=False,
+        )
+        return Done(done.returncode, done.stdout, done.stderr)
+
+    return call

@@ -1,0 +1,300 @@
+"""`eqt run`, within this process: what it prints where, and how it ends."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eqt_cli.store.reader import open_results
+
+Eqt = Callable[..., Any]
+
+ESCAPE = """\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.controllers import Controller
+
+@dataclass(frozen=True)
+class Escape(Controller):
+    name: ClassVar[str] = "escape"
+    title: ClassVar[str] = "Escape"
+
+    def torque(self, s):
+        return 20 * s.V_tilde**3
+"""
+SHIFTED = """\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.engines.solve_ivp import SolveIvp
+
+@dataclass(frozen=True)
+class Shifted(SolveIvp):
+    name: ClassVar[str] = "shifted"
+
+    def solve(self, problem, progress, workers=1):
+        solution = super().solve(problem, progress, workers)
+        solution.states[:] += 0.01
+        return solution
+"""
+FAILING = ("--set", "plugins=[escape.py]", "--set", "controllers=[escape, eqt]")
+WRONG = ("--set", "plugins=[shifted.py]", "--set", "solver.engine=shifted")
+CHECKED = ("--set", "solver.cross_check=1")
+
+
+@pytest.fixture
+def plugins(folder: Path) -> None:
+    (folder / "escape.py").write_text(ESCAPE, encoding="utf-8")
+    (folder / "shifted.py").write_text(SHIFTED, encoding="utf-8")
+
+
+def assert_equal_datasets(one: str, other: str) -> None:
+    with open_results(one) as a, open_results(other) as b:
+        names = [*a.names, *a.coordinates]
+        assert names == [*b.names, *b.coordinates]
+        for name in names:
+            np.testing.assert_array_equal(a[name], b[name], err_msg=name)
+
+
+# What it prints ---------------------------------------------------------------------------------
+
+
+def test_the_summary(eqt: Eqt) -> None:
+    done = eqt("run", "c.yaml")
+    header, rule, eqt_row, gt_row, blank, runs, results, last = done.out.splitlines()
+    assert (done.code, done.err) == (0, "")
+    assert header == (
+        "controller  runs  mean ‖τ‖ 0-1 s  mean ‖I−Q_E‖ 0-1 s  final ‖I−Q_E‖  final ‖V−V_d‖  "
+        "energy residual"
+    )
+    assert set(rule) == {"─", " "}
+    assert re.fullmatch(r"eqt +3 +(\d\.\d{3} +){4}\de-\d\d", eqt_row)
+    assert gt_row.split()[:2] == ["gt", "3"]
+    assert blank == ""
+    assert re.fullmatch(r"6 runs, simulation \d+\.\d s, writing \d+\.\d s", runs)
+    assert results == f"results  {Path('results/c/results.h5')}"
+    assert last == f"next     eqt plot {Path('results/c')}"
+
+
+def test_the_summary_tells_how_accurate_it_is(eqt: Eqt) -> None:
+    done = eqt("run", "c.yaml", *CHECKED, "--set", "solver.error_estimate=true")
+    number = r"\d\.\de-\d\d"
+    assert re.search(rf"^error estimates: largest {number}, median {number}$", done.out, re.M)
+    assert re.search(
+        rf"^cross-check: 1 runs per controller by engine .*, largest difference {number} "
+        r"\(bound 1e-03\)$",
+        done.out,
+        re.M,
+    )
+
+
+def test_json_is_one_document(eqt: Eqt) -> None:
+    done = eqt("run", "c.yaml", "--json", *CHECKED)
+    document = json.loads(done.out)
+    assert done.err == ""
+    assert set(document) == {
+        "results",
+        "was_complete",
+        "runs",
+        "failed",
+        "seconds",
+        "causes",
+        "controllers",
+        "cross_check",
+    }
+    assert (document["runs"], document["failed"], document["causes"]) == (6, 0, [])
+    assert document["results"] == str(Path("results/c/results.h5"))
+    assert [row["controller"] for row in document["controllers"]] == ["eqt", "gt"]
+    assert document["cross_check"]["holds"] is True
+    with open_results("results/c") as results:
+        torque = results["early_torque"].mean(axis=1)
+    assert [row["early_torque"] for row in document["controllers"]] == torque.tolist()
+
+
+def test_quiet_prints_no_remarks(eqt: Eqt) -> None:
+    eqt("run", "c.yaml")
+    done = eqt("run", "c.yaml", "--quiet")
+    assert (done.code, done.err) == (0, "")
+    assert done.out.startswith("controller  runs")
+
+
+# Where it writes --------------------------------------------------------------------------------
+
+
+def test_it_writes_to_results_by_the_name(eqt: Eqt, folder: Path) -> None:
+    eqt("run", "c.yaml", "--set", "name=other")
+    assert (folder / "results/other/results.h5").is_file()
+
+
+def test_out_is_the_result_folder_itself(eqt: Eqt, folder: Path) -> None:
+    eqt("run", "c.yaml", "--out", "deep/er")
+    assert (folder / "deep/er/results.h5").is_file()
+    assert not (folder / "results").exists()
+
+
+def test_engine_is_short_for_a_key(eqt: Eqt) -> None:
+    pytest.importorskip("heyoka")
+    assert eqt("run", "c.yaml", "--engine", "taylor").code == 0
+    assert "engine: taylor" in Path("results/c/config.yaml").read_text(encoding="utf-8")
+
+
+def test_workers_change_no_number(eqt: Eqt) -> None:
+    pytest.importorskip("heyoka")
+    for workers in (1, 2):
+        eqt("run", "c.yaml", "--engine", "taylor", "--workers", workers, "--out", workers)
+    assert_equal_datasets("1", "2")
+
+
+# Again ------------------------------------------------------------------------------------------
+
+
+def test_a_complete_result_is_not_run_again(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
+    eqt("run", "c.yaml")
+    written = Path("results/c/results.h5").stat()
+    monkeypatch.setattr("eqt_cli.experiment.execute.simulate", None)
+    done = eqt("run", "c.yaml")
+    assert done.code == 0
+    assert done.err == (
+        f"{Path('results/c')} already holds this experiment; --force runs it again\n"
+    )
+    assert "\n6 runs\nresults  " in done.out
+    assert Path("results/c/results.h5").stat().st_mtime_ns == written.st_mtime_ns
+
+
+def test_force_says_what_it_removes(eqt: Eqt) -> None:
+    eqt("run", "c.yaml")
+    done = eqt("run", "c.yaml", "--force")
+    assert done.code == 0
+    assert done.err.splitlines() == [
+        f"removed {Path('results/c', name)}"
+        for name in ("results.h5", "manifest.json", "config.yaml")
+    ]
+
+
+def test_another_experiment_is_refused(eqt: Eqt) -> None:
+    eqt("run", "c.yaml")
+    done = eqt("run", "c.yaml", "--set", "gains.kp=2")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        "eqt:\n"
+        f"{Path('results/c')}: holds another experiment, which differs in\n"
+        "  gains.kp: 1.0 there, 2.0 here\n"
+        "choose another folder with --out, or replace it with --force\n"
+    )
+
+
+@pytest.mark.parametrize("given", ["results/c", "results/c/results.h5", "results/c/config.yaml"])
+def test_a_result_runs_again_with_equal_numbers(eqt: Eqt, given: str) -> None:
+    eqt("run", "c.yaml")
+    assert eqt("run", given, "--out", "again").code == 0
+    assert_equal_datasets("results/c", "again")
+
+
+def test_a_result_runs_again_with_a_change(eqt: Eqt) -> None:
+    eqt("run", "c.yaml")
+    assert eqt("run", "results/c", "--out", "again", "--set", "ensemble.runs=2").code == 0
+    with open_results("results/c") as one, open_results("again") as other:
+        np.testing.assert_array_equal(one["pose"][:, :2], other["pose"])
+
+
+# Errors -----------------------------------------------------------------------------------------
+
+
+def test_a_wrong_configuration(eqt: Eqt, folder: Path) -> None:
+    text = (folder / "c.yaml").read_text(encoding="utf-8")
+    wrong = text.replace("[2, 1, 3]", "[[1, 2, 3], [4, 5, 6]]").replace("kd: 0.5", "kd: 0")
+    (folder / "c.yaml").write_text(wrong, encoding="utf-8")
+    done = eqt("run", "c.yaml", "--json")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        "eqt:\n"
+        "c.yaml:2:1: inertia: expected 3×3 for SO3, got 2×3\n"
+        "c.yaml:3:18: gains.kd: expected a positive definite matrix, got eigenvalues 0, 0, 0\n"
+    )
+    assert not (folder / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (
+            ["no.yaml"],
+            "no.yaml: does not exist; give a YAML file, which `eqt config new` writes, or a result",
+        ),
+        (["no.h5"], "no.h5: does not exist; give a result folder or its results.h5"),
+        (["."], ".: the folder holds no results.h5; run its experiment to the end first"),
+        (["c.yaml", "--set", "gains.kp"], "--set[0]: expected KEY=VALUE, got 'gains.kp'"),
+        (
+            ["c.yaml", "--engine", "solveivp"],
+            "--set[0]: solver.engine: unknown engine 'solveivp'; did you mean 'solve_ivp'?",
+        ),
+    ],
+)
+def test_wrong_arguments(eqt: Eqt, arguments: list[str], said: str) -> None:
+    done = eqt("run", *arguments)
+    assert (done.code, done.out) == (2, "")
+    assert done.err.partition(" known: ")[0].rstrip("\n") == f"eqt: {said}"
+
+
+def test_a_result_with_plugins_must_be_trusted(eqt: Eqt, plugins: None) -> None:
+    eqt("run", "c.yaml", *FAILING)
+    done = eqt("run", "results/c", "--out", "again")
+    assert done.code == 2
+    assert done.err.endswith("read it with `eqt show --plugins`, then add --trust-plugins\n")
+    assert not Path("again").exists()
+    assert eqt("run", "results/c", "--out", "again", "--trust-plugins").code == 3
+    assert_equal_datasets("results/c", "again")
+
+
+# Failed runs and checks -------------------------------------------------------------------------
+
+
+def test_failed_runs_end_with_3(eqt: Eqt, plugins: None) -> None:
+    done = eqt("run", "c.yaml", *FAILING)
+    assert done.code == 3
+    assert re.search(r"^escape +0( +-){5}$", done.out, re.M)
+    assert re.search(r"^eqt +3 ", done.out, re.M)
+    title, *rows = done.err.strip().splitlines()
+    assert title == "3 runs failed: 3 solver failed"
+    assert [row.split(":")[0] for row in rows] == [f"  escape run {run}" for run in range(3)]
+    assert all(" t = 0.0" in row for row in rows)
+
+
+def test_failed_runs_are_remembered(eqt: Eqt, plugins: None) -> None:
+    eqt("run", "c.yaml", *FAILING)
+    done = eqt("run", "c.yaml", *FAILING)
+    assert done.code == 3
+    assert "3 runs failed" in done.err
+
+
+def test_many_failed_runs_are_cut_short(eqt: Eqt, plugins: None) -> None:
+    done = eqt("run", "c.yaml", *FAILING, "--set", "ensemble.runs=12")
+    rows = done.err.strip().splitlines()
+    assert len(rows) == 1 + 10 + 1
+    assert rows[-1] == "  … `eqt show RESULT --failed` lists all"
+
+
+def test_a_check_that_fails_ends_with_4(eqt: Eqt, plugins: None) -> None:
+    done = eqt("run", "c.yaml", *WRONG, *CHECKED)
+    assert done.code == 4
+    assert done.err == (
+        "eqt: the two ways of integrating disagree beyond the bound; tighten solver.rtol, "
+        "or look for kinks and discontinuities in the laws\n"
+    )
+    assert eqt("run", "c.yaml", *WRONG, *CHECKED).code == 4
+
+
+def test_json_lists_every_cause_and_the_lower_code_wins(eqt: Eqt, plugins: None) -> None:
+    both = ("--set", "plugins=[escape.py, shifted.py]", *FAILING[2:], *WRONG[2:], *CHECKED)
+    done = eqt("run", "c.yaml", "--json", *both)
+    assert done.code == 3
+    document = json.loads(done.out)
+    assert document["causes"] == ["some runs failed", "the cross-check does not hold"]
+    assert document["failed"] == 3
+    assert document["controllers"][0]["early_torque"] is None
+    assert document["cross_check"]["holds"] is False

@@ -1,0 +1,153 @@
+"""The JSON schema that editors check a configuration with."""
+
+from __future__ import annotations
+
+from dataclasses import is_dataclass
+from typing import Any
+
+import jsonschema
+import pytest
+import yaml
+
+from eqt_cli.controllers import controllers
+from eqt_cli.core.registry import Registry
+from eqt_cli.engines import engines
+from eqt_cli.ensemble.poses import pose_distributions
+from eqt_cli.ensemble.velocities import velocity_distributions
+from eqt_cli.experiment import shipped
+from eqt_cli.experiment.components import option_names
+from eqt_cli.experiment.json_schema import json_schema
+from eqt_cli.experiment.solver import Judgement
+from eqt_cli.experiment.yaml_source import load
+from eqt_cli.references import references
+
+
+@pytest.fixture(scope="module")
+def schema() -> dict[str, Any]:
+    return json_schema()
+
+
+@pytest.fixture(scope="module")
+def validator(schema: dict[str, Any]) -> jsonschema.Draft202012Validator:
+    return jsonschema.Draft202012Validator(schema)
+
+
+def paper(**changes: Any) -> dict[str, Any]:
+    data: dict[str, Any] = load(shipped.text("paper"), "paper.yaml").data | changes
+    return {key: value for key, value in data.items() if value is not None}
+
+
+def test_it_is_a_schema(schema: dict[str, Any]) -> None:
+    jsonschema.Draft202012Validator.check_schema(schema)
+
+
+@pytest.mark.parametrize("name", shipped.names())
+def test_shipped_configurations_fit(validator: jsonschema.Draft202012Validator, name: str) -> None:
+    validator.validate(load(shipped.text(name), name).data)
+
+
+def test_an_editor_may_read_them_as_plain_yaml(
+    validator: jsonschema.Draft202012Validator,
+) -> None:
+    validator.validate(yaml.safe_load(shipped.text("paper")))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"gian": 1},
+        {"group": 3},
+        {"group": None},
+        {"inertia": True},
+        {"inertia": [[1, 0], "x", 3]},
+        {"inertia": {"matrx": [[1]]}},
+        {"inertia": {"initial": 1}},
+        {"gains": {"kp": 1}},
+        {"gains": {"kp": 1, "kd": 1, "ki": 1}},
+        {"reference": {}},
+        {"reference": {"torqe": [0, 0, 0]}},
+        {"reference": {"kind": "constant", "torque": [0, 0, 0]}},
+        {"reference": {"torque": "cos(t)"}},
+        {"reference": {"kind": "konstant"}},
+        {"controllers": []},
+        {"controllers": "eqt"},
+        {"controllers": ["eqq"]},
+        {"controllers": [{"label": "a"}]},
+        {"controllers": [{"kind": "family", "giroscopic": 1}]},
+        {"controllers": [{"kind": "family", "damping": "sideways"}]},
+        {"controllers": [{"kind": "eqt", "gyroscopic": 1}]},
+        {"initial": {"pose": "harr"}},
+        {"initial": {"pose": ["harr"]}},
+        {"initial": {"pose": {"kind": "haar", "sequence": "ZYX"}}},
+        {"initial": {"pose": {"kind": "haar", "position": {"sdt": 1}}}},
+        {"initial": {"velocity": 3}},
+        {"ensemble": {"runs": 0}},
+        {"ensemble": {"seed": -1}},
+        {"time": {"duration": 0}},
+        {"time": {"duration": 1, "samples": 1}},
+        {"time": {"samples": 5}},
+        {"solver": {"method": "RK4"}},
+        {"solver": {"rtol": 0}},
+        {"solver": {"rtoll": 1}},
+        {"solver": {"engine": "solveivp"}},
+        {"solver": {"block": 0}},
+        {"store": {"trajectories": "some"}},
+        {"store": {"trajectories": -1}},
+        {"store": {"compression": "zip"}},
+        {"target": {"pse": "identity"}},
+        {"task": "stabilize"},
+        {"plugins": "law.py"},
+        {"name": "../up"},
+        {"settling_threshold": 0},
+    ],
+)
+def test_what_is_wrong_does_not_fit(
+    validator: jsonschema.Draft202012Validator, changes: dict[str, Any]
+) -> None:
+    assert validator.is_valid(paper())
+    assert not validator.is_valid(paper(**changes))
+
+
+def kinds(place: dict[str, Any]) -> dict[str, set[str]]:
+    """The options by kind among the alternatives at a place of the schema."""
+    return {
+        entry["properties"]["kind"]["const"]: set(entry["properties"]) - {"kind"}
+        for entry in place["anyOf"]
+        if "properties" in entry
+    }
+
+
+@pytest.mark.parametrize(
+    ("registry", "path", "common"),
+    [
+        (controllers, ["properties", "controllers", "items"], {"label"}),
+        (references, ["properties", "reference"], {"pose", "velocity"}),
+        (pose_distributions, ["$defs", "PoseDistribution"], set()),
+        (
+            velocity_distributions,
+            ["$defs", "InitialSection", "properties", "velocity"],
+            set(),
+        ),
+    ],
+    ids=lambda value: value.kind if isinstance(value, Registry) else "",
+)
+def test_every_component_is_there_with_all_its_options(
+    schema: dict[str, Any],
+    registry: Registry[Any],
+    path: list[str],
+    common: set[str],
+) -> None:
+    place = schema
+    for step in path:
+        place = place[step]
+    assert kinds(place) == {
+        component.name: {*option_names(component), *common} for component in registry.all()
+    }
+
+
+def test_every_engine_is_there_with_all_its_options(schema: dict[str, Any]) -> None:
+    solver = schema["properties"]["solver"]["properties"]
+    owners: list[type] = [Judgement, *engines.all()]
+    assert all(is_dataclass(owner) for owner in owners)
+    assert set(solver) == {"engine", *(name for owner in owners for name in option_names(owner))}
+    assert solver["engine"]["enum"] == engines.names()

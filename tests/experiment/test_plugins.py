@@ -1,0 +1,242 @@
+"""Components of the user's own, from files beside the configuration and from results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.execute import Outcome, execute
+from eqt_cli.experiment.source import read_config
+from eqt_cli.store.reader import Results, open_results
+
+Run = Callable[..., Outcome]
+Build = Callable[..., Experiment]
+Message = Callable[..., str]
+
+EVERY_KIND = '''\
+"""One component of every kind, each a copy of one of eqt's under another name."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.controllers.eqt import EqT
+from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.ensemble.poses.haar import Haar
+from eqt_cli.ensemble.velocities.normal import Normal
+from eqt_cli.groups.so3 import SO3
+from eqt_cli.references.torque import TorqueReference
+
+
+class MyGroup(SO3):
+    name: ClassVar[str] = "MyGroup"
+
+
+@dataclass(frozen=True)
+class MyLaw(EqT):
+    name: ClassVar[str] = "my_law"
+
+
+@dataclass(frozen=True)
+class MyReference(TorqueReference):
+    name: ClassVar[str] = "my_reference"
+
+
+@dataclass(frozen=True)
+class MyPoses(Haar):
+    name: ClassVar[str] = "my_poses"
+
+
+@dataclass(frozen=True)
+class MyVelocities(Normal):
+    name: ClassVar[str] = "my_velocities"
+
+
+@dataclass(frozen=True)
+class MyEngine(SolveIvp):
+    name: ClassVar[str] = "my_engine"
+'''
+
+MINE = {
+    "plugins": "[mine.py]",
+    "group": "MyGroup",
+    "controllers": "[{kind: my_law, label: law}]",
+    "reference": '{kind: my_reference, torque: ["cos(t)", "sin(t)", "0"]}',
+    "initial": "{pose: my_poses, velocity: my_velocities}",
+    "solver": "{engine: my_engine, rtol: 1.0e-6, cross_check: 0}",
+}
+THEIRS = {"controllers": "[{kind: eqt, label: law}]"}
+
+LAW = """\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.controllers import Controller
+
+@dataclass(frozen=True)
+class Push(Controller):
+    name: ClassVar[str] = "push"
+    title: ClassVar[str] = "Push"
+    gain: float = 1.0
+
+    def torque(self, s):
+        return -self.gain * s.V_tilde
+"""
+PUSH = {"plugins": "[law.py]", "controllers": "[push, eqt]"}
+
+
+@pytest.fixture
+def law(folder: Path) -> Path:
+    path = folder / "law.py"
+    path.write_text(LAW, encoding="utf-8")
+    return path
+
+
+def datasets(results: Results) -> dict[str, np.ndarray]:
+    return {name: results[name] for name in (*results.names, *results.coordinates)}
+
+
+def assert_equal_datasets(one: Path, other: Path) -> None:
+    with open_results(one) as a, open_results(other) as b:
+        found, expected = datasets(a), datasets(b)
+    assert list(found) == list(expected)
+    for name, values in found.items():
+        np.testing.assert_array_equal(values, expected[name], err_msg=name)
+
+
+def test_a_plugin_of_every_kind_runs(run: Run, folder: Path) -> None:
+    (folder / "mine.py").write_text(EVERY_KIND, encoding="utf-8")
+    run(out="mine", **MINE)
+    run(out="theirs", **THEIRS)
+    assert_equal_datasets(folder / "mine", folder / "theirs")
+
+
+def test_options_of_a_plugin_are_checked(message: Message, law: Path) -> None:
+    said = message(plugins="[law.py]", controllers="[{kind: push, gian: 1}, {kind: push, gain: x}]")
+    assert said.splitlines() == [
+        "c.yaml:5:28: controllers[0].gian: unknown key; did you mean 'gain'?",
+        "c.yaml:5:51: controllers[1].gain: expected a number, got 'x'",
+    ]
+
+
+def test_paths_are_relative_to_the_configuration(
+    run: Run, law: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(**PUSH)
+    (folder / "elsewhere").mkdir()
+    monkeypatch.chdir(folder / "elsewhere")
+    assert "push" in build(read_config(Path("../c.yaml"))).loops
+
+
+def test_the_digest_sees_the_source_and_not_its_path(experiment: Build, law: Path) -> None:
+    one = experiment(**PUSH).digest
+    law.rename(law.with_name("other.py"))
+    assert experiment(**PUSH | {"plugins": "[other.py]"}).digest == one
+    law.write_text(LAW.replace("-self.gain", "-2 * self.gain"), encoding="utf-8")
+    assert experiment(**PUSH).digest != one
+
+
+def test_an_edited_plugin_is_another_experiment(run: Run, law: Path) -> None:
+    run(**PUSH)
+    law.write_text(LAW.replace("-self.gain", "-2 * self.gain"), encoding="utf-8")
+    with pytest.raises(EqtError) as caught:
+        run(**PUSH)
+    first, plugin, _ = str(caught.value).splitlines()
+    assert first == "out: holds another experiment, which differs in"
+    assert plugin.startswith("  plugins[0]: '")
+
+
+# Results that hold plugins ----------------------------------------------------------------------
+
+
+def test_a_result_keeps_the_source(run: Run, law: Path) -> None:
+    run(**PUSH)
+    with open_results("out") as results:
+        assert "class Push(Controller)" in str(results.attributes["plugins"])
+
+
+def test_the_folder_runs_again_without_the_file(run: Run, law: Path, folder: Path) -> None:
+    run(**PUSH)
+    law.unlink()
+    kept = Path("out/config.yaml")
+    assert "plugins: [stored_plugins/0-law.py]" in kept.read_text(encoding="utf-8")
+    source = read_config(kept)
+    execute(build(source), source, folder / "again")
+    assert_equal_datasets(folder / "out", folder / "again")
+
+
+def test_a_result_executes_no_plugin_unasked(run: Run, law: Path) -> None:
+    run(**PUSH)
+    source = read_config(Path("out"))
+    with pytest.raises(EqtError) as caught:
+        build(source)
+    place = source.place(("plugins", 0))
+    assert place.startswith(f"{Path('out/results.h5')}[config]:")
+    assert str(caught.value) == (
+        f"{place}: plugins[0]: the result holds the source of law.py, which is executed only on "
+        "request; read it with `eqt show --plugins`, then add --trust-plugins"
+    )
+
+
+def test_a_trusted_result_runs_again_alone(run: Run, law: Path, folder: Path) -> None:
+    run(**PUSH)
+    law.unlink()
+    (folder / "away").mkdir()
+    moved = Path("out/results.h5").rename(folder / "away" / "results.h5")
+    source = read_config(moved)
+    execute(build(source, trust_plugins=True), source, folder / "again")
+    assert_equal_datasets(moved, folder / "again")
+    assert (folder / "again/stored_plugins/0-law.py").read_text(encoding="utf-8") == LAW
+
+
+# Errors -----------------------------------------------------------------------------------------
+
+
+def test_files_that_do_not_exist(message: Message) -> None:
+    assert message(plugins="[law.py, ../mine.py]").splitlines() == [
+        "c.yaml:10:11: plugins[0]: law.py: does not exist; "
+        "plugin paths are relative to the configuration's folder",
+        f"c.yaml:10:19: plugins[1]: {Path('../mine.py')}: does not exist; "
+        "plugin paths are relative to the configuration's folder",
+    ]
+
+
+def test_a_syntax_error(message: Message, law: Path) -> None:
+    law.write_text("class Push(:\n", encoding="utf-8")
+    said = message(**PUSH)
+    assert said.startswith("c.yaml:10:11: plugins[0]: plugin law.py: SyntaxError: ")
+    assert said.endswith("(law.py, line 1)")
+
+
+def test_an_error_when_it_is_executed(message: Message, law: Path) -> None:
+    law.write_text("import eqt_does_not_exist\n", encoding="utf-8")
+    assert message(**PUSH) == (
+        "c.yaml:10:11: plugins[0]: plugin law.py: ModuleNotFoundError: "
+        "No module named 'eqt_does_not_exist'"
+    )
+
+
+def test_no_component(message: Message, law: Path) -> None:
+    law.write_text("x = 1\n", encoding="utf-8")
+    said = message(**PUSH)
+    assert said.startswith(
+        "c.yaml:10:11: plugins[0]: plugin law.py: defines no component; "
+        "derive a class with a `name` from one of Controller, "
+    )
+
+
+def test_the_name_of_one_of_eqts_own(message: Message, law: Path) -> None:
+    law.write_text(LAW.replace('"push"', '"eqt"'), encoding="utf-8")
+    assert message(**PUSH) == (
+        "c.yaml:10:11: plugins[0]: plugin law.py: controller 'eqt' exists already in eqt; "
+        "give yours another name"
+    )
+
+
+def test_wrong_plugins_are_reported_together(message: Message, law: Path) -> None:
+    law.write_text("x = 1 +\n", encoding="utf-8")
+    places = [line.split(": ")[0] for line in message(plugins="[law.py, no.py, 3]").splitlines()]
+    assert places == ["c.yaml:10:11", "c.yaml:10:19", "c.yaml:10:26"]

@@ -1,0 +1,299 @@
+"""The resolved configuration reproduces itself; its digest sees what counts and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eqt_cli.experiment import shipped
+from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.json_schema import json_schema
+from eqt_cli.experiment.source import ConfigSource, read_config
+from eqt_cli.experiment.yaml_source import dump, load
+
+Build = Callable[..., Experiment]
+
+
+def built(data: dict[str, Any]) -> Experiment:
+    """The experiment of a configuration that went through YAML."""
+    source = load(dump(data), "c.yaml")
+    return build(ConfigSource(source, source.data, Path()))
+
+
+# Configurations that are fine -------------------------------------------------------------------
+
+# As users write them: whole numbers, decimals, constant expressions.
+positive = st.integers(1, 3) | st.floats(0.1, 3.0) | st.sampled_from(["pi/2", "sqrt(2)", "1e-1"])
+real = st.integers(-3, 3) | st.floats(-3.0, 3.0) | st.sampled_from(["-pi", "exp(1)"])
+torques = st.sampled_from(["cos(t)", "t**2/2", "exp(-t)*sin(pi*t)", 0, -1.5])
+
+
+def lists(entries: st.SearchStrategy[Any], length: int) -> st.SearchStrategy[list[Any]]:
+    return st.lists(entries, min_size=length, max_size=length)
+
+
+def diagonal(entries: list[Any]) -> list[list[Any]]:
+    n = len(entries)
+    return [[entries[i] if i == j else 0 for j in range(n)] for i in range(n)]
+
+
+def matrices(n: int) -> st.SearchStrategy[Any]:
+    """Positive definite: a number, a diagonal, or rows."""
+    return positive | lists(positive, n) | lists(positive, n).map(diagonal)
+
+
+def inertias(m: int) -> st.SearchStrategy[Any]:
+    changing = st.sampled_from(["1 + t", "2 + sin(t)", "exp(t)", 3.5])
+    starting = st.sampled_from(["1 + t", "exp(t)", "cos(t/9)", 1])
+    return st.one_of(
+        matrices(m),
+        lists(changing, m).map(lambda entries: {"matrix": diagonal(entries)}),
+        st.fixed_dictionaries({"initial": matrices(m), "factor": lists(starting, m).map(diagonal)}),
+    )
+
+
+controllers = st.lists(
+    st.sampled_from(["eqt", "gt", "nog", "asym"])
+    | st.fixed_dictionaries(
+        {"kind": st.just("family")},
+        optional={
+            "gyroscopic": st.floats(-1, 1) | st.integers(-1, 1),
+            "transport": st.floats(-1, 1),
+            "connection": st.integers(-1, 1),
+            "damping": st.sampled_from(["spatial", "body"]),
+        },
+    ),
+    min_size=1,
+    max_size=3,
+).map(lambda entries: [_labelled(entry, f"law {k}") for k, entry in enumerate(entries)])
+
+
+def _labelled(entry: Any, label: str) -> dict[str, Any]:
+    return {"kind": entry, "label": label} if isinstance(entry, str) else entry | {"label": label}
+
+
+solvers = st.fixed_dictionaries(
+    {},
+    optional={
+        "engine": st.just("solve_ivp"),
+        "method": st.sampled_from(["DOP853", "RK45", "Radau"]),
+        "rtol": st.sampled_from([1e-6, "1e-6", "1/10**6"]),
+        "atol": st.sampled_from([1, "1e-9"]),
+        "block": st.integers(1, 9) | st.none(),
+        "tol": st.sampled_from([1e-7, "1/10**7"]),  # of another engine: kept and not used
+        "cross_check": st.integers(0, 3),
+        "max_error": st.none() | positive,
+        "error_estimate": st.booleans(),
+    },
+)
+
+
+@st.composite
+def configurations(draw: st.DrawFn) -> dict[str, Any]:
+    group, d, m, parts = draw(
+        st.sampled_from(
+            [
+                ("SO3", 3, 3, {"rotvec": 3}),
+                ("SE3", 4, 6, {"rotvec": 3, "position": 3}),
+                ("SE2", 3, 3, {"rotvec": 1, "position": 2}),
+            ]
+        )
+    )
+    poses = st.just("identity") | st.fixed_dictionaries(
+        {}, optional={name: real | lists(real, length) for name, length in parts.items()}
+    )
+    spread = st.fixed_dictionaries({}, optional={"std": positive | lists(positive, 3)})
+    kinds: list[st.SearchStrategy[Any]] = [
+        st.just("haar"),
+        st.fixed_dictionaries({"kind": st.just("exp_normal")}, optional={"std": positive}),
+        st.fixed_dictionaries({"kind": st.just("fixed")}, optional={"coordinates": lists(real, m)}),
+    ]
+    if group == "SE3":
+        options = {"sequence": st.just("xyz"), "high": st.just("2*pi"), "position": spread}
+        kinds.append(st.fixed_dictionaries({"kind": st.just("euler")}, optional=options))
+    references = st.one_of(
+        st.fixed_dictionaries(
+            {"torque": lists(torques, m)},
+            optional={"kind": st.just("torque"), "pose": poses, "velocity": real | lists(real, m)},
+        ),
+        st.fixed_dictionaries({"kind": st.just("constant")}, optional={"pose": poses}),
+    )
+    sections = st.fixed_dictionaries(
+        {
+            "group": st.just(group),
+            "inertia": inertias(m),
+            "gains": st.fixed_dictionaries({"kp": matrices(d), "kd": matrices(m)}),
+            "reference": references,
+            "controllers": controllers,
+            "time": st.fixed_dictionaries(
+                {"duration": positive}, optional={"samples": st.integers(2, 9)}
+            ),
+        },
+        optional={
+            "name": st.sampled_from(["a", "run-2", "v1.0_x"]),
+            "initial": st.fixed_dictionaries(
+                {},
+                optional={
+                    "pose": st.one_of(kinds),
+                    "velocity": st.fixed_dictionaries(
+                        {"kind": st.just("normal")}, optional={"std": positive | lists(positive, m)}
+                    ),
+                },
+            ),
+            "ensemble": st.fixed_dictionaries(
+                {}, optional={"runs": st.integers(1, 9), "seed": st.integers(0, 2**63 - 1)}
+            ),
+            "solver": solvers,
+            "store": st.fixed_dictionaries(
+                {},
+                optional={
+                    "trajectories": st.sampled_from(["all", "none", 0, 2]),
+                    "decimate": st.integers(1, 3),
+                    "compression": st.sampled_from(["none", "gzip"]),
+                },
+            ),
+            "settling_threshold": positive,
+        },
+    )
+    return draw(sections)
+
+
+@settings(max_examples=40)
+@given(configurations())
+def test_the_resolved_configuration_reproduces_itself(data: dict[str, Any]) -> None:
+    once = built(data)
+    again = built(once.resolved)
+    assert repr(again.resolved) == repr(once.resolved)  # repr tells 1 from 1.0
+    assert again.digest == once.digest
+
+
+SCHEMA = jsonschema.Draft202012Validator(json_schema())
+
+
+@settings(max_examples=40)
+@given(configurations())
+def test_what_is_fine_fits_the_json_schema(data: dict[str, Any]) -> None:
+    SCHEMA.validate(data)
+    SCHEMA.validate(built(data).resolved)
+
+
+@pytest.mark.parametrize("name", shipped.names())
+def test_shipped_configurations_reproduce_themselves(name: str) -> None:
+    once = built(load(shipped.text(name), name).data)
+    assert built(once.resolved).resolved == once.resolved
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"task": "stabilise", "reference": None, "controllers": "[stabilising]"},
+        {
+            "task": "stabilise",
+            "reference": None,
+            "target": "{pose: {rotvec: [0, 0, pi/2]}}",
+            "controllers": "[{kind: stabilising, feedforward: false}]",
+        },
+        {
+            "group": "SO3*R3",
+            "inertia": "1",
+            "gains": "{kp: [2, [1, 1, 1, 2]], kd: 1}",
+            "reference": "{kind: constant, pose: [identity, {position: [1, 2, 3]}]}",
+            "initial": "{pose: [haar, exp_normal]}",
+        },
+    ],
+)
+def test_other_tasks_and_groups_reproduce_themselves(
+    experiment: Build, changes: dict[str, str | None]
+) -> None:
+    once = experiment(**changes)
+    SCHEMA.validate(once.resolved)
+    assert built(once.resolved).resolved == once.resolved
+
+
+# The digest -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "name=other",
+        "reference.velocity=0",
+        "reference.velocity=0.0",
+        "reference.pose=identity",
+        "solver.max_error=",
+        "solver.engine=solve_ivp",
+        "gains.kp=2/2",
+        "initial.pose={kind: haar}",
+        "store.trajectories=all",
+        "controllers[0]={kind: eqt, label: eqt}",
+    ],
+)
+def test_the_digest_is_blind_to_what_changes_no_number(experiment: Build, override: str) -> None:
+    assert experiment(override).digest == experiment().digest
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "inertia[0]=2.0000000000000004",
+        "gains.kp=1.1",
+        "gains.kd=0.6",
+        "reference.torque[0]=sin(t)",
+        "reference.pose={rotvec: [0, 0, 1]}",
+        "reference.velocity=1",
+        "controllers=[eqt]",
+        "controllers=[gt, eqt]",
+        "controllers[0]={kind: eqt, label: other}",
+        "controllers[0]={kind: family, label: eqt}",
+        "initial.pose=exp_normal",
+        "initial.velocity={kind: normal, std: 2}",
+        "ensemble.runs=4",
+        "ensemble.seed=2",
+        "time.duration=1.1",
+        "time.samples=12",
+        "solver.method=RK45",
+        "solver.rtol=1e-7",
+        "solver.atol=1e-9",
+        "solver.block=2",
+        "solver.max_steps=7",
+        "solver.max_error=1",
+        "solver.error_estimate=true",
+        "solver.cross_check=1",
+        "store.trajectories=1",
+        "store.decimate=2",
+        "store.compression=gzip",
+        "settling_threshold=0.1",
+    ],
+)
+def test_the_digest_sees_what_changes_a_number(experiment: Build, override: str) -> None:
+    assert experiment(override).digest != experiment().digest
+
+
+def test_the_digest_sees_another_group(experiment: Build) -> None:
+    pair = {"inertia": "1", "reference": "{kind: constant}"}
+    digests = {experiment(group=name, **pair).digest for name in ("SO2", "SO3", "SE2", "SE3")}
+    assert len(digests) == 4
+
+
+# Names ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [
+        ("paper.yaml", "paper"),
+        ("my paper (1).yaml", "my-paper-1"),
+        (".hidden.yaml", "hidden"),
+        ("v1.2_x.yml", "v1.2_x"),
+        ("ω.yaml", "experiment"),
+    ],
+)
+def test_a_file_gives_its_name(folder: Path, file: str, name: str) -> None:
+    (folder / file).write_text(shipped.text("paper").replace("name: paper\n", ""), encoding="utf-8")
+    assert build(read_config(folder / file)).name == name

@@ -1,0 +1,416 @@
+"""What a run writes: every variable with its dimensions and units, whatever is kept of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eqt_cli.experiment.execute import Outcome
+from eqt_cli.store.reader import Results, open_results
+
+Run = Callable[..., Outcome]
+
+RUN, TIME = ("controller", "run"), ("controller", "run", "time")
+
+VARIABLES = {
+    "pose": ((*TIME, "row", "col"), "1"),
+    "velocity": ((*TIME, "axis"), "rad/s"),
+    "torque": ((*TIME, "axis"), "N m"),
+    "pose_error": (TIME, "1"),
+    "velocity_error": (TIME, "rad/s"),
+    "torque_norm": (TIME, "N m"),
+    "lyapunov": (TIME, "J"),
+    "desired_pose": (("time", "row", "col"), "1"),
+    "desired_velocity": (("time", "axis"), "rad/s"),
+    "desired_torque": (("time", "axis"), "N m"),
+    "initial_pose": (("run", "row", "col"), "1"),
+    "initial_velocity": (("run", "axis"), "rad/s"),
+    "effort": (RUN, "(N m)^2 s"),
+    "peak_torque": (RUN, "N m"),
+    "early_torque": (RUN, "N m"),
+    "mean_pose_error": (RUN, "1"),
+    "final_pose_error": (RUN, "1"),
+    "final_velocity_error": (RUN, "rad/s"),
+    "settling_time": (RUN, "s"),
+    "steps": (RUN, "1"),
+    "group_drift": (RUN, "1"),
+    "energy_residual": (RUN, "1"),
+    "error_estimate": (RUN, "mixed"),
+    "reference_residual": (RUN, "mixed"),
+    "status": (RUN, "1"),
+    "message": (RUN, ""),
+}
+TRAJECTORIES = [name for name, (dims, _) in VARIABLES.items() if dims[:3] == TIME]
+METRICS = [name for name, (dims, _) in VARIABLES.items() if dims == RUN]
+
+RIGID = {
+    "group": "SE3",
+    "inertia": "[2, 1, 3, 4, 4, 4]",
+    "reference": "{kind: constant, velocity: [0, 0, 1, 1, 0, 0]}",
+    "initial": "{pose: {kind: haar, position: {std: 1.0}}, velocity: {kind: normal, std: 0.5}}",
+}
+
+
+@pytest.fixture
+def results(run: Run) -> Iterator[Callable[..., Results]]:
+    """The open result of a run."""
+    with ExitStack() as stack:
+
+        def read(*overrides: str, **options: Any) -> Results:
+            found = open_results(run(*overrides, **options).folder.results)
+            return stack.enter_context(found)
+
+        yield read
+
+
+def described(results: Results) -> dict[str, tuple[tuple[str, ...], str]]:
+    return {name: (results.dims(name), results.units(name)) for name in results.names}
+
+
+# The layout -------------------------------------------------------------------------------------
+
+
+def test_every_variable_with_its_dimensions_and_units(results: Callable[..., Results]) -> None:
+    found = results()
+    assert described(found) == VARIABLES
+    assert dict(found.dimensions) == {
+        "controller": 2,
+        "run": 3,
+        "time": 11,
+        "row": 3,
+        "col": 3,
+        "axis": 3,
+    }
+    assert all(found.long_name(name) != name for name in found.names)
+
+
+def test_coordinates(results: Callable[..., Results]) -> None:
+    found = results()
+    assert list(found.coordinate("controller")) == ["eqt", "gt"]
+    assert list(found.coordinate("axis")) == ["ωx", "ωy", "ωz"]
+    np.testing.assert_array_equal(found.coordinate("time"), np.linspace(0.0, 1.0, 11))
+    assert found.units("time") == "s"
+
+
+def test_rotation_and_translation_have_norms_of_their_own(results: Callable[..., Results]) -> None:
+    found = results(**RIGID)
+    mixed = described(found)
+    assert {name: mixed[name][1] for name in mixed if name.startswith("pose_error")} == {
+        "pose_error": "mixed",
+        "pose_error_rotation": "1",
+        "pose_error_translation": "m",
+    }
+    assert {name: mixed[name][1] for name in mixed if name.startswith("velocity_error")} == {
+        "velocity_error": "mixed",
+        "velocity_error_rotation": "rad/s",
+        "velocity_error_translation": "m/s",
+    }
+    assert {name: mixed[name][1] for name in mixed if name.startswith("torque_norm")} == {
+        "torque_norm": "mixed",
+        "torque_norm_rotation": "N m",
+        "torque_norm_translation": "N",
+    }
+    assert mixed["effort"] == (RUN, "mixed")
+    assert mixed["settling_time"] == (RUN, "s")
+    assert dict(found.dimensions) == {
+        "controller": 2,
+        "run": 3,
+        "time": 11,
+        "row": 4,
+        "col": 4,
+        "axis": 6,
+    }
+    for name in ("pose_error", "velocity_error", "torque_norm"):
+        parts = np.hypot(found[f"{name}_rotation"], found[f"{name}_translation"])
+        # Two orders of summation: a few units in the last place.
+        np.testing.assert_allclose(found[name], parts, rtol=1e-14)
+
+
+def test_xarray_opens_it_with_labels_units_and_long_names(run: Run) -> None:
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    run()
+    with xarray.open_dataset("out/results.h5", engine="h5netcdf") as ds:
+        assert set(ds.data_vars) == set(VARIABLES)
+        assert {name: ds[name].dims for name in VARIABLES} == {
+            name: dims for name, (dims, _) in VARIABLES.items()
+        }
+        assert ds["torque"].attrs == {
+            "units": "N m",
+            "long_name": "control torque tau, body frame",
+        }
+        one = ds.sel(controller="eqt", run=2, axis="ωz").sel(time=0.49, method="nearest")
+        assert float(one["time"]) == pytest.approx(0.5, abs=1e-12)
+        assert float(one["torque"]) == ds["torque"].values[0, 2, 5, 2]
+        assert ds.sel(controller="gt")["message"].values.tolist() == ["", "", ""]
+
+
+def test_xarray_opens_a_rigid_motion(run: Run) -> None:
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("h5netcdf")
+    run(**RIGID)
+    with xarray.open_dataset("out/results.h5", engine="h5netcdf") as ds:
+        assert ds.pose_error.units == "mixed"
+        assert ds.pose_error_translation.units == "m"
+        assert ds.sel(axis="vz").torque.dims == TIME
+
+
+# What the numbers are ---------------------------------------------------------------------------
+
+
+def test_the_signals_are_those_of_the_states(results: Callable[..., Results]) -> None:
+    found = results()
+    Q, Qd, V = found["pose"], found["desired_pose"], found["velocity"]
+    error = np.linalg.norm(np.eye(3) - Q @ Qd.swapaxes(-1, -2), axis=(-2, -1))
+    # Each run carries a reference of its own, which is the desired one within the tolerance of
+    # 1e-6, amplified a little.
+    np.testing.assert_allclose(found["pose_error"], error, atol=1e-5)
+    deviation = np.linalg.norm(V - found["desired_velocity"], axis=-1)
+    np.testing.assert_allclose(found["velocity_error"], deviation, atol=1e-5)
+    assert np.abs(found["reference_residual"]).max() < 1e-5
+    norm = np.linalg.norm(found["torque"], axis=-1)
+    np.testing.assert_allclose(found["torque_norm"], norm, rtol=1e-14)
+
+
+def test_runs_start_where_they_were_drawn(results: Callable[..., Results]) -> None:
+    found = results()
+    for controller in range(2):
+        np.testing.assert_array_equal(
+            found["pose"][controller, :, 0], found["initial_pose"], err_msg=str(controller)
+        )
+        # V = 𝕀⁻¹(𝕀 V): one rounding each way.
+        np.testing.assert_allclose(
+            found["velocity"][controller, :, 0], found["initial_velocity"], rtol=1e-14
+        )
+
+
+def test_initial_states_do_not_depend_on_the_number_of_runs(
+    results: Callable[..., Results],
+) -> None:
+    few, many = results(), results("ensemble.runs=5", out="more")
+    np.testing.assert_array_equal(many["initial_pose"][:3], few["initial_pose"])
+    np.testing.assert_array_equal(many["initial_velocity"][:3], few["initial_velocity"])
+
+
+def test_equal_experiments_give_equal_files(run: Run) -> None:
+    def data(folder: str) -> dict[str, np.ndarray]:
+        with open_results(folder) as found:
+            return {name: found[name] for name in (*found.names, *found.coordinates)}
+
+    run()
+    run(out="again")
+    one, other = data("out"), data("again")
+    assert list(one) == list(other)
+    for name, values in one.items():
+        np.testing.assert_array_equal(values, other[name], err_msg=name)
+
+
+def test_the_energy_balance_holds(results: Callable[..., Results]) -> None:
+    # W is integrated at rtol 1e-6 along with a state that varies by a few units.
+    assert results()["energy_residual"].max() < 1e-5
+
+
+# What is kept -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("override", "kept"),
+    [
+        ("store.trajectories=none", ()),
+        ("store.trajectories=0", ()),
+        ("store.trajectories=2", ("controller", "stored_run", "time")),
+        ("store.trajectories=3", TIME),
+        ("store.trajectories=99", TIME),
+        ("store.decimate=3", TIME),
+        ("store.compression=gzip", TIME),
+    ],
+)
+def test_metrics_are_those_of_everything(
+    results: Callable[..., Results], override: str, kept: tuple[str, ...]
+) -> None:
+    whole, part = results(), results(override, out="part")
+    assert [name for name in part.names if name in TRAJECTORIES] == (TRAJECTORIES if kept else [])
+    if kept:
+        assert part.dims("torque")[:3] == kept
+    for name in [*METRICS, "initial_pose", "initial_velocity"]:
+        np.testing.assert_array_equal(part[name], whole[name], err_msg=name)
+
+
+def test_the_first_runs_are_those_whose_trajectories_are_kept(
+    results: Callable[..., Results],
+) -> None:
+    whole, part = results(), results("store.trajectories=2", out="part")
+    assert part.dimensions["stored_run"] == 2
+    assert part.dimensions["run"] == 3
+    for name in TRAJECTORIES:
+        np.testing.assert_array_equal(part[name], whole[name][:, :2], err_msg=name)
+
+
+def test_every_third_sample_is_kept(results: Callable[..., Results]) -> None:
+    whole, part = results(), results("store.decimate=3", out="part")
+    np.testing.assert_array_equal(part.coordinate("time"), whole.coordinate("time")[::3])
+    for name in TRAJECTORIES:
+        np.testing.assert_array_equal(part[name], whole[name][:, :, ::3], err_msg=name)
+    np.testing.assert_array_equal(part["desired_pose"], whole["desired_pose"][::3])
+
+
+def test_compressed_data_are_the_same(results: Callable[..., Results]) -> None:
+    whole, part = results(), results("store.compression=gzip", out="part")
+    for name in whole.names:
+        np.testing.assert_array_equal(part[name], whole[name], err_msg=name)
+
+
+# Runs that fail ---------------------------------------------------------------------------------
+
+ESCAPE = '''\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.controllers import Controller
+
+@dataclass(frozen=True)
+class Escape(Controller):
+    """Grows like dV/dt = V^3, to infinity in finite time."""
+
+    name: ClassVar[str] = "escape"
+    title: ClassVar[str] = "Escape"
+
+    def torque(self, s):
+        return 20 * s.V_tilde**3
+
+@dataclass(frozen=True)
+class Undefined(Controller):
+    """Has no value anywhere, not even on the reference."""
+
+    name: ClassVar[str] = "undefined"
+    title: ClassVar[str] = "Undefined"
+
+    def torque(self, s):
+        return s.V_tilde * float("nan")
+'''
+
+
+@pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
+def test_a_failed_run_is_a_row_and_harms_no_other(
+    results: Callable[..., Results], folder: Path, engine: str
+) -> None:
+    if engine == "taylor":
+        pytest.importorskip("heyoka")
+    (folder / "law.py").write_text(ESCAPE, encoding="utf-8")
+    solver = f"{{engine: {engine}, rtol: 1.0e-6, cross_check: 0}}"
+    alone = results(out="alone", controllers="[eqt]", solver=solver)
+    found = results(plugins="[law.py]", controllers="[escape, eqt]", solver=solver)
+    assert (found["status"][0] != 0).all()
+    assert all(message.startswith("t = ") for message in found["message"][0])
+    assert np.isnan(found["pose"][0, :, -1]).all()
+    assert np.isfinite(found["pose"][0, :, 0]).all()
+    assert np.isnan(found["effort"][0]).all()
+    assert not found["status"][1].any()
+    for name in alone.names:
+        if name.startswith(("desired", "initial")):
+            np.testing.assert_array_equal(found[name], alone[name], err_msg=name)
+        else:
+            np.testing.assert_array_equal(found[name][1], alone[name][0], err_msg=name)
+
+
+def test_a_law_that_fails_on_the_reference_leaves_it_to_the_others(
+    results: Callable[..., Results], folder: Path
+) -> None:
+    (folder / "law.py").write_text(ESCAPE, encoding="utf-8")
+    alone = results(out="alone", controllers="[eqt]")
+    found = results(plugins="[law.py]", controllers="[undefined, eqt]")
+    assert (found["status"] != 0).tolist() == [[True] * 3, [False] * 3]
+    for name in ("desired_pose", "desired_velocity", "desired_torque"):
+        np.testing.assert_array_equal(found[name], alone[name], err_msg=name)
+    np.testing.assert_array_equal(found["reference_residual"][1], alone["reference_residual"][0])
+
+
+def test_the_step_limit(results: Callable[..., Results]) -> None:
+    found = results("solver.max_steps=20")
+    assert (found["status"] == 3).all()
+    assert found["message"][0, 0].endswith("step limit: 20 evaluations (solver.max_steps)")
+
+
+def test_the_largest_error_allowed(results: Callable[..., Results]) -> None:
+    found = results("solver.error_estimate=true", "solver.max_error=1e-15")
+    estimate = found["error_estimate"]
+    assert (found["status"] == 4).all()
+    assert found["message"][0, 0] == (
+        f"error estimate {estimate[0, 0]:.2g} exceeds solver.max_error = 1e-15"
+    )
+    # The estimate belongs to a tolerance of 1e-6, whose errors grow a little along the run.
+    assert 1e-12 < estimate.max() < 1e-4
+
+
+# The cross-check --------------------------------------------------------------------------------
+
+UNCOMPILABLE = ESCAPE.replace("20 * s.V_tilde**3", "-__import__('numpy').tanh(s.V_tilde)")
+
+SHIFTED = """\
+from dataclasses import dataclass, replace
+from typing import ClassVar
+from eqt_cli.engines.solve_ivp import SolveIvp
+
+@dataclass(frozen=True)
+class Shifted(SolveIvp):
+    name: ClassVar[str] = "shifted"
+
+    def solve(self, problem, progress, workers=1):
+        solution = super().solve(problem, progress, workers)
+        solution.states[:] += 0.01
+        return solution
+"""
+
+
+def checked(results: Results) -> dict[str, object]:
+    return {
+        key.removeprefix("cross_check_"): value
+        for key, value in results.attributes.items()
+        if key.startswith("cross_check_")
+    }
+
+
+def test_an_engine_is_checked_by_another(results: Callable[..., Results]) -> None:
+    pytest.importorskip("heyoka")
+    found = checked(results("solver.cross_check=2"))
+    assert (found["method"], found["runs"], found["bound"]) == ("engine taylor", 2, 1e-3)
+    assert 0 < float(str(found["difference"])) < 1e-4
+
+
+def test_results_do_not_depend_on_the_check(results: Callable[..., Results]) -> None:
+    none, some = results(), results("solver.cross_check=2", out="checked")
+    assert checked(none) == {}
+    for name in none.names:
+        np.testing.assert_array_equal(none[name], some[name], err_msg=name)
+
+
+def test_a_law_that_another_engine_cannot_compile_is_checked_by_its_own(
+    results: Callable[..., Results], folder: Path
+) -> None:
+    (folder / "law.py").write_text(UNCOMPILABLE, encoding="utf-8")
+    found = results("solver.cross_check=2", plugins="[law.py]", controllers="[escape, eqt]")
+    assert not found["status"].any()
+    assert checked(found)["method"] == "engine solve_ivp, tolerances / 100"
+
+
+def test_an_engine_that_is_wrong_is_found_out(
+    results: Callable[..., Results], folder: Path
+) -> None:
+    (folder / "engine.py").write_text(SHIFTED, encoding="utf-8")
+    found = checked(
+        results(plugins="[engine.py]", solver="{engine: shifted, rtol: 1.0e-6, cross_check: 1}")
+    )
+    assert found["method"] == "engine solve_ivp"
+    assert float(str(found["difference"])) > float(str(found["bound"]))
+
+
+def test_where_every_run_failed_there_is_nothing_to_check(
+    results: Callable[..., Results], folder: Path
+) -> None:
+    (folder / "law.py").write_text(ESCAPE, encoding="utf-8")
+    found = results("solver.cross_check=1", plugins="[law.py]", controllers="[undefined]")
+    assert np.isnan(checked(found)["difference"])
