@@ -50,8 +50,10 @@ class Family(Controller):
 
     @property
     def structure(self) -> Hashable:
-        """The same for the whole family: all that tells its members apart are numbers."""
-        return Family
+        """The same for all members, which numbers tell apart; a law built on one has its own."""
+        own = type(self)
+        inherited = own.torque is Family.torque and own.dissipation is Family.dissipation
+        return Family if inherited else super().structure
 
     def torque(self, s: Tracking) -> Array:
         """τ(g, c, n), body frame."""

@@ -40,7 +40,7 @@ class Comparisons:
         The module.
     first
         Index of the first parameter behind the law's own. Comparison k has two: its side at
-        ``first + 2k``, negative where a < b, and its scale, max(1, |a|, |b|) at the start.
+        ``first + 2k``, negative where a < b, and its scale: 1, or what a and b have come to.
     """
 
     heyoka: ModuleType
@@ -57,7 +57,7 @@ class Comparisons:
         return self.heyoka.lt(par[self.first + 2 * index], 0.0)
 
     def margins(self) -> list[Any]:
-        """The events, e / (1 + e²) with e = (a - b) / scale + side · width.
+        """The events, e / (1 + e²/64) with e = (a - b) / scale + side · width.
 
         A margin has the sign of the side, or is 0. It is bounded, because heyoka chooses steps by
         the largest of states and events: a large event would leave the states inaccurate.
@@ -66,7 +66,7 @@ class Comparisons:
         for (a, b), index in self.pairs.items():
             side, scale = par[self.first + 2 * index], par[self.first + 2 * index + 1]
             e = (a - b) / scale + side * WIDTH
-            margins.append(e / (1.0 + e * e))
+            margins.append(e / (1.0 + e * e / 64.0))
         return margins
 
 
@@ -87,11 +87,9 @@ class Switchboard:
 
     def start(self, integrator: Any) -> None:
         """Choose sides and scales at the initial states."""
-        sides, scales = integrator.pars[self.first :: 2], integrator.pars[self.first + 1 :: 2]
-        sides[:], scales[:] = 1.0, 1.0
+        integrator.pars[self.first :] = 1.0
         self._settle(integrator, slice(None))
-        size = np.abs(self._values(integrator)[:2]).max(axis=0)
-        scales[:] = np.where(np.isfinite(size), np.maximum(size, 1.0), 1.0)
+        self._grow_scales(integrator, *self._values(integrator)[:2])
         self._settle(integrator, slice(None))
 
     def cross(self, integrator: Any, index: int, lane: int) -> bool:
@@ -108,14 +106,23 @@ class Switchboard:
 
         heyoka looks for none where the series of a comparison is not finite.
         """
-        sides = integrator.pars[self.first :: 2]
-        wrong = -self._values(integrator)[2] * np.sign(sides)
+        a, b, margins = self._values(integrator)
+        self._grow_scales(integrator, a, b)
+        wrong = -margins * np.sign(integrator.pars[self.first :: 2])
         if not (wrong > 0).any():
             return True
         if (wrong > WIDTH).any():
             return False
         self._settle(integrator, slice(None))  # the step ended on a crossing, to rounding
         return True
+
+    def _grow_scales(self, integrator: Any, a: Array, b: Array) -> None:
+        """Follow the smaller of |a| and |b|, which are equal where they cross.
+
+        Growth widens the band about 0 in which no side changes, so it makes no side wrong.
+        """
+        scales, size = integrator.pars[self.first + 1 :: 2], np.fmin(abs(a), abs(b))
+        np.maximum(scales, size, out=scales, where=np.isfinite(size))
 
     def _settle(self, integrator: Any, lanes: slice) -> None:
         """Change every side whose margin has the other sign.

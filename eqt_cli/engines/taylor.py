@@ -30,6 +30,10 @@ from eqt_cli.core.numbers import Count, Positive
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Status
 from eqt_cli.engines.switching import Comparisons, Crossing, Switchboard, recording
 
+EPSILON = float(np.finfo(float).eps)
+SMALLEST_TOL = 10 * EPSILON
+"""A tenth of it, for the error estimate, is still a tolerance that doubles can meet."""
+
 FULL_CODE_RUNS = 500
 FULL_CODE_STATES = 30
 MUCH_WORK_RUNS = 10_000
@@ -79,16 +83,17 @@ class Taylor(Engine):
 
     def problems(self) -> list[tuple[str, str]]:
         """A tolerance that doubles cannot meet, or that asks for nothing."""
-        smallest = np.finfo(float).eps
-        if smallest <= self.step_tolerance < 1:
+        if self.tol is None:
+            key, value, smallest = "rtol", self.rtol, 10 * SMALLEST_TOL
+        else:
+            key, value, smallest = "tol", self.tol, SMALLEST_TOL
+        if smallest <= value < 1:
             return []
-        key = "rtol" if self.tol is None else "tol"
-        limits = f"a number from {smallest if self.tol else 10 * smallest:.3g} to 1"
-        return [(key, f"expected {limits}, got {getattr(self, key):g}")]
+        return [(key, f"expected a number from {smallest:.3g} to 1, got {value:g}")]
 
     def tightened(self, factor: float) -> Taylor:
         """The step tolerance times `factor`."""
-        tol = max(self.step_tolerance * factor, float(np.finfo(float).eps))
+        tol = max(self.step_tolerance * factor, EPSILON)
         return dataclasses.replace(self, tol=tol)
 
     def sized(self, runs: int, state_length: int) -> Taylor:
@@ -344,15 +349,19 @@ def _heyoka() -> ModuleType:
 
 
 def _explain(error: Exception, loop: ClosedLoop) -> str:
-    """Which component did what, from the innermost frame that runs in one of them."""
-    owner, place = _culprit(error.__traceback__, loop)
+    """Which component did what, from the frames of the traceback that run in one."""
+    places = _places(error.__traceback__, loop) or {"the closed loop": ""}
+    (owner, place), *callers = reversed(places.items())
+    called = "".join(f", called by {name} at {where}" for name, where in callers)
     return (
-        f"{owner} cannot be compiled: {type(error).__name__}: {error}{place}; write it with "
-        "operators, @ and the functions of eqt_cli.core.arrays, or use `engine: solve_ivp`"
+        f"{owner} cannot be compiled: {type(error).__name__}: {error}"
+        f"{place and ' at ' + place}{called}; write it with operators, @ and the functions of "
+        "eqt_cli.core.arrays, or use `engine: solve_ivp`"
     )
 
 
-def _culprit(trace: TracebackType | None, loop: ClosedLoop) -> tuple[str, str]:
+def _places(trace: TracebackType | None, loop: ClosedLoop) -> dict[str, str]:
+    """The components in the traceback, the innermost last, and how far each has come."""
     components = {
         id(component): f"{kind} '{component.name}'"
         for kind, component in (
@@ -361,7 +370,7 @@ def _culprit(trace: TracebackType | None, loop: ClosedLoop) -> tuple[str, str]:
             ("group", loop.group),
         )
     }
-    owner, place = "the closed loop", ""
+    places: dict[str, str] = {}
     for frame, line in traceback.walk_tb(trace):
         itself = frame.f_locals.get("self")
         # The traced controller is a copy with symbols in place of its numbers.
@@ -369,6 +378,5 @@ def _culprit(trace: TracebackType | None, loop: ClosedLoop) -> tuple[str, str]:
         name = components.get(id(loop.controller if is_controller else itself))
         if name:
             summary = traceback.FrameSummary(frame.f_code.co_filename, line, frame.f_code.co_name)
-            file = Path(frame.f_code.co_filename).name
-            owner, place = name, f" at {file}:{line}: {summary.line}"
-    return owner, place
+            places[name] = f"{Path(frame.f_code.co_filename).name}:{line}: {summary.line}"
+    return places

@@ -184,7 +184,7 @@ def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
         if name in data:
             sections[name] = TypeAdapter(field.rebuild_annotation()).validate_python(data[name])
         else:
-            sections[name] = field.get_default(call_default_factory=True, validated_data={})
+            sections[name] = field.get_default(call_default_factory=True)
     return sections
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import subprocess
 import sys
@@ -45,6 +46,12 @@ def _no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "_loaded_plugins", {})
     for one in registry._registries:
         monkeypatch.setattr(one, "_plugins", {})
+
+
+@pytest.fixture(autouse=True)
+def _no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is printed must not depend on how fast this machine is."""
+    monkeypatch.setattr("eqt_cli.cli.progress.SHOW_AFTER", math.inf)
 
 
 @pytest.fixture(autouse=True)

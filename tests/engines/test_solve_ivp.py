@@ -244,7 +244,7 @@ def faulty_problem(controller, faults, momentum=1.0):
 
 def engine_for(controller, method="DOP853", block=3, max_steps=None):
     # A healthy run takes up to 500 evaluations. SciPy takes thousands to give up at a failure.
-    limit = max_steps or (1000 if controller is Rattling else 10_000)
+    limit = max_steps or (1000 if controller is Rattling else 6000)
     return SolveIvp(method=method, rtol=1e-6, atol=1e-9, block=block, max_steps=limit)
 
 
@@ -267,9 +267,10 @@ def test_failing_run_gets_a_status_and_harms_no_other(fault, method):
     problem = faulty_problem(controller, [0, 1, 0, 0])
     engine = engine_for(controller, method)
     solution = engine.solve(problem, quiet)
-    # LSODA takes to the limit of steps, or steps beyond the end of a solution to infinity.
-    escaped = fault == "escape" and method == "LSODA"
-    assert solution.status[1] == status or (escaped and solution.status[1] != Status.OK)
+    if fault == "escape" and method in ("Radau", "LSODA"):
+        # They creep towards the end of the solution until the limit of steps.
+        status = Status.STEP_LIMIT
+    assert solution.status[1] == status
     assert solution.messages[1]
     assert solution.status[[0, 2, 3]].tolist() == [Status.OK] * 3
     assert [solution.messages[run] for run in (0, 2, 3)] == [""] * 3
@@ -288,9 +289,15 @@ def test_redone_runs_stay_within_the_tolerance(fault):
     assert (errors(solution, healthy)[[0, 2]] < 30 * 1e-6).all()
 
 
+def place_and_reason(message):
+    """The time and the text of "t = … s: …"."""
+    match = re.fullmatch(r"t = (\S+) s: (.+)", message)
+    return float(match.group(1)), match.group(2)
+
+
 def assert_known_up_to_the_failure(states, times, message):
     """Samples are complete before the failing step, and NaN throughout after the failure."""
-    at = float(re.match(r"t = (\S+) s: ", message).group(1))
+    at, _ = place_and_reason(message)
     # A step of these methods and tolerances is shorter than half a second.
     assert np.isfinite(states[times < at - 0.5]).all()
     assert np.isnan(states[times > at]).all()
@@ -305,8 +312,8 @@ def test_failing_run_keeps_its_samples_up_to_the_failure(fault, method):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_run_at_the_step_limit_keeps_its_samples(method):
-    problem = paper_problem(runs=1, duration=20.0)
-    engine = SolveIvp(method=method, rtol=1e-4, atol=1e-7, block=1, max_steps=200)
+    problem = paper_problem(runs=1, duration=4.0)
+    engine = SolveIvp(method=method, rtol=1e-4, atol=1e-7, block=1, max_steps=100)
     solution = engine.solve(problem, quiet)
     assert solution.status[0] == Status.STEP_LIMIT
     assert_known_up_to_the_failure(solution.states[0], problem.times, solution.messages[0])
@@ -340,16 +347,17 @@ def test_place_of_a_vector_field_that_is_no_longer_finite(method, controller):
     """Multistep and implicit methods notice it in the step that crosses t = 1."""
     _, status, message = solve_one(controller, method=method)
     assert status is Status.NON_FINITE
-    match = re.fullmatch(r"t = (\S+) s: the state or its derivative is no longer finite", message)
-    assert 1 <= float(match.group(1)) < 1.5
+    at, reason = place_and_reason(message)
+    assert reason == "the state or its derivative is no longer finite"
+    assert 1 <= at < 1.5
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_message_of_the_step_limit(method):
     _, status, message = solve_one(Rattling, method=method, max_steps=200)
     assert status is Status.STEP_LIMIT
-    expected = r"t = \S+ s: step limit: 200 evaluations \(solver\.max_steps\)"
-    assert re.fullmatch(expected, message)
+    _, reason = place_and_reason(message)
+    assert reason == "step limit: 200 evaluations (solver.max_steps)"
 
 
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "RK23"])
@@ -357,8 +365,10 @@ def test_refused_trial_steps_are_no_failure(method):
     """What fails is the escape, long after the last trial step that was not finite."""
     _, status, message = solve_one(NotANumberInTrialStepsThenEscaping, method=method)
     assert status is Status.SOLVER_FAILED
-    # From P = (½, ½, ½) at t = 1: 1 + ½ log(1 + 1/¾).
-    assert message == "t = 1.42365 s: Required step size is less than spacing between numbers"
+    at, reason = place_and_reason(message)
+    assert reason == "Required step size is less than spacing between numbers"
+    # From P = (½, ½, ½) at t = 1, within some hundred rtol.
+    assert at == pytest.approx(1 + np.log(1 + 1 / 0.75) / 2, abs=1e-4)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -376,8 +386,8 @@ def test_step_limit_bounds_the_evaluations(method):
 def test_progress_adds_up_to_the_number_of_runs(fault):
     reports = []
     controller, _ = FAULTS[fault]
-    problem = faulty_problem(controller, [0, 1, 0, 0, 1])
-    engine_for(controller, block=2).solve(problem, reports.append)
+    problem = faulty_problem(controller, [0, 0, 0, 1, 0])
+    engine_for(controller, "RK45", block=2).solve(problem, reports.append)
     assert all(report >= 0 for report in reports)
     assert sum(reports) == pytest.approx(5)
 

@@ -7,6 +7,7 @@ of their own; a new section is line 10.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -21,7 +22,7 @@ from eqt_cli.references import references
 Message = Callable[..., str]
 
 
-def names(registry: Registry) -> str:  # type: ignore[type-arg]
+def names(registry: Registry[Any]) -> str:
     return ", ".join(registry.names())
 
 
@@ -935,7 +936,7 @@ def test_an_unknown_component(
     section: str,
     value: str,
     said: str,
-    registry: Registry,  # type: ignore[type-arg]
+    registry: Registry[Any],
 ) -> None:
     assert message(**{section: value}) == f"{said} known: {names(registry)}"
 

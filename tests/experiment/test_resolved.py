@@ -8,7 +8,7 @@ from typing import Any
 
 import jsonschema
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from eqt_cli.experiment import shipped
@@ -18,6 +18,10 @@ from eqt_cli.experiment.source import ConfigSource, read_config
 from eqt_cli.experiment.yaml_source import dump, load
 
 Build = Callable[..., Experiment]
+
+
+# To draw a whole configuration takes a while, and longer on a busy machine.
+unhurried = settings(max_examples=40, suppress_health_check=[HealthCheck.too_slow])
 
 
 def built(data: dict[str, Any]) -> Experiment:
@@ -164,7 +168,7 @@ def configurations(draw: st.DrawFn) -> dict[str, Any]:
     return draw(sections)
 
 
-@settings(max_examples=40)
+@unhurried
 @given(configurations())
 def test_the_resolved_configuration_reproduces_itself(data: dict[str, Any]) -> None:
     once = built(data)
@@ -176,7 +180,7 @@ def test_the_resolved_configuration_reproduces_itself(data: dict[str, Any]) -> N
 SCHEMA = jsonschema.Draft202012Validator(json_schema())
 
 
-@settings(max_examples=40)
+@unhurried
 @given(configurations())
 def test_what_is_fine_fits_the_json_schema(data: dict[str, Any]) -> None:
     SCHEMA.validate(data)

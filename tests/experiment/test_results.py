@@ -397,6 +397,21 @@ def test_a_law_that_another_engine_cannot_compile_is_checked_by_its_own(
     assert checked(found)["method"] == "engine solve_ivp, tolerances / 100"
 
 
+def test_a_law_built_on_another_is_checked_by_its_own_torque(
+    results: Callable[..., Results], folder: Path
+) -> None:
+    (folder / "law.py").write_text(
+        "from eqt_cli.controllers.eqt import EqT\n\n\n"
+        "class Weak(EqT):\n"
+        '    name = "weak"\n\n'
+        "    def torque(self, s):\n"
+        "        return super().torque(s) / 2\n",
+        encoding="utf-8",
+    )
+    found = checked(results("solver.cross_check=2", plugins="[law.py]", controllers="[eqt, weak]"))
+    assert float(str(found["difference"])) < float(str(found["bound"]))
+
+
 def test_an_engine_that_is_wrong_is_found_out(
     results: Callable[..., Results], folder: Path
 ) -> None:

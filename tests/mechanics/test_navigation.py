@@ -11,10 +11,10 @@ from eqt_cli.mechanics.navigation import gradient, hessian_at_identity, potentia
 
 EXAMPLES = settings(max_examples=12)
 
-# Hundreds of last places of numbers of order 10.
+# Tens of last places of numbers up to a hundred.
 ROUNDING = 1e-13
-# Five-point differences (see the fixture `derivative`) of such numbers.
-DIFFERENCES = 1e-9
+# Five-point differences, see the fixture `derivative`; measured 1e-12.
+DIFFERENCES = 1e-10
 
 
 def assert_equal(left, right, tolerance=ROUNDING):

@@ -15,10 +15,10 @@ from eqt_cli.mechanics.semidirect import Semidirect
 
 EXAMPLES = settings(max_examples=12)
 
-# Tens of last places of numbers up to a few hundred: triple products of translations up to 4.
-ROUNDING = 1e-11
-# Five-point differences of such numbers.
-DIFFERENCES = 1e-8
+# Tens of last places of numbers up to a hundred; measured 5e-15.
+ROUNDING = 1e-13
+# Five-point differences of such numbers; measured 8e-12.
+DIFFERENCES = 1e-10
 
 
 @pytest.fixture(scope="session")

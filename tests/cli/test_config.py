@@ -1,0 +1,109 @@
+"""`eqt config`: write, check and describe configurations."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eqt_cli.experiment import shipped
+from eqt_cli.experiment.json_schema import json_schema
+
+Eqt = Callable[..., Any]
+
+# new --------------------------------------------------------------------------------------------
+
+
+def test_new_writes_a_shipped_configuration(eqt: Eqt) -> None:
+    done = eqt("config", "new")
+    assert (done.code, done.out, done.err) == (0, "paper.yaml\n", "next: eqt run paper.yaml\n")
+    assert Path("paper.yaml").read_text(encoding="utf-8") == shipped.text("paper")
+
+
+@pytest.mark.parametrize("name", shipped.names())
+def test_every_shipped_configuration_is_fine(eqt: Eqt, name: str) -> None:
+    assert eqt("config", "new", "mine.yaml", "--from", name).out == "mine.yaml\n"
+    assert eqt("config", "check", "mine.yaml").code == 0
+
+
+def test_new_to_stdout(eqt: Eqt, folder: Path) -> None:
+    done = eqt("config", "new", "-")
+    assert (done.code, done.out, done.err) == (0, shipped.text("paper"), "")
+    assert not (folder / "paper.yaml").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["c.yaml"], "eqt: c.yaml: exists already; give another name, or remove it\n"),
+        (
+            ["no/c.yaml"],
+            f"eqt: {Path('no/c.yaml')}: cannot be written: no such file or directory\n",
+        ),
+        (["--from", "papre"], "eqt: unknown configuration 'papre'; did you mean 'paper'?\n"),
+        (
+            ["--from", "xyz"],
+            f"eqt: unknown configuration 'xyz'; shipped are: {', '.join(shipped.names())}\n",
+        ),
+    ],
+)
+def test_new_refuses(eqt: Eqt, folder: Path, arguments: list[str], said: str) -> None:
+    before = (folder / "c.yaml").read_bytes()
+    done = eqt("config", "new", *arguments)
+    assert (done.code, done.out, done.err) == (2, "", said)
+    assert (folder / "c.yaml").read_bytes() == before
+
+
+# check ------------------------------------------------------------------------------------------
+
+
+def test_check_says_what_would_run(eqt: Eqt, folder: Path) -> None:
+    done = eqt("config", "check", "c.yaml")
+    assert (done.code, done.err) == (0, "c.yaml: fine\n")
+    assert done.out == "c: SO3, 2 controllers × 3 runs, 1 s, engine solve_ivp\n"
+    assert not (folder / "results").exists()
+
+
+def test_check_applies_overrides(eqt: Eqt) -> None:
+    done = eqt("config", "check", "c.yaml", "--set", "ensemble.runs=7", "--set", "gains.kd=-1")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        "eqt: --set[1]: gains.kd: expected a positive definite matrix, got eigenvalues -1, -1, -1\n"
+    )
+
+
+def test_check_reports_everything(eqt: Eqt) -> None:
+    Path("c.yaml").write_text("gian: 1\ntime: {duration: -1}\n", encoding="utf-8")
+    done = eqt("config", "check", "c.yaml")
+    assert done.code == 2
+    lines = done.err.splitlines()
+    assert lines[0] == "eqt:"
+    places = [tuple(line.split(": ")[:2]) for line in lines[1:]]
+    missing = ("group", "inertia", "gains", "reference", "controllers")
+    assert sorted(places[:-1]) == sorted(("c.yaml:1:1", key) for key in (*missing, "gian"))
+    assert places[-1] == ("c.yaml:2:8", "time.duration")
+
+
+def test_the_resolved_configuration_is_fine_and_resolved(eqt: Eqt) -> None:
+    once = eqt("config", "check", "c.yaml", "--resolved").out
+    Path("c.yaml").write_text(once, encoding="utf-8")
+    assert eqt("config", "check", "c.yaml", "--resolved").out == once
+    assert "method: DOP853\n" in once
+
+
+def test_check_of_a_result(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--out", "out")
+    done = eqt("config", "check", "out", "--resolved")
+    assert done.out == Path("out/config.yaml").read_text(encoding="utf-8")
+
+
+# schema -----------------------------------------------------------------------------------------
+
+
+def test_schema_is_one_document(eqt: Eqt) -> None:
+    done = eqt("config", "schema")
+    assert (done.code, done.err) == (0, "")
+    assert json.loads(done.out) == json_schema()

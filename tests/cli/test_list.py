@@ -1,0 +1,88 @@
+"""`eqt list`: the components there are."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eqt_cli.controllers import controllers
+from eqt_cli.experiment import shipped
+
+Eqt = Callable[..., Any]
+
+KINDS = ["groups", "controllers", "references", "engines", "poses", "velocities", "figures"]
+
+PLUGIN = '''\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.controllers import Controller
+
+@dataclass(frozen=True)
+class Push(Controller):
+    """Pushes back.
+
+    Not shown.
+    """
+
+    name: ClassVar[str] = "push"
+    title: ClassVar[str] = "Push"
+    gain: float = 1.0
+
+    def torque(self, s):
+        return -self.gain * s.V_tilde
+'''
+
+
+def test_everything(eqt: Eqt) -> None:
+    done = eqt("list")
+    assert (done.code, done.err) == (0, "")
+    titles = [line for line in done.out.splitlines() if line and not line.startswith(" ")]
+    assert titles == [*KINDS, "configs"]
+
+
+def test_one_kind(eqt: Eqt) -> None:
+    title, *lines = eqt("list", "velocities").out.splitlines()
+    assert title == "velocities"
+    assert lines.index("  normal  Independent normal velocity coordinates.") + 1 == (
+        lines.index("          options: std")
+    )
+
+
+def test_json_is_one_document(eqt: Eqt) -> None:
+    document = json.loads(eqt("list", "--json").out)
+    assert list(document) == [*KINDS, "configs"]
+    assert [entry["name"] for entry in document["controllers"]] == controllers.names()
+    assert [entry["name"] for entry in document["configs"]] == shipped.names()
+    assert all(set(entry) == {"name", "summary", "options"} for entry in document["engines"])
+    assert all(entry["summary"] for kind in KINDS for entry in document[kind])
+
+
+def test_a_plugin(eqt: Eqt, folder: Path) -> None:
+    (folder / "push.py").write_text(PLUGIN, encoding="utf-8")
+    lines = eqt("list", "controllers", "--plugin", "push.py").out.splitlines()
+    at = next(index for index, line in enumerate(lines) if line.split()[:1] == ["push"])
+    assert lines[at].split() == ["push", "Pushes", "back."]
+    assert lines[at + 1].strip() == "options: gain"
+
+
+@pytest.mark.parametrize(
+    ("kind", "hint"),
+    [
+        ("controler", "did you mean 'controllers'?"),
+        ("xyz", f"known: {', '.join([*KINDS, 'configs'])}"),
+    ],
+)
+def test_an_unknown_kind(eqt: Eqt, kind: str, hint: str) -> None:
+    done = eqt("list", kind)
+    assert (done.code, done.out) == (2, "")
+    assert done.err == f"eqt: unknown kind '{kind}'; {hint}\n"
+
+
+def test_an_unknown_plugin(eqt: Eqt) -> None:
+    done = eqt("list", "--plugin", "no.py")
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith("eqt: plugin no.py: cannot be read: ")

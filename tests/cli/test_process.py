@@ -1,0 +1,249 @@
+"""The command in a process of its own: exit codes, streams, signals, imports."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import eqt_cli
+
+Eqt = Callable[..., Any]
+
+HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray", "heyoka"]
+
+
+def test_success_is_0_with_results_on_stdout(process: Eqt) -> None:
+    done = process("run", "c.yaml", "--json")
+    assert (done.code, done.err) == (0, "")
+    assert json.loads(done.out)["runs"] == 6
+
+
+def test_a_wrong_configuration_is_2_with_errors_on_stderr(process: Eqt) -> None:
+    done = process("run", "c.yaml", "--set", "time.samples=1")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        "eqt: --set[0]: time.samples: expected a whole number of at least 2, got 1\n"
+    )
+
+
+def test_failed_runs_are_3(process: Eqt) -> None:
+    done = process("run", "c.yaml", "--quiet", "--set", "solver.max_steps=20")
+    assert done.code == 3
+    assert done.out.startswith("controller  runs")
+    assert "6 runs failed: 6 step limit" in done.err
+
+
+def test_wrong_usage_is_2(process: Eqt) -> None:
+    done = process("run", "c.yaml", "--nope")
+    assert (done.code, done.out) == (2, "")
+    assert "No such option" in done.err
+
+
+@pytest.mark.parametrize("arguments", [["nope"], ["run"], ["run", "c.yaml", "--workers", "0"]])
+def test_other_wrong_usage_is_2_as_well(eqt: Eqt, arguments: list[str]) -> None:
+    done = eqt(*arguments)
+    assert (done.code, done.out) == (2, "")
+    assert "Error" in done.err
+
+
+def test_version(process: Eqt) -> None:
+    done = process("--version")
+    assert (done.code, done.out, done.err) == (0, f"eqt {eqt_cli.__version__}\n", "")
+
+
+def test_an_internal_error_is_1_with_a_traceback(folder: Path) -> None:
+    code = (
+        "import eqt_cli.experiment.build as build, eqt_cli.cli as cli, sys\n"
+        "build._group = None\n"
+        "sys.argv = ['eqt', 'config', 'check', 'c.yaml']\n"
+        "cli.main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+    assert done.returncode == 1
+    assert done.stdout == b""
+    assert b"Traceback (most recent call last)" in done.stderr
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
+def test_ctrl_c_is_130_and_the_same_command_starts_again(process: Eqt, folder: Path) -> None:
+    command = [sys.executable, "-m", "eqt_cli", "run", "c.yaml"]
+    long = ["--set", "solver.block=1", "--set", "ensemble.runs=1000000"]
+    running = subprocess.Popen(
+        [*command, *long], stdout=subprocess.PIPE, stderr=subprocess.PIPE, encoding="utf-8"
+    )
+    manifest = folder / "results/c/manifest.json"
+    deadline = time.monotonic() + 60
+    while not manifest.exists() and time.monotonic() < deadline:
+        time.sleep(0.02)
+    running.send_signal(signal.SIGINT)
+    out, err = running.communicate(timeout=60)
+    assert running.returncode == 130
+    assert out == ""
+    assert err.splitlines()[-1] == "eqt: interrupted; run the same command again"
+    assert process("run", "c.yaml").code == 0
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes as a POSIX shell has them")
+def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:
+    done = subprocess.run(
+        f"{sys.executable} -m eqt_cli config schema | head -n 1",
+        shell=True,
+        capture_output=True,
+        encoding="utf-8",
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("{\n", "")
+
+
+# Imports ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("module", ["eqt_cli", "eqt_cli.cli", "eqt_cli.cli.app"])
+def test_importing_the_command_loads_nothing_heavy(module: str) -> None:
+    code = f"import sys, {module}; print([m for m in {HEAVY} if m in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True
+    )
+    assert done.stdout == "[]\n"
+
+
+def test_help_loads_nothing_heavy() -> None:
+    code = (
+        "import sys, eqt_cli.cli as cli\n"
+        "sys.argv = ['eqt', '--help']\n"
+        "try:\n    cli.main()\n"
+        f"except SystemExit:\n    print([m for m in {HEAVY} if m in sys.modules])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+# Components of other distributions ----------------------------------------------------------------
+
+MODULE = '''\
+"""One component of every kind, each a copy of one of eqt's under another name."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.controllers.eqt import EqT
+from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.ensemble.poses.haar import Haar
+from eqt_cli.ensemble.velocities.normal import Normal
+from eqt_cli.groups.so3 import SO3
+from eqt_cli.plots.runs import Runs
+from eqt_cli.references.torque import TorqueReference
+
+
+class MyGroup(SO3):
+    name: ClassVar[str] = "MyGroup"
+
+
+@dataclass(frozen=True)
+class MyLaw(EqT):
+    name: ClassVar[str] = "my_law"
+
+
+@dataclass(frozen=True)
+class MyReference(TorqueReference):
+    name: ClassVar[str] = "my_reference"
+
+
+@dataclass(frozen=True)
+class MyPoses(Haar):
+    name: ClassVar[str] = "my_poses"
+
+
+@dataclass(frozen=True)
+class MyVelocities(Normal):
+    name: ClassVar[str] = "my_velocities"
+
+
+@dataclass(frozen=True)
+class MyEngine(SolveIvp):
+    name: ClassVar[str] = "my_engine"
+
+
+@dataclass(frozen=True)
+class MyFigure(Runs):
+    name: ClassVar[str] = "my_figure"
+'''
+DECLARED = {
+    "groups": "MyGroup",
+    "controllers": "MyLaw",
+    "references": "MyReference",
+    "poses": "MyPoses",
+    "velocities": "MyVelocities",
+    "engines": "MyEngine",
+    "plots": "MyFigure",
+}
+CONFIG = """\
+group: MyGroup
+inertia: [2, 1, 3]
+gains: {kp: 1.0, kd: 0.5}
+reference: {kind: my_reference, torque: ["cos(t)", "sin(t)", "0"]}
+controllers: [my_law]
+initial: {pose: my_poses, velocity: my_velocities}
+ensemble: {runs: 2}
+time: {duration: 1.0, samples: 11}
+solver: {engine: my_engine, rtol: 1.0e-6, cross_check: 0}
+"""
+
+
+def install(folder: Path, declared: dict[str, str], module: str = MODULE) -> dict[str, str]:
+    """Lay out an installed distribution; returns the environment that finds it."""
+    site = folder / "site"
+    information = site / "mine-1.0.dist-info"
+    information.mkdir(parents=True)
+    (site / "mine.py").write_text(module, encoding="utf-8")
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: mine\nVersion: 1.0\n")
+    points = "".join(f"[eqt.{kind}]\nx = mine:{name}\n" for kind, name in declared.items())
+    (information / "entry_points.txt").write_text(points)
+    return {"PYTHONPATH": str(site)}
+
+
+def test_entry_points_of_every_kind_run(process: Eqt, folder: Path) -> None:
+    environment = install(folder, DECLARED)
+    (folder / "mine.yaml").write_text(CONFIG, encoding="utf-8")
+    assert process("run", "mine.yaml", **environment).code == 0
+    listed = json.loads(process("list", "--json", **environment).out)
+    found = {entry["name"] for kind in listed.values() for entry in kind}
+    own = {line.split('"')[1] for line in MODULE.splitlines() if "name: ClassVar" in line}
+    assert len(own) == len(DECLARED)
+    assert own <= found
+
+
+@pytest.mark.parametrize(
+    ("name", "module", "said"),
+    [
+        (
+            "MyLaw",
+            "import eqt_does_not_exist",
+            "controller 'x' of the entry point 'mine:MyLaw' cannot be loaded: No module named "
+            "'eqt_does_not_exist'; mend or uninstall the distribution that declares it",
+        ),
+        (
+            "MyLaw",
+            "class MyLaw: pass",
+            "controller 'x' of the entry point 'mine:MyLaw' is no Controller; derive it from "
+            "eqt_cli.controllers.base.Controller",
+        ),
+    ],
+)
+def test_a_broken_entry_point(
+    process: Eqt, folder: Path, name: str, module: str, said: str
+) -> None:
+    environment = install(folder, {"controllers": name}, module)
+    done = process("list", "controllers", **environment)
+    assert (done.code, done.out, done.err) == (2, "", f"eqt: {said}\n")

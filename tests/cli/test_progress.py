@@ -1,0 +1,101 @@
+"""Progress on stderr: plain lines where it is no terminal, nothing for short or quiet work."""
+
+from __future__ import annotations
+
+import io
+import re
+import sys
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from eqt_cli.cli import progress
+
+Eqt = Callable[..., Any]
+
+
+class Clock:
+    """A clock that stands still until it is set."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(progress, "SHOW_AFTER", 1.0)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(monotonic=clock))
+    return clock
+
+
+def test_lines_tell_rate_and_remaining_time(
+    clock: Clock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress.progress(800, quiet=False) as advance:
+        for second, runs in ((0.5, 50), (1.5, 50), (2.0, 40), (6.4, 60), (6.6, 200)):
+            clock.now = 100.0 + second
+            advance(runs)
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.splitlines() == [
+        "100/800 runs, 67 runs/s, 10 s left",
+        "400/800 runs, 61 runs/s, 7 s left",
+    ]
+
+
+def test_short_work_shows_nothing(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    with progress.progress(8, quiet=False) as advance:
+        clock.now += 0.9
+        advance(8)
+    assert capsys.readouterr() == ("", "")
+
+
+def test_quiet_work_shows_nothing(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    with progress.progress(8, quiet=True) as advance:
+        clock.now += 60
+        advance(4)
+    assert capsys.readouterr() == ("", "")
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_has_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
+    monkeypatch.setenv("TERM", "xterm")
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with progress.progress(8, quiet=False) as advance:
+        advance(3)
+        advance(2)
+    assert "5/8 runs" in terminal.getvalue()
+
+
+def test_short_work_on_a_terminal_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with progress.progress(8, quiet=False) as advance:
+        advance(8)
+    assert terminal.getvalue() == ""
+
+
+def test_a_run_tells_how_far_it_is(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
+    monkeypatch.setattr(progress, "LINE_EVERY", 0.0)
+    done = eqt("run", "c.yaml", "--set", "solver.block=1")
+    lines = done.err.splitlines()
+    assert all(re.fullmatch(r"\d/6 runs, \d+ runs/s, \d+ s left", line) for line in lines)
+    assert lines[-1].startswith("6/6 runs, ")
+    assert "runs/s" not in done.out
+
+
+def test_a_quiet_run_tells_nothing(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
+    assert eqt("run", "c.yaml", "--quiet").err == ""

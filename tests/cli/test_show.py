@@ -1,0 +1,130 @@
+"""`eqt show`: what a result holds."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Eqt = Callable[..., Any]
+
+
+@pytest.fixture
+def result(eqt: Eqt) -> str:
+    eqt("run", "c.yaml", "--out", "out")
+    return "out"
+
+
+def test_the_summary(eqt: Eqt, result: str) -> None:
+    done = eqt("show", result)
+    title, origin, digest, sizes, blank, header, *_ = done.out.splitlines()
+    assert (done.code, done.err) == (0, "")
+    assert title == f"c on SO3  ({Path('out/results.h5')})"
+    assert re.fullmatch(
+        r"run      \S+\+00:00 with eqt \S+, python \S+, numpy \S+, scipy \S+", origin
+    )
+    assert re.fullmatch(r"digest   [0-9a-f]{16}", digest)
+    assert sizes == "sizes    controller 2, run 3, time 11, row 3, col 3, axis 3"
+    assert blank == ""
+    assert header.startswith("controller  runs  mean ‖τ‖")
+
+
+def test_a_file_shows_the_same_as_its_folder(eqt: Eqt, result: str) -> None:
+    assert eqt("show", "out/results.h5") == eqt("show", result)
+
+
+def test_the_summary_tells_of_failed_runs(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out")
+    done = eqt("show", "out")
+    assert done.code == 0
+    assert "6 runs failed: 6 step limit" in done.err
+
+
+def test_config_is_the_resolved_one(eqt: Eqt, result: str) -> None:
+    done = eqt("show", result, "--config")
+    assert done.out == Path("out/config.yaml").read_text(encoding="utf-8")
+
+
+def test_variables(eqt: Eqt, result: str) -> None:
+    done = eqt("show", result, "--variables")
+    lines = [re.split(r"  +", line) for line in done.out.splitlines()]
+    assert lines[0] == ["variable", "dimensions", "units", "meaning"]
+    assert ["effort", "controller, run", "(N m)^2 s", "control effort, integral of ||tau||^2"] in (
+        lines
+    )
+
+
+def test_failed_lists_every_failed_run(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out")
+    done = eqt("show", "out", "--failed")
+    lines = done.out.splitlines()
+    assert [line.split(":")[0] for line in lines] == [
+        f"{label} run {run}" for label in ("eqt", "gt") for run in range(3)
+    ]
+    assert all(line.endswith("step limit: 20 evaluations (solver.max_steps)") for line in lines)
+
+
+def test_failed_says_where_there_is_none(eqt: Eqt, result: str) -> None:
+    done = eqt("show", result, "--failed")
+    assert (done.code, done.out, done.err) == (0, "", "no run failed\n")
+
+
+def test_plugins_are_printed_and_not_executed(eqt: Eqt, folder: Path) -> None:
+    source = (
+        "from eqt_cli.controllers.eqt import EqT\n\n\n"
+        'class Mine(EqT):\n    name = "mine"\n\n\n'
+        "print('executed')\n"
+    )
+    (folder / "mine.py").write_text(source, encoding="utf-8")
+    plugin = ("--set", "plugins=[mine.py]", "--set", "controllers=[mine]")
+    assert "executed" in eqt("run", "c.yaml", "--out", "out", *plugin).out
+    done = eqt("show", "out", "--plugins")
+    assert (done.code, done.out, done.err) == (0, f"# mine.py\n{source}", "")
+
+
+def test_plugins_says_where_there_are_none(eqt: Eqt, result: str) -> None:
+    done = eqt("show", result, "--plugins")
+    assert (done.code, done.out, done.err) == (0, "", "no plugins\n")
+
+
+def test_json_is_one_document(eqt: Eqt, result: str) -> None:
+    document = json.loads(eqt("show", result, "--json").out)
+    assert set(document) == {
+        "path",
+        "title",
+        "digest",
+        "config",
+        "provenance",
+        "dimensions",
+        "variables",
+        "controllers",
+    }
+    manifest = json.loads(Path("out/manifest.json").read_text(encoding="utf-8"))
+    assert document["digest"] == manifest["digest"]
+    assert document["provenance"] == manifest["provenance"]
+    assert document["config"]["inertia"] == [2.0, 1.0, 3.0]
+    assert document["variables"]["torque"] == {
+        "dims": ["controller", "run", "time", "axis"],
+        "units": "N m",
+    }
+    assert [row["controller"] for row in document["controllers"]] == ["eqt", "gt"]
+
+
+@pytest.mark.parametrize(
+    ("path", "said"),
+    [
+        ("no", "eqt: no: does not exist; give a result folder or its results.h5\n"),
+        (
+            ".",
+            "eqt: .: the folder holds no results.h5; run its experiment to the end first\n",
+        ),
+        ("c.yaml", "eqt: c.yaml: is not an HDF5 file; give the results.h5 that eqt wrote\n"),
+    ],
+)
+def test_what_is_no_result(eqt: Eqt, path: str, said: str) -> None:
+    done = eqt("show", path)
+    assert (done.code, done.out, done.err) == (2, "", said)
