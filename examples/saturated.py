@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array, tanh
+from eqt_cli.core.numbers import Positive
 from eqt_cli.mechanics.tracking import Tracking
 
 
@@ -15,7 +16,7 @@ class Saturated(EqT):
     name: ClassVar[str] = "saturated"
     title: ClassVar[str] = "saturated"
 
-    limit: float = 2.0
+    limit: Positive = 2.0
 
     def torque(self, s: Tracking) -> Array:
         """limit · tanh(τ / limit); with eqt's own functions, so that engine taylor compiles it."""

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, dot
+from eqt_cli.core.numbers import Real
 from eqt_cli.mechanics.tracking import Tracking
 
 
@@ -38,9 +39,9 @@ class Family(Controller):
     name: ClassVar[str] = "family"
     title: ClassVar[str] = "family"
 
-    gyroscopic: float = 1.0
-    transport: float = 1.0
-    connection: float = 0.0
+    gyroscopic: Real = 1.0
+    transport: Real = 1.0
+    connection: Real = 0.0
     damping: Literal["spatial", "body"] = "spatial"
     spatial: float = field(init=False, repr=False)
 

@@ -70,6 +70,9 @@ def _slope(node: Node, operands: tuple[Any, ...], value: Any) -> Any:
     """The derivative of a node, given (value, derivative) of its operands; None for zero."""
     if all(derivative is None for _, derivative in operands):
         return None
+    if isinstance(value, float):
+        # Python's floats raise where IEEE has inf and nan.
+        operands = tuple((np.float64(number), derivative) for number, derivative in operands)
     if isinstance(node, Binary):
         left, right = operands
         return _binary_slope(node.operator, left, right, value)

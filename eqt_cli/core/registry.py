@@ -125,11 +125,16 @@ class Registry(Generic[T]):
         return added
 
 
-def load_plugin(path: Path, source: str | None = None) -> str:
-    """Execute a plugin file and register every component in it; returns the SHA-256 of its text.
+def load_plugin(path: Path, source: str | None = None) -> list[str]:
+    """Execute a plugin file and register every component in it.
 
-    Loading the same text again does nothing. `source` replaces the file's text, for a plugin kept
-    inside a result.
+    The same text is executed once; where its names were taken over by another text since, loading
+    it again takes them back. `source` replaces the file's text, for a plugin kept inside a result.
+
+    Returns
+    -------
+    list of str
+        What was registered, as ``controller 'mine'``.
 
     Raises
     ------
@@ -139,27 +144,33 @@ def load_plugin(path: Path, source: str | None = None) -> str:
     try:
         text = path.read_text(encoding="utf-8") if source is None else source
     except (OSError, UnicodeDecodeError) as error:
-        raise ComponentError(f"plugin {path}: cannot be read: {error}") from error
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ComponentError(f"plugin {path}: cannot be read: {reason.lower()}") from error
     digest = sha256(text.encode()).hexdigest()
-    if digest in _loaded_plugins:
-        return digest
-    module = ModuleType(f"eqt_plugin_{digest[:12]}")
-    module.__file__ = str(path)
-    sys.modules[module.__name__] = module  # dataclasses look their module up there
-    try:
-        exec(compile(text, str(path), "exec"), module.__dict__)
-        added = [name for registry in _registries for name in registry.add_from(module, path.name)]
-    except ComponentError:
-        raise
-    except Exception as error:
-        raise ComponentError(f"plugin {path}: {type(error).__name__}: {error}") from error
+    module = _loaded_plugins.get(digest) or _executed(path, text, digest)
+    added = [
+        f"{registry.kind} '{name}'"
+        for registry in _registries
+        for name in registry.add_from(module, path.name)
+    ]
     if not added:
         known = ", ".join(sorted(registry.base.__name__ for registry in _registries))
         raise ComponentError(
             f"plugin {path}: defines no component; derive a class with a `name` from one of {known}"
         )
     _loaded_plugins[digest] = module
-    return digest
+    return added
+
+
+def _executed(path: Path, text: str, digest: str) -> ModuleType:
+    module = ModuleType(f"eqt_plugin_{digest[:12]}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module  # dataclasses look their module up there
+    try:
+        exec(compile(text, str(path), "exec"), module.__dict__)
+    except Exception as error:
+        raise ComponentError(f"plugin {path}: {type(error).__name__}: {error}") from error
+    return module
 
 
 def _name(component: type) -> str:

@@ -12,7 +12,7 @@ import dataclasses
 import platform
 import threading
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import lru_cache
@@ -344,8 +344,22 @@ def _heyoka() -> ModuleType:
         "where": heyoka.select,
     }
     register_symbols(heyoka.expression, functions)
+    heyoka.expression.__pow__ = _with_whole_powers(heyoka.expression.__pow__)
     module: ModuleType = heyoka
     return module
+
+
+def _with_whole_powers(power: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """heyoka's ``**``, but cubes and higher whole powers as products: its own are NaN at 0."""
+
+    def whole_or_other_power(base: Any, exponent: Any) -> Any:
+        whole = isinstance(exponent, int | float | np.integer) and exponent % 1 == 0
+        if not whole or exponent < 3:
+            return power(base, exponent)
+        half = whole_or_other_power(base, exponent // 2)
+        return half * half * base if exponent % 2 else half * half
+
+    return whole_or_other_power
 
 
 def _explain(error: Exception, loop: ClosedLoop) -> str:

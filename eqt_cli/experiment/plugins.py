@@ -22,29 +22,51 @@ def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dic
         problems.add(("plugins",), f"{expected}, got {shown(paths)}")
         return {}
     sources: dict[str, str] = {}
+    owners: dict[str, str] = {}
     for index, path in enumerate(paths):
-        if not isinstance(path, str):
-            expected = "expected the path of a Python file"
-            problems.add(("plugins", index), f"{expected}, got {shown(path)}")
-            continue
         try:
-            if source.stored_plugins is None:
-                file = source.folder / path
-                if not file.exists():
-                    relative = "plugin paths are relative to the configuration's folder"
-                    problems.add(("plugins", index), f"{file}: does not exist; {relative}")
-                    continue
-                load_plugin(file)
-                sources[path] = file.read_text(encoding="utf-8")
-            elif trusted:
-                sources[path] = source.stored_plugins[path]
-                load_plugin(Path(path), sources[path])
-            else:
-                problems.add(
-                    ("plugins", index),
-                    f"the result holds the source of {path}, which is executed only on request; "
-                    "read it with `eqt show --plugins`, then add --trust-plugins",
-                )
+            text = _text(source, path, trusted)
+            added = load_plugin(source.folder / path, text)
         except ComponentError as error:
             problems.add(("plugins", index), str(error))
+            continue
+        sources[path] = text
+        for component in added:
+            if component in owners:
+                taken = f"{component} is defined by {owners[component]} already; rename one"
+                problems.add(("plugins", index), taken)
+            owners[component] = path
     return sources
+
+
+def _text(source: ConfigSource, path: object, trusted: bool) -> str:
+    """The text of one plugin.
+
+    Raises
+    ------
+    ComponentError
+        If it cannot be had, or may not be executed.
+    """
+    if not isinstance(path, str):
+        raise ComponentError(f"expected the path of a Python file, got {shown(path)}")
+    if source.stored_plugins is None:
+        return _read(source.folder / path)
+    if not trusted:
+        raise ComponentError(
+            f"the result holds the source of {path}, which is executed only on request; "
+            "read it with `eqt show --plugins`, then add --trust-plugins"
+        )
+    if path not in source.stored_plugins:
+        raise ComponentError(f"the result does not hold the source of {path}")
+    return source.stored_plugins[path]
+
+
+def _read(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        relative = "plugin paths are relative to the configuration's folder"
+        raise ComponentError(f"{file}: does not exist; {relative}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        raise ComponentError(f"plugin {file}: cannot be read: {reason}") from error

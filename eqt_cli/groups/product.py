@@ -8,6 +8,7 @@ from typing import Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import ComponentError
 from eqt_cli.groups.base import MatrixLieGroup, Part
 
 
@@ -36,8 +37,12 @@ class ProductGroup(MatrixLieGroup):
         """SO3*R3 for the product of SO3 and R3."""
         from eqt_cli.groups import group_named
 
-        factors = name.split("*")
-        return cls(*map(group_named, factors)) if len(factors) > 1 else None
+        factors = [factor.strip() for factor in name.split("*")]
+        if len(factors) == 1:
+            return None
+        if "" in factors:
+            raise ComponentError(f"group '{name}': a factor is missing beside '*'")
+        return cls(*map(group_named, factors))
 
     @classmethod
     def examples(cls) -> tuple[str, ...]:

@@ -80,7 +80,7 @@ class Results:
             _check_format(path, safety.format_of(self._file))
             contents = safety.inspect(self._file, self._view)
             self._open = stack.pop_all()
-        self.attributes: Mapping[str, Attribute] = MappingProxyType(contents.attributes)
+        self.attributes: Mapping[str, Attribute] = _Attributes(path, contents.attributes)
         self.dimensions: Mapping[str, int] = MappingProxyType(contents.dimensions)
         self.coordinates = tuple(k for k in contents.entries if k in contents.coordinates)
         self.names = tuple(k for k in contents.entries if k not in contents.coordinates)
@@ -173,6 +173,30 @@ class Results:
                 f"it holds: {', '.join(self._entries)}"
             )
         return self._entries[name]
+
+
+class MissingAttributeError(ResultError, KeyError):
+    """An attribute that every result has, missing from this one."""
+
+    __str__ = ResultError.__str__  # KeyError's would quote the message
+
+
+class _Attributes(Mapping[str, Attribute]):
+    """Root attributes, whose absence is a fault of the file."""
+
+    def __init__(self, path: Path, attributes: Mapping[str, Attribute]) -> None:
+        self._path, self._attributes = path, attributes
+
+    def __getitem__(self, name: str) -> Attribute:
+        if name not in self._attributes:
+            raise MissingAttributeError(f"{self._path}: lacks the attribute '{name}'; {_RESTORE}")
+        return self._attributes[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._attributes)
+
+    def __len__(self) -> int:
+        return len(self._attributes)
 
 
 def _find(path: Path) -> Path:

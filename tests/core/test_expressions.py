@@ -167,7 +167,7 @@ def test_a_symbol_gives_a_symbol(text: str, traced: str) -> None:
 
 
 def test_a_function_that_the_symbols_lack_is_a_trace_error() -> None:
-    with pytest.raises(TraceError, match=r"^cos\(\) is not available for symbols of type _Symbol"):
+    with pytest.raises(TraceError, match=r"^cos\(\) is not available for _Symbol symbols"):
         parse("cos(t)").evaluate({"t": _Symbol("t")})
 
 
