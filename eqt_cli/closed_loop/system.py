@@ -128,6 +128,6 @@ class ClosedLoop:
 def _replaced(controller: Controller, values: dict[str, Array], prefix: str) -> Controller:
     # Not dataclasses.replace: the fields of a named member are fixed and not for its initialiser.
     copy = object.__new__(type(controller))
-    for name, value in vars(controller).items():
+    for name, value in controller.attributes.items():
         object.__setattr__(copy, name, values.get(prefix + name, value))
     return copy

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 import numpy as np
@@ -37,17 +37,22 @@ class Controller(ABC):
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     @property
+    def attributes(self) -> dict[str, Any]:
+        """Every attribute of the law by name, also a field that its class has fixed."""
+        fixed = {field.name: getattr(self, field.name) for field in fields(self)}
+        return fixed | vars(self)
+
+    @property
     def structure(self) -> Hashable:
         """What of the law is not a runtime parameter; equal structures can be solved together."""
-        options = {name: value for name, value in vars(self).items() if not _is_parameter(value)}
+        options = {n: value for n, value in self.attributes.items() if not _is_parameter(value)}
         return type(self), tuple((name, repr(value)) for name, value in options.items())
 
     @property
     def parameters(self) -> dict[str, Array]:
         """The runtime parameters by name, scalars as arrays of shape (1,)."""
-        return {
-            name: np.atleast_1d(value) for name, value in vars(self).items() if _is_parameter(value)
-        }
+        numbers = {n: value for n, value in self.attributes.items() if _is_parameter(value)}
+        return {name: np.atleast_1d(value) for name, value in numbers.items()}
 
     @abstractmethod
     def torque(self, s: Tracking) -> Array:

@@ -133,7 +133,9 @@ def clip(x: Any, low: Any, high: Any) -> Any:
 
 def norm(x: Array) -> Any:
     """Euclidean norm over the last axis."""
-    return absolute(x[..., 0]) if x.shape[-1] == 1 else _root((x * x).sum(axis=-1))
+    if x.dtype == object and x.shape[-1] == 1:
+        return absolute(x[..., 0]) + _NEARLY_ZERO
+    return _root((x * x).sum(axis=-1))
 
 
 def frobenius(x: Array) -> Any:
@@ -141,13 +143,16 @@ def frobenius(x: Array) -> Any:
     return _root((x * x).sum(axis=(-2, -1)))
 
 
+_NEARLY_ZERO = 1e-100
+"""The least norm of symbols, by which one can divide; to a greater one it adds nothing."""
+
+
 def _root(squares: Any) -> Any:
     """The root of a sum of squares."""
     root = sqrt(squares)
     if np.asarray(root).dtype != object:
         return root
-    # At 0 a root has no series in time; what divides by it there should stay finite.
-    return where(less(0.0, squares), root, 1e-100)
+    return where(less(0.0, squares), root, _NEARLY_ZERO)  # at 0 a root itself has no series
 
 
 def apply_matrix(matrix: Array, vector: Array) -> Array:

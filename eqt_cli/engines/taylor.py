@@ -167,19 +167,21 @@ class Taylor(Engine):
         solution.states[runs] = states[:, :, :count].transpose(2, 0, 1)
         solution.steps[runs] = [end[3] for end in ends[:count]]
         if not good:
-            self._note_failure(integrator, problem.times, solution, runs[0])
+            self._note_failure(integrator, problem, solution, runs[0])
 
-    def _note_failure(self, integrator: Any, times: Array, solution: Solution, run: int) -> None:
+    def _note_failure(
+        self, integrator: Any, problem: Problem, solution: Solution, run: int
+    ) -> None:
         """Say how the run in all lanes has ended, and when."""
-        outcomes = _heyoka().taylor_outcome
-        end, t, states = integrator.propagate_res[0][0], integrator.time[0], solution.states[run]
+        outcomes, times, states = _heyoka().taylor_outcome, problem.times, solution.states[run]
+        end, t = integrator.propagate_res[0][0], integrator.time[0]
+        states[0] = problem.states[run]  # heyoka has no samples of a first step that failed
         if end == outcomes.cb_stop:
             t -= integrator.last_h[0]  # the last step went wrong
             states[times > t] = np.nan
         at = f"t = {t:.6g} s"
         if np.isnan(t):
-            finite = times[np.isfinite(states).all(axis=1)]
-            at = f"after t = {finite[-1] if len(finite) else times[0]:.6g} s"
+            at = f"after t = {times[np.isfinite(states).all(axis=1)][-1]:.6g} s"
         if end == outcomes.step_limit:
             status = Status.STEP_LIMIT
             reason = f"step limit: {self.max_steps} steps (solver.max_steps)"
@@ -234,7 +236,8 @@ def trace(loop: ClosedLoop) -> Traced:
     comparisons = Comparisons(heyoka, parameters)
     token = recording.set(comparisons)
     try:
-        derivative = _symbolic(loop).vector_field(heyoka.time, variables)
+        # A law is promised a leading run axis; here it has one entry.
+        (derivative,) = _symbolic(loop).vector_field(heyoka.time, variables[None])
     except Exception as error:
         raise TraceError(_explain(error, loop)) from error
     finally:
@@ -251,7 +254,7 @@ def _symbolic(loop: ClosedLoop) -> ClosedLoop:
     heyoka, index, symbols = _heyoka(), 0, {}
     for name, value in loop.parameters.items():
         entries = [heyoka.par[index + k] for k in range(value.size)]
-        symbols[name] = np.array(entries, dtype=object).reshape(value.shape)
+        symbols[name] = np.array(entries, dtype=object).reshape(1, *value.shape)
         index += value.size
     return loop.with_parameters(symbols)
 

@@ -17,8 +17,8 @@ from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import apply_matrix, dot, transpose
 from eqt_cli.core.expressions import parse
 from eqt_cli.mechanics import navigation
-from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInertia
+from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references.torque import TorqueReference
 

@@ -1,0 +1,1 @@
+"""Measures eqt against other ways to integrate the same runs: `make bench`."""

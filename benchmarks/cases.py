@@ -1,0 +1,111 @@
+"""What is integrated: the runs of a shipped configuration, with an exact solution to judge by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, frobenius, norm
+from eqt_cli.engines import Problem, Solution
+from eqt_cli.engines.taylor import EPSILON, Taylor
+from eqt_cli.ensemble.initial import draw_initial_states
+from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.source import read_config
+
+CONFIGS = Path(__file__).parents[1] / "configs"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Poses and body velocities at the sample times.
+
+    Attributes
+    ----------
+    Q : (controllers, runs, samples, d, d)
+    V : (controllers, runs, samples, m)
+    runs : (runs,)
+        Which runs of the case these are.
+    """
+
+    Q: Array
+    V: Array
+    runs: Array
+
+
+@dataclass(frozen=True)
+class Case:
+    """The same runs for every contender.
+
+    Attributes
+    ----------
+    name
+        Of the configuration.
+    experiment
+        With the closed loops, in the order of the controllers.
+    problems
+        All runs of each controller, as eqt integrates them.
+    Q, V
+        Initial poses and velocities, the same for all controllers.
+    """
+
+    name: str
+    experiment: Experiment
+    problems: list[Problem]
+    Q: Array
+    V: Array
+
+    @property
+    def times(self) -> Array:
+        """Sample times, s."""
+        return self.experiment.times
+
+    @property
+    def size(self) -> int:
+        """The number of runs over all controllers."""
+        return sum(problem.runs for problem in self.problems)
+
+    def motion(self, solutions: list[Solution], runs: Array | None = None) -> Motion:
+        """What one solution per controller says of the true (not the desired) motion."""
+        parts = [
+            problem.loop.tracking(self.times, solution.states)
+            for problem, solution in zip(self.problems, solutions, strict=True)
+        ]
+        runs = np.arange(self.problems[0].runs) if runs is None else runs
+        return Motion(np.stack([s.Q for s in parts]), np.stack([s.V for s in parts]), runs)
+
+
+def load(name: str, runs: int | None = None) -> Case:
+    """A shipped configuration, with another number of runs per controller where one is given."""
+    overrides = [] if runs is None else [f"ensemble.runs={runs}"]
+    experiment = build(read_config(CONFIGS / f"{name}.yaml", overrides))
+    Q, V = draw_initial_states(
+        experiment.group,
+        experiment.poses,
+        experiment.velocities,
+        Qd=experiment.initial_pose,
+        Vd=experiment.initial_velocity,
+        seed=experiment.config.ensemble.seed,
+        runs=range(experiment.config.ensemble.runs),
+    )
+    Qd, Vd = experiment.initial_pose, experiment.initial_velocity
+    problems = [
+        Problem(loop, loop.initial_state(Q, V, Qd, Vd), experiment.times)
+        for loop in experiment.loops.values()
+    ]
+    return Case(name, experiment, problems, Q, V)
+
+
+def exact(case: Case) -> Motion:
+    """The Taylor engine at a tolerance of 2.2e-16, the smallest of doubles."""
+    engine = Taylor(tol=EPSILON)
+    return case.motion([engine.solve(each, lambda runs: None, 2) for each in case.problems])
+
+
+def errors(found: Motion, reference: Motion) -> Array:
+    """max over samples of max(‖ΔQ‖_F, ‖ΔV‖) for every run that was found, ``(controllers, runs)``."""
+    dQ = frobenius(found.Q - reference.Q[:, found.runs])
+    dV = norm(found.V - reference.V[:, found.runs])
+    largest: Array = np.maximum(dQ, dV).max(axis=-1)
+    return largest

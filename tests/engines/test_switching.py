@@ -1,0 +1,257 @@
+"""Laws with kinks and jumps in the taylor engine: every switch is found, and none is invented.
+
+Kinks make solve_ivp refuse steps until they are short, and its errors there are far above rtol; so
+the exact solutions, where there are any, are the judges, and otherwise solve_ivp on an interval
+cut so fine that every step is far shorter than what happens between two kinks.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import Controller
+from eqt_cli.core.arrays import absolute, clip, cos, less, maximum, minimum, norm, sin, where
+from eqt_cli.engines import Problem, Status
+from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.engines.taylor import Taylor
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.references.constant import ConstantReference
+
+pytest.importorskip("heyoka", reason="the taylor extra is not installed")
+
+TOL = 1e-10
+
+
+def quiet(runs):
+    """Report to nobody."""
+
+
+@dataclass(frozen=True)
+class Law(Controller):
+    """A law that is given as a function."""
+
+    name: ClassVar[str] = "own"
+
+    law: object = None
+    limit: float = 0.5
+
+    def torque(self, s):
+        return self.law(s, self)
+
+
+def problem_of(law, group="SO2", velocities=(1.0,), duration=3.0, samples=31, limit=0.5):
+    """Runs from the identity with given velocities, unit inertia, and a target at rest."""
+    G = group_named(group)
+    m, d = G.dimension, G.size
+    eye = np.eye(m)
+    loop = ClosedLoop(
+        G, Inertia(eye, eye), Gains(np.eye(d), eye), ConstantReference(), Law(law, limit)
+    )
+    V = np.atleast_2d(np.array(velocities, dtype=float)).reshape(-1, m)
+    states = loop.initial_state(np.eye(d), V, np.eye(d), np.zeros(m))
+    return Problem(loop, states, np.linspace(0.0, duration, samples))
+
+
+def velocity(problem, solution):
+    """V of every run at the sample times."""
+    return problem.loop.tracking(problem.times, solution.states).V
+
+
+def solved(problem, **options):
+    solution = Taylor(**{"tol": TOL, "max_steps": 2000, **options}).solve(problem, quiet)
+    assert solution.messages == [""] * problem.runs
+    return solution
+
+
+# Against exact solutions --------------------------------------------------------------------------
+
+
+def test_saturation():
+    """V̇ = clip(−V, ±½): straight down to V = ½, exponential from there."""
+    problem = problem_of(lambda s, law: clip(-s.V, -law.limit, law.limit), velocities=[2.0])
+    V = velocity(problem, solved(problem))[0, :, 0]
+    t = problem.times
+    exact = np.where(t < 3, 2 - t / 2, 0.5)
+    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+    longer = problem_of(
+        lambda s, law: clip(-s.V, -law.limit, law.limit), velocities=[2.0], duration=6.0
+    )
+    V = velocity(longer, solved(longer))[0, :, 0]
+    exact = np.where(longer.times < 3, 2 - longer.times / 2, np.exp(3 - longer.times) / 2)
+    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+
+
+def test_absolute_value():
+    """V̇ = −|V| − 1 through V = 0, at t = log 2 from V = 1."""
+    problem = problem_of(lambda s, law: -absolute(s.V) - 1, duration=1.5)
+    V = velocity(problem, solved(problem))[0, :, 0]
+    t = problem.times
+    exact = np.where(t < np.log(2), 2 * np.exp(-t) - 1, 1 - np.exp(t) / 2)
+    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+
+
+def test_norm_of_one_component_is_its_absolute_value():
+    problem = problem_of(lambda s, law: -norm(s.V)[..., None] - 1, duration=1.5)
+    V = velocity(problem, solved(problem))[0, :, 0]
+    t = problem.times
+    exact = np.where(t < np.log(2), 2 * np.exp(-t) - 1, 1 - np.exp(t) / 2)
+    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+
+
+def test_jump_in_time():
+    """V̇ = 1 until t = 1.3, 3 from then on."""
+    problem = problem_of(lambda s, law: where(less(s.t, 1.3), 1.0, 3.0) + 0 * s.V)
+    V = velocity(problem, solved(problem))[0, :, 0]
+    exact = 1 + problem.times + 2 * np.maximum(problem.times - 1.3, 0)
+    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+
+
+def test_jump_that_sets_off_another():
+    """At t = 1 one comparison jumps from 1 to −1, so that another changes without a crossing."""
+
+    def law(s, own):
+        sign = where(less(s.t, 1.0), 1.0, -1.0)
+        return where(less(0.0, sign), 0.0, 2.0) + 0 * s.V
+
+    problem = problem_of(law)
+    V = velocity(problem, solved(problem))[0, :, 0]
+    np.testing.assert_allclose(V, 1 + 2 * np.maximum(problem.times - 1, 0), rtol=0, atol=10 * TOL)
+
+
+def test_start_on_a_kink():
+    """V̇ = ±1 with the sign of t − V … which both sides leave at once."""
+    problem = problem_of(lambda s, law: where(less(s.V, 0.0), -1.0, 1.0), velocities=[0.0])
+    V = velocity(problem, solved(problem))[0, :, 0]
+    np.testing.assert_allclose(V, problem.times, rtol=0, atol=10 * TOL)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])
+def test_scale_of_the_compared_quantities_does_not_matter(factor):
+    """Neither to where the switch is found nor to the accuracy of the states."""
+
+    def law(s, own):
+        return minimum(factor * s.V, factor * (0.5 + sin(3 * s.t))) / factor
+
+    plain = problem_of(lambda s, own: minimum(s.V, 0.5 + sin(3 * s.t)))
+    scaled = problem_of(law)
+    np.testing.assert_allclose(
+        solved(scaled).states, solved(plain, tol=1e-13).states, rtol=0, atol=100 * TOL
+    )
+
+
+def test_comparison_with_something_infinite():
+    """‖u‖ = 0 at the start, where the limit ½/‖u‖ is infinite."""
+
+    def law(s, own):
+        u = 3 * (sin(s.t) - s.V)
+        return u * minimum(1.0, own.limit / norm(u))[..., None]
+
+    def literal(s, own):  # the same without a norm: one component
+        return clip(3 * (sin(s.t) - s.V), -own.limit, own.limit)
+
+    ours, theirs = (problem_of(each, velocities=[0.0]) for each in (law, literal))
+    np.testing.assert_allclose(solved(ours).states, solved(theirs).states, rtol=0, atol=100 * TOL)
+
+
+def test_equal_quantities_do_not_switch():
+    """On the reference every error is 0, at all times."""
+    problem = problem_of(
+        lambda s, law: -absolute(s.V_tilde) - clip(s.V_tilde, 0.0, 1.0), velocities=[0.0]
+    )
+    assert solved(problem).steps[0] < 5
+
+
+# Against solve_ivp --------------------------------------------------------------------------------
+
+
+def saturated_vector(s, own):
+    u = -3 * s.V - s.gradient
+    return u * minimum(1.0, own.limit / norm(u))[..., None]
+
+
+LAWS = {
+    "components": lambda s, own: clip(-3 * s.V - s.gradient, -own.limit, own.limit),
+    "vector": saturated_vector,
+    "dead_zone": lambda s, own: -s.V + maximum(minimum(s.V, own.limit), -own.limit) - s.gradient,
+    "both_ways": lambda s, own: minimum(s.V, 0.2) + 2 * maximum(0.2, s.V) - 3 * s.V - s.gradient,
+    "pulses": lambda s, own: absolute(sin(5 * s.t)) * s.V * 0.1 - s.gradient - s.V,
+    "relay": lambda s, own: where(less(cos(4 * s.t), 0.3), 1.0, -1.0) - s.V - s.gradient,
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_engines_agree(name):
+    velocities = np.random.default_rng(3).standard_normal((3, 3))
+    problem = problem_of(LAWS[name], "SE2", velocities, duration=2.0, samples=801)
+    theirs = SolveIvp(rtol=1e-10, atol=1e-13, block=1)
+    states = problem.states[:, None]
+    for start in range(0, 800, 2):  # a new start every 5 ms
+        part = Problem(problem.loop, states[:, -1], problem.times[start : start + 3])
+        states = np.concatenate([states, theirs.solve(part, quiet).states[:, 1:]], axis=1)
+    # Measured up to 3e-8 where a jump lies inside one of those steps.
+    np.testing.assert_allclose(solved(problem).states, states, rtol=0, atol=1e-6)
+
+
+# What a run's numbers depend on -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_runs_are_bit_identical_in_any_company(name):
+    velocities = np.random.default_rng(5).standard_normal((19, 3))
+    problem = problem_of(LAWS[name], "SE2", velocities, samples=7)
+    whole = solved(problem)
+    order = np.random.default_rng(6).permutation(problem.runs)
+    for runs, workers in ((order, 1), (np.arange(19), 2), (np.arange(19), 3), (np.array([11]), 1)):
+        part = Taylor(tol=TOL, max_steps=2000).solve(problem.select(runs), quiet, workers)
+        assert np.array_equal(part.states, whole.states[runs])
+        assert np.array_equal(part.steps, whole.steps[runs])
+
+
+def test_tolerance_is_kept_and_a_tenth_of_it_estimates_the_error():
+    velocities = np.random.default_rng(7).standard_normal((12, 3))
+    problem = problem_of(LAWS["vector"], "SE2", velocities, duration=6.0)
+    exact = solved(problem, tol=1e-14).states
+    loose, tight = (solved(problem, tol=tol).states for tol in (1e-7, 1e-8))
+    errors = np.abs(loose - exact).max(axis=(1, 2))
+    assert errors.max() < 100 * 1e-7
+    estimates = np.abs(loose - tight).max(axis=(1, 2))
+    assert np.mean((estimates > errors / 2) & (estimates < 2 * errors)) > 0.8
+
+
+# Laws that cannot be followed ---------------------------------------------------------------------
+
+
+def test_sliding_mode_is_a_failure_and_harms_no_other():
+    """V̇ = −sign V: nothing goes on from V = 0, which the second run reaches at t = 1."""
+    problem = problem_of(
+        lambda s, law: -where(less(s.V, 0.0), -1.0, 1.0), velocities=[9.0, 1.0, -9.0], samples=7
+    )
+    solution = Taylor(max_steps=2000).solve(problem, quiet)
+    assert solution.status.tolist() == [Status.OK, Status.SOLVER_FAILED, Status.OK]
+    assert solution.messages[1] == (
+        "t = 1 s: the law switches back and forth without end; smooth it, as with tanh"
+    )
+    np.testing.assert_allclose(velocity(problem, solution)[1, :3, 0], [1.0, 0.5, 0.0], atol=1e-8)
+    assert np.isnan(solution.states[1, 3:]).all()
+    alone = Taylor(max_steps=2000).solve(problem.select([0, 2]), quiet)
+    assert np.array_equal(alone.states, solution.states[[0, 2]])
+
+
+def test_comparison_without_a_finite_series_is_a_failure_where_it_matters():
+    """The root has no derivative at V = 0, where the law starts; so no switch could be seen."""
+
+    def law(s, own):
+        return 1 + where(less(s.V**0.5, own.limit), 0.0, 1.0)
+
+    solution = Taylor().solve(problem_of(law, velocities=[0.0]), quiet)
+    assert solution.status[0] == Status.SOLVER_FAILED
+    assert solution.messages == [
+        "t = 0 s: a comparison in the law has no finite series here; try engine solve_ivp"
+    ]
+    assert np.isfinite(solution.states[0, 0]).all()
+    assert np.isnan(solution.states[0, 1:]).all()
