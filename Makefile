@@ -13,7 +13,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper test test-lowest check format clean
+.PHONY: help paper test test-lowest check format docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -38,6 +38,11 @@ check: $(VENV)/.stamp-dev ## format, lint, types, import layering
 format: $(VENV)/.stamp-dev ## format the code and mend what ruff can mend
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+# -E: the pages that the program writes change with it, which Sphinx cannot see.
+docs: $(VENV)/.stamp-docs ## build the documentation, in build/docs
+	$(BIN)/python -m sphinx --quiet -E -W --keep-going --nitpicky -d build/doctrees docs build/docs
+	@echo "build/docs/index.html"
 
 clean: ## remove caches and builds; .venv and results stay
 	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
@@ -86,6 +91,11 @@ $(VENV)/.stamp-base: pyproject.toml
 $(VENV)/.stamp-dev: $(VENV)/.stamp-base
 	@echo "Installing the development tools into $(VENV)"
 	@$(BIN)/$(PIP) install --group dev --editable '.[xarray]'
+	@touch $@
+
+$(VENV)/.stamp-docs: $(VENV)/.stamp-base
+	@echo "Installing what builds the documentation into $(VENV)"
+	@$(BIN)/$(PIP) install --group docs
 	@touch $@
 
 $(LOWEST)/.stamp: pyproject.toml tests/lowest.txt

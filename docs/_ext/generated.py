@@ -1,0 +1,443 @@
+"""Reference pages from the program itself: commands, configuration, components, variables.
+
+Each directive writes Markdown, which is parsed where the directive stands. Nothing that the
+program knows is typed a second time in a page.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import is_dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from docutils import nodes
+from pydantic import TypeAdapter
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+ROOT = Path(__file__).parents[2]
+
+
+class Generated(SphinxDirective):
+    """Markdown from `lines`, with headings, in place of the directive."""
+
+    optional_arguments = 1
+
+    def run(self) -> list[nodes.Node]:
+        return self.parse_text_to_nodes("\n".join(self.lines()), allow_section_headings=True)
+
+    def lines(self) -> Iterable[str]:
+        """The Markdown."""
+        raise NotImplementedError
+
+
+def table(header: list[str], rows: list[list[str]]) -> Iterator[str]:
+    """A Markdown table."""
+    yield ""
+    yield f"| {' | '.join(header)} |"
+    yield f"|{'---|' * len(header)}"
+    for row in rows:
+        cells = [" ".join(cell.split()).replace("|", "\\|") for cell in row]
+        yield f"| {' | '.join(cells)} |"
+    yield ""
+
+
+def code(text: Any) -> str:
+    """Text as code."""
+    return f"`{text}`"
+
+
+def escaped(text: str) -> str:
+    """Running text from the program: formulas such as Ad*_V and L*_Q are no emphasis."""
+    parts = re.split(r"(`[^`]*`)", re.sub(r"``([^`]*)``", r"`\1`", text))
+    parts[::2] = [re.sub(r"([*_<$])", r"\\\1", part) for part in parts[::2]]
+    return "".join(parts)
+
+
+# Commands -----------------------------------------------------------------------------------------
+
+
+class Commands(Generated):
+    """Every command of `eqt` with its arguments and options."""
+
+    def lines(self) -> Iterable[str]:
+        import typer
+
+        from eqt_cli.cli.app import app
+
+        yield from self._command("eqt", typer.main.get_command(app))
+
+    def _command(self, path: str, command: Any) -> Iterator[str]:
+        for name, child in getattr(command, "commands", {}).items():
+            if hasattr(child, "commands"):
+                yield from self._command(f"{path} {name}", child)
+            else:
+                yield from self._one(f"{path} {name}", child)
+
+    def _one(self, path: str, command: Any) -> Iterator[str]:
+        given = [parameter for parameter in command.params if parameter.name != "help"]
+        arguments = [entry for entry in given if entry.param_type_name == "argument"]
+        options = [entry for entry in given if entry.param_type_name == "option"]
+        shown = [_metavar(entry) for entry in arguments]
+        yield f"## {path}"
+        yield ""
+        yield escaped(inspect.cleandoc(command.help or ""))
+        yield ""
+        yield "```text"
+        yield " ".join([path, *shown, "[OPTIONS]"])
+        yield "```"
+        rows = [[code(_metavar(entry)), _help(entry)] for entry in arguments]
+        rows += [[code(_flags(entry)), _help(entry)] for entry in options]
+        yield from table(["argument or option", "meaning"], rows)
+
+
+def _metavar(entry: Any) -> str:
+    text = (entry.metavar or entry.name).upper().strip("[]")
+    return text if entry.required else f"[{text}]"
+
+
+def _flags(entry: Any) -> str:
+    flags = ", ".join(entry.opts)
+    return flags if entry.is_flag else f"{flags} {entry.metavar or entry.name.strip('_').upper()}"
+
+
+def _help(entry: Any) -> str:
+    text = escaped(entry.help or "")
+    fixed = entry.default is not None and not callable(entry.default) and entry.default is not False
+    default = entry.default if entry.param_type_name == "option" and fixed else None
+    return f"{text} Default: `{default}`." if default not in (None, (), []) else text
+
+
+# Configuration ------------------------------------------------------------------------------------
+
+
+class Configuration(Generated):
+    """Every key of a configuration, from its JSON schema."""
+
+    def lines(self) -> Iterable[str]:
+        from eqt_cli.experiment.json_schema import json_schema
+
+        schema = json_schema()
+        required = schema["required"]
+        for key, entry in schema["properties"].items():
+            yield f"## {key}"
+            yield ""
+            default = _default(key, entry, required)
+            words = f"default {default}" if default.startswith("`") else default
+            yield f"{_kind(entry, schema).capitalize()}; {words}."
+            yield ""
+            yield escaped(_described(entry, schema))
+            yield ""
+            yield from _members(entry, schema)
+            yield from _kinds(entry, schema)
+
+
+def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
+    """The keys of a mapping, or of each mapping that an entry may be."""
+    for option in _options(entry, schema):
+        if "properties" not in option:
+            continue
+        kind = option["properties"].get("kind", {}).get("const")
+        if kind:
+            continue  # a component; these have a page of their own
+        if option is not _resolved(entry, schema):
+            yield escaped(option.get("description", "").partition("\n")[0])
+        rows = [
+            [
+                code(name),
+                _kind(inner, schema),
+                _default(name, inner, option.get("required", [])),
+                escaped(_described(inner, schema)),
+            ]
+            for name, inner in option["properties"].items()
+        ]
+        yield from table(["key", "value", "default", "meaning"], rows)
+
+
+def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
+    """Which components an entry, or each of its items or members, may be."""
+    inner = [
+        entry,
+        entry.get("items", {}),
+        *_resolved(entry, schema).get("properties", {}).values(),
+    ]
+    names = [
+        option["properties"]["kind"]["const"]
+        for value in inner
+        for option in _options(value, schema)
+        if "const" in option.get("properties", {}).get("kind", {})
+    ]
+    if names:
+        listed = ", ".join(map(code, dict.fromkeys(names)))
+        yield f"Kinds: {listed}; their options are among the [components](components.md)."
+        yield ""
+
+
+def _resolved(entry: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
+    name = entry.get("$ref", "").rpartition("/")[2]
+    found: dict[str, Any] = schema["$defs"][name] if name else entry
+    return found
+
+
+def _options(entry: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:
+    entry = _resolved(entry, schema)
+    choices = entry.get("anyOf") or entry.get("oneOf")
+    if not choices:
+        return [entry]
+    return [found for choice in choices for found in _options(choice, schema)]
+
+
+def _described(entry: dict[str, Any], schema: dict[str, Any]) -> str:
+    text = entry.get("description") or _resolved(entry, schema).get("description", "")
+    return str(text).partition("\n\n")[0]
+
+
+def _default(key: str, entry: dict[str, Any], required: list[str]) -> str:
+    if key in required:
+        return "required"
+    default = entry.get("default")
+    return "optional" if default in (None, {}, []) else code(_plain(default))
+
+
+def _plain(value: Any) -> Any:
+    return yaml.safe_dump(value, default_flow_style=True).strip().removesuffix("\n...")
+
+
+def _kind(entry: dict[str, Any], schema: dict[str, Any]) -> str:
+    """What a value may be, in words."""
+    words = dict.fromkeys(_word(option, schema) for option in _options(entry, schema))
+    words.pop("null", None)
+    if "number" in words:
+        words.pop("constant", None)
+    if set(words) == {"number", "text"}:
+        words = {"expression": None}
+    names = list(words) or ["anything"]
+    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]
+
+
+def _word(option: dict[str, Any], schema: dict[str, Any]) -> str:
+    if "enum" in option:
+        return ", ".join(map(code, option["enum"]))
+    if "const" in option:
+        return code(option["const"])
+    kind = option.get("type")
+    if kind == "array":
+        inner = _kind(option.get("items", {}), schema)
+        return {
+            "number": "list",
+            "list": "matrix",
+            "list of expressions": "matrix of expressions",
+        }.get(inner, f"list of {_plural(inner)}")
+    if kind == "string" and "constant expression" in option.get("description", ""):
+        return "constant"
+    words = {"object": "mapping", "integer": "whole number", "boolean": "`true`, `false`"}
+    named = {"string": "text", "number": "number", "null": "null", None: "anything"}
+    return (words | named)[kind]
+
+
+def _plural(words: str) -> str:
+    return re.sub(r"(number|list|mapping|expression)\b", r"\1s", words)
+
+
+# Components ---------------------------------------------------------------------------------------
+
+
+class Components(Generated):
+    """The components of one kind with their options, or the properties of every group."""
+
+    required_arguments = 1
+
+    def lines(self) -> Iterable[str]:
+        from eqt_cli.cli.listing import _registries
+        from eqt_cli.core.registry import summary
+        from eqt_cli.experiment.components import option_names
+
+        kind = self.arguments[0]
+        if kind == "groups":
+            yield from _groups()
+            return
+        for component in _registries()[kind].all():
+            yield f"### {component.name}"
+            yield ""
+            yield escaped(summary(component))
+            yield ""
+            names = option_names(component) if is_dataclass(component) else []
+            if names:
+                yield from _option_table(component, names)
+
+
+def _option_table(component: type, names: list[str]) -> Iterator[str]:
+    schema = TypeAdapter(component).json_schema()
+    schema.setdefault("$defs", {})
+    meanings = _meanings(component)
+    rows = []
+    for name in names:
+        entry, required = schema["properties"][name], schema.get("required", [])
+        rows.append(
+            [
+                code(name),
+                _kind(entry, schema),
+                _default(name, entry, required),
+                escaped(meanings.get(name, "")),
+            ]
+        )
+    yield from table(["option", "value", "default", "meaning"], rows)
+
+
+def _meanings(component: type) -> dict[str, str]:
+    """What the docstrings of a class and its bases say of each attribute."""
+    found: dict[str, str] = {}
+    for owner in reversed(component.__mro__):
+        section = re.search(
+            r"Attributes\n-+\n(.*?)(?:\n\n\S|\Z)", inspect.cleandoc(owner.__doc__ or ""), re.DOTALL
+        )
+        for names, text in re.findall(
+            r"^(\S[^\n]*)\n((?:    [^\n]*\n?|\n)+)",
+            section.group(1) + "\n" if section else "",
+            re.M,
+        ):
+            for name in names.partition(" : ")[0].split(", "):
+                found[name] = " ".join(text.split())
+    return found
+
+
+def _groups() -> Iterator[str]:
+    from eqt_cli.core.registry import summary
+    from eqt_cli.groups import group_named, groups
+
+    rows = []
+    for kind in groups.all():
+        for name in kind.examples():
+            group = group_named(name)
+            axes = ", ".join(
+                f"{', '.join(group.axis_names[part.axes])} ({part.velocity_unit})"
+                for part in group.parts
+            )
+            size = f"{group.dimension}, {group.size}×{group.size}"
+            rows.append([code(name), size, axes, escaped(summary(kind))])
+    header = ["group", "m, d×d", "coordinates of V and their units", "what it is"]
+    yield from table(header, rows)
+
+
+# Variables ----------------------------------------------------------------------------------------
+
+SMALLEST = """\
+name: smallest
+group: {group}
+inertia: 1
+gains: {{kp: 1, kd: 1}}
+reference: {{kind: constant}}
+controllers: [eqt]
+time: {{duration: 1, samples: 2}}
+"""
+
+
+class Variables(Generated):
+    """Every variable of a result file on a group, from a file that `eqt run` has written."""
+
+    required_arguments = 1
+
+    def lines(self) -> Iterable[str]:
+        with smallest_result(self.arguments[0]) as results:
+            rows = [
+                [
+                    code(name),
+                    ", ".join(results.dims(name)),
+                    results.units(name) if name != "message" else "",
+                    escaped(results.long_name(name)),
+                ]
+                for name in results.names
+            ]
+        yield from table(["variable", "dimensions", "units", "meaning"], rows)
+
+
+class Attributes(Generated):
+    """The attributes of a result file, with what they are in the smallest one."""
+
+    def lines(self) -> Iterable[str]:
+        with smallest_result("SO3") as results:
+            found = results.attributes
+            rows = [[code(name), escaped(_shortened(found[name]))] for name in found]
+        yield from table(["attribute", "example"], rows)
+
+
+def _shortened(value: Any) -> str:
+    first, _, more = str(value).partition("\n")
+    return first[:60] + (" …" if more or len(first) > 60 else "")
+
+
+@contextmanager
+def smallest_result(group: str) -> Iterator[Any]:
+    """The result of the smallest experiment on a group."""
+    from eqt_cli.store.reader import open_results
+
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        config = folder / "smallest.yaml"
+        config.write_text(SMALLEST.format(group=group), encoding="utf-8")
+        command = [sys.executable, "-m", "eqt_cli", "run", config, "--out", folder / "out"]
+        subprocess.run(command, check=True, capture_output=True, cwd=ROOT)
+        with open_results(folder / "out") as results:
+            yield results
+
+
+class Statuses(Generated):
+    """How a run can end."""
+
+    def lines(self) -> Iterable[str]:
+        from eqt_cli.engines import Status
+
+        rows = [[str(status.value), status.name.lower().replace("_", " ")] for status in Status]
+        yield from table(["status", "meaning"], rows)
+
+
+class Functions(Generated):
+    """The functions of the expression grammar."""
+
+    def lines(self) -> Iterable[str]:
+        from eqt_cli.core.arrays import FUNCTIONS
+
+        yield ", ".join(map(code, FUNCTIONS))
+
+
+# The paper's equations ----------------------------------------------------------------------------
+
+
+class Equations(Generated):
+    """The table paper → program → test, from `equations.yaml`."""
+
+    def lines(self) -> Iterable[str]:
+        path = Path(self.env.srcdir) / "explanation" / "equations.yaml"
+        self.env.note_dependency(str(path))
+        entries = yaml.safe_load(path.read_text(encoding="utf-8"))
+        rows = [
+            [
+                escaped(entry["paper"]),
+                escaped(entry["what"]),
+                " ".join(f"{{py:obj}}`{_short(name)} <{name}>`" for name in entry["code"]),
+                " ".join(code(test.rpartition("::")[2]) for test in entry["tests"]),
+            ]
+            for entry in entries
+        ]
+        yield from table(["paper", "what", "in eqt", "test"], rows)
+
+
+def _short(name: str) -> str:
+    """``Semidirect.Ad`` for a method, ``gradient`` for a function."""
+    *_, owner, last = name.split(".")
+    return f"{owner}.{last}" if owner[0].isupper() else last
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the directives."""
+    for directive in Generated.__subclasses__():
+        app.add_directive(directive.__name__.lower(), directive)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,58 @@
+"""How Sphinx builds the documentation; `make docs` runs it strictly and without a network."""
+
+import sys
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+
+import eqt_cli
+
+project = "eqt"
+author = "The eqt developers"
+copyright = author
+version = release = eqt_cli.__version__
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "math_as_mathml",
+    "docstrings",
+    "generated",
+    "offline",
+]
+
+# Pages.
+exclude_patterns = ["_ext", "_static/*.txt"]
+myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
+myst_heading_anchors = 3
+html_math_renderer = "mathml"
+toc_object_entries = False
+
+# Docstrings: NumPy style, in which single backticks are code.
+default_role = "code"
+napoleon_google_docstring = False
+napoleon_use_rtype = False
+napoleon_use_ivar = True
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+autodoc_preserve_defaults = True
+nitpick_ignore_regex = [("py:(class|exc)", ".*")]  # types of parameters; references stay strict
+
+# Appearance; nothing comes from a network.
+html_theme = "pydata_sphinx_theme"
+html_title = "eqt"
+html_static_path = ["_static"]
+html_css_files = ["eqt.css"]
+html_show_sourcelink = False
+html_copy_source = False
+html_theme_options = {
+    "navigation_with_keys": False,
+    "show_nav_level": 2,
+    "secondary_sidebar_items": ["page-toc"],
+    "footer_start": ["copyright"],
+    "footer_end": [],
+    "pygments_light_style": "a11y-high-contrast-light",
+    "pygments_dark_style": "a11y-high-contrast-dark",
+}
+html_sidebars = {"index": []}

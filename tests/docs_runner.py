@@ -1,0 +1,167 @@
+"""Carries out one page of the documentation: python docs_runner.py PAGE FOLDER.
+
+Blocks of a page work in one folder, from top to bottom:
+
+- `python` with a caption, or `yaml` with one, is a file of that name;
+- `python` without is executed, with the names of the blocks before it;
+- `yaml` without is a part of a configuration, which must be accepted in the place of the
+  shipped paper's;
+- `sh` is one command a line; ensembles of `eqt run` are made small;
+- `output` is what the block before it prints, where … stands for any text.
+
+Each `eqt` command runs in a process of its own, forked from this one, which has loaded the
+libraries already.
+"""
+
+import contextlib
+import importlib.util
+import io
+import os
+import re
+import shlex
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+BLOCK = re.compile(r"^(?P<fence>`{3,})(?P<head>[^\n]*)\n(?P<body>.*?)^(?P=fence)$", re.M | re.S)
+CAPTION = re.compile(r"^:caption: (\S+)\n+", re.M)
+EXTRAS = ("xarray", "heyoka")
+SMALL = ["--set", "ensemble.runs=2"]
+
+
+@dataclass(frozen=True)
+class Block:
+    """A fenced block: its language, the file that it is, if any, and its text."""
+
+    language: str
+    file: str | None
+    text: str
+
+
+def blocks(page):
+    """The fenced blocks of a page."""
+    for found in BLOCK.finditer(page):
+        language = re.sub(r"^\{code-block\}\s*", "", found["head"]).strip()
+        caption = CAPTION.match(found["body"])
+        text = found["body"][caption.end() :] if caption else found["body"]
+        yield Block(language, caption.group(1) if caption else None, text)
+
+
+def carry_out(page):
+    """All blocks of a page, in the current folder."""
+    names, printed = {"__name__": "__main__"}, None
+    for block in blocks(page):
+        if block.file:
+            Path(block.file).write_text(block.text, encoding="utf-8")
+        elif block.language == "output":
+            assert printed is None or matches(block.text, printed), f"printed:\n{printed}"
+        elif any(name in block.text and not installed(name) for name in EXTRAS):
+            printed = None
+        elif block.language == "python":
+            printed = run_python(block.text, names)
+        elif block.language == "sh":
+            printed = "".join(run_command(line) for line in block.text.splitlines() if line)
+        elif block.language == "yaml":
+            check_part(block.text)
+
+
+def installed(name):
+    return importlib.util.find_spec(name) is not None
+
+
+def matches(expected, printed):
+    """Whether a text was printed, … standing for anything and blanks at the ends for nothing."""
+    lines = [line.rstrip() for line in expected.strip().splitlines()]
+    pattern = re.escape("\n".join(lines)).replace("…", ".*?")
+    text = "\n".join(line.rstrip() for line in printed.strip().splitlines())
+    return re.fullmatch(pattern, text, re.S) is not None
+
+
+def run_python(text, names):
+    out = io.StringIO()
+    with contextlib.redirect_stdout(out):
+        exec(compile(text, "<page>", "exec"), names)
+    return out.getvalue()
+
+
+def run_command(line):
+    """What a command prints, on both streams; it fails unless the line says with what code."""
+    line, _, comment = line.partition("  # exit code ")
+    words = shlex.split(line)
+    if words[:2] == ["eqt", "run"] and words[2].endswith(".yaml"):
+        words += SMALL  # what is tested is that the command works, not how long it takes
+    expected = int(comment or 0)
+    plain = words[0] == "eqt" and not set(line) & set("|>")
+    code, printed = forked(words[1:]) if plain else shell(line)
+    assert code == expected, f"{line}\nexit code {code}\n{printed}"
+    return printed
+
+
+def shell(line):
+    eqt = f'eqt() {{ "{sys.executable}" -m eqt_cli "$@"; }}; '
+    done = subprocess.run(
+        ["sh", "-c", eqt + line], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True
+    )
+    return done.returncode, done.stdout
+
+
+def forked(arguments):
+    """`eqt` with these arguments, without the time it takes to start."""
+    with Path(".printed").open("w+", encoding="utf-8") as stream:
+        child = os.fork()
+        if child == 0:
+            code = 1
+            try:
+                os.dup2(stream.fileno(), 1)
+                os.dup2(stream.fileno(), 2)
+                sys.argv = ["eqt", *arguments]
+                code = exit_code()
+                sys.stdout.flush()
+                sys.stderr.flush()
+            finally:
+                os._exit(code)
+        _, status = os.waitpid(child, 0)
+        stream.seek(0)
+        return os.waitstatus_to_exitcode(status), stream.read()
+
+
+def exit_code():
+    from eqt_cli.cli import main
+
+    try:
+        main()
+    except SystemExit as end:
+        return end.code or 0
+    except BaseException:
+        import traceback
+
+        traceback.print_exc()
+        return 1
+    return 0
+
+
+def check_part(text):
+    """A part of a configuration fits into the paper's."""
+    from eqt_cli.experiment.build import build
+    from eqt_cli.experiment.source import read_config
+    from eqt_cli.experiment.yaml_source import dump, load
+
+    part = load(text, "part").data
+    whole = load(Path("configs/paper.yaml").read_text(encoding="utf-8"), "paper").data | part
+    if part.get("task") == "stabilise":
+        del whole["reference"]
+    Path("part.yaml").write_text(dump(whole), encoding="utf-8")
+    build(read_config(Path("part.yaml"), ()))
+
+
+if __name__ == "__main__":
+    import eqt_cli.cli.app
+    import eqt_cli.experiment.execute
+    import eqt_cli.experiment.json_schema
+    import eqt_cli.plots.render  # noqa: F401
+
+    page, folder = map(Path, sys.argv[1:])
+    text = page.read_text(encoding="utf-8")
+    os.chdir(folder)
+    carry_out(text)

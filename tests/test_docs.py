@@ -1,0 +1,76 @@
+"""Every command and snippet of the documentation works as it stands, and says what is true."""
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+from pkgutil import resolve_name
+
+import pytest
+import yaml
+
+ROOT = Path(__file__).parent.parent
+DOCS = ROOT / "docs"
+PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.glob("**/*.md"))
+EQUATIONS = yaml.safe_load((DOCS / "explanation" / "equations.yaml").read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A checkout as a new user has it, without results."""
+    for name in ("configs", "examples"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    return tmp_path
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_commands_and_snippets(page, folder):
+    runner = [sys.executable, "-W", "error", ROOT / "tests" / "docs_runner.py", DOCS / page, folder]
+    one_thread = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # the runner forks
+    done = subprocess.run(
+        runner, capture_output=True, text=True, check=False, cwd=ROOT, env=one_thread
+    )
+    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+
+
+@pytest.mark.skipif(find_spec("heyoka") is None, reason="800 runs take seconds with taylor only")
+def test_table_of_the_first_tutorial(folder):
+    """Its digits do not depend on the engine; the energy residuals, in the last column, do."""
+    command = [sys.executable, "-m", "eqt_cli", "run", "configs/paper.yaml", "--engine", "taylor"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=folder)
+    shown = _rows((DOCS / "tutorials" / "paper.md").read_text(encoding="utf-8"))
+    assert len(shown) == 4
+    assert _rows(done.stdout) == shown
+
+
+def _rows(text):
+    lines = re.findall(r"^(?:eqt|gt|nog|asym) +200 .*", text, re.MULTILINE)
+    return [line.split()[:-1] for line in lines]
+
+
+@pytest.mark.parametrize("entry", EQUATIONS, ids=lambda entry: entry["paper"])
+def test_equations_name_what_exists(entry):
+    for name in entry["code"]:
+        assert resolve_name(name) is not None
+    assert entry["tests"]
+    for test in entry["tests"]:
+        file, _, function = test.partition("::")
+        tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+        functions = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
+        assert function in functions, test
+
+
+def test_every_numbered_equation_is_listed():
+    listed = " ".join(entry["paper"] for entry in EQUATIONS)
+    assert [n for n in range(1, 29) if not re.search(rf"\({n}\)", listed)] == []
+
+
+def test_links_and_files_of_the_site_need_no_network():
+    """What the theme would load is checked when the site is built; here, what the pages say."""
+    for page in PAGES:
+        text = (DOCS / page).read_text(encoding="utf-8")
+        assert not re.search(r"!\[[^]]*\]\(https?:|<(?:script|img|iframe)", text), page
