@@ -76,7 +76,7 @@ class Results:
             stream = stack.enter_context(path.open("rb"))
             self._view = stack.enter_context(mmap(stream.fileno(), 0, access=ACCESS_READ))
             # No locks: result files never change, and some network disks refuse to lock.
-            self._file = stack.enter_context(h5py.File(path, "r", locking=False))
+            self._file = stack.enter_context(_opened(path))
             _check_format(path, safety.format_of(self._file))
             contents = safety.inspect(self._file, self._view)
             self._open = stack.pop_all()
@@ -173,6 +173,20 @@ class Results:
                 f"it holds: {', '.join(self._entries)}"
             )
         return self._entries[name]
+
+
+def _opened(path: Path) -> Any:
+    """The file, open for reading and, where HDF5 lets us, without locks.
+
+    Result files never change, and some network disks refuse to lock. But HDF5 opens a file twice in
+    one process only with the same flags, and xarray, in a notebook, opens it with locks.
+    """
+    try:
+        return h5py.File(path, "r", locking=False)
+    except OSError as error:
+        if "locking flag" not in str(error):
+            raise
+        return h5py.File(path, "r")
 
 
 class MissingAttributeError(ResultError, KeyError):

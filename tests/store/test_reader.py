@@ -168,3 +168,11 @@ def test_a_locked_file_is_read(tmp_path, table):
         fcntl.flock(stream, fcntl.LOCK_EX)
         with open_results(tmp_path) as results:
             assert results["torque"].shape == (2, 5, 11, 3)
+
+
+def test_a_file_that_xarray_holds_open_in_this_process(tmp_path, table):
+    xarray = pytest.importorskip("xarray")
+    path = tmp_path / "results.h5"
+    write(path, table)
+    with xarray.open_dataset(path, engine="h5netcdf") as held, open_results(path) as results:
+        assert set(held.data_vars) == set(results.names)
