@@ -104,7 +104,7 @@ def exact(case: Case) -> Motion:
 
 
 def errors(found: Motion, reference: Motion) -> Array:
-    """max over samples of max(‖ΔQ‖_F, ‖ΔV‖) for every run that was found, ``(controllers, runs)``."""
+    """max over samples of max(‖ΔQ‖_F, ‖ΔV‖), ``(controllers, runs)``, of the runs found."""
     dQ = frobenius(found.Q - reference.Q[:, found.runs])
     dV = norm(found.V - reference.V[:, found.runs])
     largest: Array = np.maximum(dQ, dV).max(axis=-1)

@@ -1,4 +1,4 @@
-"""Diffrax: the literal equations in JAX, all runs of a controller in one vmap, Dopri8 in doubles."""
+"""Diffrax: the literal equations in JAX, all runs of a controller in one vmap, in doubles."""
 
 from __future__ import annotations
 

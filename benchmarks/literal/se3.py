@@ -1,5 +1,4 @@
-"""Position and attitude: the paper's laws on SE(3), for K = blkdiag(K_R, k_x), with the torque of
-configs/se3.yaml."""
+"""Position and attitude: the laws on SE(3), K = blkdiag(K_R, k_x), torque of configs/se3.yaml."""
 
 from __future__ import annotations
 
@@ -15,7 +14,7 @@ def field(xp: Any, t: Any, y: Any, law: str, body: tuple[Any, ...]) -> Any:
     I, I_inverse, K, K_d = body
     R, x, V = y[:9].reshape(3, 3), y[9:12], y[12:18]
     R_d, x_d, V_d = y[18:27].reshape(3, 3), y[27:30], y[30:36]
-    tau_d = xp.stack(
+    tau_d = xp.array(
         [
             0.03 * xp.cos(t),
             0.03 * xp.sin(t),
@@ -28,7 +27,7 @@ def field(xp: Any, t: Any, y: Any, law: str, body: tuple[Any, ...]) -> Any:
     R_E = R @ R_d.T
     x_E = x - R_E @ x_d
     A = K[:3, :3] @ R_E - R_E.T @ K[:3, :3]
-    gradient = xp.concatenate([xp.stack([A[2, 1], A[0, 2], A[1, 0]]), K[3, 3] * R_E.T @ x_E])
+    gradient = xp.concatenate([xp.array([A[2, 1], A[0, 2], A[1, 0]]), K[3, 3] * R_E.T @ x_E])
     g, c, n = WEIGHTS[law]
     error = V - V_d
     feedforward = (
@@ -36,10 +35,9 @@ def field(xp: Any, t: Any, y: Any, law: str, body: tuple[Any, ...]) -> Any:
         - c * _ad_star(xp, V_d, I @ error)
         + n * I @ _ad(xp, V, V_d)
     )
-    if law == "gt":
-        damping = K_d @ error
-    else:
-        damping = _Ad_star(xp, R_d, x_d, K_d @ _Ad(xp, R_d, x_d, error))
+    spatial = law != "gt"
+    E = _Ad(xp, R_d, x_d, error) if spatial else error
+    damping = _Ad_star(xp, R_d, x_d, K_d @ E) if spatial else K_d @ E
     tau = tau_d + feedforward - damping - _Ad_star(xp, R_d, x_d, gradient)
     return xp.concatenate(
         [
@@ -72,14 +70,7 @@ def _Ad_star(xp: Any, R: Any, x: Any, P: Any) -> Any:
 
 
 def _skew(xp: Any, w: Any) -> Any:
-    zero = 0.0 * w[0]
-    return xp.stack(
-        [
-            xp.stack([zero, -w[2], w[1]]),
-            xp.stack([w[2], zero, -w[0]]),
-            xp.stack([-w[1], w[0], zero]),
-        ]
-    )
+    return xp.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
 def start(Q: Any, V: Any, Q_d: Any, V_d: Any) -> Any:

@@ -12,10 +12,10 @@ def field(xp: Any, t: Any, y: Any, law: str, body: tuple[Any, ...]) -> Any:
     I, I_inverse, K_p, K_d = body
     R, w = y[:9].reshape(3, 3), y[9:12]
     R_d, w_d = y[12:21].reshape(3, 3), y[21:24]
-    tau_d = xp.stack([xp.cos(t), xp.sin(t), xp.cos(t) * xp.sin(t)])
+    tau_d = xp.array([xp.cos(t), xp.sin(t), xp.cos(t) * xp.sin(t)])
     R_E = R @ R_d.T
     A = K_p @ R_E - R_E.T @ K_p.T
-    proportional = R_d.T @ xp.stack([A[2, 1], A[0, 2], A[1, 0]])
+    proportional = R_d.T @ xp.array([A[2, 1], A[0, 2], A[1, 0]])
     error = w - w_d
     if law == "eqt":  # eq. (23)
         feedforward = xp.cross(error, I @ w_d) + xp.cross(w_d, I @ error)
@@ -45,14 +45,7 @@ def field(xp: Any, t: Any, y: Any, law: str, body: tuple[Any, ...]) -> Any:
 
 
 def _skew(xp: Any, w: Any) -> Any:
-    zero = 0.0 * w[0]
-    return xp.stack(
-        [
-            xp.stack([zero, -w[2], w[1]]),
-            xp.stack([w[2], zero, -w[0]]),
-            xp.stack([-w[1], w[0], zero]),
-        ]
-    )
+    return xp.array([[0.0, -w[2], w[1]], [w[2], 0.0, -w[0]], [-w[1], w[0], 0.0]])
 
 
 def start(Q: Any, V: Any, Q_d: Any, V_d: Any) -> Any:

@@ -384,6 +384,26 @@ def rate_of_L(some, data, controller, inertia, derivative):
     return rate, loop.work(field), loop.tracking(t, state)
 
 
+@EXAMPLES
+@given(data=st.data())
+def test_equation_11_feedforward_of_a_factored_inertia(samples, data, derivative):
+    """τ_ff = Ṡ* S⁻* P."""
+    inertia, V, t = factored(samples, data), samples.vector(data), 0.5
+    S, S_dot = inertia.factor_at(t), derivative(lambda h: inertia.factor_at(t + h))
+    P = inertia.at(t).momentum(V)
+    expected = apply_matrix(S_dot.T @ np.linalg.inv(S.T), P)
+    assert_equal(inertia.at(t).feedforward(V), expected, DIFFERENCES)
+
+
+@EXAMPLES
+@given(data=st.data())
+def test_feedforward_of_a_prescribed_inertia_is_the_symmetric_one(samples, data, derivative):
+    """τ_ff = ½𝕀̇V, from the choice Ṡ = ½S𝕀⁻¹𝕀̇."""
+    inertia, V, t = prescribed(samples, data), samples.vector(data), 0.5
+    rate = derivative(lambda h: inertia.matrix_at(t + h))
+    assert_equal(inertia.at(t).feedforward(V), apply_matrix(rate / 2, V), DIFFERENCES)
+
+
 @inertias
 @EXAMPLES
 @given(data=st.data(), member=members(on_plane=True))

@@ -136,6 +136,14 @@ def test_runs_of_other_blocks_change_no_bit(block):
         assert (part.steps == whole.steps[runs]).all()
 
 
+def test_tolerance_of_a_run_does_not_depend_on_how_full_its_block_is():
+    """Both are divided by √block, here 2, also for a block of one run that is left over."""
+    problem = paper_problem(runs=1, duration=2.0)
+    left_over = SolveIvp(rtol=1e-6, atol=1e-9, block=4).solve(problem, quiet)
+    alone = SolveIvp(rtol=1e-6 / 2, atol=1e-9 / 2, block=1).solve(problem, quiet)
+    assert (left_over.states == alone.states).all()
+
+
 def test_runs_at_once_are_whole_blocks():
     engine = SolveIvp(block=30)
     assert [engine.runs_at_once(most) for most in (1, 29, 30, 100)] == [30, 30, 30, 90]

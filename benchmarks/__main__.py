@@ -1,0 +1,93 @@
+"""`python -m benchmarks`: every contender on the paper's runs and on SE(3), then growth.
+
+Writes benchmarks/results: bench.md, bench.json, work_precision and growth as PNG and SVG.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from datetime import UTC, datetime
+from pathlib import Path
+
+RESULTS = Path(__file__).with_name("results")
+
+
+def main() -> None:
+    """Measure what is asked for, all of it by default, and write the results."""
+    options = _options()
+    # The first compilation is to be measured, not what an earlier run has left on the disk.
+    with tempfile.TemporaryDirectory() as cache:
+        os.environ["HEYOKA_CACHE_DIR"] = cache
+        _measure(options)
+
+
+def _options() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
+    parser.add_argument("--case", action="append", help="paper or se3; default: both")
+    parser.add_argument("--runs", type=int, help="runs per controller; default: as configured")
+    parser.add_argument("--repeats", type=int, default=7, help="of each fast measurement")
+    parser.add_argument("--only", help="contenders whose names contain this")
+    parser.add_argument("--headlines", action="store_true", help="one tolerance per contender")
+    parser.add_argument("--no-growth", action="store_true", help="leave out growth and commands")
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
+    return parser.parse_args()
+
+
+def _measure(options: argparse.Namespace) -> None:
+    # Everything that may import heyoka comes after the choice of its cache.
+    from benchmarks import cases, figure, table
+    from benchmarks.contenders import contenders
+    from benchmarks.growth import SIZES, growth
+    from benchmarks.machine import machine
+    from benchmarks.measure import load, measure
+    from benchmarks.whole_command import command
+
+    chosen = [each for each in contenders() if (options.only or "") in each.name]
+    results = table.Results(
+        machine(),
+        datetime.now(UTC).strftime("%Y-%m-%d"),
+        {each.name: each.headline for each in chosen},
+        {each.name: reason for each in chosen if (reason := each.missing())},
+    )
+    for name, reason in results.skipped.items():
+        _say(f"skipped {name}: {reason}")
+    results.load.append(load())
+    for name in options.case or ["paper", "se3"]:
+        case = cases.load(name, options.runs)
+        reference = cases.exact(case)
+        for contender in chosen:
+            if contender.name in results.skipped:
+                continue
+            tolerances = (contender.headline,) if options.headlines else contender.tolerances
+            for tolerance in tolerances:
+                found = measure(contender, case, tolerance, reference, options.repeats)
+                results.measurements.append(found)
+                _say(
+                    f"{name}  {contender.name:26} {tolerance:.0e}  {found.wall:9.3f} s  "
+                    f"error {found.largest_error:.1e}"
+                )
+    if not options.no_growth:
+        for engine, config in (("taylor", "paper"), ("solve_ivp", "paper"), ("taylor", "se3")):
+            results.commands.append(command(engine, config, repeats=3))
+            _say(f"eqt run {config} by {engine}: {results.commands[-1].wall:.2f} s")
+        for engine, sizes in SIZES.items():
+            for runs in sizes:
+                results.growth.append(growth(engine, runs))
+                _say(f"{runs} runs by {engine}: {results.growth[-1].wall:.2f} s")
+    results.load.append(load())
+    options.out.mkdir(parents=True, exist_ok=True)
+    (options.out / "bench.json").write_text(table.as_json(results), encoding="utf-8")
+    (options.out / "bench.md").write_text(table.as_markdown(results), encoding="utf-8")
+    figure.write(results, options.out)
+    print(table.as_markdown(results))
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    main()

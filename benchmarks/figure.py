@@ -1,0 +1,74 @@
+"""The work-precision diagram and the growth of time and memory, as figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from benchmarks.table import TITLES, Results
+from eqt_cli.plots import save
+from eqt_cli.plots.style import WIDTHS, house_style, line_style
+
+
+def write(results: Results, folder: Path) -> None:
+    """Both figures, as PNG and SVG."""
+    with house_style():
+        drawings = {"work_precision": work_precision(results)}
+        if results.growth:
+            drawings["growth"] = growth(results)
+    for name, drawing in drawings.items():
+        for format in ("png", "svg"):
+            save.write({folder / f"{name}.{format}": save.encode(drawing, format, name)})
+
+
+def work_precision(results: Results) -> Figure:
+    """Error against time for every contender: largest (lines) and median (dots) over the runs."""
+    cases = list(dict.fromkeys(each.case for each in results.measurements))
+    names = list(results.headline)
+    drawing = Figure(figsize=(WIDTHS["page"], 3.2), layout="constrained")
+    panels = drawing.subplots(1, len(cases), squeeze=False, sharey=True)[0]
+    for case, panel in zip(cases, panels, strict=True):
+        for index, name in enumerate(names):
+            rows = [each for each in results.of(case) if each.contender == name]
+            if not rows:
+                continue
+            style: dict[str, Any] = line_style(index)
+            times = [each.wall for each in rows]
+            panel.plot(
+                times, [each.largest_error for each in rows], label=name, marker="o", **style
+            )
+            panel.plot(
+                times,
+                [each.median_error for each in rows],
+                color=style["color"],
+                marker=".",
+                linestyle="none",
+            )
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.set_title(TITLES.get(case, case))
+        panel.set_xlabel(f"time for {results.of(case)[0].runs} runs / s")
+    panels[0].set_ylabel("error: largest (lines), median (dots)")
+    drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return drawing
+
+
+def growth(results: Results) -> Figure:
+    """Time and peak memory against the number of runs."""
+    drawing = Figure(figsize=(WIDTHS["page"], 2.4), layout="constrained")
+    time, memory = drawing.subplots(1, 2)
+    for index, engine in enumerate(dict.fromkeys(each.engine for each in results.growth)):
+        rows = [each for each in results.growth if each.engine == engine]
+        runs = [each.runs for each in rows]
+        style = line_style(index)
+        time.plot(runs, [each.wall for each in rows], label=engine, marker="o", **style)
+        memory.plot(runs, [each.peak_memory / 1e6 for each in rows], marker="o", **style)
+    for panel, label in ((time, "time / s"), (memory, "peak memory / MB")):
+        panel.set_xscale("log")
+        panel.set_yscale("log")
+        panel.set_xlabel("runs")
+        panel.set_ylabel(label)
+    time.legend()
+    return drawing

@@ -1,0 +1,197 @@
+"""The measurements as a Markdown page and as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from benchmarks.growth import Growth
+from benchmarks.measure import Measurement
+from benchmarks.whole_command import Command
+
+TITLES = {"paper": "The paper's experiment, SO(3)", "se3": "configs/se3.yaml, SE(3)"}
+
+
+@dataclass
+class Results:
+    """Everything that one `make bench` has measured.
+
+    Attributes
+    ----------
+    headline
+        The tolerance of each contender that stands in the tables.
+    skipped
+        Contenders that are not installed, and why.
+    load
+        Load average of the machine at the start and at the end.
+    """
+
+    machine: dict[str, Any]
+    started: str
+    headline: dict[str, float]
+    skipped: dict[str, str] = field(default_factory=dict)
+    measurements: list[Measurement] = field(default_factory=list)
+    commands: list[Command] = field(default_factory=list)
+    growth: list[Growth] = field(default_factory=list)
+    load: list[float] = field(default_factory=list)
+
+    def of(self, case: str) -> list[Measurement]:
+        """All measurements of a case."""
+        return [each for each in self.measurements if each.case == case]
+
+
+def as_json(results: Results) -> str:
+    """All numbers."""
+    return json.dumps(asdict(results), indent=1) + "\n"
+
+
+def as_markdown(results: Results) -> str:
+    """The page, in the order in which one asks."""
+    parts = ["# Benchmarks", _preface(results)]
+    for case in dict.fromkeys(each.case for each in results.measurements):
+        parts += [f"## {TITLES.get(case, case)}", _headlines(results, case)]
+        parts += ["At no greater error than eqt's fastest:", _equal_error(results, case)]
+    if results.commands:
+        parts += ["## The whole command", _commands(results.commands)]
+    if results.growth:
+        parts += ["## Growth, metrics only, the paper's experiment", _growth(results.growth)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _preface(results: Results) -> str:
+    machine = results.machine
+    packages = ", ".join(f"{name} {found}" for name, found in machine["packages"].items())
+    lines = [
+        f"{machine['processor']}, {machine['cores']} cores, {machine['system']}, Python "
+        f"{machine['python']}, {packages}; {results.started}; load average "
+        f"{' to '.join(f'{load:.1f}' for load in results.load)}.",
+        "Written by `make bench`; all numbers are in bench.json.",
+        "Times are wall times of the integration alone, the least of several, with compilation "
+        "apart. Errors are max over the samples of max(‖ΔQ‖_F, ‖ΔV‖) for each run, against the "
+        "Taylor engine at a tolerance of 2.2e-16.",
+    ]
+    lines += [f"Not measured: {name}: {reason}." for name, reason in results.skipped.items()]
+    return "\n\n".join(lines)
+
+
+def _headlines(results: Results, case: str) -> str:
+    rows = [each for each in results.of(case) if each.tolerance == results.headline[each.contender]]
+    plain = _first(rows, "plain")
+    blocks = _first(rows, "blocks")
+    table = _table(
+        [
+            "",
+            "tolerance",
+            "largest error",
+            "median",
+            "time, s",
+            "runs/s",
+            "× plain",
+            "× blocks",
+            "CPU, s",
+            "compilation, s",
+        ],
+        (
+            [
+                each.contender + ("*" if each.timed_runs < each.runs else ""),
+                f"{each.tolerance:.0e}",
+                f"{each.largest_error:.1e}",
+                f"{each.median_error:.1e}",
+                f"{each.wall:.3g}",
+                f"{each.runs / each.wall:,.0f}",
+                _ratio(plain, each),
+                _ratio(blocks, each),
+                f"{each.cpu:.3g}",
+                f"{each.compilation:.2g}" if each.compilation > 0.01 else "-",
+            ]
+            for each in rows
+        ),
+    )
+    some = [each for each in rows if each.timed_runs < each.runs]
+    notes = [
+        f"\\* timed on {each.timed_runs} of {each.runs} runs and extrapolated; its errors are over "
+        "those runs."
+        for each in some
+    ]
+    return "\n\n".join([table, *notes])
+
+
+def _equal_error(results: Results, case: str) -> str:
+    """Each contender at its cheapest measured tolerance that is as accurate as eqt's fastest."""
+    rows = results.of(case)
+    ours = min(
+        (each for each in rows if each.tolerance == results.headline[each.contender]),
+        key=lambda each: each.wall,
+    )
+    entries = []
+    for name in dict.fromkeys(each.contender for each in rows):
+        good = [
+            each
+            for each in rows
+            if each.contender == name and each.largest_error <= ours.largest_error
+        ]
+        best = min(good, key=lambda each: each.wall, default=None)
+        if best is None:
+            entries.append([name, "none", "", "", ""])
+        else:
+            entries.append(
+                [
+                    name,
+                    f"{best.tolerance:.0e}",
+                    f"{best.largest_error:.1e}",
+                    f"{best.wall:.3g}",
+                    _ratio(best, ours),
+                ]
+            )
+    head = ["", "tolerance", "largest error", "time, s", f"time / {ours.contender}"]
+    return _table(head, entries)
+
+
+def _commands(commands: list[Command]) -> str:
+    return "`eqt run`, a process from start to end with a warm cache:\n\n" + _table(
+        ["", "time, s", "simulation", "writing", "the rest"],
+        (
+            [
+                f"{each.config}.yaml, {each.engine}",
+                f"{each.wall:.2f}",
+                f"{each.simulation:.2f}",
+                f"{each.writing:.2f}",
+                f"{each.wall - each.simulation - each.writing:.2f}",
+            ]
+            for each in commands
+        ),
+    )
+
+
+def _growth(growth: list[Growth]) -> str:
+    return _table(
+        ["engine", "runs", "time, s", "ms per run", "peak memory, MB"],
+        (
+            [
+                each.engine,
+                f"{each.runs:,}",
+                f"{each.wall:.2f}",
+                f"{1000 * each.wall / each.runs:.3f}",
+                f"{each.peak_memory / 1e6:.0f}",
+            ]
+            for each in growth
+        ),
+    )
+
+
+def _first(rows: list[Measurement], word: str) -> Measurement | None:
+    return next((each for each in rows if word in each.contender), None)
+
+
+def _ratio(slow: Measurement | None, fast: Measurement) -> str:
+    if slow is None:
+        return "-"
+    ratio = slow.wall / fast.wall
+    return f"{ratio:,.0f}" if ratio >= 10 else f"{ratio:.2g}"
+
+
+def _table(head: list[str], rows: Iterable[list[str]]) -> str:
+    rule = ["---", *["---:"] * (len(head) - 1)]
+    return "\n".join("| " + " | ".join(row) + " |" for row in [head, rule, *rows])
