@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +16,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from eqt_cli.cli import main
 from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.groups import MatrixLieGroup, group_named, groups
 
@@ -154,3 +159,42 @@ def derivative() -> Callable[[Callable[[float], Any]], Any]:
 
 def _stencil(a: Array, b: Array, c: Array, d: Array, h: float) -> Array:
     return (8 * (c - b) - (d - a)) / (12 * h)
+
+
+@dataclass(frozen=True)
+class Called:
+    """What a command printed."""
+
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture(scope="session")
+def invoke() -> Callable[..., Called]:
+    """Call the command line in this process; fails unless it exits with `code`."""
+
+    def call(*arguments: object, code: int = 0) -> Called:
+        out, err = StringIO(), StringIO()
+        argv, sys.argv = sys.argv, ["eqt", *map(str, arguments)]
+        exit_code = 0
+        try:
+            with redirect_stdout(out), redirect_stderr(err):
+                main()
+        except SystemExit as exit:
+            exit_code = int(exit.code or 0)
+        finally:
+            sys.argv = argv
+        assert exit_code == code, err.getvalue() + out.getvalue()
+        return Called(out.getvalue(), err.getvalue())
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def paper_result(invoke: Callable[..., Called], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the paper's experiment with 60 runs per controller."""
+    folder = tmp_path_factory.mktemp("paper") / "result"
+    config = Path(__file__).parents[1] / "configs" / "paper.yaml"
+    settings = ["ensemble.runs=60", "time.samples=201", "solver.rtol=1e-6", "solver.cross_check=0"]
+    invoke("run", config, "--out", folder, "--quiet", *(f"--set={setting}" for setting in settings))
+    return folder
