@@ -205,6 +205,7 @@ def paper_result(invoke: Callable[..., Called], tmp_path_factory: pytest.TempPat
 
 
 PER_RUN = ("controller", "run")
+POSE = (*PER_RUN, "time", "row", "col")
 
 
 class MakeResult:
@@ -229,6 +230,7 @@ class MakeResult:
         units=None,
         stored=None,
         title="made up",
+        more=None,
     ):
         signals, metrics, units = signals or {}, metrics or {}, units or {}
         runs = np.shape(next(iter([*metrics.values(), *signals.values()])))[1]
@@ -247,6 +249,7 @@ class MakeResult:
                 name: Variable(PER_RUN, np.asarray(values, float), {"units": units.get(name, "1")})
                 for name, values in metrics.items()
             }
+            | {name: Variable(POSE[-np.ndim(v) :], v) for name, v in (more or {}).items()}
             | {"status": Variable(PER_RUN, np.asarray(status, dtype=np.int32))},
             {
                 "controller": Variable(("controller",), np.array(labels, dtype=object)),

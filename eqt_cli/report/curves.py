@@ -59,7 +59,7 @@ def curves(results: Results) -> Document | None:
         "runs": stored[runs].tolist(),
         "stored": len(stored),
         "samples": len(times),
-        "controllers": _looks(labels),
+        "controllers": looks(labels),
         "power": POWER,
         "levels": LEVELS,
         "panels": [
@@ -99,7 +99,7 @@ def quantised(values: Array) -> tuple[Array, float]:
     return codes, largest
 
 
-def _looks(labels: list[str]) -> list[Document]:
+def looks(labels: list[str]) -> list[Document]:
     """Label, title, colour and dashes of every controller, as in the figures."""
     known = controllers.names()
     with house_style():

@@ -52,7 +52,7 @@ def report(results: Results, wanted: Sequence[Wanted] = DEFAULT) -> str:
     comparison = compare(results)
     made = sheets(comparison, Plain())
     picker = curves(results)
-    page = _environment().get_template("report.html.j2")
+    page = environment().get_template("report.html.j2")
     return page.render(
         version=__version__,
         facts=facts(results),
@@ -69,16 +69,17 @@ def report(results: Results, wanted: Sequence[Wanted] = DEFAULT) -> str:
     )
 
 
-def _environment() -> Environment:
-    environment = Environment(
+def environment() -> Environment:
+    """Where templates are found, and how they are filled in: everything is escaped."""
+    made = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["typeset"] = _typeset
-    return environment
+    made.filters["typeset"] = _typeset
+    return made
 
 
 def _typeset(text: str) -> Markup:

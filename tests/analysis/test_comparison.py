@@ -47,6 +47,17 @@ def test_ties_count_half(make_result):
     assert only(compare(results, metrics=["mean_torque"]).pairs).superiority == 0.5
 
 
+def test_what_differs_by_rounding_is_equal(make_result):
+    low = 2 + NOISE
+    values = make_result.constant(low, low * (1 - 1e-9))
+    results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
+    comparison = compare(results, metrics=["mean_torque"])
+    pair = only(comparison.pairs)
+    assert (pair.difference, pair.low, pair.high, pair.superiority) == (0, 0, 0, 0.5)
+    assert pair.runs_to_decide is None
+    assert [j.verdict for j in comparison.judgements if j.pair] == ["undecided"]
+
+
 def test_more_of_a_rate_is_better(make_result):
     fast, slow = np.exp(-2 * make_result.times), np.exp(-make_result.times)
     results = make_result(["a", "b"], {"lyapunov": np.array([[fast] * 3, [slow] * 3])})

@@ -11,7 +11,7 @@ webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium")
 from selenium.webdriver.chrome.service import Service  # noqa: E402
 from selenium.webdriver.common.by import By  # noqa: E402
 from selenium.webdriver.common.keys import Keys  # noqa: E402
-from selenium.webdriver.support.ui import Select  # noqa: E402
+from selenium.webdriver.support.ui import Select, WebDriverWait  # noqa: E402
 
 DRIVER = shutil.which("chromedriver")
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
@@ -52,6 +52,7 @@ def address(invoke, paper_result, tmp_path_factory):
 @pytest.fixture
 def page(browser, address):
     browser.get(address)
+    WebDriverWait(browser, 20).until(lambda page: find(page, "#count").text)
     return browser
 
 
@@ -222,3 +223,31 @@ def test_print_leaves_the_controls_out(page):
     shown = [e.is_displayed() for e in page.find_elements(By.CSS_SELECTOR, "nav, #pick, #filters")]
     page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "screen"})
     assert not any(shown)
+
+
+@pytest.fixture
+def player(browser, invoke, paper_result, tmp_path):
+    invoke("animate", paper_result, "--run", 1, "--format", "html", "--out", tmp_path)
+    browser.get((tmp_path / "run1.html").as_uri())
+    return browser
+
+
+def test_animation_plays_and_pauses(player):
+    find(player, "#play").click()
+    WebDriverWait(player, 20).until(lambda page: find(page, "#time").get_attribute("value") > "0")
+    find(player, "#play").click()
+    assert find(player, "#play").get_attribute("aria-pressed") == "false"
+    assert find(player, "#state").text.startswith("At 0.")
+    assert player.get_log("browser") == []
+
+
+def test_animation_is_moved_and_turned_by_the_keyboard(player):
+    def body():
+        return find(player, ".bodies svg").get_attribute("innerHTML")
+
+    first = body()
+    find(player, "#time").send_keys(Keys.ARROW_RIGHT * 20)
+    moved = body()
+    assert find(player, "#clock").text == "t = 0.40 s"
+    find(player, ".bodies svg").send_keys(Keys.ARROW_LEFT)
+    assert len({first, moved, body()}) == 3

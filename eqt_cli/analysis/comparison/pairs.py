@@ -13,6 +13,10 @@ from eqt_cli.analysis.comparison.power import runs_to_decide
 from eqt_cli.analysis.comparison.samples import Samples
 from eqt_cli.core.arrays import Array
 
+RESOLUTION = 1e-6
+"""Relative difference of two runs below which they count as equal: laws that are the same on some
+group, such as EqT and GT on a commutative one, still differ by rounding and solver error."""
+
 
 @dataclass(frozen=True)
 class Level:
@@ -135,7 +139,7 @@ def statistics(
     couples = list(combinations(range(len(labels)), 2))
     columns = np.concatenate(
         [
-            np.stack([*s.values, *(s.values[a] - s.values[b] for a, b in couples)], axis=1)
+            np.stack([*s.values, *(_differences(s, a, b) for a, b in couples)], axis=1)
             for s in measured
         ],
         axis=1,
@@ -177,7 +181,7 @@ def _pair(
     s: Samples, a: int, b: int, labels: Sequence[str], good: Array, confidence: float, row: _Row
 ) -> Pair:
     both = np.isfinite(s.values[a]) & np.isfinite(s.values[b])
-    differences = (s.values[a] - s.values[b])[both]
+    differences = _differences(s, a, b)[both]
     failed = int(np.count_nonzero(~(good[a] & good[b])[: s.runs]))
     deviation, mean = _deviation(differences), row[0]
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -199,6 +203,13 @@ def _pair(
         superiority=superiority,
         runs_to_decide=runs_to_decide(cohen_d, confidence),
     )
+
+
+def _differences(s: Samples, a: int, b: int) -> Array:
+    """First minus second, run by run; 0 where they differ by less than solvers can tell."""
+    first, second = s.values[a], s.values[b]
+    equal = np.abs(first - second) <= RESOLUTION * np.maximum(np.abs(first), np.abs(second))
+    return np.where(equal, 0.0, first - second)
 
 
 def _mean(values: Array) -> float:

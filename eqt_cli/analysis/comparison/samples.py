@@ -129,7 +129,7 @@ class Source:
 
     def is_rotation(self, measure: Measure) -> bool:
         """Whether a measure of the pose error is about orientation alone."""
-        if measure.signals and measure.signals[0].endswith("_rotation"):
+        if measure.signals and measure.signals[0].startswith("pose_error_rotation"):
             return True
         whole = self.results.units("mean_pose_error") if self.results.has("mean_pose_error") else ""
         return whole == "1" and not self._parts(measure)
