@@ -141,8 +141,8 @@ class _Body:
         self.motion, self.index, self.length = shown, index, shown.length
         ensemble = shown.ensembles[index]
         self.colour = line_style(ensemble.index)["color"]
-        reach = _MARGIN * (shown.extent + shown.length)
-        middle = flat(shown.centre)
+        low, high = flat(shown.places).min(axis=0), flat(shown.places).max(axis=0)
+        middle, reach = (low + high) / 2, float((high - low).max() / 2) + _MARGIN * shown.length
         axes.set_xlim(middle[0] - reach, middle[0] + reach)
         axes.set_ylim(middle[1] - reach, middle[1] + reach)
         axes.set_aspect("equal")

@@ -75,13 +75,13 @@ class Motion:
     @property
     def centre(self) -> Array:
         """The middle of all places, (3,), m."""
-        places = self._places
+        places = self.places
         return (places.min(axis=0) + places.max(axis=0)) / 2
 
     @property
     def extent(self) -> float:
         """The largest distance of a place from the middle, m; 0 where nothing moves."""
-        return float(np.linalg.norm(self._places - self.centre, axis=-1).max())
+        return float(np.linalg.norm(self.places - self.centre, axis=-1).max())
 
     @property
     def length(self) -> float:
@@ -90,7 +90,8 @@ class Motion:
         return 0.4 * extent if extent > 0 else 1.0
 
     @property
-    def _places(self) -> Array:
+    def places(self) -> Array:
+        """Every place of every body and of the reference, (places, 3), m."""
         bodies = self.body.position.reshape(-1, 3)
         places = np.concatenate([bodies, self.reference.position])
         finite: Array = places[np.isfinite(places).all(axis=-1)]
