@@ -141,7 +141,7 @@ def _document(comparison: Comparison, path: Path) -> dict[str, object]:
         "failed": comparison.failed,
         "horizon": comparison.horizon,
         "bootstrap": {
-            "method": "BCa",
+            "method": "expanded BCa",
             "confidence": comparison.confidence,
             "resamples": comparison.resamples,
             "seed": comparison.seed,

@@ -207,6 +207,14 @@ def test_verdict_is_where_the_interval_lies(make_result, shift, verdict):
     assert claim["verdict"] == verdict
 
 
+def test_too_few_pairs_decide_nothing(make_result):
+    values = make_result.constant([1.0, 2, 3, 4], [2.0, 3.5, 4, 5])
+    results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
+    (claim,) = (r for r in claim_records(compare(results)) if r["metric"] == "mean_torque")
+    assert (claim["verdict"], claim["runs_to_decide"]) == ("undecided", None)
+    assert np.isnan(claim["low"])
+
+
 def test_claims_turn_pairs_as_they_need_them(make_result):
     values = make_result.constant(NOISE**2 + 2, NOISE**2 + 1)
     results = make_result(["gt", "eqt"], {"torque_norm": values, "lyapunov": values})

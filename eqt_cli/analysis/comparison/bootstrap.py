@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr, ndtri
+from scipy.special import ndtr, ndtri, stdtrit
 
 from eqt_cli.core.arrays import Array
 
@@ -47,7 +47,12 @@ class Intervals:
 def intervals_of_means(
     columns: Array, *, confidence: float, resamples: int, seed: int
 ) -> Intervals:
-    """BCa intervals (bias-corrected and accelerated; Efron 1987) of the mean of every column.
+    """Expanded BCa intervals of the mean of every column.
+
+    Bias-corrected and accelerated (Efron 1987), with the normal quantiles z replaced by
+    sqrt(n/(n − 1)) t_{n−1} (Hesterberg 2015): the spread of resampled means is too small by the
+    former factor, and that of few values is known badly. For n = 200 it widens them by 1 %, for
+    n = 10 by 22 %.
 
     Parameters
     ----------
@@ -77,7 +82,7 @@ def intervals_of_means(
     if varying.size:
         # Deviations rather than values, for the accuracy of sums.
         drawn = _resampled_means(deviations[:, varying], valid[:, varying], resamples, seed)
-        offsets = _bca(deviations[:, varying], drawn, confidence)
+        offsets = _bca(deviations[:, varying], count[varying], drawn, confidence)
         low[varying] += offsets[0]
         high[varying] += offsets[1]
     return Intervals(mean, low, high, resamples)
@@ -105,7 +110,7 @@ def _resampled_means(values: Array, valid: Array, resamples: int, seed: int) -> 
     return np.concatenate(means)
 
 
-def _bca(deviations: Array, drawn: Array, confidence: float) -> Array:
+def _bca(deviations: Array, count: Array, drawn: Array, confidence: float) -> Array:
     """Lower and upper ends relative to the mean, ``(2, columns)``."""
     cubes, squares = (deviations**3).sum(axis=0), (deviations**2).sum(axis=0)
     acceleration = cubes / (6 * squares**1.5)
@@ -115,7 +120,7 @@ def _bca(deviations: Array, drawn: Array, confidence: float) -> Array:
     tail = (1 - confidence) / 2
     ends = np.empty((2, deviations.shape[1]))
     for end, level in zip(ends, (tail, 1 - tail), strict=True):
-        shifted = bias + ndtri(level)
+        shifted = bias + np.sqrt(count / (count - 1)) * stdtrit(count - 1, level)
         levels = ndtr(bias + shifted / (1 - acceleration * shifted))
         for column in range(len(end)):
             some = drawn[:, column]

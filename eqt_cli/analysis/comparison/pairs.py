@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.bootstrap import Intervals, intervals_of_means
+from eqt_cli.analysis.comparison.bootstrap import FEWEST, Intervals, intervals_of_means
 from eqt_cli.analysis.comparison.power import runs_to_decide
 from eqt_cli.analysis.comparison.samples import Samples
 from eqt_cli.core.arrays import Array
@@ -74,7 +74,8 @@ class Pair:
     superiority
         The share of pairs in which the first is better; ties count half.
     runs_to_decide
-        Runs that would tell the difference from 0, as `power.runs_to_decide`.
+        Runs that would tell the difference from 0, as `power.runs_to_decide`; None from fewer
+        than `bootstrap.FEWEST` pairs, whose spread says little.
     """
 
     samples: Samples
@@ -201,7 +202,7 @@ def _pair(
         mean_second=_mean(s.values[b][both]),
         cohen_d=cohen_d,
         superiority=superiority,
-        runs_to_decide=runs_to_decide(cohen_d, confidence),
+        runs_to_decide=runs_to_decide(cohen_d, confidence) if both.sum() >= FEWEST else None,
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 
+from eqt_cli.analysis.comparison.bootstrap import FEWEST
 from eqt_cli.analysis.comparison.compare import Comparison
 from eqt_cli.analysis.comparison.notation import Notation
 from eqt_cli.analysis.comparison.pairs import Pair
@@ -15,8 +16,8 @@ from eqt_cli.analysis.comparison.verdicts import Judgement
 
 TABLES = ("controllers", "pairs", "claims")
 
-FEW = 20
-"""Pairs below which bootstrap intervals are known to be too narrow."""
+FEW = 10
+"""Pairs below which intervals are rough."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ def _controllers(comparison: Comparison, write: Notation) -> Sheet:
     if failed:
         notes.append(f"Failed runs, left out: {', '.join(failed)}.")
     caption = (
-        f"Means over {comparison.runs} runs per controller; "
+        f"Means over {_runs_each(comparison)}; "
         f"{write.plus_minus} half the {_level_name(comparison, write)} interval"
     )
     labels = [write.text(label) for label in comparison.labels]
@@ -162,7 +163,8 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     fewest = min((pair.pairs for pair in shown), default=FEW)
     if fewest < FEW:
         notes.append(
-            f"Bootstrap intervals from fewer than {FEW} pairs are too narrow; here are {fewest}."
+            f"Intervals from fewer than {FEW} pairs are rough, and there are none from fewer than "
+            f"{FEWEST}; here are {fewest}."
         )
     return notes
 
@@ -173,9 +175,7 @@ def _claims(comparison: Comparison, write: Notation) -> Sheet:
         rows = [_claim_row(judgement, write) for judgement in found]
         sections.append(Section(write.text(f"“{says}”"), rows))
     sources = dict.fromkeys(judgement.source for judgement in comparison.judgements)
-    caption = (
-        f"Claims of {write.text('; '.join(sources))}, at {comparison.runs} runs per controller"
-    )
+    caption = f"Claims of {write.text('; '.join(sources))}, at {_runs_each(comparison)}"
     header = ["measured", "window", "found", "verdict", "runs to decide"]
     notes = [
         "Differences below 0 support a claim: supported, when the whole interval lies below 0; not "
@@ -218,6 +218,10 @@ def _relative(pair: Pair, write: Notation) -> str:
 
 def _level_name(comparison: Comparison, write: Notation) -> str:
     return write.text(f"{100 * comparison.confidence:g} % bootstrap")
+
+
+def _runs_each(comparison: Comparison) -> str:
+    return f"{comparison.runs} run{'s' if comparison.runs > 1 else ''} per controller"
 
 
 def _two(value: float) -> str:
