@@ -231,10 +231,13 @@ class MakeResult:
         stored=None,
         title="made up",
         more=None,
+        points=None,
     ):
         signals, metrics, units = signals or {}, metrics or {}, units or {}
-        runs = np.shape(next(iter([*metrics.values(), *signals.values()])))[1]
-        status = np.zeros((len(labels), runs)) if status is None else status
+        runs = np.shape(next(iter([*metrics.values(), *signals.values()])))[2 if points else 1]
+        leading = [points] if points else []
+        status = np.zeros((*leading, len(labels), runs)) if status is None else status
+        per_run = ("point", *PER_RUN) if points else PER_RUN
         entries = "".join(
             f"  - kind: {kind}\n    label: {json.dumps(label)}\n"
             for label, kind in zip(labels, kinds or labels, strict=True)
@@ -246,11 +249,11 @@ class MakeResult:
                 for name, values in signals.items()
             }
             | {
-                name: Variable(PER_RUN, np.asarray(values, float), {"units": units.get(name, "1")})
+                name: Variable(per_run, np.asarray(values, float), {"units": units.get(name, "1")})
                 for name, values in metrics.items()
             }
             | {name: Variable(POSE[-np.ndim(v) :], v) for name, v in (more or {}).items()}
-            | {"status": Variable(PER_RUN, np.asarray(status, dtype=np.int32))},
+            | {"status": Variable(per_run, np.asarray(status, dtype=np.int32))},
             {
                 "controller": Variable(("controller",), np.array(labels, dtype=object)),
                 "run": Variable(("run",), np.arange(runs)),

@@ -251,10 +251,32 @@ def test_claims_on_every_run(make_result, runs, rising, verdict):
     assert (claim["verdict"], claim["held"]) == (verdict, runs - rising)
 
 
+def test_one_point_of_a_sweep(make_result):
+    effort = np.arange(24.0).reshape(3, 2, 4)
+    results = make_result(["a", "b"], metrics={"effort": effort}, points=3)
+    comparison = compare(results, metrics=["effort"], point=2)
+    assert [level.mean for level in comparison.levels] == [17.5, 21.5]
+
+
 def test_sweeps_need_a_point(make_result):
+    results = make_result(["a"], metrics={"effort": np.ones((3, 1, 4))}, points=3)
+    with pytest.raises(EqtError, match=r"is a sweep of 3 points; choose one of 0 to 2$"):
+        compare(results)
+
+
+def test_points_are_those_of_a_sweep(make_result):
     results = make_result(["a"], metrics={"effort": [[1.0] * 6]})
     with pytest.raises(EqtError, match=r"is no sweep, so it has no point to choose; leave it out$"):
         compare(results, point=0)
+
+
+def test_windows_do_not_cut_what_is_of_whole_runs(make_result):
+    results = make_result(["a"], metrics={"settling_time": [[1.0] * 6]})
+    comparison = compare(results, metrics=["settling_time"], windows=[Window(0, 5)])
+    assert comparison.levels[0].samples.window == Window(0, 20)
+    assert comparison.missing[0] == (
+        "Windows do not apply to settling_time, which is a number of a whole run."
+    )
 
 
 def test_a_stranger_s_configuration_is_not_trusted(make_result):

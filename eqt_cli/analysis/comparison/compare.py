@@ -130,7 +130,7 @@ def compare(
         levels=[level for level in found.levels if _key(level.samples) in shown],
         pairs=[pair for pair in found.pairs if _key(pair.samples) in shown],
         judgements=_judgements(source, samples, found.pairs, confidence),
-        missing=_missing(source),
+        missing=[*_uncut(chosen, windows), *_missing(source)],
         confidence=confidence,
         resamples=found.resamples,
         seed=seed,
@@ -207,6 +207,15 @@ def _judgements(
                 pair = pair_of(key, kinds[row.lesser], kinds[row.greater])
                 rows.append(judge_less(origin, claim.says, pair))
     return rows
+
+
+def _uncut(chosen: Sequence[tuple[Measure, Window]], windows: Sequence[Window]) -> list[str]:
+    """Which measures the chosen windows do not apply to."""
+    names = [measure.name for measure, _ in chosen if not measure.windowed] if windows else []
+    if not names:
+        return []
+    verb = "are numbers" if len(names) > 1 else "is a number"
+    return [f"Windows do not apply to {', '.join(names)}, which {verb} of a whole run."]
 
 
 def _missing(source: Source) -> list[str]:
