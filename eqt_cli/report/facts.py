@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.headline import headline
+from eqt_cli.analysis.headline import MEANS, headline
 from eqt_cli.store.reader import Results
 
 Fact = tuple[str, str]
@@ -24,6 +24,10 @@ class Facts:
         Of the experiment.
     lead
         What was run, in a sentence.
+    horizon
+        s.
+    units
+        Of the four means, by name; nothing for pure numbers.
     headline
         A row per controller: label, good runs, failed runs, four means, energy residual.
     accuracy
@@ -40,6 +44,7 @@ class Facts:
     group: str
     lead: str
     horizon: float
+    units: dict[str, str]
     headline: list[dict[str, Any]]
     accuracy: list[str]
     provenance: list[Fact]
@@ -61,12 +66,18 @@ def facts(results: Results) -> Facts:
             f"{attributes.get('group', 'a group')}; the same initial states for all of them."
         ),
         horizon=horizon,
+        units={name: _unit(results, name) for name in MEANS},
         headline=[asdict(row) for row in headline(results)],
         accuracy=list(_accuracy(results)),
         provenance=_provenance(results),
         config=str(attributes.get("config", "")).rstrip(),
         failed=int(np.count_nonzero(results["status"])),
     )
+
+
+def _unit(results: Results, name: str) -> str:
+    unit = results.units(name)
+    return {"1": "", "mixed": "mixed units"}.get(unit, unit)
 
 
 def _accuracy(results: Results) -> list[str]:

@@ -63,7 +63,7 @@ DEFAULT = (
     Wanted(
         "paper",
         {"bands": "quantiles"},
-        "Means over runs of attitude error, velocity error, torque and Lyapunov function, as in "
+        "Means over runs of pose error, velocity error, torque and Lyapunov function L, as in "
         "Figure 3 of the paper. Shaded: from the 10 % to the 90 % quantile over runs.",
     ),
     Wanted("paper", {"log": True}, "The same means; errors and L on a logarithmic scale."),

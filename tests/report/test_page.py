@@ -76,6 +76,10 @@ def test_what_was_run_is_there_to_read(text):
     assert "seed: 2025" in text and "<dt>python</dt>" in text
 
 
+def test_means_have_their_units(text):
+    assert 'first 5 s<span class="unit">N m</span>' in text
+
+
 def test_claims_have_their_verdicts(text):
     assert "slightly slower attitude tracking" in text
     assert '<span class="verdict supported">supported</span>' in text

@@ -91,7 +91,7 @@
 
   function ticks(high, count) {
     const power = 10 ** Math.floor(Math.log10(high / count));
-    const step = [1, 2, 5, 10].map((k) => k * power).find((k) => k >= high / count);
+    const step = [1, 2, 2.5, 5, 10].map((k) => k * power).find((k) => k >= high / count * (1 - 1e-9));
     return Array.from({ length: Math.floor(high / step + 1e-9) + 1 }, (_, k) => Number((k * step).toPrecision(6)));
   }
 

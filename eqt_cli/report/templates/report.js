@@ -32,6 +32,10 @@
     });
   }
 
+  function unitOf(column) {
+    return column.unit === "mixed" ? "(mixed units)" : column.unit;
+  }
+
   // Appearance.
   $("theme").addEventListener("change", (event) => {
     const root = document.documentElement;
@@ -78,7 +82,7 @@
     function ticks(low, high, count) {
       const rough = (high - low) / count;
       const power = 10 ** Math.floor(Math.log10(rough));
-      const step = [1, 2, 5, 10].map((k) => k * power).find((k) => k >= rough);
+      const step = [1, 2, 2.5, 5, 10].map((k) => k * power).find((k) => k >= rough * (1 - 1e-9));
       const found = [];
       for (let k = Math.ceil(low / step - 1e-9); k * step <= high * (1 + 1e-9); k += 1) found.push(k * step);
       return found;
@@ -172,7 +176,7 @@
       const parts = rows.map((row) => {
         const words = [];
         if (row[2] !== "ok") words.push(row[2]);
-        if (early >= 0) words.push(`mean torque in the first 5 s ${shown(row[3 + early])} ${table.columns[early].unit}`);
+        if (early >= 0) words.push(`mean torque in the first 5 s ${shown(row[3 + early])} ${unitOf(table.columns[early])}`);
         if (settling >= 0) words.push(row[3 + settling] === null ? "not settled" : `settled at ${shown(row[3 + settling])} s`);
         return `${table.controllers[row[0]]}: ${words.join(", ")}`;
       });
@@ -305,7 +309,7 @@
       const made = element("tr", status === "ok" ? {} : { class: "failed" });
       made.append(element("th", { scope: "row" }, table.controllers[controller]));
       made.append(element("td", { class: "number" }, runLink(run)));
-      made.append(element("td", message ? { title: message } : {}, message ? `${status}: ${message}` : status));
+      made.append(element("td", { class: "status" }, message ? `${status}: ${message}` : status));
       for (const value of numbers) made.append(element("td", { class: "number" }, shown(value)));
       return made;
     }
