@@ -85,7 +85,7 @@ def compare(
     windows = [Window.parse(text) for text in window or ()]
     with open_results(result) as results:
         if list_:
-            _print_metrics(results)
+            _print_metrics(results, json)
             return
         comparison = compare_results(
             results,
@@ -105,10 +105,10 @@ def compare(
         _print_sheets(comparison, table, against or (), format)
 
 
-def _print_metrics(results: Results) -> None:
+def _print_metrics(results: Results, json: bool) -> None:
     from eqt_cli.analysis.comparison.notation import Plain
     from eqt_cli.analysis.comparison.samples import Source
-    from eqt_cli.cli.output import table
+    from eqt_cli.cli.output import print_json, table
 
     point = 0 if "point" in results.dimensions else None
     write = Plain()
@@ -116,7 +116,11 @@ def _print_metrics(results: Results) -> None:
         [measure.name, write.symbol(measure), "any" if measure.windowed else "whole run"]
         for measure in Source(results, point).measures.values()
     ]
-    print(table(["metric", "is", "window"], rows))
+    header = ["metric", "is", "window"]
+    if json:
+        print_json([dict(zip(header, row, strict=True)) for row in rows])
+    else:
+        print(table(header, rows))
 
 
 def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None:

@@ -111,6 +111,8 @@ def test_latex_is_a_booktabs_table(invoke, paper_result):
 def test_list_shows_what_can_be_compared(invoke, paper_result):
     out = invoke("compare", paper_result, "--list").stdout
     assert "decay_rate" in out and "energy_residual" in out
+    document = json.loads(invoke("compare", paper_result, "--list", "--json").stdout)
+    assert document[0] == {"metric": "mean_torque", "is": "mean ‖τ‖", "window": "any"}
 
 
 def test_intervals_narrow_with_confidence(invoke, paper_result):

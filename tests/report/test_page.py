@@ -3,6 +3,7 @@
 import json
 import re
 from html.parser import HTMLParser
+from pathlib import Path
 
 import pytest
 
@@ -115,3 +116,19 @@ def test_command_writes_the_page(invoke, paper_result, tmp_path):
     assert done.stdout.startswith(f"report   {tmp_path / 'page.html'}  (")
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert 'id="figure1"' in text and 'id="figure2"' not in text
+
+
+def test_starting_over_removes_the_page_of_the_old_result(invoke, tmp_path):
+    config = Path(__file__).parents[2] / "configs" / "paper.yaml"
+    few = (
+        "--set=ensemble.runs=2",
+        "--set=time.duration=1",
+        "--set=solver.cross_check=0",
+        "--quiet",
+    )
+    folder = tmp_path / "result"
+    invoke("run", config, "--out", folder, *few)
+    invoke("report", folder)
+    assert (folder / "report.html").exists()
+    invoke("run", config, "--out", folder, "--force", *few)
+    assert not (folder / "report.html").exists()
