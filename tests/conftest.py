@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import json
+import sys
 from collections.abc import Callable
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +17,12 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from eqt_cli.cli import main
 from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.groups import MatrixLieGroup, group_named, groups
+from eqt_cli.store.reader import open_results
+from eqt_cli.store.variables import Table, Variable
+from eqt_cli.store.writer import write
 
 # A deadline would time the machine, which runs tests side by side, and not the code.
 settings.register_profile("eqt", deadline=None)
@@ -154,3 +163,118 @@ def derivative() -> Callable[[Callable[[float], Any]], Any]:
 
 def _stencil(a: Array, b: Array, c: Array, d: Array, h: float) -> Array:
     return (8 * (c - b) - (d - a)) / (12 * h)
+
+
+@dataclass(frozen=True)
+class Called:
+    """What a command printed."""
+
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture(scope="session")
+def invoke() -> Callable[..., Called]:
+    """Call the command line in this process; fails unless it exits with `code`."""
+
+    def call(*arguments: object, code: int = 0) -> Called:
+        out, err = StringIO(), StringIO()
+        argv, sys.argv = sys.argv, ["eqt", *map(str, arguments)]
+        exit_code = 0
+        try:
+            with redirect_stdout(out), redirect_stderr(err):
+                main()
+        except SystemExit as exit:
+            exit_code = int(exit.code or 0)
+        finally:
+            sys.argv = argv
+        assert exit_code == code, err.getvalue() + out.getvalue()
+        return Called(out.getvalue(), err.getvalue())
+
+    return call
+
+
+@pytest.fixture(scope="session")
+def paper_result(invoke: Callable[..., Called], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the paper's experiment with 60 runs per controller."""
+    folder = tmp_path_factory.mktemp("paper") / "result"
+    config = Path(__file__).parents[1] / "configs" / "paper.yaml"
+    settings = ["ensemble.runs=60", "time.samples=201", "solver.rtol=1e-6", "solver.cross_check=0"]
+    invoke("run", config, "--out", folder, "--quiet", *(f"--set={setting}" for setting in settings))
+    return folder
+
+
+PER_RUN = ("controller", "run")
+POSE = (*PER_RUN, "time", "row", "col")
+
+
+class MakeResult:
+    """Writes small results out of their parts and opens them."""
+
+    times = np.linspace(0.0, 20.0, 41)
+
+    def __init__(self, folder):
+        self.folder, self.opened = folder, []
+
+    def constant(self, *levels):
+        """Signals that are constant over time: a list of runs per controller."""
+        return np.asarray(levels, float)[..., None] * np.ones(len(self.times))
+
+    def __call__(
+        self,
+        labels,
+        signals=None,
+        metrics=None,
+        status=None,
+        kinds=None,
+        units=None,
+        stored=None,
+        title="made up",
+        more=None,
+        points=None,
+    ):
+        signals, metrics, units = signals or {}, metrics or {}, units or {}
+        runs = np.shape(next(iter([*metrics.values(), *signals.values()])))[2 if points else 1]
+        leading = [points] if points else []
+        status = np.zeros((*leading, len(labels), runs)) if status is None else status
+        per_run = ("point", *PER_RUN) if points else PER_RUN
+        entries = "".join(
+            f"  - kind: {kind}\n    label: {json.dumps(label)}\n"
+            for label, kind in zip(labels, kinds or labels, strict=True)
+        )
+        dims = ("controller", "run" if stored is None else "stored_run", "time", "axis")
+        table = Table(
+            {
+                name: Variable(dims[: np.ndim(values)], values, {"units": units.get(name, "1")})
+                for name, values in signals.items()
+            }
+            | {
+                name: Variable(per_run, np.asarray(values, float), {"units": units.get(name, "1")})
+                for name, values in metrics.items()
+            }
+            | {name: Variable(POSE[-np.ndim(v) :], v) for name, v in (more or {}).items()}
+            | {"status": Variable(per_run, np.asarray(status, dtype=np.int32))},
+            {
+                "controller": Variable(("controller",), np.array(labels, dtype=object)),
+                "run": Variable(("run",), np.arange(runs)),
+                "time": Variable(("time",), self.times, {"units": "s"}),
+            }
+            | (
+                {}
+                if stored is None
+                else {"stored_run": Variable(("stored_run",), np.arange(stored))}
+            ),
+            {"title": title, "group": "SO3", "config": f"controllers:\n{entries}"},
+        )
+        path = self.folder / f"results{len(self.opened)}.h5"
+        write(path, table)
+        self.opened.append(open_results(path))
+        return self.opened[-1]
+
+
+@pytest.fixture
+def make_result(tmp_path):
+    make = MakeResult(tmp_path)
+    yield make
+    for results in make.opened:
+        results.close()

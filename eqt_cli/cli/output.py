@@ -30,6 +30,11 @@ def _plain(value: Any) -> Any:
 
 def table(header: list[str], rows: list[list[str]]) -> str:
     """Columns under their headings: text to the left, numbers to the right."""
+    return "\n".join(columns(header, rows))
+
+
+def columns(header: list[str], rows: list[list[str]]) -> list[str]:
+    """The lines of `table`: headings, rule, rows."""
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(header))]
 
@@ -41,7 +46,7 @@ def table(header: list[str], rows: list[list[str]]) -> str:
         return "  ".join(padded).rstrip()
 
     rule = "  ".join("─" * width for width in widths)
-    return "\n".join([line(header), rule, *map(line, rows)])
+    return [line(header), rule, *map(line, rows)]
 
 
 def _is_number(text: str) -> bool:

@@ -15,7 +15,8 @@ from eqt_cli.experiment.translate import shown
 from eqt_cli.experiment.yaml_source import dotted, dump
 
 RESULTS, MANIFEST, CONFIG = "results.h5", "manifest.json", "config.yaml"
-FIGURES, PLUGINS = "figures", "stored_plugins"
+FIGURES, PLUGINS, REPORT = "figures", "stored_plugins", "report.html"
+_OURS = (RESULTS, MANIFEST, CONFIG, FIGURES, PLUGINS, REPORT)
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class ResultFolder:
             raise _refused(self.path, error) from error
 
     def _clear(self, experiment: Experiment, force: bool) -> list[str]:
-        ours = [self.path / name for name in (RESULTS, MANIFEST, CONFIG, FIGURES, PLUGINS)]
+        ours = [self.path / name for name in _OURS]
         there = [entry for entry in ours if entry.exists()]
         manifest = self.manifest
         if there and manifest is None:

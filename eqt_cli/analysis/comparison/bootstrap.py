@@ -1,0 +1,128 @@
+"""Bootstrap intervals for means of many columns at once; it knows nothing of what they hold.
+
+Written here rather than with `scipy.stats.bootstrap` for three reasons: all columns are resampled
+with the same runs, so that all rows of a table refer to the same resamples; values that are missing
+in some columns only drop out of those; and since the acceleration of a mean has a closed form, all
+columns cost one matrix product instead of one jackknife each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ndtr, ndtri, stdtrit
+
+from eqt_cli.core.arrays import Array
+
+FEWEST = 5
+"""Values below which no interval is given: the resamples are then too few to have quantiles."""
+
+MOST_DRAWS = 100_000_000
+"""Runs drawn over all resamples, which takes some seconds; many runs get fewer resamples, and
+`FEWEST_RESAMPLES` at least."""
+
+FEWEST_RESAMPLES = 999
+
+_CHUNK = 4_000_000
+
+
+@dataclass(frozen=True)
+class Intervals:
+    """Means of columns with their intervals; NaN where a column has fewer than `FEWEST` values.
+
+    Attributes
+    ----------
+    mean, low, high : (columns,)
+    resamples
+        How many there were.
+    """
+
+    mean: Array
+    low: Array
+    high: Array
+    resamples: int
+
+
+def intervals_of_means(
+    columns: Array, *, confidence: float, resamples: int, seed: int
+) -> Intervals:
+    """Expanded BCa intervals of the mean of every column.
+
+    Bias-corrected and accelerated (Efron 1987), with the normal quantiles z replaced by
+    sqrt(n/(n − 1)) t_{n−1} (Hesterberg 2015): the spread of resampled means is too small by the
+    former factor, and that of few values is known badly. For n = 200 it widens them by 1 %, for
+    n = 10 by 22 %.
+
+    Parameters
+    ----------
+    columns : (runs, columns)
+        One row per run; NaN where a column has no value.
+    confidence
+        The share of repeated experiments whose interval would hold the true mean, such as 0.95.
+    resamples
+        How often runs are drawn, with replacement; limited by `MOST_DRAWS`.
+    seed
+        Of NumPy's PCG64DXSM.
+    """
+    runs = len(columns)
+    resamples = min(resamples, max(FEWEST_RESAMPLES, MOST_DRAWS // max(runs, 1)))
+    valid = np.isfinite(columns)
+    count = valid.sum(axis=0)
+    filled = np.where(valid, columns, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = filled.sum(axis=0) / count
+        deviations = np.where(valid, columns - mean, 0.0)
+    low, high = mean.copy(), mean.copy()
+    spread = np.array(
+        [np.ptp(column[ok]) if ok.any() else 0.0 for column, ok in _columns(columns, valid)]
+    )
+    low[count < FEWEST] = high[count < FEWEST] = np.nan
+    varying = np.flatnonzero((count >= FEWEST) & (spread > 0))
+    if varying.size:
+        # Deviations rather than values, for the accuracy of sums.
+        drawn = _resampled_means(deviations[:, varying], valid[:, varying], resamples, seed)
+        offsets = _bca(deviations[:, varying], count[varying], drawn, confidence)
+        low[varying] += offsets[0]
+        high[varying] += offsets[1]
+    return Intervals(mean, low, high, resamples)
+
+
+def _columns(columns: Array, valid: Array) -> zip[tuple[Array, Array]]:
+    return zip(columns.T, valid.T, strict=True)
+
+
+def _resampled_means(values: Array, valid: Array, resamples: int, seed: int) -> Array:
+    """Means over resampled runs, ``(resamples, columns)``."""
+    runs = len(values)
+    complete = bool(valid.all())
+    generator = np.random.Generator(np.random.PCG64DXSM(seed))
+    at_once = max(1, _CHUNK // runs)
+    means = []
+    for start in range(0, resamples, at_once):
+        rows = min(at_once, resamples - start)
+        draws = generator.integers(runs, size=(rows, runs)) + runs * np.arange(rows)[:, None]
+        times_drawn = np.bincount(draws.ravel(), minlength=rows * runs).reshape(rows, runs)
+        weights = times_drawn.astype(float)
+        number = float(runs) if complete else weights @ valid
+        with np.errstate(invalid="ignore", divide="ignore"):
+            means.append(weights @ values / number)
+    return np.concatenate(means)
+
+
+def _bca(deviations: Array, count: Array, drawn: Array, confidence: float) -> Array:
+    """Lower and upper ends relative to the mean, ``(2, columns)``."""
+    cubes, squares = (deviations**3).sum(axis=0), (deviations**2).sum(axis=0)
+    acceleration = cubes / (6 * squares**1.5)
+    below = (drawn < 0).mean(axis=0) + (drawn == 0).mean(axis=0) / 2
+    edge = 0.5 / len(drawn)
+    bias = ndtri(np.clip(below, edge, 1 - edge))
+    tail = (1 - confidence) / 2
+    ends = np.empty((2, deviations.shape[1]))
+    for end, level in zip(ends, (tail, 1 - tail), strict=True):
+        shifted = bias + np.sqrt(count / (count - 1)) * stdtrit(count - 1, level)
+        levels = ndtr(bias + shifted / (1 - acceleration * shifted))
+        for column in range(len(end)):
+            some = drawn[:, column]
+            end[column] = np.quantile(some[np.isfinite(some)], levels[column])
+    return ends

@@ -1,0 +1,235 @@
+"""The comparison of a result's controllers: what is measured, between whom, and what follows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from eqt_cli.analysis.comparison.claims import AtMost, Less, claim_sets
+from eqt_cli.analysis.comparison.measures import Measure
+from eqt_cli.analysis.comparison.pairs import Level, Pair, statistics
+from eqt_cli.analysis.comparison.samples import Samples, Source
+from eqt_cli.analysis.comparison.verdicts import (
+    Judgement,
+    applicable,
+    judge_at_most,
+    judge_less,
+    measured_by,
+)
+from eqt_cli.analysis.comparison.windows import WHOLE, Window
+from eqt_cli.core.errors import EqtError
+from eqt_cli.store.reader import Results
+
+CONFIDENCE, RESAMPLES, SEED = 0.95, 9999, 0
+
+_Key = tuple[str, Window]
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What `compare` found.
+
+    Attributes
+    ----------
+    title, group, labels, runs
+        Of the result; runs per controller.
+    kinds
+        The kind of each controller, by label.
+    failed
+        Failed runs of each controller, by label.
+    horizon
+        s.
+    levels, pairs
+        One row per measure and controller, and per measure and pair of controllers.
+    judgements
+        One row per claim and measure; empty where no claim applies.
+    missing
+        What could not be computed, and why.
+    confidence, resamples, seed
+        Of the bootstrap.
+    """
+
+    title: str
+    group: str
+    labels: list[str]
+    runs: int
+    kinds: dict[str, str]
+    failed: dict[str, int]
+    horizon: float
+    levels: list[Level]
+    pairs: list[Pair]
+    judgements: list[Judgement]
+    missing: list[str]
+    confidence: float
+    resamples: int
+    seed: int
+
+
+def compare(
+    results: Results,
+    *,
+    metrics: Sequence[str] = (),
+    windows: Sequence[Window] = (),
+    point: int | None = None,
+    confidence: float = CONFIDENCE,
+    resamples: int = RESAMPLES,
+    seed: int = SEED,
+) -> Comparison:
+    """Compare the controllers of a result, run by run on the same initial states.
+
+    Parameters
+    ----------
+    results
+        Open.
+    metrics
+        Names of measures; a choice of all there are if empty. Claims are tested on theirs anyway.
+    windows
+        Over which measures that have windows are taken; each its own if empty.
+    point
+        Position along the sweep, for a result of one.
+    confidence
+        Of every interval by itself; they do not hold all at once.
+    resamples, seed
+        Of the bootstrap.
+
+    Raises
+    ------
+    EqtError
+        If a metric or window does not exist, the result holds too little, or it is a sweep and no
+        point was chosen.
+    """
+    if not 0 < confidence < 1:
+        raise EqtError(f"confidence {confidence:g}: expected a number between 0 and 1, as 0.95")
+    if resamples < 1:
+        raise EqtError(f"resamples {resamples}: expected at least 1")
+    source = Source(results, point)
+    chosen = _chosen(source, metrics, windows)
+    claimed = _claimed(source)
+    wanted: dict[_Key, Measure] = {}
+    for measure, window in [*chosen, *claimed]:
+        wanted.setdefault((measure.name, window.within(source.times)), measure)
+    samples = {key: source.samples(measure, key[1]) for key, measure in wanted.items()}
+    found = statistics(
+        list(samples.values()),
+        source.labels,
+        source.good,
+        confidence=confidence,
+        resamples=resamples,
+        seed=seed,
+    )
+    shown = {(measure.name, window.within(source.times)) for measure, window in chosen}
+    failed = (~source.good).sum(axis=1)
+    return Comparison(
+        title=str(results.attributes.get("title", results.path.parent.name)),
+        group=str(results.attributes.get("group", "")),
+        labels=source.labels,
+        runs=source.runs,
+        kinds=source.kinds,
+        failed=dict(zip(source.labels, map(int, failed), strict=True)),
+        horizon=float(source.times[-1] - source.times[0]),
+        levels=[level for level in found.levels if _key(level.samples) in shown],
+        pairs=[pair for pair in found.pairs if _key(pair.samples) in shown],
+        judgements=_judgements(source, samples, found.pairs, confidence),
+        missing=[*_uncut(chosen, windows), *_missing(source)],
+        confidence=confidence,
+        resamples=found.resamples,
+        seed=seed,
+    )
+
+
+def _key(samples: Samples) -> _Key:
+    return samples.measure.name, samples.window
+
+
+def _chosen(
+    source: Source, metrics: Sequence[str], windows: Sequence[Window]
+) -> list[tuple[Measure, Window]]:
+    if not metrics and not windows:
+        return source.defaults()
+    names = metrics or list(dict.fromkeys(measure.name for measure, _ in source.defaults()))
+    chosen = []
+    for name in names:
+        measure = source.measure(name)
+        if measure.windowed:
+            over = [w for w in windows or (WHOLE,) if metrics or source.covers(measure, w)]
+        else:
+            over = [WHOLE]
+        chosen += [(measure, window) for window in over]
+    return chosen
+
+
+def _by_kind(source: Source) -> dict[str, str]:
+    """The first controller of every kind."""
+    found: dict[str, str] = {}
+    for label in source.labels:
+        found.setdefault(source.kinds.get(label, label), label)
+    return found
+
+
+def _claimed(source: Source) -> list[tuple[Measure, Window]]:
+    """What the claims about these controllers are measured by."""
+    kinds = _by_kind(source)
+    found: list[tuple[Measure, Window]] = []
+    for _, claim in applicable(claim_sets.all(), list(kinds)):
+        for row in claim.rows:
+            if isinstance(row, Less):
+                found += measured_by(source, row)
+            elif row.measure in source.measures:
+                found.append((source.measures[row.measure], WHOLE))
+    return found
+
+
+def _judgements(
+    source: Source, samples: dict[_Key, Samples], pairs: Sequence[Pair], confidence: float
+) -> list[Judgement]:
+    kinds = _by_kind(source)
+    by_names = {(_key(pair.samples), pair.first, pair.second): pair for pair in pairs}
+
+    def pair_of(key: _Key, first: str, second: str) -> Pair:
+        found = by_names.get((key, first, second))
+        return found or by_names[(key, second, first)].turned()
+
+    rows = []
+    for origin, claim in applicable(claim_sets.all(), list(kinds)):
+        for row in claim.rows:
+            if not set(row.kinds) <= set(kinds):
+                continue
+            if isinstance(row, AtMost):
+                if row.measure not in source.measures:
+                    continue
+                label = kinds[row.kind]
+                some = samples[row.measure, WHOLE.within(source.times)]
+                index = source.labels.index(label)
+                rows.append(judge_at_most(origin, claim.says, row, some, index, label, confidence))
+                continue
+            for measure, window in measured_by(source, row):
+                key = measure.name, window.within(source.times)
+                pair = pair_of(key, kinds[row.lesser], kinds[row.greater])
+                rows.append(judge_less(origin, claim.says, pair))
+    return rows
+
+
+def _uncut(chosen: Sequence[tuple[Measure, Window]], windows: Sequence[Window]) -> list[str]:
+    """Which measures the chosen windows do not apply to."""
+    names = [measure.name for measure, _ in chosen if not measure.windowed] if windows else []
+    if not names:
+        return []
+    verb = "are numbers" if len(names) > 1 else "is a number"
+    return [f"Windows do not apply to {', '.join(names)}, which {verb} of a whole run."]
+
+
+def _missing(source: Source) -> list[str]:
+    """What this result cannot tell, in sentences."""
+    stored = len(source.stored_runs)
+    if stored == 0:
+        return [
+            "No trajectories are stored, so only stored metrics are compared: no other windows, no "
+            "parts of norms, no integral that is not among them, and no test that L never rises. "
+            "Set store.trajectories to all for these."
+        ]
+    if stored < source.runs:
+        return [
+            f"Trajectories are stored of the first {stored} of {source.runs} runs; numbers that "
+            "take trajectories are about those."
+        ]
+    return []

@@ -1,0 +1,130 @@
+"""Quantities, units and numbers as text, plain or for LaTeX; it knows no table."""
+
+from __future__ import annotations
+
+import math
+import re
+from abc import ABC, abstractmethod
+
+from eqt_cli.analysis.comparison.measures import Measure
+from eqt_cli.analysis.comparison.windows import Window
+
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_LATEX_SPECIAL = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    **{character: "\\" + character for character in "&%$#_{}"},
+}
+
+
+class Notation(ABC):
+    """How the cells of a table are written."""
+
+    @abstractmethod
+    def text(self, words: str) -> str:
+        """Words, such as a label that a user chose."""
+
+    @abstractmethod
+    def symbol(self, measure: Measure) -> str:
+        """A measure."""
+
+    @abstractmethod
+    def unit(self, unit: str) -> str:
+        """A unit; nothing for a pure number."""
+
+    @abstractmethod
+    def window(self, window: Window) -> str:
+        """A window in seconds."""
+
+    @abstractmethod
+    def number(self, text: str) -> str:
+        """A number that is formatted already."""
+
+    def interval(self, mean: float, low: float, high: float) -> str:
+        """A mean with its interval, to two digits of its half width."""
+        digits = decimals((high - low) / 2, mean)
+        ends = f"{fixed(low, digits)}, {fixed(high, digits)}"
+        centre = self.number(fixed(mean, digits))
+        return f"{centre} [{self.number(ends)}]" if math.isfinite(low) else centre
+
+    def spread(self, mean: float, low: float, high: float) -> str:
+        """A mean with half the width of its interval."""
+        half = (high - low) / 2
+        digits = decimals(half, mean)
+        if not math.isfinite(half):
+            return self.number(fixed(mean, digits))
+        return f"{self.number(fixed(mean, digits))} {self.plus_minus} {fixed(half, digits)}"
+
+    plus_minus = "±"
+
+
+class Plain(Notation):
+    """For terminals and HTML."""
+
+    def text(self, words: str) -> str:
+        return words
+
+    def symbol(self, measure: Measure) -> str:
+        return measure.symbol
+
+    def unit(self, unit: str) -> str:
+        if unit in ("", "1"):
+            return ""
+        return re.sub(r"\^(-?\d+)", lambda match: match[1].translate(_SUPERSCRIPTS), unit)
+
+    def window(self, window: Window) -> str:
+        return f"{window.start:g}–{window.stop:g} s"
+
+    def number(self, text: str) -> str:
+        return text
+
+
+class Latex(Notation):
+    """For LaTeX, with packages booktabs and amsmath."""
+
+    plus_minus = r"$\pm$"
+
+    def text(self, words: str) -> str:
+        escaped = "".join(_LATEX_SPECIAL.get(character, character) for character in words)
+        for plain, symbol in (("‖", r"$\|$"), ("−", "$-$"), ("τ", r"$\tau$")):
+            escaped = escaped.replace(plain, symbol)
+        return escaped
+
+    def symbol(self, measure: Measure) -> str:
+        return f"${measure.latex}$"
+
+    def unit(self, unit: str) -> str:
+        if unit in ("", "1"):
+            return ""
+        if unit == "mixed":
+            return "mixed"
+        return rf"$\mathrm{{{unit.replace(' ', chr(92) + ',')}}}$"
+
+    def window(self, window: Window) -> str:
+        return rf"{window.start:g}--{window.stop:g}\,s"
+
+    def number(self, text: str) -> str:
+        return re.sub(r"-(?=\d)", "$-$", text)
+
+
+def decimals(half_width: float, mean: float = 0.0) -> int:
+    """Decimal places that show two digits of the half width of an interval.
+
+    Without one, they show three digits of the mean.
+    """
+    if math.isfinite(half_width) and half_width > 0:
+        return min(12, max(0, 1 - math.floor(math.log10(half_width))))
+    if math.isfinite(mean) and mean != 0:
+        return min(12, max(0, 2 - math.floor(math.log10(abs(mean)))))
+    return 3
+
+
+def fixed(value: float, digits: int) -> str:
+    """A number with so many decimal places, scientific where those would be many; - if none."""
+    if not math.isfinite(value):
+        return "-"
+    if digits > 6:
+        return f"{value:.1e}"
+    text = f"{value:.{digits}f}"
+    return text.removeprefix("-") if float(text) == 0 else text

@@ -1,0 +1,221 @@
+"""Statistics of one controller, and of two on the same initial states; it knows no claim."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from eqt_cli.analysis.comparison.bootstrap import FEWEST, Intervals, intervals_of_means
+from eqt_cli.analysis.comparison.power import runs_to_decide
+from eqt_cli.analysis.comparison.samples import Samples
+from eqt_cli.core.arrays import Array
+
+RESOLUTION = 1e-6
+"""Relative difference of two runs below which they count as equal: laws that are the same on some
+group, such as EqT and GT on a commutative one, still differ by rounding and solver error."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """A measure of one controller.
+
+    Attributes
+    ----------
+    samples, controller
+        What of whom.
+    runs
+        Good runs with a value.
+    censored
+        Those of them whose value lies beyond the horizon, which stands for it.
+    failed, undefined
+        Runs that failed, and good ones that have no value.
+    mean, low, high
+        The mean over runs and its interval.
+    deviation, median
+        Standard deviation and median over runs.
+    """
+
+    samples: Samples
+    controller: str
+    runs: int
+    censored: int
+    failed: int
+    undefined: int
+    mean: float
+    low: float
+    high: float
+    deviation: float
+    median: float
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A measure of two controllers, run by run on the same initial states.
+
+    Attributes
+    ----------
+    samples, first, second
+        What of whom; differences are first minus second.
+    pairs
+        Runs in which both have a value.
+    censored
+        Pairs in which one value or both lie beyond the horizon, which stands for them.
+    failed, undefined
+        Runs left out because one of the two failed, or has no value.
+    difference, low, high
+        Mean of the differences and its interval.
+    mean_first, mean_second
+        Means over the pairs.
+    cohen_d
+        Mean over standard deviation of the differences.
+    superiority
+        The share of pairs in which the first is better; ties count half.
+    runs_to_decide
+        Runs that would tell the difference from 0, as `power.runs_to_decide`; None from fewer
+        than `bootstrap.FEWEST` pairs, whose spread says little.
+    """
+
+    samples: Samples
+    first: str
+    second: str
+    pairs: int
+    censored: int
+    failed: int
+    undefined: int
+    difference: float
+    low: float
+    high: float
+    mean_first: float
+    mean_second: float
+    cohen_d: float
+    superiority: float
+    runs_to_decide: int | None
+
+    @property
+    def relative(self) -> float:
+        """The difference over the mean of the second."""
+        return self.difference / self.mean_second if self.mean_second else float("nan")
+
+    def turned(self) -> Pair:
+        """The same with the two exchanged."""
+        return replace(
+            self,
+            first=self.second,
+            second=self.first,
+            difference=-self.difference,
+            low=-self.high,
+            high=-self.low,
+            mean_first=self.mean_second,
+            mean_second=self.mean_first,
+            cohen_d=-self.cohen_d,
+            superiority=1 - self.superiority,
+        )
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """All levels and pairs, in the order of the measures, and how many resamples there were."""
+
+    levels: list[Level]
+    pairs: list[Pair]
+    resamples: int
+
+
+def statistics(
+    measured: Sequence[Samples],
+    labels: Sequence[str],
+    good: Array,
+    *,
+    confidence: float,
+    resamples: int,
+    seed: int,
+) -> Statistics:
+    """Levels of all controllers and differences of all pairs of them.
+
+    All are resampled together: resample k draws the same runs for every number in the tables.
+    """
+    couples = list(combinations(range(len(labels)), 2))
+    columns = np.concatenate(
+        [
+            np.stack([*s.values, *(_differences(s, a, b) for a, b in couples)], axis=1)
+            for s in measured
+        ],
+        axis=1,
+    )
+    intervals = intervals_of_means(columns, confidence=confidence, resamples=resamples, seed=seed)
+    ends = iter(_rows(intervals))
+    levels, pairs = [], []
+    for s in measured:
+        levels += [_level(s, c, label, good, next(ends)) for c, label in enumerate(labels)]
+        pairs += [_pair(s, a, b, labels, good, confidence, next(ends)) for a, b in couples]
+    return Statistics(levels, pairs, intervals.resamples)
+
+
+_Row = tuple[float, float, float]
+
+
+def _rows(found: Intervals) -> Iterator[_Row]:
+    for mean, low, high in zip(found.mean, found.low, found.high, strict=True):
+        yield float(mean), float(low), float(high)
+
+
+def _level(s: Samples, c: int, label: str, good: Array, row: _Row) -> Level:
+    values = s.values[c][np.isfinite(s.values[c])]
+    failed = int(np.count_nonzero(~good[c, : s.runs]))
+    return Level(
+        s,
+        label,
+        len(values),
+        int(np.count_nonzero(s.censored[c])),
+        failed,
+        s.runs - failed - len(values),
+        *row,
+        deviation=_deviation(values),
+        median=float(np.median(values)) if len(values) else float("nan"),
+    )
+
+
+def _pair(
+    s: Samples, a: int, b: int, labels: Sequence[str], good: Array, confidence: float, row: _Row
+) -> Pair:
+    both = np.isfinite(s.values[a]) & np.isfinite(s.values[b])
+    differences = _differences(s, a, b)[both]
+    failed = int(np.count_nonzero(~(good[a] & good[b])[: s.runs]))
+    deviation, mean = _deviation(differences), row[0]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        cohen_d = float(np.float64(mean) / deviation)
+    better = -differences if not s.measure.more_is_better else differences
+    superiority = _mean((better > 0) + (better == 0) / 2)
+    return Pair(
+        s,
+        labels[a],
+        labels[b],
+        len(differences),
+        int(np.count_nonzero((s.censored[a] | s.censored[b]) & both)),
+        failed,
+        s.runs - failed - len(differences),
+        *row,
+        mean_first=_mean(s.values[a][both]),
+        mean_second=_mean(s.values[b][both]),
+        cohen_d=cohen_d,
+        superiority=superiority,
+        runs_to_decide=runs_to_decide(cohen_d, confidence) if both.sum() >= FEWEST else None,
+    )
+
+
+def _differences(s: Samples, a: int, b: int) -> Array:
+    """First minus second, run by run; 0 where they differ by less than solvers can tell."""
+    first, second = s.values[a], s.values[b]
+    equal = np.abs(first - second) <= RESOLUTION * np.maximum(np.abs(first), np.abs(second))
+    return np.where(equal, 0.0, first - second)
+
+
+def _mean(values: Array) -> float:
+    return float(np.mean(values)) if len(values) else float("nan")
+
+
+def _deviation(values: Array) -> float:
+    return float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")

@@ -1,0 +1,94 @@
+"""A comparison as plain data with full precision, for JSON and CSV; it knows no file."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from eqt_cli.analysis.comparison.compare import Comparison
+from eqt_cli.analysis.comparison.pairs import Level, Pair
+from eqt_cli.analysis.comparison.samples import Samples
+from eqt_cli.analysis.comparison.verdicts import Judgement
+
+Record = dict[str, Any]
+
+
+def controller_records(comparison: Comparison) -> list[Record]:
+    """One record per measure and controller."""
+    return [_level(level) for level in comparison.levels]
+
+
+def pair_records(comparison: Comparison) -> list[Record]:
+    """One record per measure and pair of controllers; differences are first minus second."""
+    return [_pair(pair) for pair in comparison.pairs]
+
+
+def claim_records(comparison: Comparison) -> list[Record]:
+    """One record per claim and measure."""
+    return [_judgement(judgement) for judgement in comparison.judgements]
+
+
+def _what(samples: Samples) -> Record:
+    return {
+        "metric": samples.measure.name,
+        "window_start": samples.window.start,
+        "window_stop": samples.window.stop,
+        "units": samples.unit,
+    }
+
+
+def _level(level: Level) -> Record:
+    return {
+        **_what(level.samples),
+        "controller": level.controller,
+        "runs": level.runs,
+        "failed": level.failed,
+        "undefined": level.undefined,
+        "censored": level.censored,
+        "mean": level.mean,
+        "low": level.low,
+        "high": level.high,
+        "standard_deviation": level.deviation,
+        "median": level.median,
+    }
+
+
+def _pair(pair: Pair) -> Record:
+    return {
+        **_what(pair.samples),
+        "first": pair.first,
+        "second": pair.second,
+        "pairs": pair.pairs,
+        "failed": pair.failed,
+        "undefined": pair.undefined,
+        "censored": pair.censored,
+        "difference": pair.difference,
+        "low": pair.low,
+        "high": pair.high,
+        "relative": pair.relative,
+        "cohen_d": pair.cohen_d,
+        "first_better": pair.superiority,
+        "runs_to_decide": pair.runs_to_decide,
+    }
+
+
+def _judgement(judgement: Judgement) -> Record:
+    common = {
+        "source": judgement.source,
+        "claim": judgement.says,
+        "verdict": str(judgement.verdict),
+        "runs_to_decide": judgement.runs_to_decide,
+    }
+    if judgement.pair is not None:
+        pair = _pair(judgement.pair)
+        pair.pop("runs_to_decide")
+        return {**common, "statement": "first is less than second", **pair}
+    assert judgement.samples is not None
+    return {
+        **common,
+        "statement": judgement.statement,
+        **_what(judgement.samples),
+        "first": judgement.controller,
+        "pairs": judgement.runs,
+        "held": judgement.held,
+        "low": judgement.low,
+    }

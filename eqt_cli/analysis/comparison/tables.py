@@ -1,0 +1,236 @@
+"""A comparison as tables of text: per controller, per pair, claims; it knows no output format."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+
+from eqt_cli.analysis.comparison.bootstrap import FEWEST
+from eqt_cli.analysis.comparison.compare import Comparison
+from eqt_cli.analysis.comparison.notation import Notation
+from eqt_cli.analysis.comparison.pairs import Pair
+from eqt_cli.analysis.comparison.power import POWER
+from eqt_cli.analysis.comparison.samples import Samples
+from eqt_cli.analysis.comparison.verdicts import Judgement
+
+TABLES = ("controllers", "pairs", "claims")
+
+FEW = 10
+"""Pairs below which intervals are rough."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """Rows under a common heading, which may be empty."""
+
+    title: str
+    rows: list[list[str]]
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """A table.
+
+    Attributes
+    ----------
+    name
+        One of `TABLES`.
+    caption
+        What it shows, in a sentence.
+    header
+        One heading per column.
+    sections
+        The rows.
+    notes
+        What a reader must know to read it.
+    """
+
+    name: str
+    caption: str
+    header: list[str]
+    sections: list[Section]
+    notes: list[str] = field(default_factory=list)
+
+
+def sheets(
+    comparison: Comparison, notation: Notation, against: Sequence[str] = ()
+) -> dict[str, Sheet]:
+    """All tables by name; those without rows are left out.
+
+    Parameters
+    ----------
+    against
+        Show only the pairs with one of these controllers; all if empty.
+    """
+    made = [
+        _controllers(comparison, notation),
+        _pairs(comparison, notation, against),
+        _claims(comparison, notation),
+    ]
+    return {sheet.name: sheet for sheet in made if sheet.sections}
+
+
+def _controllers(comparison: Comparison, write: Notation) -> Sheet:
+    rows = []
+    notes = []
+    for _, found in groupby(comparison.levels, key=lambda level: id(level.samples)):
+        levels = list(found)
+        here = levels[0].samples
+        rows.append(
+            [*_measure(here, write), *(write.spread(x.mean, x.low, x.high) for x in levels)]
+        )
+        censored = [f"{level.controller} {level.censored}" for level in levels if level.censored]
+        if censored:
+            notes.append(
+                f"{here.measure.symbol}: runs still unsettled at {here.window.stop:g} s count as "
+                f"{here.window.stop:g} s ({', '.join(censored)}), so this is the mean time "
+                "restricted to the horizon."
+            )
+        undefined = [f"{level.controller} {level.undefined}" for level in levels if level.undefined]
+        if undefined:
+            notes.append(
+                f"{here.measure.symbol}: good runs without a value: {', '.join(undefined)}."
+            )
+    failed = [f"{label} {count}" for label, count in comparison.failed.items() if count]
+    if failed:
+        notes.append(f"Failed runs, left out: {', '.join(failed)}.")
+    caption = (
+        f"Means over {_runs_each(comparison)}; "
+        f"{write.plus_minus} half the {_level_name(comparison, write)} interval"
+    )
+    labels = [write.text(label) for label in comparison.labels]
+    header = ["measure", "window", "unit", *labels]
+    return Sheet(
+        "controllers", caption, header, [Section("", rows)] if rows else [], _plain(notes, write)
+    )
+
+
+def _pairs(comparison: Comparison, write: Notation, against: Sequence[str]) -> Sheet:
+    position = {label: index for index, label in enumerate(comparison.labels)}
+
+    def names(pair: Pair) -> tuple[str, str]:
+        return pair.first, pair.second
+
+    def order(pair: Pair) -> tuple[int, int]:
+        return position[pair.first], position[pair.second]
+
+    shown = [p for p in comparison.pairs if not against or set(names(p)) & set(against)]
+    sections = []
+    for (first, second), found in groupby(sorted(shown, key=order), key=names):
+        rows = [_pair_row(pair, write) for pair in found]
+        sections.append(Section(write.text(f"{first} − {second}"), rows))
+    caption = (
+        f"Paired differences on the same initial states, with {_level_name(comparison, write)} "
+        "intervals"
+    )
+    header = [
+        "measure",
+        "window",
+        "unit",
+        "difference",
+        "relative",
+        "d",
+        "P(better)",
+        "pairs",
+        "runs to decide",
+    ]
+    return Sheet("pairs", caption, header, sections, _plain(_pair_notes(comparison, shown), write))
+
+
+def _pair_row(pair: Pair, write: Notation) -> list[str]:
+    return [
+        *_measure(pair.samples, write),
+        write.interval(pair.difference, pair.low, pair.high),
+        _relative(pair, write),
+        write.number(_two(pair.cohen_d)),
+        _two(pair.superiority),
+        str(pair.pairs),
+        _runs(pair.runs_to_decide),
+    ]
+
+
+def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
+    notes = [
+        "d: mean over standard deviation of the paired differences (Cohen). P(better): share of "
+        "runs in which the first controller is the better one, ties half.",
+        f"Runs to decide: for which an interval leaves out 0 with probability {POWER:g}, if mean "
+        "and spread are as measured. Intervals hold one by one, not all at once.",
+    ]
+    failed = max((pair.failed for pair in shown), default=0)
+    if failed:
+        notes.append(f"Runs in which either controller failed are left out (at most {failed}).")
+    fewest = min((pair.pairs for pair in shown), default=FEW)
+    if fewest < FEW:
+        notes.append(
+            f"Intervals from fewer than {FEW} pairs are rough, and there are none from fewer than "
+            f"{FEWEST}; here are {fewest}."
+        )
+    return notes
+
+
+def _claims(comparison: Comparison, write: Notation) -> Sheet:
+    sections = []
+    for says, found in groupby(comparison.judgements, key=lambda judgement: judgement.says):
+        rows = [_claim_row(judgement, write) for judgement in found]
+        sections.append(Section(write.text(f"“{says}”"), rows))
+    sources = dict.fromkeys(judgement.source for judgement in comparison.judgements)
+    caption = f"Claims of {write.text('; '.join(sources))}, at {_runs_each(comparison)}"
+    header = ["measured", "window", "found", "verdict", "runs to decide"]
+    notes = [
+        "Differences below 0 support a claim: supported, when the whole interval lies below 0; not "
+        "supported, when it lies above; undecided, when it holds 0. A claim on every run takes "
+        "enough runs without exception to speak for 95 % of all initial states."
+    ]
+    return Sheet("claims", caption, header, sections, _plain(notes, write))
+
+
+def _claim_row(judgement: Judgement, write: Notation) -> list[str]:
+    if judgement.pair is None:
+        assert judgement.samples is not None
+        what = write.text(f"{judgement.controller}: {judgement.statement}")
+        found = f"in {judgement.held} of {judgement.runs} runs"
+        window = write.window(judgement.samples.window)
+    else:
+        pair = judgement.pair
+        symbol = write.symbol(pair.samples.measure)
+        what = f"{symbol}: {write.text(f'{pair.first} − {pair.second}')}"
+        interval = write.interval(pair.difference, pair.low, pair.high)
+        found = " ".join(filter(None, [interval, write.unit(pair.samples.unit)]))
+        found += f" ({_relative(pair, write)})"
+        window = write.window(pair.samples.window)
+    return [what, window, found, str(judgement.verdict), _runs(judgement.runs_to_decide)]
+
+
+def _measure(samples: Samples, write: Notation) -> list[str]:
+    return [
+        write.symbol(samples.measure),
+        write.window(samples.window),
+        write.unit(samples.unit),
+    ]
+
+
+def _relative(pair: Pair, write: Notation) -> str:
+    if pair.relative != pair.relative:
+        return "-"
+    return write.number(f"{100 * pair.relative:+.1f}") + write.text(" %")
+
+
+def _level_name(comparison: Comparison, write: Notation) -> str:
+    return write.text(f"{100 * comparison.confidence:g} % bootstrap")
+
+
+def _runs_each(comparison: Comparison) -> str:
+    return f"{comparison.runs} run{'s' if comparison.runs > 1 else ''} per controller"
+
+
+def _two(value: float) -> str:
+    return f"{value:.2f}" if value == value else "-"
+
+
+def _runs(runs: int | None) -> str:
+    return "-" if runs is None else str(runs)
+
+
+def _plain(notes: Sequence[str], write: Notation) -> list[str]:
+    return [write.text(note) for note in notes]

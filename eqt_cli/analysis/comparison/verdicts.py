@@ -1,0 +1,126 @@
+"""Claims against measurements; it knows no single claim and no table."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from scipy.special import betaincinv
+
+from eqt_cli.analysis.comparison.claims import AtMost, Claim, ClaimSet, Less
+from eqt_cli.analysis.comparison.measures import Measure
+from eqt_cli.analysis.comparison.pairs import Pair
+from eqt_cli.analysis.comparison.power import SHARE, runs_without_exception
+from eqt_cli.analysis.comparison.samples import Samples, Source
+from eqt_cli.analysis.comparison.windows import Window
+
+
+class Verdict(StrEnum):
+    """What the runs say of a claim."""
+
+    SUPPORTED = "supported"
+    NOT_SUPPORTED = "not supported"
+    UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """A row of a claim, measured.
+
+    Attributes
+    ----------
+    source, says
+        Who says it, in which words.
+    pair
+        The controllers and the differences, for a claim that one has less than the other.
+    samples, controller
+        The measure and whose it is, for a claim on every run.
+    statement
+        Such a claim in words.
+    held, runs
+        Runs in which it held, of those with a value.
+    low
+        Lower end of the one-sided interval for the share of runs in which it holds.
+    verdict
+        For the number of runs at hand.
+    runs_to_decide
+        Runs that would decide, if all stays as measured; None where no number would.
+    """
+
+    source: str
+    says: str
+    verdict: Verdict
+    runs_to_decide: int | None
+    pair: Pair | None = None
+    samples: Samples | None = None
+    controller: str = ""
+    statement: str = ""
+    held: int = 0
+    runs: int = 0
+    low: float = float("nan")
+
+
+def applicable(sets: Sequence[type[ClaimSet]], kinds: Sequence[str]) -> Iterator[tuple[str, Claim]]:
+    """Every claim with at least one row about controllers that are there, and its source."""
+    for found in sets:
+        for claim in found.claims:
+            if any(set(row.kinds) <= set(kinds) for row in claim.rows):
+                yield found.source, claim
+
+
+def measured_by(source: Source, row: Less) -> list[tuple[Measure, Window]]:
+    """The measures that a row needs of a result; nothing if it cannot be tested there."""
+    return [
+        (measure, row.window)
+        for measure in source.split(row.measure)
+        if source.covers(measure, row.window)
+        and not (row.rotation_only and not source.is_rotation(measure))
+    ]
+
+
+def judge_less(source: str, says: str, pair: Pair) -> Judgement:
+    """Whether the first of a pair has less than the second.
+
+    Supported where the whole interval lies below 0, not supported where none of it does, and
+    undecided between.
+    """
+    if pair.high < 0:
+        verdict = Verdict.SUPPORTED
+    elif pair.low >= 0 and not pair.low == pair.high == 0:
+        verdict = Verdict.NOT_SUPPORTED
+    else:
+        verdict = Verdict.UNDECIDED
+    return Judgement(source, says, verdict, pair.runs_to_decide, pair=pair)
+
+
+def judge_at_most(
+    source: str, says: str, row: AtMost, samples: Samples, index: int, label: str, confidence: float
+) -> Judgement:
+    """Whether a bound holds in every run.
+
+    Not supported by a single exception; supported when the runs without one are enough to say that
+    at least 95 % of all initial states have none (exact binomial interval of Clopper and Pearson).
+    """
+    values = samples.values[index]
+    values = values[np.isfinite(values)]
+    held, runs = int(np.count_nonzero(values <= row.bound)), len(values)
+    low = float(betaincinv(held, runs - held + 1, 1 - confidence)) if held else 0.0
+    if held < runs:
+        verdict = Verdict.NOT_SUPPORTED
+    else:
+        verdict = Verdict.SUPPORTED if low >= SHARE else Verdict.UNDECIDED
+    needed = runs_without_exception(confidence)
+    return Judgement(
+        source,
+        says,
+        verdict,
+        needed,
+        samples=samples,
+        controller=label,
+        statement=row.statement,
+        held=held,
+        runs=runs,
+        low=low,
+    )

@@ -1,0 +1,327 @@
+"""What notebooks and scripts use: load, run, open, compare; it must not know the command line.
+
+Everything here is also an attribute of `eqt_cli` itself.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, overload
+
+from eqt_cli.analysis.comparison import Comparison, Window
+from eqt_cli.analysis.comparison import compare as compare_results
+from eqt_cli.analysis.comparison.compare import CONFIDENCE, RESAMPLES, SEED
+from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.experiment import yaml_source
+from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.execute import execute
+from eqt_cli.experiment.run import Progress
+from eqt_cli.experiment.source import ConfigSource, read_config
+from eqt_cli.store.reader import Results
+from eqt_cli.store.reader import open_results as open_arrays
+
+if TYPE_CHECKING:
+    import xarray
+
+Configuration = str | os.PathLike[str] | Mapping[str, Any]
+"""A YAML file, a result whose configuration to use, or the configuration itself."""
+
+
+@dataclass(frozen=True)
+class LoadedExperiment:
+    """A checked experiment, ready to run.
+
+    Attributes
+    ----------
+    experiment
+        Its groups, laws, gains and distributions.
+    source
+        The configuration as it was given.
+    """
+
+    experiment: Experiment
+    source: ConfigSource
+
+    @property
+    def name(self) -> str:
+        """Its name, and that of its folder under ``results/``."""
+        return self.experiment.name
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """The configuration with every default written out."""
+        return self.experiment.resolved
+
+    @property
+    def controllers(self) -> list[str]:
+        """The labels of its controllers."""
+        return list(self.experiment.loops)
+
+    def __repr__(self) -> str:
+        runs = self.experiment.config.ensemble.runs
+        return (
+            f"<experiment {self.name} on {self.experiment.group.name}: {runs} runs of "
+            f"{', '.join(self.controllers)}>"
+        )
+
+
+@dataclass(frozen=True)
+class StoredResult(os.PathLike[str]):
+    """A finished result in its folder; it stands for its path wherever one is expected.
+
+    Attributes
+    ----------
+    path
+        The folder.
+    runs, failed
+        Runs over all controllers, and those that failed.
+    was_complete
+        The folder held this very experiment already, so nothing was run.
+    seconds
+        Wall time by stage, s.
+    """
+
+    path: Path
+    runs: int
+    failed: int
+    was_complete: bool
+    seconds: Mapping[str, float]
+
+    def __fspath__(self) -> str:
+        return str(self.path)
+
+    @cached_property
+    def data(self) -> xarray.Dataset:
+        """The result as an xarray Dataset, which reads from the file when values are asked for."""
+        return open_results(self, "xarray")
+
+    def __repr__(self) -> str:
+        failed = f", {self.failed} failed" if self.failed else ""
+        return f"<result {self.path}: {self.runs} runs{failed}>"
+
+
+def load_experiment(
+    config: Configuration,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    trust_plugins: bool = False,
+) -> LoadedExperiment:
+    """Read and check a configuration.
+
+    Parameters
+    ----------
+    config
+        A YAML file, a result folder or file (its stored configuration), or the configuration as a
+        mapping.
+    overrides
+        Values by key, as ``{"gains.kp": 2, "ensemble.runs": 50}``; NumPy arrays are taken as lists.
+    trust_plugins
+        Execute plugin sources that are stored in a result file.
+
+    Returns
+    -------
+    LoadedExperiment
+        To be given to `run`.
+
+    Raises
+    ------
+    ConfigError
+        With every problem, each at its place.
+    EqtError
+        If there is no such file.
+    """
+    keys = list(overrides or {})
+    given = [f"{key}={_flow(value)}" for key, value in (overrides or {}).items()]
+    try:
+        if isinstance(config, Mapping):
+            source = _from_mapping(config, given)
+        else:
+            source = read_config(Path(config), given)
+        source.overrides = {path: _named(place, keys) for path, place in source.overrides.items()}
+        return LoadedExperiment(build(source, trust_plugins=trust_plugins), source)
+    except ConfigError as error:
+        named = (replace(p, place=_named(p.place, keys)) for p in error.problems)
+        raise ConfigError(named) from None
+
+
+def run(
+    experiment: LoadedExperiment | Configuration,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    force: bool = False,
+    workers: int = 1,
+    progress: Progress = lambda runs: None,
+) -> StoredResult:
+    """Run an experiment, and keep its result in a folder.
+
+    A folder that already holds the finished result of the same experiment is left as it is.
+
+    Parameters
+    ----------
+    experiment
+        From `load_experiment`, or what that takes.
+    out
+        The result folder; ``results/<name>`` if not given.
+    force
+        Start over, removing what the folder holds.
+    workers
+        Cores to use.
+    progress
+        Called with the number of runs that are done since the last call, in fractions.
+
+    Raises
+    ------
+    EqtError
+        If the folder holds another experiment, or cannot be written. Runs that fail do not raise:
+        see `StoredResult.failed`.
+    """
+    loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
+    folder = Path("results") / loaded.name if out is None else Path(out)
+    outcome = execute(
+        loaded.experiment, loaded.source, folder, force=force, progress=progress, workers=workers
+    )
+    return StoredResult(
+        outcome.folder.path, outcome.runs, outcome.failed, outcome.was_complete, outcome.seconds
+    )
+
+
+@overload
+def open_results(path: str | os.PathLike[str], kind: Literal["xarray"]) -> xarray.Dataset: ...
+@overload
+def open_results(path: str | os.PathLike[str], kind: Literal["arrays"]) -> Results: ...
+@overload
+def open_results(path: str | os.PathLike[str], kind: None = None) -> xarray.Dataset | Results: ...
+
+
+def open_results(
+    path: str | os.PathLike[str], kind: Literal["xarray", "arrays"] | None = None
+) -> xarray.Dataset | Results:
+    """Open a result, after checking that its file is safe to read.
+
+    Parameters
+    ----------
+    path
+        The result folder, or the file in it.
+    kind
+        ``"xarray"`` for an `xarray.Dataset`, ``"arrays"`` for eqt's own reader, which needs nothing
+        installed; if not given, the first where xarray is installed, and else the second.
+
+    Returns
+    -------
+    xarray.Dataset or Results
+        Both read values when they are asked for, and are closed by a ``with`` block.
+
+    Raises
+    ------
+    ResultError
+        If there is no such result, or its file is damaged or not safe.
+    EqtError
+        If an `xarray.Dataset` is asked for and the extra ``xarray`` is not installed.
+    """
+    if kind not in (None, "xarray", "arrays"):
+        raise EqtError(f"kind {kind!r}: expected 'xarray', 'arrays' or None")
+    if kind == "arrays":
+        return open_arrays(Path(path))
+    if find_spec("xarray") is None or find_spec("h5netcdf") is None:
+        if kind is None:
+            return open_arrays(Path(path))
+        raise EqtError(
+            "xarray is not installed; install eqt-cli[xarray], or open with kind='arrays'"
+        )
+    import xarray
+
+    with open_arrays(Path(path)) as checked:
+        file = checked.path
+    return xarray.open_dataset(file, engine="h5netcdf")
+
+
+def compare(
+    result: str | os.PathLike[str],
+    metrics: Sequence[str] = (),
+    windows: Sequence[str | Window] = (),
+    *,
+    point: int | None = None,
+    confidence: float = CONFIDENCE,
+    resamples: int = RESAMPLES,
+    seed: int = SEED,
+) -> Comparison:
+    """Compare the controllers of a result, run by run on the same initial states.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    metrics
+        Names of what to compare, as ``eqt compare RESULT --list`` shows them; a choice if empty.
+    windows
+        Over which seconds, as ``"0:5"``.
+    point
+        Position along the sweep, for a result of one.
+    confidence, resamples, seed
+        Of the bootstrap.
+
+    Raises
+    ------
+    EqtError
+        If the result has no such metric or window.
+    """
+    parsed = [w if isinstance(w, Window) else Window.parse(w) for w in windows]
+    with open_arrays(Path(result)) as results:
+        return compare_results(
+            results,
+            metrics=metrics,
+            windows=parsed,
+            point=point,
+            confidence=confidence,
+            resamples=resamples,
+            seed=seed,
+        )
+
+
+def _from_mapping(config: Mapping[str, Any], overrides: Sequence[str]) -> ConfigSource:
+    """A configuration out of Python, by way of its text, so that it is judged like any other."""
+    import tempfile
+
+    text = yaml_source.dump(json.loads(_flow({"name": "experiment", **config})))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "config.yaml"
+        path.write_text(text, encoding="utf-8")
+        source = read_config(path, overrides)
+    source.source = yaml_source.load(text, "config")
+    source.folder = Path.cwd()
+    return source
+
+
+def _flow(value: Any) -> str:
+    """A value as YAML on one line; JSON is YAML."""
+    try:
+        return json.dumps(value, default=_listed)
+    except TypeError as error:
+        raise EqtError(
+            f"{value!r}: a configuration holds numbers, text, lists and mappings"
+        ) from error
+
+
+def _listed(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    raise TypeError
+
+
+def _named(place: str, keys: Sequence[str]) -> str:
+    """The place of an override as Python has it: ``overrides['gains.kp']``."""
+    for index, key in enumerate(keys):
+        start = f"--set[{index}]"
+        if place.startswith(start):
+            return f"overrides[{key!r}]" + place.removeprefix(start)
+    return place

@@ -1,0 +1,70 @@
+"""`eqt animate`: one run of a result as a moving picture."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from eqt_cli.cli import options
+
+
+class Format(StrEnum):
+    """Files that are written."""
+
+    GIF = "gif"
+    HTML = "html"
+
+
+def animate(
+    result: Annotated[
+        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
+    ],
+    run: Annotated[
+        int, typer.Option("--run", metavar="K", help="Number of the run, counted from 0.")
+    ] = 0,
+    controller: Annotated[
+        list[str] | None,
+        typer.Option("--controller", metavar="LABEL", help="Show this one only; may be repeated."),
+    ] = None,
+    format: Annotated[
+        list[Format] | None,
+        typer.Option("--format", help="What to write; may be repeated; default: both."),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option("--seconds", min=0.2, max=120, help="How long the GIF lasts.")
+    ] = 8.0,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="DIR", help="Folder; default: RESULT/figures."),
+    ] = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Show one run: bodies against the reference frame, error and torque as they go."""
+    from eqt_cli.cli.output import print_json, say
+    from eqt_cli.plots.animation import gif
+    from eqt_cli.plots.save import write
+    from eqt_cli.report.animation import animation
+    from eqt_cli.store.reader import open_results
+
+    wanted = dict.fromkeys(format or Format)
+    contents = {}
+    with open_results(result) as results:
+        folder = out or results.path.parent / "figures"
+        for one in wanted:
+            path = folder / f"run{run}.{one}"
+            if one is Format.HTML:
+                contents[path] = animation(results, run, controller or ()).encode()
+            else:
+                if not quiet:
+                    say("drawing the pictures of the GIF takes some seconds")
+                contents[path] = gif(results, run, controller or (), seconds=seconds)
+    write(contents)
+    if json:
+        print_json({"files": [str(path) for path in contents]})
+    else:
+        for path, content in contents.items():
+            print(f"animation  {path}  ({len(content) / 1e6:.1f} MB)")

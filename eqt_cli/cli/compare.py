@@ -1,0 +1,197 @@
+"""`eqt compare`: paired statistics of a result, and what a paper claims."""
+
+from __future__ import annotations
+
+import textwrap
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eqt_cli.cli import options
+
+if TYPE_CHECKING:
+    from eqt_cli.analysis.comparison import Comparison
+    from eqt_cli.store.reader import Results
+
+
+class Format(StrEnum):
+    """How tables are printed."""
+
+    TEXT = "text"
+    CSV = "csv"
+    LATEX = "latex"
+
+
+class Table(StrEnum):
+    """Which table is printed."""
+
+    CONTROLLERS = "controllers"
+    PAIRS = "pairs"
+    CLAIMS = "claims"
+
+
+def compare(
+    result: Annotated[
+        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
+    ],
+    metric: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--metric", "-m", metavar="NAME", help="What to compare, see --list; may be repeated."
+        ),
+    ] = None,
+    window: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--window",
+            "-w",
+            metavar="A:B",
+            help="Over which seconds, as 0:5 or 5: or : for all; may be repeated.",
+        ),
+    ] = None,
+    against: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--against",
+            metavar="LABEL",
+            help="Show pairs with this controller only; may be repeated.",
+        ),
+    ] = None,
+    table: Annotated[Table | None, typer.Option("--table", help="Print this table only.")] = None,
+    format: Annotated[Format, typer.Option("--format", help="How to print it.")] = Format.TEXT,
+    point: Annotated[
+        int | None, typer.Option("--point", metavar="K", help="Point of a sweep, counted from 0.")
+    ] = None,
+    confidence: Annotated[
+        float, typer.Option("--confidence", help="Of every interval by itself.")
+    ] = 0.95,
+    resamples: Annotated[
+        int, typer.Option("--resamples", metavar="N", help="Of the bootstrap.")
+    ] = 9999,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap.")] = 0,
+    list_: Annotated[
+        bool, typer.Option("--list", help="List what this result can be compared by.")
+    ] = False,
+    json: options.Json = False,
+) -> None:
+    """Compare controllers run by run, with intervals, and test what the paper claims."""
+    from eqt_cli.analysis.comparison import Window
+    from eqt_cli.analysis.comparison import compare as compare_results
+    from eqt_cli.cli.output import print_json
+    from eqt_cli.store.reader import open_results
+
+    windows = [Window.parse(text) for text in window or ()]
+    with open_results(result) as results:
+        if list_:
+            _print_metrics(results, json)
+            return
+        comparison = compare_results(
+            results,
+            metrics=metric or (),
+            windows=windows,
+            point=point,
+            confidence=confidence,
+            resamples=resamples,
+            seed=seed,
+        )
+    _check_labels(comparison, against or ())
+    if json:
+        print_json(_document(comparison, result))
+    elif format is Format.CSV:
+        _print_csv(comparison, table or Table.PAIRS)
+    else:
+        _print_sheets(comparison, table, against or (), format)
+
+
+def _print_metrics(results: Results, json: bool) -> None:
+    from eqt_cli.analysis.comparison.notation import Plain
+    from eqt_cli.analysis.comparison.samples import Source
+    from eqt_cli.cli.output import print_json, table
+
+    point = 0 if "point" in results.dimensions else None
+    write = Plain()
+    rows = [
+        [measure.name, write.symbol(measure), "any" if measure.windowed else "whole run"]
+        for measure in Source(results, point).measures.values()
+    ]
+    header = ["metric", "is", "window"]
+    if json:
+        print_json([dict(zip(header, row, strict=True)) for row in rows])
+    else:
+        print(table(header, rows))
+
+
+def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None:
+    from eqt_cli.core.errors import EqtError, suggestion
+
+    for label in labels:
+        if label not in comparison.labels:
+            hint = suggestion(label, comparison.labels)
+            hint = hint or f"; the result holds: {', '.join(comparison.labels)}"
+            raise EqtError(f"--against: no controller '{label}'{hint}")
+
+
+def _document(comparison: Comparison, path: Path) -> dict[str, object]:
+    from eqt_cli.analysis.comparison import records
+
+    return {
+        "path": str(path),
+        "title": comparison.title,
+        "group": comparison.group,
+        "controllers": comparison.kinds,
+        "runs": comparison.runs,
+        "failed": comparison.failed,
+        "horizon": comparison.horizon,
+        "bootstrap": {
+            "method": "expanded BCa",
+            "confidence": comparison.confidence,
+            "resamples": comparison.resamples,
+            "seed": comparison.seed,
+        },
+        "levels": records.controller_records(comparison),
+        "pairs": records.pair_records(comparison),
+        "claims": records.claim_records(comparison),
+        "missing": comparison.missing,
+    }
+
+
+def _print_csv(comparison: Comparison, table: Table) -> None:
+    from eqt_cli.analysis.comparison import records
+    from eqt_cli.cli.sheets import as_csv
+
+    of = {
+        Table.CONTROLLERS: records.controller_records,
+        Table.PAIRS: records.pair_records,
+        Table.CLAIMS: records.claim_records,
+    }
+    print(as_csv(of[table](comparison)))
+
+
+def _print_sheets(
+    comparison: Comparison, table: Table | None, against: list[str] | tuple[()], format: Format
+) -> None:
+    from eqt_cli.analysis.comparison.notation import Latex, Plain
+    from eqt_cli.analysis.comparison.tables import sheets
+    from eqt_cli.cli.output import say
+    from eqt_cli.cli.sheets import as_latex, as_text
+
+    # A table of every pair of many controllers is long: without a wish, pairs with the first one.
+    chosen = against or ((), comparison.labels[:1])[table is None and format is Format.TEXT]
+    notation = Latex() if format is Format.LATEX else Plain()
+    made = sheets(comparison, notation, chosen)
+    shown = [made[name] for name in ([table] if table else made) if name in made]
+    print("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
+    for sentence in comparison.missing:
+        say(textwrap.fill(sentence, 100))
+    if not shown:
+        say(f"nothing to show: {_why_empty(comparison)}")
+    elif table is None and len(comparison.labels) > 2 and not against and format is Format.TEXT:
+        say("next: --table pairs shows every pair, --list what else there is to compare")
+
+
+def _why_empty(comparison: Comparison) -> str:
+    if len(comparison.labels) < 2:
+        return "the result holds one controller, so there are no pairs"
+    return "no claim is known about these controllers"

@@ -1,0 +1,41 @@
+"""`eqt report`: a result as one HTML page."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from eqt_cli.cli import options
+
+
+def report(
+    result: Annotated[
+        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", metavar="FILE", help="The page; default: RESULT/report.html."),
+    ] = None,
+    figure: Annotated[
+        list[str] | None,
+        typer.Option("--figure", metavar="NAME", help="Figure to show; may be repeated."),
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Write one self-contained HTML page: figures, comparison, every run, provenance."""
+    from eqt_cli.cli.output import print_json
+    from eqt_cli.plots.save import write
+    from eqt_cli.report import report as make_page
+    from eqt_cli.report.figures import DEFAULT, named
+    from eqt_cli.store.reader import open_results
+
+    with open_results(result) as results:
+        page = make_page(results, named(figure) if figure else DEFAULT).encode()
+        path = out or results.path.parent / "report.html"
+    write({path: page})
+    if json:
+        print_json({"report": str(path), "bytes": len(page)})
+    else:
+        print(f"report   {path}  ({len(page) / 1e6:.1f} MB)")

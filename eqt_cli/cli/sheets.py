@@ -1,0 +1,82 @@
+"""Tables of text as terminals, LaTeX and spreadsheets take them; it knows no command."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import textwrap
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from eqt_cli.analysis.comparison.tables import Sheet
+
+_NUMBER = re.compile(r"[-+$]*\d[\d.]*( \\?%)?")
+_NOTE_WIDTH = 100
+
+
+def as_text(sheet: Sheet) -> str:
+    """For a terminal: caption, columns under their headings, sections, notes."""
+    from eqt_cli.cli.output import columns
+
+    titled = any(section.title for section in sheet.sections)
+    indent = "  " if titled else ""
+    rows = [row for section in sheet.sections for row in section.rows]
+    header, rule, *lines = columns(sheet.header, rows)
+    out = [sheet.caption, "", indent + header, indent + rule]
+    remaining = iter(lines)
+    for section in sheet.sections:
+        if section.title:
+            out.append(section.title)
+        out += [indent + next(remaining) for _ in section.rows]
+    if sheet.notes:
+        out += ["", *(textwrap.fill(note, _NOTE_WIDTH) for note in sheet.notes)]
+    return "\n".join(out)
+
+
+def as_latex(sheet: Sheet) -> str:
+    """A `tabular` of the package booktabs, with the caption and the notes as comments."""
+    numeric = [_is_numeric(column) for column in zip(*_all_rows(sheet), strict=True)]
+    layout = "".join("r" if right else "l" for right in numeric)
+    lines = [f"% {sheet.caption}", rf"\begin{{tabular}}{{{layout}}}", r"\toprule"]
+    lines.append(_latex_row([_latex_heading(heading) for heading in sheet.header]))
+    for section in sheet.sections:
+        lines.append(r"\midrule")
+        if section.title:
+            width = len(sheet.header)
+            lines.append(rf"\multicolumn{{{width}}}{{l}}{{{section.title}}} \\")
+        lines += [_latex_row(row) for row in section.rows]
+    lines += [r"\bottomrule", r"\end{tabular}", *(f"% {note}" for note in sheet.notes)]
+    return "\n".join(lines)
+
+
+def as_csv(records: Sequence[Mapping[str, Any]]) -> str:
+    """Comma-separated values with a line of names; missing ones are empty."""
+    names = list(dict.fromkeys(name for record in records for name in record))
+    stream = io.StringIO()
+    writer = csv.DictWriter(stream, names, lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({k: _csv_cell(v) for k, v in record.items()} for record in records)
+    return stream.getvalue().rstrip("\n")
+
+
+def _csv_cell(value: Any) -> Any:
+    missing = value is None or (isinstance(value, float) and value != value)
+    return "" if missing else value
+
+
+def _latex_row(cells: Iterable[str]) -> str:
+    return " & ".join(cells) + r" \\"
+
+
+def _latex_heading(text: str) -> str:
+    return {"d": "$d$", "P(better)": r"$P(\text{better})$"}.get(text, text)
+
+
+def _all_rows(sheet: Sheet) -> list[list[str]]:
+    return [row for section in sheet.sections for row in section.rows]
+
+
+def _is_numeric(column: Iterable[str]) -> bool:
+    return all(_NUMBER.fullmatch(cell) for cell in column if cell not in ("", "-"))

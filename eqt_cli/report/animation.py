@@ -1,0 +1,96 @@
+"""One run as a page that plays it: bodies against the reference, error and torque as they go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+
+from eqt_cli import __version__
+from eqt_cli.core.arrays import Array
+from eqt_cli.plots.motion import Course, Motion, motion
+from eqt_cli.plots.scene import AZIMUTH, ELEVATION, FACES, corners
+from eqt_cli.report.curves import SIGNALS, looks
+from eqt_cli.report.document import TEMPLATES, environment
+from eqt_cli.store.reader import Results
+
+SAMPLES = 401
+"""Samples of the run that the page holds, at most; it interpolates between them."""
+
+
+def animation(results: Results, run: int, controllers: Sequence[str] = ()) -> str:
+    """The page; it needs no network and no other file.
+
+    Parameters
+    ----------
+    run, controllers
+        As in `motion`.
+
+    Raises
+    ------
+    EqtError
+        If the run cannot be shown; see `motion`.
+    """
+    shown = motion(results, run, controllers)
+    css, js = ("report.css", "animation.css"), "animation.js"
+    return (
+        environment()
+        .get_template("animation.html.j2")
+        .render(
+            version=__version__,
+            title=str(results.attributes.get("title", results.path.parent.name)),
+            group=str(results.attributes.get("group", "")),
+            labels=[ensemble.title for ensemble in shown.ensembles],
+            run=run,
+            samples=len(shown.times),
+            data=_document(shown, results),
+            css=Markup("".join((TEMPLATES / name).read_text(encoding="utf-8") for name in css)),
+            js=Markup((TEMPLATES / js).read_text(encoding="utf-8")),
+        )
+    )
+
+
+def _document(shown: Motion, results: Results) -> dict[str, Any]:
+    kept = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
+    styles = looks([str(label) for label in results.coordinate("controller")])
+    return {
+        "run": shown.run,
+        "times": _rounded(shown.times[kept]),
+        "controllers": [styles[ensemble.index] for ensemble in shown.ensembles],
+        "bodies": [
+            _course(Course(shown.body.rotation[c], shown.body.position[c]), kept, shown)
+            for c in range(len(shown.ensembles))
+        ],
+        "reference": _course(shown.reference, kept, shown),
+        "moves": shown.has_translation,
+        "length": shown.length,
+        "extent": shown.extent,
+        "centre": _rounded(shown.centre),
+        "view": [float(AZIMUTH), float(ELEVATION)],
+        "corners": corners().tolist(),
+        "faces": [list(face) for face in FACES],
+        "panels": [
+            {
+                "name": SIGNALS[name.partition("_rotation")[0]],
+                "unit": "" if unit == "1" else unit,
+                "curves": [_rounded(curve[kept]) for curve in values],
+            }
+            for name, unit, values in (
+                (shown.error_name, shown.error_unit, shown.error),
+                (shown.torque_name, shown.torque_unit, shown.torque),
+            )
+        ],
+    }
+
+
+def _course(course: Course, kept: Array, shown: Motion) -> dict[str, Any]:
+    flat = course.rotation[kept].reshape(len(kept), 9)
+    places = [_rounded(place) for place in course.position[kept]] if shown.has_translation else []
+    return {"rotation": [_rounded(row) for row in flat], "position": places}
+
+
+def _rounded(values: Array) -> list[float | None]:
+    """Four decimals or digits, which no eye tells apart; None where there is no number."""
+    return [float(f"{v:.4g}") if np.isfinite(v) else None for v in values]

@@ -1,0 +1,120 @@
+"""A result as one HTML page that needs no network and no other file."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from eqt_cli import __version__
+from eqt_cli.analysis.comparison import compare
+from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.tables import Sheet, sheets
+from eqt_cli.core.errors import EqtError
+from eqt_cli.report.curves import curves
+from eqt_cli.report.facts import facts
+from eqt_cli.report.figures import DEFAULT, Wanted, inline_figures
+from eqt_cli.report.runs import run_table
+from eqt_cli.store.reader import Results
+
+_NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
+"""A number, perhaps with a percent sign, a spread or an interval."""
+
+_NORM = re.compile("‖[^‖]*‖")
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+def report(results: Results, wanted: Sequence[Wanted] = DEFAULT) -> str:
+    """The page.
+
+    Equal results give equal pages: it holds no date but those of the result.
+
+    Parameters
+    ----------
+    results
+        Open.
+    wanted
+        The figures; those that cannot be drawn of this result are left out, with a remark.
+
+    Raises
+    ------
+    EqtError
+        If the result is a sweep.
+    """
+    if "point" in results.dimensions:
+        raise EqtError(f"{results.path}: is a sweep; a report is about one experiment")
+    drawn, remarks = inline_figures(results, wanted)
+    comparison = compare(results)
+    made = sheets(comparison, Plain())
+    picker = curves(results)
+    page = environment().get_template("report.html.j2")
+    return page.render(
+        version=__version__,
+        facts=facts(results),
+        figures=[{"key": f.key, "svg": Markup(f.svg), "caption": f.caption} for f in drawn],
+        remarks=remarks,
+        claims=_table(made.get("claims")),
+        levels=_table(made.get("controllers")),
+        pairs=_table(made.get("pairs")),
+        missing=comparison.missing,
+        picker=picker,
+        table=run_table(results),
+        css=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),
+        js=Markup((TEMPLATES / "report.js").read_text(encoding="utf-8")),
+    )
+
+
+def environment() -> Environment:
+    """Where templates are found, and how they are filled in: everything is escaped."""
+    made = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    made.filters["typeset"] = _typeset
+    return made
+
+
+def _typeset(text: str) -> Markup:
+    """The paper's symbols with their subscripts; all else is only escaped."""
+    escaped = str(escape(text))
+    for symbol in ("Q_E", "V_d"):
+        letter, index = symbol.split("_")
+        escaped = re.sub(rf"\b{symbol}\b", f"{letter}<sub>{index}</sub>", escaped)
+    return Markup(_NORM.sub(lambda norm: norm[0].replace(" ", "\u00a0"), escaped))
+
+
+def _table(sheet: Sheet | None) -> dict[str, Any] | None:
+    """A sheet for the page: minus signs as such, and which columns are numbers."""
+    if sheet is None:
+        return None
+    columns = list(zip(*(row for part in sheet.sections for row in part.rows), strict=True))
+    return {
+        "caption": sheet.caption,
+        "header": sheet.header,
+        "numeric": [all(_is_numeric(cell) for cell in column) for column in columns],
+        "sections": [
+            {"title": part.title, "rows": [[_minus(cell) for cell in row] for row in part.rows]}
+            for part in sheet.sections
+        ],
+        "notes": sheet.notes,
+    }
+
+
+def _is_numeric(cell: str) -> bool:
+    return cell in ("", "-") or _NUMBER.fullmatch(cell) is not None
+
+
+def _minus(cell: str) -> str:
+    """A hyphen before a digit is a minus sign."""
+    return "".join(
+        "−" if c == "-" and cell[i + 1 : i + 2].isdigit() and not cell[i - 1 : i].isalnum() else c
+        for i, c in enumerate(cell)
+    )

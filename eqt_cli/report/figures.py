@@ -1,0 +1,171 @@
+"""Figures as SVG inside an HTML page; it knows no single figure beyond its name and options."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+from xml.etree import ElementTree
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.core.registry import summary
+from eqt_cli.plots import figures
+from eqt_cli.plots.render import figure_from
+from eqt_cli.plots.save import encode
+from eqt_cli.store.reader import Results
+
+LARGEST = 700_000
+"""Characters of SVG that one figure may have; what is larger is left out, with a remark."""
+
+_SVG, _XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
+_NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_REFERENCE = re.compile(r"url\(#([^)]+)\)")
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A figure to show.
+
+    Attributes
+    ----------
+    name, options
+        As `eqt plot` takes them.
+    caption
+        What there is to see; the figure's own summary if empty.
+    """
+
+    name: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    caption: str = ""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A figure as it stands in the page.
+
+    Attributes
+    ----------
+    key
+        Unique in the page; a prefix of every identifier in the SVG.
+    svg
+        The element `<svg>`, which takes its ink from the colour of the text around it.
+    caption
+        Below it.
+    """
+
+    key: str
+    svg: str
+    caption: str
+
+
+DEFAULT = (
+    Wanted(
+        "paper",
+        {"bands": "quantiles"},
+        "Means over runs of pose error, velocity error, torque and Lyapunov function L, as in "
+        "Figure 3 of the paper. Shaded: from the 10 % to the 90 % quantile over runs.",
+    ),
+    Wanted("paper", {"log": True}, "The same means; errors and L on a logarithmic scale."),
+    Wanted(
+        "torque",
+        {},
+        "Components of the torque in the body frame: mean over runs, the range from the 10 % to "
+        "the 90 % quantile, and the torque of the reference.",
+    ),
+    Wanted("distributions"),
+)
+"""What a report shows unless told otherwise, as far as there are such figures."""
+
+
+def inline_figures(results: Results, wanted: Sequence[Wanted]) -> tuple[list[Drawn], list[str]]:
+    """The figures that can be drawn of a result, and remarks on the others."""
+    drawn, remarks = [], []
+    for number, figure in enumerate(wanted, start=1):
+        if figure.name not in figures.names():
+            continue
+        try:
+            drawn.append(_draw(results, figure, f"figure{number}"))
+        except EqtError as error:
+            remarks.append(str(error).removeprefix(f"{results.path}: "))
+    return drawn, remarks
+
+
+def named(names: Sequence[str]) -> list[Wanted]:
+    """Figures by name, with the captions they have by default.
+
+    Raises
+    ------
+    ComponentError
+        If there is no such figure.
+    """
+    known = {figure.name: figure for figure in reversed(DEFAULT)}
+    for name in names:
+        figures.get(name)
+    return [known.get(name, Wanted(name)) for name in names]
+
+
+def _draw(results: Results, wanted: Wanted, key: str) -> Drawn:
+    figure = figure_from(wanted.name, wanted.options)
+    text = encode(figure.draw(results, "page"), "svg")
+    caption = wanted.caption or summary(type(figure))
+    svg = inlined(text, key, caption)
+    if len(svg) > LARGEST:
+        raise EqtError(
+            f"figure '{wanted.name}' has too many curves for a page; "
+            f"`eqt plot {results.path.parent} --figure {wanted.name}` draws it"
+        )
+    return Drawn(key, svg, caption)
+
+
+def inlined(svg: bytes, key: str, label: str) -> str:
+    """An SVG file as an element of a page.
+
+    Identifiers become unique in the page, black becomes the colour of the text, white backgrounds
+    vanish, coordinates are rounded to a hundredth of a point, and a label says what is drawn.
+    """
+    root = ElementTree.fromstring(svg)
+    for parent in list(root.iter()):
+        for child in list(parent):
+            if child.tag.endswith("}metadata"):
+                parent.remove(child)
+    for element in root.iter():
+        element.tag = element.tag.removeprefix(f"{{{_SVG}}}")
+        for name, value in list(element.attrib.items()):
+            del element.attrib[name]
+            element.attrib[name.removeprefix(f"{{{_XLINK}}}")] = _adapted(name, value, key)
+    for name in ("width", "height", "version"):
+        root.attrib.pop(name, None)
+    root.attrib |= {"role": "img", "aria-label": label, "fill": "currentColor"}
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _adapted(name: str, value: str, key: str) -> str:
+    local = name.rpartition("}")[2]
+    if local == "id":
+        return f"{key}-{value}"
+    if local == "href" and value.startswith("#"):
+        return f"#{key}-{value[1:]}"
+    value = _REFERENCE.sub(rf"url(#{key}-\1)", value)
+    if local in ("d", "x", "y", "width", "height", "points"):
+        return _NUMBER.sub(lambda match: f"{float(match[0]):.2f}", value)
+    if local == "style":
+        return _recoloured(value)
+    return value
+
+
+def _recoloured(style: str) -> str:
+    return "; ".join(_declarations(style))
+
+
+def _declarations(style: str) -> Iterator[str]:
+    for declaration in style.split(";"):
+        name, _, value = (part.strip() for part in declaration.partition(":"))
+        if value in ("#000000", "black"):
+            value = "currentColor"
+        if name == "fill" and value in ("#ffffff", "white"):
+            value = "none"
+        if name == "stroke" and value == "#e2e2e2":  # the grid
+            value = "var(--grid, #e2e2e2)"
+        if name:
+            yield f"{name}: {value}"

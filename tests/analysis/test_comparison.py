@@ -1,0 +1,306 @@
+"""Comparisons of controllers on results whose numbers are known."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.analysis.comparison import Window, compare
+from eqt_cli.analysis.comparison.measures import decay_rate, largest_rise
+from eqt_cli.analysis.comparison.records import claim_records
+from eqt_cli.core.errors import EqtError
+
+RUNS = 40
+NOISE = np.random.default_rng(5).normal(size=RUNS)
+
+
+def only(rows):
+    (row,) = rows
+    return row
+
+
+@pytest.fixture
+def torques(make_result):
+    """Two controllers on equal initial states: gt takes 0.5 N m more, and a little by chance."""
+    low = 2 + NOISE
+    signals = {"torque_norm": make_result.constant(low, low + 0.5 + 0.01 * NOISE**2)}
+    return make_result(["eqt", "gt"], signals | {"lyapunov": signals["torque_norm"]})
+
+
+def test_pairs_are_differences_on_the_same_initial_states(torques):
+    pair = only(compare(torques, metrics=["mean_torque"]).pairs)
+    expected = -0.5 - 0.01 * (NOISE**2).mean()
+    assert pair.difference == pytest.approx(expected, rel=1e-12)
+    # The spread of each is 1; that of the differences is a hundredth of it.
+    assert pair.low < expected < pair.high < pair.low + 0.02
+    assert pair.relative == pytest.approx(expected / pair.mean_second, rel=1e-12)
+
+
+def test_effect_sizes(torques):
+    pair = only(compare(torques, metrics=["mean_torque"]).pairs)
+    differences = -0.5 - 0.01 * NOISE**2
+    assert pair.cohen_d == pytest.approx(differences.mean() / differences.std(ddof=1), rel=1e-9)
+    assert pair.superiority == 1.0
+
+
+def test_ties_count_half(make_result):
+    signals = {"torque_norm": make_result.constant([1, 1, 1, 1], [1, 1, 2, 0])}
+    results = make_result(["a", "b"], signals | {"lyapunov": signals["torque_norm"]})
+    assert only(compare(results, metrics=["mean_torque"]).pairs).superiority == 0.5
+
+
+def test_what_differs_by_rounding_is_equal(make_result):
+    low = 2 + NOISE
+    values = make_result.constant(low, low * (1 - 1e-9))
+    results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
+    comparison = compare(results, metrics=["mean_torque"])
+    pair = only(comparison.pairs)
+    assert (pair.difference, pair.low, pair.high, pair.superiority) == (0, 0, 0, 0.5)
+    assert pair.runs_to_decide is None
+    assert [j.verdict for j in comparison.judgements if j.pair] == ["undecided"]
+
+
+def test_more_of_a_rate_is_better(make_result):
+    fast, slow = np.exp(-2 * make_result.times), np.exp(-make_result.times)
+    results = make_result(["a", "b"], {"lyapunov": np.array([[fast] * 3, [slow] * 3])})
+    comparison = compare(results, metrics=["decay_rate"])
+    assert only(comparison.pairs).superiority == 1.0
+    assert [level.mean for level in comparison.levels] == pytest.approx([1.0, 0.5], rel=1e-12)
+
+
+def test_a_failed_run_takes_its_pair_along(make_result):
+    values = make_result.constant(np.arange(8.0), np.arange(8.0) + 1)
+    values[0, 3] = np.nan
+    status = np.zeros((2, 8))
+    status[0, 3] = status[1, 5] = 1
+    results = make_result(["a", "b"], {"torque_norm": values, "lyapunov": values}, status=status)
+    comparison = compare(results, metrics=["mean_torque"])
+    pair = only(comparison.pairs)
+    assert (pair.pairs, pair.failed, pair.undefined) == (6, 2, 0)
+    assert [level.runs for level in comparison.levels] == [7, 7]
+    assert comparison.failed == {"a": 1, "b": 1}
+    assert pair.difference == -1.0
+
+
+def test_runs_that_never_settle_count_as_the_horizon(make_result):
+    times = [[3.0, 4.0, np.nan, 5.0, np.nan, 6.0], [4.0, np.nan, np.nan, 4.0, 7.0, 7.0]]
+    results = make_result(["a", "b"], metrics={"settling_time": times})
+    comparison = compare(results, metrics=["settling_time"])
+    pair = only(comparison.pairs)
+    assert (pair.pairs, pair.censored, pair.undefined) == (6, 3, 0)
+    assert [level.censored for level in comparison.levels] == [2, 2]
+    assert comparison.levels[0].mean == pytest.approx((3 + 4 + 20 + 5 + 20 + 6) / 6)
+    # Earlier in three runs, later in two, and both beyond the horizon in one.
+    assert pair.superiority == pytest.approx(3.5 / 6)
+
+
+def test_a_failed_run_is_not_censored(make_result):
+    results = make_result(["a"], metrics={"settling_time": [[np.nan, 1.0]]}, status=[[1, 0]])
+    level = only(compare(results, metrics=["settling_time"]).levels)
+    assert (level.runs, level.failed, level.censored) == (1, 1, 0)
+
+
+def test_windows_cut_the_signals(make_result):
+    ramp = np.broadcast_to(make_result.times, (1, 6, 41)).copy()
+    results = make_result(["a"], {"torque_norm": ramp, "lyapunov": ramp})
+    windows = [Window(0, 5), Window(5, 10), Window(0.3, 1.1)]
+    levels = compare(results, metrics=["mean_torque"], windows=windows).levels
+    assert [level.mean for level in levels] == pytest.approx([2.5, 7.5, 0.7], rel=1e-12)
+
+
+def test_stored_metrics_are_used_where_they_are_the_same_number(make_result):
+    # The stored metric knows samples that the stored trajectories may have left out.
+    signals = {
+        "torque_norm": make_result.constant([1.0] * 6),
+        "lyapunov": make_result.constant([1] * 6),
+    }
+    results = make_result(["a"], signals, {"early_torque": [[7.0] * 6]})
+    windows = [Window(0, 5), Window(0, 4)]
+    levels = compare(results, metrics=["mean_torque"], windows=windows).levels
+    assert [level.mean for level in levels] == [7.0, 1.0]
+
+
+def test_results_without_trajectories_have_their_metrics(make_result):
+    metrics = {"early_torque": [[1.0] * 6, [2.0] * 6], "settling_time": [[1.0] * 6] * 2}
+    comparison = compare(make_result(["eqt", "gt"], metrics=metrics))
+    assert [level.samples.measure.name for level in comparison.levels[::2]] == [
+        "mean_torque",
+        "settling_time",
+    ]
+    assert comparison.missing == [
+        "No trajectories are stored, so only stored metrics are compared: no other windows, no "
+        "parts of norms, no integral that is not among them, and no test that L never rises. Set "
+        "store.trajectories to all for these."
+    ]
+    assert [judgement.verdict for judgement in comparison.judgements] == ["supported"]
+
+
+def test_another_window_takes_trajectories(make_result):
+    results = make_result(["eqt"], metrics={"early_torque": [[1.0] * 6]})
+    with pytest.raises(EqtError) as caught:
+        compare(results, metrics=["mean_torque"], windows=[Window(1, 2)])
+    assert str(caught.value) == (
+        f"{results.path}: cannot give mean_torque over 1:2 s: it takes the trajectories of "
+        "'torque_norm', which the result does not hold; set store.trajectories to all and run the "
+        "experiment again"
+    )
+
+
+def test_some_trajectories_of_many(make_result):
+    some = make_result.constant([1.0, 2, 3, 4, 5])
+    results = make_result(
+        ["a"], {"torque_norm": some, "lyapunov": some}, {"effort": [[9.0] * 8]}, stored=5
+    )
+    comparison = compare(results, metrics=["mean_torque", "effort"])
+    assert [level.runs for level in comparison.levels] == [5, 8]
+    assert comparison.missing == [
+        "Trajectories are stored of the first 5 of 8 runs; numbers that take trajectories are "
+        "about those."
+    ]
+
+
+def test_stored_metrics_of_any_name_can_be_compared(make_result):
+    results = make_result(["a"], metrics={"energy_residual": [[1e-9] * 6]})
+    assert only(compare(results, metrics=["energy_residual"]).levels).mean == 1e-9
+
+
+def test_unknown_metric(make_result):
+    results = make_result(["a"], metrics={"effort": [[1.0] * 6]})
+    with pytest.raises(EqtError, match=r"^unknown metric 'efort'; did you mean 'effort'\? known"):
+        compare(results, metrics=["efort"])
+
+
+def test_norms_with_mixed_units_are_compared_by_their_parts(make_result):
+    values = make_result.constant(1 + NOISE**2, 2 + NOISE**2)
+    names = ("torque_norm", "torque_norm_rotation", "torque_norm_translation")
+    units = dict(zip(names, ("mixed", "N m", "N"), strict=True))
+    results = make_result(
+        ["eqt", "gt"], dict.fromkeys(names, values) | {"lyapunov": values}, units=units
+    )
+    comparison = compare(results)
+    early = [level.samples for level in comparison.levels[::2]][:4]
+    assert [(s.measure.name, s.unit) for s in early if s.window.stop == 5] == [
+        ("mean_torque_rotation", "N m"),
+        ("mean_torque_translation", "N"),
+    ]
+    assert [(r["metric"], r["verdict"]) for r in claim_records(comparison) if "held" not in r] == [
+        ("mean_torque_rotation", "supported"),
+        ("mean_torque_translation", "supported"),
+    ]
+
+
+def test_claims_about_attitude_leave_translations_out(make_result):
+    values = make_result.constant(1 + NOISE**2, 2 + NOISE**2)
+    names = ("pose_error", "pose_error_rotation", "pose_error_translation")
+    results = make_result(["gt", "eqt"], dict.fromkeys(names, values) | {"lyapunov": values})
+    claimed = [r["metric"] for r in claim_records(compare(results)) if "held" not in r]
+    assert claimed == ["mean_pose_error_rotation"]
+
+
+@pytest.mark.parametrize(
+    ("shift", "verdict"), [(-0.5, "supported"), (0.5, "not supported"), (0.0, "undecided")]
+)
+def test_verdict_is_where_the_interval_lies(make_result, shift, verdict):
+    eqt = NOISE - NOISE.mean() + 4 + shift
+    values = make_result.constant(eqt, np.full(RUNS, 4.0))
+    results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
+    (claim,) = (r for r in claim_records(compare(results)) if r["metric"] == "mean_torque")
+    assert claim["claim"].startswith("the EqT control requires less control action")
+    assert claim["verdict"] == verdict
+
+
+def test_too_few_pairs_decide_nothing(make_result):
+    values = make_result.constant([1.0, 2, 3, 4], [2.0, 3.5, 4, 5])
+    results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
+    (claim,) = (r for r in claim_records(compare(results)) if r["metric"] == "mean_torque")
+    assert (claim["verdict"], claim["runs_to_decide"]) == ("undecided", None)
+    assert np.isnan(claim["low"])
+
+
+def test_claims_turn_pairs_as_they_need_them(make_result):
+    values = make_result.constant(NOISE**2 + 2, NOISE**2 + 1)
+    results = make_result(["gt", "eqt"], {"torque_norm": values, "lyapunov": values})
+    (claim,) = (r for r in claim_records(compare(results)) if r["metric"] == "mean_torque")
+    assert (claim["first"], claim["second"]) == ("eqt", "gt")
+    assert claim["difference"] == pytest.approx(-1, rel=1e-12)
+    assert claim["low"] <= claim["difference"] <= claim["high"]
+
+
+def test_claims_go_by_kind_and_not_by_label(make_result):
+    values = make_result.constant(NOISE**2 + 1, NOISE**2 + 2)
+    signals = {"torque_norm": values, "lyapunov": values}
+    results = make_result(["mine", "gt"], signals, kinds=["eqt", "gt"])
+    assert [r["first"] for r in claim_records(compare(results)) if "held" not in r] == ["mine"]
+
+
+def test_no_claims_about_other_controllers(make_result):
+    values = make_result.constant(NOISE**2 + 1, NOISE**2 + 2)
+    results = make_result(
+        ["eqt", "gt"], {"torque_norm": values, "lyapunov": values}, kinds=["a", "b"]
+    )
+    assert compare(results).judgements == []
+
+
+@pytest.mark.parametrize(
+    ("runs", "rising", "verdict"),
+    [(60, 0, "supported"), (58, 0, "undecided"), (60, 1, "not supported")],
+)
+def test_claims_on_every_run(make_result, runs, rising, verdict):
+    falling = np.exp(-make_result.times)
+    values = np.tile(falling, (1, runs, 1))
+    values[0, :rising, 5] = 1.1
+    (claim,) = claim_records(compare(make_result(["eqt"], {"lyapunov": values})))
+    assert (claim["verdict"], claim["held"]) == (verdict, runs - rising)
+
+
+def test_one_point_of_a_sweep(make_result):
+    effort = np.arange(24.0).reshape(3, 2, 4)
+    results = make_result(["a", "b"], metrics={"effort": effort}, points=3)
+    comparison = compare(results, metrics=["effort"], point=2)
+    assert [level.mean for level in comparison.levels] == [17.5, 21.5]
+
+
+def test_sweeps_need_a_point(make_result):
+    results = make_result(["a"], metrics={"effort": np.ones((3, 1, 4))}, points=3)
+    with pytest.raises(EqtError, match=r"is a sweep of 3 points; choose one of 0 to 2$"):
+        compare(results)
+
+
+def test_points_are_those_of_a_sweep(make_result):
+    results = make_result(["a"], metrics={"effort": [[1.0] * 6]})
+    with pytest.raises(EqtError, match=r"is no sweep, so it has no point to choose; leave it out$"):
+        compare(results, point=0)
+
+
+def test_windows_do_not_cut_what_is_of_whole_runs(make_result):
+    results = make_result(["a"], metrics={"settling_time": [[1.0] * 6]})
+    comparison = compare(results, metrics=["settling_time"], windows=[Window(0, 5)])
+    assert comparison.levels[0].samples.window == Window(0, 20)
+    assert comparison.missing[0] == (
+        "Windows do not apply to settling_time, which is a number of a whole run."
+    )
+
+
+def test_a_stranger_s_configuration_is_not_trusted(make_result):
+    results = make_result(["a"], metrics={"effort": [[1.0] * 6]}, kinds=["{" * 3000])
+    assert compare(results).kinds == {"a": "a"}
+
+
+def test_decay_rate_of_an_oscillating_decay():
+    times = np.linspace(0, 20, 401)
+    lyapunov = np.exp(-0.6 * times) * (1 + 0.1 * np.cos(7 * times))
+    # The oscillation moves the slope by its amplitude over the number of radians, 0.1/140.
+    assert decay_rate(times, lyapunov[None])[0] == pytest.approx(0.3, abs=1e-3)
+
+
+def test_decay_rate_stops_where_rounding_begins():
+    times = np.linspace(0, 100, 401)
+    lyapunov = np.maximum(np.exp(-2 * times), 1e-25)
+    assert decay_rate(times, lyapunov[None])[0] == pytest.approx(1.0, rel=1e-9)
+
+
+def test_no_decay_rate_of_nothing():
+    assert np.isnan(decay_rate(np.linspace(0, 1, 5), np.zeros((1, 5)))[0])
+
+
+def test_largest_rise_is_above_any_earlier_value():
+    lyapunov = np.array([[4.0, 2.0, 2.5, 1.0, 3.0, 0.0], [5.0, 4.0, 3.0, 2.0, 1.0, 0.0]])
+    assert np.array_equal(largest_rise(np.arange(6.0), lyapunov), [0.5, 0.0])

@@ -1,0 +1,132 @@
+"""`eqt compare` on the paper's experiment with fewer runs, as a user types it."""
+
+import csv
+import io
+import json
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture(scope="module")
+def compared(invoke, paper_result):
+    return invoke("compare", paper_result)
+
+
+def claim(invoke, paper_result, text):
+    document = json.loads(invoke("compare", paper_result, "--json").stdout)
+    return [row for row in document["claims"] if text in row["claim"]]
+
+
+def test_eqt_needs_less_control_action_than_gt_in_the_first_5_s(invoke, paper_result):
+    (row,) = claim(invoke, paper_result, "requires less control action")
+    assert (row["metric"], row["window_start"], row["window_stop"]) == ("mean_torque", 0, 5)
+    assert row["verdict"] == "supported"
+    # 0.23 N m in the paper's experiment; the interval of 60 runs is some 0.12 wide to each side.
+    assert row["difference"] == pytest.approx(-0.23, abs=0.12)
+    assert row["high"] < 0
+
+
+def test_eqt_tracks_attitude_slightly_slower_than_gt(invoke, paper_result):
+    (row,) = claim(invoke, paper_result, "slightly slower attitude tracking")
+    assert (row["metric"], row["window_stop"], row["first"]) == ("mean_pose_error", 20, "gt")
+    assert row["verdict"] == "supported"
+    # 0.10 in the paper's experiment; the interval of 60 runs is some 0.042 wide to each side.
+    assert row["difference"] == pytest.approx(-0.10, abs=0.042)
+    assert row["high"] < 0
+
+
+def test_superiority_is_measured_row_by_row(invoke, paper_result):
+    rows = claim(invoke, paper_result, "superior to the two approximations")
+    assert [(row["metric"], row["first"], row["second"]) for row in rows] == [
+        (metric, first, second)
+        for metric in ("mean_pose_error", "mean_torque")
+        for first in ("eqt", "gt")
+        for second in ("nog", "asym")
+    ]
+    verdicts = {(row["metric"], row["first"], row["second"]): row["verdict"] for row in rows}
+    assert verdicts["mean_pose_error", "eqt", "nog"] == "supported"
+    assert verdicts["mean_pose_error", "eqt", "asym"] == "not supported"
+
+
+def test_all_four_are_stabilising(invoke, paper_result):
+    rows = claim(invoke, paper_result, "stabilising")
+    assert [(row["first"], row["held"], row["verdict"]) for row in rows] == [
+        (label, 60, "supported") for label in ("eqt", "gt", "nog", "asym")
+    ]
+
+
+def test_tables_in_the_terminal(compared):
+    lines = compared.stdout.splitlines()
+    assert lines[0] == "Means over 60 runs per controller; ± half the 95 % bootstrap interval"
+    assert [line for line in lines if line.startswith("eqt −")] == [
+        "eqt − gt",
+        "eqt − nog",
+        "eqt − asym",
+    ]
+    assert "Claims of Hampsey et al. (2025), section 7, at 60 runs per controller" in lines
+
+
+def test_against_chooses_pairs(invoke, paper_result):
+    out = invoke("compare", paper_result, "--against", "gt", "--metric", "mean_torque").stdout
+    assert [line for line in out.splitlines() if line[:4] in ("eqt ", "gt −")] == [
+        "eqt − gt",
+        "gt − nog",
+        "gt − asym",
+    ]
+
+
+def test_against_an_unknown_controller(invoke, paper_result):
+    done = invoke("compare", paper_result, "--against", "asim", code=2)
+    assert done.stderr == "eqt: --against: no controller 'asim'; did you mean 'asym'?\n"
+
+
+def test_csv_has_full_precision(invoke, paper_result):
+    done = invoke(
+        "compare", paper_result, "--format", "csv", "--metric", "effort", "-w", "0:5", "-w", "5:"
+    )
+    rows = list(csv.DictReader(io.StringIO(done.stdout)))
+    assert [(row["window_start"], row["window_stop"]) for row in rows[::6]] == [
+        ("0.0", "5.0"),
+        ("5.0", "20.0"),
+    ]
+    document = json.loads(
+        invoke("compare", paper_result, "-m", "effort", "-w", "0:5", "--json").stdout
+    )
+    assert float(rows[0]["difference"]) == document["pairs"][0]["difference"]
+
+
+def test_latex_is_a_booktabs_table(invoke, paper_result):
+    out = invoke("compare", paper_result, "--format", "latex", "--table", "pairs").stdout
+    assert out.splitlines()[1:4] == [
+        r"\begin{tabular}{llllrrrrr}",
+        r"\toprule",
+        r"measure & window & unit & difference & relative & $d$ & $P(\text{better})$ & pairs & "
+        r"runs to decide \\",
+    ]
+    assert out.count(r"\midrule") == 6
+    assert "−" not in out.partition(r"\bottomrule")[0]
+
+
+def test_list_shows_what_can_be_compared(invoke, paper_result):
+    out = invoke("compare", paper_result, "--list").stdout
+    assert "decay_rate" in out and "energy_residual" in out
+    document = json.loads(invoke("compare", paper_result, "--list", "--json").stdout)
+    assert document[0] == {"metric": "mean_torque", "is": "mean ‖τ‖", "window": "any"}
+
+
+def test_intervals_narrow_with_confidence(invoke, paper_result):
+    def width(confidence):
+        out = invoke(
+            "compare", paper_result, "--json", "-m", "effort", "--confidence", confidence
+        ).stdout
+        level = json.loads(out)["levels"][0]
+        return level["high"] - level["low"]
+
+    # The ratio of normal quantiles, 1.645/1.960, up to the skewness of a mean of 60.
+    assert np.isclose(width("0.9") / width("0.95"), 0.839, atol=0.04)
+
+
+def test_confidence_is_a_share(invoke, paper_result):
+    done = invoke("compare", paper_result, "--confidence", "95", code=2)
+    assert done.stderr == "eqt: confidence 95: expected a number between 0 and 1, as 0.95\n"

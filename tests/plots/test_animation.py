@@ -1,0 +1,91 @@
+"""Runs as moving pictures: what moves, and what the files hold."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.animation import gif
+from eqt_cli.plots.motion import MOST_CONTROLLERS, motion
+from eqt_cli.plots.scene import FACES, block, camera, corners, flat, tips
+from eqt_cli.store.reader import open_results
+
+
+@pytest.fixture(scope="module")
+def results(paper_result):
+    with open_results(paper_result) as opened:
+        yield opened
+
+
+def test_motion_is_that_of_the_result(results):
+    shown = motion(results, 7, ["gt", "eqt"])
+    assert [ensemble.label for ensemble in shown.ensembles] == ["eqt", "gt"]
+    assert np.array_equal(shown.body.rotation[1], results.read("pose", controller=1, run=7))
+    assert np.array_equal(shown.torque[0], results.read("torque_norm", controller=0, run=7))
+    assert (shown.has_rotation, shown.has_translation) == (True, False)
+    assert (shown.extent, shown.length) == (0.0, 1.0)
+
+
+def test_all_controllers_unless_told_otherwise(results):
+    assert len(motion(results, 0).ensembles) == min(4, MOST_CONTROLLERS)
+
+
+def test_run_that_is_not_stored(results):
+    with pytest.raises(EqtError) as caught:
+        motion(results, 60)
+    assert str(caught.value) == (
+        f"{results.path}: the trajectory of run 60 is not stored; stored are runs 0 to 59"
+    )
+
+
+def test_unknown_controller(results):
+    with pytest.raises(EqtError, match=r"finds no controller 'eq'; did you mean 'eqt'\?$"):
+        motion(results, 0, ["eq"])
+
+
+def test_camera_is_a_rotation():
+    assert camera() @ camera().T == pytest.approx(np.eye(3), abs=1e-15)
+    assert np.linalg.det(camera()) == pytest.approx(1)
+
+
+def test_faces_are_flat_and_counted_around():
+    for face in FACES:
+        a, b, c, d = corners()[list(face)]
+        assert a + c == pytest.approx(b + d)  # a parallelogram, whose diagonals halve each other
+
+
+def test_at_most_three_faces_of_a_block_are_seen():
+    generator = np.random.default_rng(1)
+    for _ in range(20):
+        rotation = np.linalg.qr(generator.normal(size=(3, 3)))[0]
+        faces = block(rotation, np.zeros(3), 1.0)
+        assert len(faces) == 3  # almost surely: one of each pair
+        assert all(0 <= face.light <= 1 for face in faces)
+
+
+def test_axes_of_a_frame_are_its_columns():
+    rotation = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    place = np.array([1.0, 2, 3])
+    expected = flat(np.array([place + 2 * rotation[:, k] for k in range(3)]))
+    assert tips(rotation, place, 2.0) == pytest.approx(expected)
+
+
+def test_gif_has_its_pictures_and_repeats(results):
+    drawn = []
+    picture = Image.open(
+        BytesIO(gif(results, 3, ["eqt"], seconds=0.5, rate=10, progress=drawn.append))
+    )
+    assert (picture.n_frames, picture.info["duration"], picture.info["loop"]) == (5, 100, 0)
+    assert sum(drawn) == 5
+
+
+def test_gif_moves_and_is_the_same_again(results):
+    first, second = (gif(results, 3, ["eqt"], seconds=0.3, rate=10) for _ in range(2))
+    assert first == second
+    picture = Image.open(BytesIO(first))
+    start = np.asarray(picture.convert("RGB"))
+    picture.seek(2)
+    assert (start != np.asarray(picture.convert("RGB"))).any()
+    assert (start[0, 0] == 255).all()  # the paper is white

@@ -1,0 +1,134 @@
+"""The page as a file: complete, small, safe, and the same whenever it is made."""
+
+import json
+import re
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.report import report
+from eqt_cli.store.reader import open_results
+
+MEANS = ("early_torque", "mean_pose_error", "final_pose_error", "final_velocity_error")
+HOSTILE = "</script><img src=x onerror=alert(1)>"
+
+
+class Page(HTMLParser):
+    """Identifiers, references and scripts of a page."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.ids, self.links, self.sources, self.tags = [], [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        given = dict(attributes)
+        self.tags.append(tag)
+        self.ids += [given["id"]] if "id" in given else []
+        self.links += [given["href"]] if tag == "a" else []
+        self.sources += [given[name] for name in ("src", "data", "poster") if name in given]
+
+
+@pytest.fixture(scope="module")
+def text(paper_result):
+    with open_results(paper_result) as results:
+        return report(results)
+
+
+@pytest.fixture(scope="module")
+def page(text):
+    return Page(text)
+
+
+def test_page_loads_nothing(text, page):
+    assert page.sources == []
+    assert "link" not in page.tags and "iframe" not in page.tags
+    assert "@import" not in text and "fetch(" not in text and "XMLHttpRequest" not in text
+    assert "default-src 'none'" in text
+
+
+def test_identifiers_are_unique_and_links_lead_somewhere(page):
+    assert len(page.ids) == len(set(page.ids))
+    assert all(link.startswith("#") and link[1:] in page.ids for link in page.links)
+
+
+def test_page_of_the_paper_stays_below_3_megabytes(text):
+    # The picker's curves grow with the runs, up to 1.4 MB; of the rest, a row per run of the table,
+    # which takes some 100 bytes.
+    curves = len(re.search(r'id="data-curves"[^>]*>(.*?)</script>', text, re.DOTALL)[1])
+    assert len(text.encode()) - curves + 1_400_000 + 4 * 140 * 100 < 3_000_000
+
+
+def test_equal_results_give_equal_pages(paper_result, text):
+    with open_results(paper_result) as results:
+        assert report(results) == text
+
+
+def test_every_run_is_in_the_table(text):
+    table = json.loads(re.search(r'id="data-runs"[^>]*>(.*?)</script>', text, re.DOTALL)[1])
+    assert (len(table["rows"]), table["total"]) == (240, 240)
+    assert table["columns"][0] == {"name": "mean ‖τ‖, first 5 s", "unit": "N m"}
+
+
+def test_what_was_run_is_there_to_read(text):
+    assert "60 runs of 20 s for each of 4 controllers (eqt, gt, nog, asym) on SO3" in text
+    assert "seed: 2025" in text and "<dt>python</dt>" in text
+
+
+def test_means_have_their_units(text):
+    assert 'first 5 s<span class="unit">N m</span>' in text
+
+
+def test_claims_have_their_verdicts(text):
+    assert "slightly slower attitude tracking" in text
+    assert '<span class="verdict supported">supported</span>' in text
+
+
+def test_texts_of_a_stranger_stay_texts(make_result):
+    values = make_result.constant([1.0] * 6, [2.0] * 6)
+    signals = dict.fromkeys(("pose_error", "velocity_error", "torque_norm", "lyapunov"), values)
+    metrics = {name: [[1.0] * 6, [2.0] * 6] for name in (*MEANS, "energy_residual")}
+    results = make_result([HOSTILE, "gt"], signals, metrics, kinds=["eqt", "gt"], title=HOSTILE)
+    page = Page(report(results))
+    assert "img" not in page.tags
+    assert page.sources == []
+
+
+def test_results_without_trajectories_have_a_page(make_result):
+    metrics = {name: [[1.0] * 6] for name in (*MEANS, "energy_residual")}
+    results = make_result(["eqt"], metrics=metrics)
+    text = report(results)
+    assert 'id="picker"' not in text
+    assert "needs the trajectories of" in text
+
+
+def test_sweeps_have_no_page(make_result):
+    results = make_result(["eqt"], metrics={"effort": [[1.0] * 6]})
+    results.dimensions = dict(results.dimensions) | {"point": 3}
+    with pytest.raises(EqtError, match=r"is a sweep; a report is about one experiment$"):
+        report(results)
+
+
+def test_command_writes_the_page(invoke, paper_result, tmp_path):
+    done = invoke("report", paper_result, "--out", tmp_path / "page.html", "--figure", "torque")
+    assert done.stdout.startswith(f"report   {tmp_path / 'page.html'}  (")
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert 'id="figure1"' in text and 'id="figure2"' not in text
+
+
+def test_starting_over_removes_the_page_of_the_old_result(invoke, tmp_path):
+    config = Path(__file__).parents[2] / "configs" / "paper.yaml"
+    few = (
+        "--set=ensemble.runs=2",
+        "--set=time.duration=1",
+        "--set=solver.cross_check=0",
+        "--quiet",
+    )
+    folder = tmp_path / "result"
+    invoke("run", config, "--out", folder, *few)
+    invoke("report", folder)
+    assert (folder / "report.html").exists()
+    invoke("run", config, "--out", folder, "--force", *few)
+    assert not (folder / "report.html").exists()

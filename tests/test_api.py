@@ -1,0 +1,161 @@
+"""The Python interface: what notebooks and scripts call."""
+
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import eqt_cli
+from eqt_cli import api
+from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.store.reader import Results
+
+ROOT = Path(__file__).parents[1]
+PAPER = ROOT / "configs" / "paper.yaml"
+FEW = {"ensemble.runs": 3, "time.duration": 1.0, "time.samples": 5, "solver.cross_check": 0}
+needs_xarray = pytest.mark.skipif(
+    find_spec("xarray") is None or find_spec("h5netcdf") is None, reason="needs the extra xarray"
+)
+
+
+@pytest.fixture
+def result(tmp_path):
+    return eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW), tmp_path / "result")
+
+
+def test_import_is_cheap():
+    heavy = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "xarray", "typer"]
+    code = f"import eqt_cli, sys; print([name for name in {heavy} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "[]\n"
+
+
+def test_everything_promised_is_there():
+    assert set(eqt_cli.__all__) <= set(dir(eqt_cli))
+    assert all(hasattr(eqt_cli, name) for name in eqt_cli.__all__)
+
+
+def test_unknown_attribute():
+    with pytest.raises(AttributeError, match=r"^module 'eqt_cli' has no attribute 'nothing'$"):
+        eqt_cli.nothing  # noqa: B018
+
+
+def test_loaded_experiments_describe_themselves():
+    loaded = eqt_cli.load_experiment(PAPER, FEW)
+    assert repr(loaded) == "<experiment paper on SO3: 3 runs of eqt, gt, nog, asym>"
+    assert loaded.config["gains"] == {"kp": 1.0, "kd": 0.5}
+
+
+def test_overrides_may_be_arrays():
+    inertia = np.diag([1.0, 2.0, 2.5])
+    loaded = eqt_cli.load_experiment(PAPER, {"inertia": inertia, "gains.kd": np.float64(2)})
+    assert loaded.config["inertia"] == inertia.tolist()
+    assert loaded.config["gains"]["kd"] == 2.0
+
+
+def test_a_mapping_is_the_same_experiment_as_its_file():
+    from_file = eqt_cli.load_experiment(PAPER, FEW)
+    again = eqt_cli.load_experiment(from_file.config)
+    assert again.experiment.digest == from_file.experiment.digest
+
+
+def test_problems_of_overrides_are_named_as_python_has_them():
+    with pytest.raises(ConfigError) as caught:
+        eqt_cli.load_experiment(PAPER, {"gains.kd": 1, "ensemble.runs": "many"})
+    assert str(caught.value) == (
+        "overrides['ensemble.runs']: ensemble.runs: expected a whole number, got 'many'"
+    )
+
+
+def test_problems_of_a_mapping_have_their_place():
+    config = eqt_cli.load_experiment(PAPER).config | {"inertia": [1, 2]}
+    with pytest.raises(ConfigError) as caught:
+        eqt_cli.load_experiment(config)
+    (problem,) = caught.value.problems
+    assert problem.message == "expected 3 diagonal entries for SO3, got 2"
+
+
+def test_configurations_hold_plain_data():
+    with pytest.raises(EqtError, match=r"a configuration holds numbers, text, lists and mappings$"):
+        eqt_cli.load_experiment(PAPER, {"gains.kd": object()})
+
+
+def test_run_keeps_a_finished_result(result):
+    again = eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW), result.path)
+    assert (result.was_complete, again.was_complete) == (False, True)
+    assert (again.runs, again.failed) == (12, 0)
+    assert repr(again) == f"<result {result.path}: 12 runs>"
+
+
+def test_run_takes_what_load_experiment_takes(result, tmp_path):
+    again = eqt_cli.run(result.path, tmp_path / "again")
+    with eqt_cli.open_results(result, "arrays") as a, eqt_cli.open_results(again, "arrays") as b:
+        assert np.array_equal(a["pose"], b["pose"])
+
+
+def test_run_reports_progress(tmp_path):
+    done = []
+    eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW), tmp_path / "result", progress=done.append)
+    assert sum(done) == pytest.approx(12)
+
+
+@needs_xarray
+def test_results_open_in_xarray(result):
+    with eqt_cli.open_results(result) as data:
+        assert data.torque.dims == ("controller", "run", "time", "axis")
+        assert data.torque.sel(controller="gt").attrs["units"] == "N m"
+
+
+@needs_xarray
+def test_results_have_their_data(result):
+    assert result.data is result.data
+    assert result.data.effort.shape == (4, 3)
+    result.data.close()
+
+
+def test_results_open_without_xarray(result, monkeypatch):
+    monkeypatch.setattr(api, "find_spec", lambda name: None)
+    with eqt_cli.open_results(result) as results:
+        assert isinstance(results, Results)
+    with pytest.raises(EqtError) as caught:
+        eqt_cli.open_results(result, "xarray")
+    assert str(caught.value) == (
+        "xarray is not installed; install eqt-cli[xarray], or open with kind='arrays'"
+    )
+
+
+def test_unknown_kind_of_results(result):
+    with pytest.raises(EqtError, match=r"^kind 'pandas': expected 'xarray', 'arrays' or None$"):
+        eqt_cli.open_results(result, "pandas")
+
+
+@needs_xarray
+def test_hostile_files_are_refused_before_xarray_sees_them(tmp_path):
+    path = tmp_path / "results.h5"
+    path.write_bytes(b"no HDF5 at all")
+    with pytest.raises(EqtError, match="is not an HDF5 file"):
+        eqt_cli.open_results(path)
+
+
+def test_compare_takes_windows_as_text(result):
+    comparison = eqt_cli.compare(result, metrics=["mean_torque"], windows=["0:0.5"])
+    assert [level.samples.window.stop for level in comparison.levels] == [0.5] * 4
+
+
+def test_tutorial_runs_as_it_stands(tmp_path):
+    for name in ("configs", "examples"):
+        shutil.copytree(ROOT / name, tmp_path / name)
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "examples/tutorial.py"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "mean_torque, eqt − gt: -" in done.stdout
+    assert "kd = 1.0: final attitude error of eqt" in done.stdout
