@@ -56,6 +56,11 @@ class Family(Controller):
         inherited = own.torque is Family.torque and own.dissipation is Family.dissipation
         return Family if inherited else super().structure
 
+    @property
+    def claims_decrease(self) -> bool:
+        """On the plane c + n = 1, where the two terms make up for the moving reference."""
+        return abs(self.transport + self.connection - 1) <= 1e-12  # rounding of 0.1 + 0.9
+
     def torque(self, s: Tracking) -> Array:
         """τ(g, c, n), body frame."""
         G = s.G

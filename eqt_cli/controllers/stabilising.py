@@ -33,6 +33,11 @@ class Stabilising(Controller):
     def __post_init__(self) -> None:
         object.__setattr__(self, "compensation", 1.0 if self.feedforward else 0.0)
 
+    @property
+    def claims_decrease(self) -> bool:
+        """With the feedforward: without it, a changing inertia may raise L."""
+        return self.feedforward
+
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""
         shaping = s.G.Ad_star(s.Qd, s.gradient)
