@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from eqt_cli import __version__
-from eqt_cli.cli import config, listing, plot, run, show
+from eqt_cli.cli import config, listing, plot, run, show, verify
 from eqt_cli.cli.output import say
 
 INTERRUPTED = 130
@@ -54,6 +54,7 @@ def main(
 
 app.command("run")(run.run)
 app.command("plot")(plot.plot)
+app.command("verify")(verify.verify)
 app.command("show")(show.show)
 app.command("list")(listing.list_components)
 app.add_typer(config.app, name="config")

@@ -18,7 +18,7 @@ class FeedforwardPower(Identity):
     """⟨τ_ff − τ_d, Ṽ⟩ = (c + n)⟨𝕀Ṽ, [V, V_d]⟩ + ⟨Ṡ*S⁻* 𝕀Ṽ, Ṽ⟩, whatever the weight g."""
 
     name: ClassVar[str] = "power of the feedforward"
-    statement: ClassVar[str] = "§7, ω̃ᵀ(τ_ff − τ_d)"
+    statement: ClassVar[str] = "§7, power of τ_ff − τ_d"
     section: ClassVar[float] = 7.3
     per_law: ClassVar[bool] = True
 

@@ -7,7 +7,8 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
-from eqt_cli.analysis.certificates.runs import ENERGY_PER_RTOL, ENERGY_SCALE, Runs, largest
+from eqt_cli.analysis.certificates.runs import ENERGY_PER_RTOL, Runs, largest
+from eqt_cli.analysis.metrics import ENERGY_SCALE
 
 
 class LyapunovDecrease(TrajectoryCheck):

@@ -16,9 +16,6 @@ STATES_PER_RTOL = 1000.0
 """Allowed error of states per unit of `rtol`, as in the cross-check: trajectories amplify it, up
 to 70 times in the paper's ensemble, near the unstable equilibria."""
 
-ENERGY_SCALE = 1.0
-"""J; errors of L are relative to L(0), but never to less than this."""
-
 
 @dataclass(frozen=True)
 class Runs:
