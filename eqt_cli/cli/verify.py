@@ -68,9 +68,7 @@ def verify(
         raise typer.Exit(4)
 
 
-def _of_config(
-    experiment: Experiment, runs: int | None, workers: int, quiet: bool
-) -> Verification:
+def _of_config(experiment: Experiment, runs: int | None, workers: int, quiet: bool) -> Verification:
     from eqt_cli.cli.progress import progress
     from eqt_cli.experiment.verify import RUNS, verify_experiment
 
@@ -123,7 +121,9 @@ def _print(experiment: Experiment, found: Verification) -> None:
     counted = f"{found.runs} runs with engine {experiment.engine.name}"
     judged = [row for row in found.rows if row.kind != "hypothesis"]
     holding = sum(row.verdict == "holds" for row in judged)
-    print(f"{experiment.name} on {experiment.group.name}: {holding} of {len(judged)} hold, {counted}")
+    print(
+        f"{experiment.name} on {experiment.group.name}: {holding} of {len(judged)} hold, {counted}"
+    )
     for cause in _causes(found):
         print(cause)
 

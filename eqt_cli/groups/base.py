@@ -84,8 +84,9 @@ class MatrixLieGroup(ABC):
 
     @property
     def compact_times_vector(self) -> bool | None:
-        """Whether it is compact ⋉ a vector space: the class of Remark 6.3, where Ad_Q is bounded
-        with Q; None: not known.
+        """Whether it is compact ⋉ vector space, where Ad_Q is bounded with Q; None: not known.
+
+        The class of Hampsey et al. (2025), Remark 6.3.
         """
         return self.compact
 

@@ -89,9 +89,13 @@ class CriticalSet:
         R, Y = Q[..., :size, :size], Q[..., :size, size:] - 2 * D
         trace = np.trace(R, axis1=-2, axis2=-1)
         constant = (R**2).sum(axis=(-2, -1)) + size + 2 * trace + (Y**2).sum(axis=(-2, -1))
+        if axes.shape[1] == size and not D.any():
+            # A rotation leaves its own axis as it is: the largest eigenvalue of R + Rᵀ is 2.
+            return np.maximum(constant - 4, 0.0)
         form = 2 * (R + transpose(R)) - 2 * (D @ transpose(Y) + Y @ D.T) - 4 * D @ D.T
-        largest = np.linalg.eigvalsh(axes.T @ form @ axes)[..., -1]
-        return np.maximum(constant - largest, 0.0)
+        finite = np.isfinite(constant)  # runs that failed are NaN, which LAPACK does not take
+        within = np.where(finite[..., None, None], axes.T @ form @ axes, 0.0)
+        return np.maximum(constant - np.linalg.eigvalsh(within)[..., -1], 0.0)
 
 
 def critical_sets(G: MatrixLieGroup, K: Array) -> list[CriticalSet] | None:

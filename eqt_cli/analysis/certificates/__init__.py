@@ -1,6 +1,7 @@
 """Certificates: one file per statement of the paper, found by scanning this folder."""
 
 from collections.abc import Iterable
+from typing import TypeVar
 
 from eqt_cli.analysis.certificates.base import (
     Certificate,
@@ -15,6 +16,8 @@ from eqt_cli.analysis.certificates.sample import Sample, sampled
 from eqt_cli.analysis.certificates.setting import Setting
 from eqt_cli.core.registry import Registry
 
+T = TypeVar("T")
+
 certificates = Registry("certificate", __name__, Certificate)
 
 
@@ -24,7 +27,7 @@ def identity_rows(samples: Iterable[Sample]) -> list[Row]:
     for index, sample in enumerate(samples):
         for certificate in _of_kind(Identity):
             if (index == 0 or certificate.per_law) and certificate.applies(sample.loop):
-                rows.append(certificate.check(sample))
+                rows += certificate.check(sample)
     return _in_order(rows)
 
 
@@ -39,7 +42,7 @@ def hypothesis_rows(setting: Setting) -> list[Row]:
     return _in_order(found)
 
 
-def _of_kind(kind: type) -> list:
+def _of_kind(kind: type[T]) -> list[T]:
     return [found() for found in certificates.all() if issubclass(found, kind)]
 
 

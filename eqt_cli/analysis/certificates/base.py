@@ -108,19 +108,21 @@ class Identity(Certificate):
 
     @abstractmethod
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The left and the right side of its equations, at random states."""
+        """The left and the right side of its equations, at random states; none: no claim."""
 
-    def check(self, sample: Sample) -> Row:
+    def check(self, sample: Sample) -> list[Row]:
         """The largest difference of two sides against the bound of their rounding errors."""
         label = sample.label if self.per_law else ""
         try:
             found = [discrepancy(left, right) for left, right in self.sides(sample)]
         except Exception as error:  # a law of the user's, on numbers it was not written for
             reason = f"cannot be evaluated on symbols: {type(error).__name__}: {error}"
-            return self.row(Verdict.UNDECIDED, remark=reason, controller=label)
+            return [self.row(Verdict.UNDECIDED, remark=reason, controller=label)]
+        if not found:
+            return []
         measured, bound = max(found, key=_excess)
         verdict = Verdict.HOLDS if measured <= bound else Verdict.FAILS
-        return self.row(verdict, measured, bound, controller=label)
+        return [self.row(verdict, measured, bound, controller=label)]
 
 
 class TrajectoryCheck(Certificate):

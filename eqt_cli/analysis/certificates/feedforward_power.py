@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import ClassVar
 
 from eqt_cli.analysis.certificates.base import Identity
+from eqt_cli.analysis.certificates.family_members import is_of_family
 from eqt_cli.analysis.certificates.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import Array, dot
 from eqt_cli.mechanics.tracking import Gains
 
@@ -24,12 +24,12 @@ class FeedforwardPower(Identity):
 
     def applies(self, loop: ClosedLoop) -> bool:
         """To members of the family."""
-        return isinstance(loop.controller, Family)
+        return is_of_family(loop.controller)
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The power of the torque without gains against that of the transport."""
         law, gains = sample.loop.controller, sample.s.gains
-        assert isinstance(law, Family)
+        assert is_of_family(law)
         s = replace(sample.s, gains=Gains(0 * gains.K, 0 * gains.K_d))
         bracket = s.G.vee(s.G.hat(s.V) @ s.G.hat(s.Vd) - s.G.hat(s.Vd) @ s.G.hat(s.V))
         transport = (law.transport + law.connection) * dot(s.P_tilde, bracket)

@@ -31,11 +31,12 @@ class InertiaRate(Identity):
         """The power of the feedforward, and the rate of the tensor."""
         now, (_, P) = sample.s.inertia, sample.inputs[0]
         V = now.velocity(P)
-        yield rate_of(dot(P, V)) / 2, -dot(now.feedforward(V), V)
-        yield apply_matrix(rate_of(now.matrix), V), now.rate_force(V)
+        feedforward = now.feedforward(V) + 0 * V
+        yield rate_of(dot(P, V)) / 2, -dot(feedforward, V)
+        yield apply_matrix(rate_of(now.matrix), V), now.rate_force(V) + 0 * V
         law = sample.loop.inertia
         if isinstance(law, FactoredInertia):
             S = law.factor_at(sample.s.t)
             image = apply_matrix(law.initial @ S, V)
             yield apply_matrix(transpose(S), image), P
-            yield now.feedforward(V), apply_matrix(transpose(rate_of(S)), image)
+            yield feedforward, apply_matrix(transpose(rate_of(S)), image)

@@ -27,9 +27,9 @@ class SO3GT(SO3Law):
         return (
             b.taud
             + b.connection() / 2
-            + cross(b.w, b.I(b.wd)) / 2
-            + cross(b.wd, b.I(b.w)) / 2
-            - cross(b.wd, b.I(b.wd))
+            + cross(b.w, b.momentum(b.wd)) / 2
+            + cross(b.wd, b.momentum(b.w)) / 2
+            - cross(b.wd, b.momentum(b.wd))
             - b.body_damping
             - b.proportional
         )

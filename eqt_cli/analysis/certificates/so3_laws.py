@@ -29,21 +29,21 @@ class Rigid:
         self.spatial_damping = apply_matrix(Rd_T @ s.gains.K_d @ s.Qd, self.w_)
         self.body_damping = apply_matrix(s.gains.K_d, self.w_)
 
-    def I(self, w: Array) -> Array:
+    def momentum(self, w: Array) -> Array:
         """𝕀ω."""
         return apply_matrix(self._I, w)
 
     def transport(self) -> Array:
         """ω_d × 𝕀ω̃."""
-        return cross(self.wd, self.I(self.w_))
+        return cross(self.wd, self.momentum(self.w_))
 
     def gyroscopic(self) -> Array:
         """ω̃ × 𝕀ω_d."""
-        return cross(self.w_, self.I(self.wd))
+        return cross(self.w_, self.momentum(self.wd))
 
     def connection(self) -> Array:
         """𝕀(ω × ω_d)."""
-        return self.I(cross(self.w, self.wd))
+        return self.momentum(cross(self.w, self.wd))
 
 
 class SO3Law(Identity):

@@ -21,7 +21,8 @@ def feedforward(s: Tracking, P_E: Array) -> Array:
     if s.inertia.change is None:
         return transport
     velocity = s.inertia.velocity(G.Ad_star(s.Qd, P_E))
-    return transport + G.Ad_star(G.inverse(s.Qd), s.inertia.feedforward(velocity))
+    own = s.inertia.feedforward(velocity) + 0 * P_E
+    return transport + G.Ad_star(G.inverse(s.Qd), own)
 
 
 def tracking_control(s: Tracking) -> Array:
