@@ -143,11 +143,6 @@ def rate_of(numbers: Array) -> Array:
     return lifted(_read(numbers, "rate"), _read(numbers, "rate_error"))
 
 
-def still(numbers: Array) -> Array:
-    """The same numbers at rest."""
-    return lifted(*value_of(numbers))
-
-
 def discrepancy(left: Array, right: Array) -> tuple[float, float]:
     """How far two results of the same quantity differ, and how far rounding lets them.
 

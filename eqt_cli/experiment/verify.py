@@ -116,12 +116,20 @@ class _Verifier:
         loops = self.experiment.loops
         horizon = float(self.times[-1])
         seed = self.experiment.config.ensemble.seed
+        any_loop = next(iter(loops.values()))
+        common = sampled("", any_loop, horizon, generator(seed, Stream.CERTIFICATES, 0))
         samples = [
-            sampled(label, loop, horizon, generator(seed, Stream.CERTIFICATES, index))
-            for index, (label, loop) in enumerate(loops.items())
+            sampled(
+                label,
+                loop,
+                horizon,
+                generator(seed, Stream.CERTIFICATES, index),
+                at_rest="track" not in loop.controller.tasks,
+            )
+            for index, (label, loop) in enumerate(loops.items(), start=1)
         ]
         rows = [
-            *identity_rows(samples),
+            *identity_rows(common, samples),
             *trajectory_rows(runs),
             *hypothesis_rows(Setting(loops, np.linspace(0.0, horizon, len(Qd)), Qd, Vd)),
         ]

@@ -21,12 +21,12 @@ T = TypeVar("T")
 certificates = Registry("certificate", __name__, Certificate)
 
 
-def identity_rows(samples: Iterable[Sample]) -> list[Row]:
-    """Every identity on every law, or on the first where it is about no law."""
-    rows = []
-    for index, sample in enumerate(samples):
-        for certificate in _of_kind(Identity):
-            if (index == 0 or certificate.per_law) and certificate.applies(sample.loop):
+def identity_rows(common: Sample, laws: Iterable[Sample]) -> list[Row]:
+    """Every identity: on `common` where it is about no law, else on each of the laws."""
+    laws, rows = list(laws), []
+    for certificate in _of_kind(Identity):
+        for sample in laws if certificate.per_law else [common]:
+            if certificate.applies(sample.loop):
                 rows += certificate.check(sample)
     return _in_order(rows)
 

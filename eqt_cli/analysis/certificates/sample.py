@@ -60,14 +60,30 @@ class Sample:
         return self.moving((lifted(identity), lifted(np.zeros(P.shape))), (self.G.hat(V), P))
 
 
-def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Generator) -> Sample:
-    """A closed loop at random states and random times of its horizon."""
+def sampled(
+    label: str,
+    loop: ClosedLoop,
+    horizon: float,
+    random: np.random.Generator,
+    *,
+    at_rest: bool = False,
+) -> Sample:
+    """A closed loop at random states and random times of its horizon.
+
+    The reference moves, whatever it does in the experiment, unless it is to be `at_rest`.
+    """
     G = loop.group
     exact = loop.with_parameters(_with_errors(loop.parameters))
     poses = [G.exp(random.standard_normal((STATES, G.dimension))) for _ in range(5)]
     vectors = random.standard_normal((9, STATES, G.dimension))
     times = random.uniform(0.0, horizon, STATES)
-    flat = np.concatenate([loop.initial_state(poses[0], vectors[0], poses[1], vectors[1])])
+    Vd = np.zeros_like(vectors[1]) if at_rest else vectors[1]
+    flat = np.stack(
+        [
+            loop.initial_state(*start, t)
+            for *start, t in zip(poses[0], vectors[0], poses[1], Vd, times, strict=True)
+        ]
+    )
     drift = np.maximum(G.drift(poses[0]), G.drift(poses[1]))
     # What is off the group by its drift is as good as an element of it with errors of that size.
     errors = np.maximum(drift[:, None], UNIT * np.abs(flat))

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 
-from eqt_cli.analysis.bounded import lifted, rate_of, still
+from eqt_cli.analysis.bounded import lifted, rate_of
 from eqt_cli.analysis.certificates.base import Identity
 from eqt_cli.analysis.certificates.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers.stabilising import Stabilising
 from eqt_cli.core.arrays import Array, apply_matrix, stack
 from eqt_cli.mechanics.navigation import potential
-from eqt_cli.mechanics.tracking import Tracking
 
 
 class StabilisingControl(Identity):
@@ -33,15 +31,15 @@ class StabilisingControl(Identity):
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The law against the sum of its terms."""
         G, law = sample.G, sample.loop.controller
-        s = replace(sample.s, Qd=still(sample.s.Qd), Pd=np.zeros(sample.s.Pd.shape))
-        shaping = stack([self._slope(sample, s, E) for E in np.eye(G.dimension)])
+        s = sample.s
+        shaping = stack([self._slope(sample, E) for E in np.eye(G.dimension)])
         damping = apply_matrix(s.gains.K_d, s.V)
         compensated = isinstance(law, Stabilising) and law.feedforward
         feedforward = s.inertia.feedforward(s.V) if compensated else 0.0
         yield law.torque(s), feedforward - damping - shaping
 
-    def _slope(self, sample: Sample, s: Tracking, E: Array) -> Array:
+    def _slope(self, sample: Sample, E: Array) -> Array:
         """d/dε Υ(Q exp(εE) Q_target⁻¹)."""
-        G = s.G
+        s, G = sample.s, sample.G
         Q, _ = sample.moving((s.Q, s.P), (s.Q @ G.hat(lifted(E)), 0 * s.P))
         return rate_of(potential(G, s.gains.K, Q @ G.inverse(s.Qd)))
