@@ -60,7 +60,7 @@ class ErrorSystem(ClosedLoop):
         Q_E, P_E = self.error(state)
         V_E = G.Ad(s.Qd, s.inertia.velocity(G.Ad_star(s.Qd, P_E)))
         tau = self.controller.torque(s)
-        _, tau_E = Semidirect(G).Ad((s.Qd, s.Pd), (s.V_tilde, tau - s.tau_d))
+        _, tau_E = Semidirect(G).error_input((s.Qd, s.Pd), (s.V, tau), (s.Vd, s.tau_d))
         Q_E_dot, P_E_dot = lie_poisson(G, Q_E, P_E, V_E, tau_E)
         Qd_dot, Pd_dot = lie_poisson(G, s.Qd, s.Pd, s.Vd, s.tau_d)
         derivative = np.empty(state.shape, dtype=state.dtype)

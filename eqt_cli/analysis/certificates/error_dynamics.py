@@ -32,5 +32,5 @@ class ErrorDynamics(Identity):
             for state, control in ((X, U), (X_d, U_d))
         )
         rates = map(rate_of, S.error(moving, moving_d))
-        U_E = S.Ad(X_d, (U[0] - U_d[0], U[1] - U_d[1]))
+        U_E = S.error_input(X_d, U, U_d)
         yield from zip(rates, lie_poisson(G, *S.error(X, X_d), *U_E), strict=True)

@@ -23,7 +23,7 @@ class ErrorEnergy(Identity):
         s, G, S = sample.s, sample.G, sample.semidirect
         X_d = s.Qd, s.Pd
         Q_E, P_E = S.error((s.Q, s.P), X_d)
-        V_E, _ = S.Ad(X_d, (s.V - s.Vd, s.tau_d))
+        V_E, _ = S.error_input(X_d, (s.V, s.tau_d), (s.Vd, s.tau_d))
         A = G.Ad_matrix(G.inverse(s.Qd))
         yield apply_matrix(transpose(A) @ s.inertia.matrix @ A, V_E), P_E
         yield s.lyapunov, dot(P_E, V_E) / 2 + potential(G, s.gains.K, Q_E)

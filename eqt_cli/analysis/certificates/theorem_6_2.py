@@ -29,7 +29,6 @@ def tracking_control(s: Tracking) -> Array:
     """τ = τ_d + Ad^τ_{X_d⁻¹}(V_E, τ_E), Hampsey et al. (2025), eq. (20) and (22)."""
     S, X_d = Semidirect(s.G), (s.Qd, s.Pd)
     Q_E, P_E = S.error((s.Q, s.P), X_d)
-    V_E, _ = S.Ad(X_d, (s.V - s.Vd, s.tau_d))
+    V_E, _ = S.error_input(X_d, (s.V, s.tau_d), (s.Vd, s.tau_d))
     feedback = -apply_matrix(s.gains.K_d, V_E) - gradient(s.G, s.gains.K, Q_E)
-    _, tau = S.Ad(S.inverse(X_d), (V_E, feedforward(s, P_E) + feedback))
-    return s.tau_d + tau
+    return S.closed_loop_input(X_d, s.tau_d, (V_E, feedforward(s, P_E) + feedback))
