@@ -63,7 +63,9 @@ def value_and_derivative(
 
     with np.errstate(all="ignore"):
         value, derivative = fold(expression.tree, visit)
-    return value, 0.0 if derivative is None else derivative
+    if derivative is None:
+        return value, 0.0
+    return value, float(derivative) if isinstance(derivative, float) else derivative
 
 
 def slope(function: str, x: Any) -> Any:
