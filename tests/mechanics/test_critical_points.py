@@ -165,22 +165,20 @@ def test_distance_to_a_manifold_is_the_least_over_its_axes(eigenvalues, coupled)
     B = random.standard_normal((3, 1)) * coupled
     K = np.block([[np.diag(eigenvalues) + B @ B.T / 2, B], [B.T, np.array([[2.0]])]])
     Q = G.exp(random.standard_normal(6))
-    angles = np.linspace(0, np.pi, 2001)
+    angles = np.linspace(0, np.pi, 401)
     circle = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1)
     if eigenvalues[2] == 1.0:
-        tilted = np.linspace(0, np.pi, 1001)[:, None, None]
+        tilted = np.linspace(0, np.pi, 401)[:, None, None]
         planar = circle[None] * np.sin(tilted)
         axes = (planar + np.cos(tilted) * np.eye(3)[2]).reshape(-1, 3)
     else:
         axes = np.concatenate([circle, np.eye(3)[2:]])
-    least = np.inf
-    for R in 2 * axes[:, :, None] * axes[:, None, :] - np.eye(3):
-        pose = G.assemble(R, (np.eye(3) - R) @ B / 2)
-        least = min(least, frobenius(Q - pose))
+    R = 2 * axes[:, :, None] * axes[:, None, :] - np.eye(3)
+    least = frobenius(Q - G.assemble(R, (np.eye(3) - R) @ B / 2)).min()
     found = distance_to_unstable(G, K, Q)
-    # The grid of axes is never closer than the closest, and spaced by 2e-3.
+    # The grid of axes is never closer than the closest, and spaced by 8e-3: squares differ by 1e-4.
     assert found <= least + ROUNDING
-    assert found == pytest.approx(least, abs=1e-4)
+    assert found == pytest.approx(least, abs=1e-3)
 
 
 def test_distance_in_a_product_adds_the_squares_of_its_blocks():
