@@ -22,7 +22,9 @@ HEADINGS = {
 
 
 def verify(
-    target: Annotated[Path, typer.Argument(help="YAML configuration, or a result.")],
+    target: Annotated[
+        Path, typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result.")
+    ],
     set_: options.Set = None,
     engine: Annotated[
         str | None, typer.Option("--engine", metavar="NAME", help="Engine, as solver.engine.")
@@ -30,7 +32,7 @@ def verify(
     runs: Annotated[
         int | None,
         typer.Option(
-            "--runs", min=1, metavar="N", help="Runs per controller of a CONFIG. [default: 20]"
+            "--runs", min=1, metavar="N", help="Runs per controller of a CONFIG; default: 20."
         ),
     ] = None,
     workers: options.Workers = None,
@@ -40,9 +42,12 @@ def verify(
 ) -> None:
     """Check the paper's theorems on an experiment; exit 4 where one does not hold."""
     from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.progress import progress
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.build import build
     from eqt_cli.experiment.source import read_config
+    from eqt_cli.experiment.verify import RUNS, verify_experiment, verify_results
+    from eqt_cli.store.reader import open_results
 
     is_result = target.suffix == ".h5" or target.is_dir()
     if is_result and (set_ or engine or runs):
@@ -54,9 +59,12 @@ def verify(
     experiment = build(read_config(target, overrides), trust_plugins=trust_plugins)
     workers = workers or options.cores()
     if is_result:
-        found = _of_result(experiment, target, workers)
+        with open_results(target) as results:
+            found = verify_results(experiment, results, workers)
     else:
-        found = _of_config(experiment, runs, workers, quiet)
+        count = min(runs or RUNS, experiment.config.ensemble.runs)
+        with progress(count * len(experiment.loops), quiet=quiet) as advance:
+            found = verify_experiment(experiment, count, advance, workers)
     causes = _causes(found)
     if json:
         print_json(_document(experiment, target, found, causes))
@@ -66,23 +74,6 @@ def verify(
         raise typer.Exit(3)
     if found.failures:
         raise typer.Exit(4)
-
-
-def _of_config(experiment: Experiment, runs: int | None, workers: int, quiet: bool) -> Verification:
-    from eqt_cli.cli.progress import progress
-    from eqt_cli.experiment.verify import RUNS, verify_experiment
-
-    count = min(runs or RUNS, experiment.config.ensemble.runs)
-    with progress(count * len(experiment.loops), quiet=quiet) as advance:
-        return verify_experiment(experiment, count, advance, workers)
-
-
-def _of_result(experiment: Experiment, path: Path, workers: int) -> Verification:
-    from eqt_cli.experiment.verify import verify_results
-    from eqt_cli.store.reader import open_results
-
-    with open_results(path) as results:
-        return verify_results(experiment, results, workers)
 
 
 def _causes(found: Verification) -> list[str]:

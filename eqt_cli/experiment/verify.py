@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -21,6 +21,7 @@ from eqt_cli.analysis.certificates import (
 from eqt_cli.analysis.metrics import energy_residual
 from eqt_cli.closed_loop import ClosedLoop, ErrorSystem
 from eqt_cli.closed_loop.signals import compute
+from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
 from eqt_cli.engines import Engine, Problem, Solution
@@ -115,6 +116,8 @@ class _Verifier:
     def _verification(self, runs: list[Runs], Qd: Array, Vd: Array) -> Verification:
         loops = self.experiment.loops
         horizon = float(self.times[-1])
+        finite = np.isfinite(Qd).all(axis=(-2, -1)) & np.isfinite(Vd).all(axis=-1)
+        times = np.linspace(0.0, horizon, len(Qd))[finite]
         seed = self.experiment.config.ensemble.seed
         any_loop = next(iter(loops.values()))
         common = sampled("", any_loop, horizon, generator(seed, Stream.CERTIFICATES, 0))
@@ -131,7 +134,7 @@ class _Verifier:
         rows = [
             *identity_rows(common, samples),
             *trajectory_rows(runs),
-            *hypothesis_rows(Setting(loops, np.linspace(0.0, horizon, len(Qd)), Qd, Vd)),
+            *hypothesis_rows(Setting(loops, times, Qd[finite], Vd[finite])),
         ]
         failed = sum(each.failed for each in runs)
         return Verification(rows, sum(each.count for each in runs) + failed, failed)
@@ -208,8 +211,8 @@ class _Verifier:
             )
 
     def _desired(self, engine: Engine) -> tuple[Array, Array]:
-        """The reference by itself: the closed loop started on it."""
-        loop = next(iter(self.experiment.loops.values()))
+        """The reference by itself: a closed loop that starts on it and stays there."""
+        loop = replace(next(iter(self.experiment.loops.values())), controller=EqT())
         Qd, Vd = self.experiment.initial_pose[None], self.experiment.initial_velocity[None]
         problem = Problem(loop, loop.initial_state(Qd, Vd, Qd, Vd), self.times)
         s = loop.tracking(self.times, engine.solve(problem, lambda runs: None).states[0])

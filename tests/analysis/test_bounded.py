@@ -1,4 +1,4 @@
-"""Numbers with rates and error bounds: bounds against exact fractions, rates against differences."""
+"""Numbers with rates and error bounds, against exact fractions and against differences."""
 
 from fractions import Fraction
 

@@ -1,4 +1,4 @@
-"""Inertia tensors that vary in time: their rate, their inverse, and the force that makes up for it."""
+"""Inertia tensors that vary in time: rate, inverse, and the force that makes up for the change."""
 
 import dataclasses
 

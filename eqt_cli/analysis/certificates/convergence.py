@@ -28,7 +28,7 @@ class Convergence(TrajectoryCheck):
         late = int(np.count_nonzero(~(final <= runs.threshold)))
         rate, span = runs.decay_rate(), float(runs.times[-1] - runs.times[0])
         decay = f"L decays at {rate:.2g} 1/s (median)" if np.isfinite(rate) else ""
-        counted = f"{late} of {runs.count} runs not there at {runs.times[-1]:g} s" if late else ""
+        counted = f"{late} of {len(final)} runs not there at {runs.times[-1]:g} s" if late else ""
         remark = "; ".join(part for part in (counted, decay, runs.remark) if part)
         if not late:
             verdict = Verdict.HOLDS

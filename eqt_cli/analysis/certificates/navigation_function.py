@@ -34,7 +34,7 @@ class NavigationFunction(Hypothesis):
 def _verdict(found: list[CriticalSet]) -> Verdict:
     minima = [each for each in found if each.index == 0]
     clean = all(each.nullity == each.dimension for each in found)
-    if len(minima) != 1 or minima[0].dimension or not clean:
+    if minima != found[:1] or not clean:  # the identity comes first, and is a single point
         return Verdict.VIOLATED
     return Verdict.MORSE_BOTT if any(each.dimension for each in found) else Verdict.HOLDS
 

@@ -80,8 +80,8 @@ def sampled(
     Vd = np.zeros_like(vectors[1]) if at_rest else vectors[1]
     flat = np.stack(
         [
-            loop.initial_state(*start, t)
-            for *start, t in zip(poses[0], vectors[0], poses[1], Vd, times, strict=True)
+            loop.initial_state(Q, V, Q_d, V_d, t)
+            for Q, V, Q_d, V_d, t in zip(poses[0], vectors[0], poses[1], Vd, times, strict=True)
         ]
     )
     drift = np.maximum(G.drift(poses[0]), G.drift(poses[1]))
