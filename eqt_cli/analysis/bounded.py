@@ -85,7 +85,10 @@ class Bounded:
             inverse = float(1 / np.float64(self.value))
         return self._mapped(inverse, lambda x: -1 / (x * x))
 
-    def __pow__(self, exponent: float) -> Bounded:
+    def __pow__(self, exponent: Any) -> Any:
+        if isinstance(exponent, Bounded):
+            return (exponent * self.apply("log")).apply("exp")
+
         def derivative(x: Any) -> Any:
             return exponent * (x ** (exponent - 1) if exponent != 1 else 1.0)
 

@@ -119,7 +119,7 @@ class _Verifier:
         finite = np.isfinite(Qd).all(axis=(-2, -1)) & np.isfinite(Vd).all(axis=-1)
         times = np.linspace(0.0, horizon, len(Qd))[finite]
         seed = self.experiment.config.ensemble.seed
-        any_loop = next(iter(loops.values()))
+        any_loop = replace(next(iter(loops.values())), controller=EqT())
         common = sampled("", any_loop, horizon, generator(seed, Stream.CERTIFICATES, 0))
         samples = [
             sampled(

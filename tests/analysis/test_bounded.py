@@ -75,6 +75,14 @@ def test_rate_of_powers(exponent):
     assert found.rate == pytest.approx(3 * exponent * 2.0 ** (exponent - 1), rel=1e-15)
 
 
+@given(x=st.floats(0.5, 3), y=st.floats(-2, 2), u=st.floats(-1, 1), v=st.floats(-1, 1))
+def test_rate_of_a_power_whose_exponent_moves(x, y, u, v):
+    found = Bounded(x, rate=u) ** Bounded(y, rate=v)
+    expected = x**y * (v * np.log(x) + y * u / x)
+    assert found.value == pytest.approx(x**y, rel=1e-14)
+    assert found.rate == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
 def test_slope_of_zero_leaves_no_rate():
     assert Bounded(0.0, rate=1.0).apply("cos").rate == 0.0
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -25,8 +26,8 @@ class Sample:
     ----------
     label, loop
         A controller's label, and its closed loop in these numbers.
-    s
-        What the law reads. Every rate is the time derivative along the closed loop.
+    times, flat, errors
+        Random times and flat states, and how far the states can be from the group.
     states
         Elements X, Y, Z of G ⋉ g*, at rest.
     inputs
@@ -35,9 +36,18 @@ class Sample:
 
     label: str
     loop: ClosedLoop
-    s: Tracking
+    times: Array
+    flat: Array
+    errors: Array
     states: tuple[State, State, State]
     inputs: tuple[Input, Input]
+
+    @cached_property
+    def s(self) -> Tracking:
+        """What the law reads; every rate is the time derivative along the closed loop."""
+        field = self.loop.vector_field(lifted(self.times), lifted(self.flat, self.errors))
+        moving = lifted(self.flat, self.errors, *value_of(field))
+        return self.loop.tracking(lifted(self.times, rates=1.0), moving)
 
     @property
     def G(self) -> MatrixLieGroup:
@@ -87,12 +97,12 @@ def sampled(
     drift = np.maximum(G.drift(poses[0]), G.drift(poses[1]))
     # What is off the group by its drift is as good as an element of it with errors of that size.
     errors = np.maximum(drift[:, None], UNIT * np.abs(flat))
-    velocity, velocity_error = value_of(exact.vector_field(lifted(times), lifted(flat, errors)))
-    s = exact.tracking(lifted(times, rates=1.0), lifted(flat, errors, velocity, velocity_error))
     free = [lifted(Q, G.drift(Q)[:, None, None]) for Q in poses[2:]]
     states = [(Q, lifted(P)) for Q, P in zip(free, vectors[2:5], strict=True)]
     inputs = [(lifted(vectors[k]), lifted(vectors[k + 1])) for k in (5, 7)]
-    return Sample(label, exact, s, (states[0], states[1], states[2]), (inputs[0], inputs[1]))
+    return Sample(
+        label, exact, times, flat, errors, (states[0], states[1], states[2]), (inputs[0], inputs[1])
+    )
 
 
 def _with_errors(parameters: dict[str, Array]) -> dict[str, Array]:
