@@ -57,7 +57,8 @@ class PlainLoop(Contender):
                 rtol=tolerance,
                 atol=tolerance * 1e-3,
             )
-            return result.y.T
+            y_at_samples: Array = result.y.T
+            return y_at_samples
 
         def solve() -> Array:
             laws = case.experiment.loops
@@ -67,7 +68,8 @@ class PlainLoop(Contender):
 
     def motion(self, case: Case, solution: Any) -> Motion:
         """That of the runs that were integrated."""
-        return Motion(*literal(case).motion(solution), _runs(case))
+        Q, V = literal(case).motion(solution)
+        return Motion(Q, V, _runs(case))
 
 
 def _runs(case: Case) -> Array:

@@ -25,7 +25,7 @@ class Compiled(Contender):
     def prepare(self, case: Case, tolerance: float) -> Solve:
         """Compile for the first controller; the others are the same code."""
         engine = Taylor(tol=tolerance, code=self.code)
-        engine.solve(case.problems[0].select([0]), lambda runs: None)
+        engine.solve(case.problems[0].select(slice(0, 1)), lambda runs: None)
         workers = os.cpu_count() or 1
 
         def solve() -> list[Solution]:

@@ -73,6 +73,17 @@ def settling_time(times: Array, error: Array, threshold: float) -> Array:
     return settled
 
 
+ENERGY_SCALE = 1.0
+"""J; errors of L are relative to L(0), but never to less than this."""
+
+
+def energy_residual(lyapunov: Array, balance: Array) -> Array:
+    """max |L + W − L(0)| / max(L(0), 1 J), from L and L + W, ``(runs, samples) -> (runs,)``."""
+    initial = lyapunov[:, :1]
+    residual: Array = np.abs(balance - initial).max(axis=-1)
+    return residual / np.maximum(initial[:, 0], ENERGY_SCALE)
+
+
 METRICS = (
     Metric(
         "effort",

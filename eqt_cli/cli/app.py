@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from eqt_cli import __version__
-from eqt_cli.cli import animate, compare, config, listing, plot, report, run, show
+from eqt_cli.cli import animate, compare, config, listing, plot, report, run, show, verify
 from eqt_cli.cli.output import say
 
 INTERRUPTED = 130
@@ -55,6 +55,7 @@ def main(
 app.command("run")(run.run)
 app.command("plot")(plot.plot)
 app.command("compare")(compare.compare)
+app.command("verify")(verify.verify)
 app.command("report")(report.report)
 app.command("animate")(animate.animate)
 app.command("show")(show.show)

@@ -18,7 +18,8 @@ def list_components(
         str | None,
         typer.Argument(
             metavar="KIND",
-            help="groups, controllers, references, engines, poses, velocities, figures or configs.",
+            help="groups, controllers, references, engines, poses, velocities, figures, "
+            "certificates or configs.",
         ),
     ] = None,
     plugin: Annotated[
@@ -54,6 +55,7 @@ def list_components(
 
 
 def _registries() -> dict[str, Registry[Any]]:
+    from eqt_cli.analysis.certificates import certificates
     from eqt_cli.controllers import controllers
     from eqt_cli.engines import engines
     from eqt_cli.ensemble.poses import pose_distributions
@@ -70,6 +72,7 @@ def _registries() -> dict[str, Registry[Any]]:
         "poses": pose_distributions,
         "velocities": velocity_distributions,
         "figures": figures,
+        "certificates": certificates,
     }
 
 

@@ -54,6 +54,11 @@ class Controller(ABC):
         numbers = {n: value for n, value in self.attributes.items() if _is_parameter(value)}
         return {name: np.atleast_1d(value) for name, value in numbers.items()}
 
+    @property
+    def claims_decrease(self) -> bool | None:
+        """Whether L is claimed to fall along every trajectory; None where the law does not say."""
+        return None
+
     @abstractmethod
     def torque(self, s: Tracking) -> Array:
         """τ, body frame, ``(..., m)``."""

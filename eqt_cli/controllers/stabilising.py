@@ -33,6 +33,11 @@ class Stabilising(Controller):
     def __post_init__(self) -> None:
         object.__setattr__(self, "compensation", 1.0 if self.feedforward else 0.0)
 
+    @property
+    def claims_decrease(self) -> bool | None:
+        """With the feedforward: without it, a changing inertia may raise L."""
+        return self.feedforward if type(self).torque is Stabilising.torque else None
+
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""
         shaping = s.G.Ad_star(s.Qd, s.gradient)

@@ -63,7 +63,14 @@ def value_and_derivative(
 
     with np.errstate(all="ignore"):
         value, derivative = fold(expression.tree, visit)
-    return value, 0.0 if derivative is None else derivative
+    if derivative is None:
+        return value, 0.0
+    return value, float(derivative) if isinstance(derivative, float) else derivative
+
+
+def slope(function: str, x: Any) -> Any:
+    """The derivative of a function of the grammar at x: a float, an array or a symbol."""
+    return _SLOPES[function](x)
 
 
 def _slope(node: Node, operands: tuple[Any, ...], value: Any) -> Any:
@@ -76,8 +83,8 @@ def _slope(node: Node, operands: tuple[Any, ...], value: Any) -> Any:
     if isinstance(node, Binary):
         left, right = operands
         return _binary_slope(node.operator, left, right, value)
-    [(argument, slope)] = operands
-    return _SLOPES[node.function](argument) * slope if isinstance(node, Call) else -slope
+    [(argument, rate)] = operands
+    return slope(node.function, argument) * rate if isinstance(node, Call) else -rate
 
 
 def _binary_slope(operator: str, left: Any, right: Any, value: Any) -> Any:

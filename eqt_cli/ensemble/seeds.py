@@ -15,6 +15,7 @@ class Stream(IntEnum):
 
     INITIAL_STATE = 0
     CROSS_CHECK = 1
+    CERTIFICATES = 2
 
 
 def generator(root: int, stream: Stream, run: int) -> np.random.Generator:

@@ -141,6 +141,10 @@ class Gathered:
                 "units": "1",
                 "long_name": "largest |L + W - L(0)| / max(L(0), 1 J)",
             },
+            "unstable_distance": {
+                "units": units["pose"],
+                "long_name": "smallest ||Q_E - Qc||_F, Qc critical points other than I",
+            },
             "error_estimate": {
                 "units": "mixed",
                 "long_name": "largest max(||dQ||_F, ||dV||) against a tighter solve",

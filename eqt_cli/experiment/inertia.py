@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -123,29 +122,3 @@ def _definite(law: InertiaLaw, horizon: float, problems: Problems) -> bool:
             problems.add(("inertia",), f"at t = {t:g} s: {wrong}")
             return False
     return True
-
-
-@dataclass(frozen=True)
-class InertiaBounds:
-    """The bounds that Theorem 3.2 asks for, over the horizon.
-
-    Attributes
-    ----------
-    smallest, largest
-        Extreme eigenvalues of 𝕀_t.
-    rate
-        Largest spectral norm of 𝕀̇_t.
-    """
-
-    smallest: float
-    largest: float
-    rate: float
-
-
-def inertia_bounds(law: InertiaLaw, horizon: float) -> InertiaBounds:
-    """The bounds of an inertia at `INSTANTS` instants of the horizon."""
-    now = law.at(np.linspace(0.0, horizon, INSTANTS))
-    eigenvalues = np.linalg.eigvalsh(now.matrix)
-    change = np.zeros_like(now.matrix) if now.change is None else now.change
-    rates = np.linalg.norm(change + change.swapaxes(-1, -2), 2, axis=(-2, -1))
-    return InertiaBounds(float(eigenvalues.min()), float(eigenvalues.max()), float(rates.max()))

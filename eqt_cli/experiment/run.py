@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.analysis.metrics import METRICS
+from eqt_cli.analysis.metrics import METRICS, energy_residual
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.core.arrays import Array
@@ -27,15 +27,13 @@ from eqt_cli.experiment.cross_check import (
     reference_distance,
 )
 from eqt_cli.experiment.gather import Chunk, Gathered
+from eqt_cli.mechanics.critical_points import distance_to_unstable
 from eqt_cli.store.variables import Table
 
 Progress = Callable[[float], None]
 
 CHUNK_BYTES = 64 * 2**20
 """Size of the states of the runs that are in memory at once; signals take a few times as much."""
-
-ENERGY_SCALE = 1.0
-"""J; energy residuals are relative to L(0), but never to less than this (see `headline`)."""
 
 
 @dataclass(frozen=True)
@@ -111,16 +109,16 @@ class _Simulation:
     ) -> Chunk:
         loop, times = problem.batched_loop(extra_axes=1), problem.times
         signals = compute(loop, times, solution.states)
-        balance, initial = signals.pop("energy_balance"), signals["lyapunov"][:, :1]
+        balance, s = signals.pop("energy_balance"), loop.tracking(times, solution.states)
         if loop.controller.dissipation(loop.tracking(times[0], problem.states[:1])) is None:
             balance = np.full_like(balance, np.nan)
         threshold = self.experiment.config.settling_threshold
-        scale = np.maximum(initial[:, 0], ENERGY_SCALE)
         metrics = {metric.name: metric.of(times, signals, threshold) for metric in METRICS}
         metrics |= {
             "steps": solution.steps,
             "group_drift": problem.loop.group.drift(signals["pose"]).max(axis=-1),
-            "energy_residual": np.abs(balance - initial).max(axis=-1) / scale,
+            "energy_residual": energy_residual(signals["lyapunov"], balance),
+            "unstable_distance": distance_to_unstable(loop.group, loop.gains.K, s.Q_E).min(axis=-1),
             "error_estimate": self._error_estimate(problem, solution),
             "reference_residual": reference_distance(loop, times, solution.states, reference),
         }

@@ -77,6 +77,19 @@ class MatrixLieGroup(ABC):
     def parts(self) -> tuple[Part, ...]:
         """The parts of the coordinates that carry units of their own."""
 
+    @property
+    def compact(self) -> bool | None:
+        """Whether the group is compact, so that every trajectory is bounded; None: not known."""
+        return None
+
+    @property
+    def compact_times_vector(self) -> bool | None:
+        """Whether it is compact ⋉ vector space, where Ad_Q is bounded with Q; None: not known.
+
+        The class of Hampsey et al. (2025), Remark 6.3.
+        """
+        return self.compact
+
     @classmethod
     def named(cls, name: str) -> Self | None:
         """The group that a configuration calls `name`, if it is of this class."""

@@ -62,6 +62,16 @@ class EuclideanGroup(MatrixLieGroup):
             parts.append(Part(name, axes, entries, unit, _rate(unit), force))
         return tuple(parts)
 
+    @property
+    def compact(self) -> bool:
+        """Rotations are; any translation makes it unbounded."""
+        return not self.columns
+
+    @property
+    def compact_times_vector(self) -> bool:
+        """SO(n) ⋉ (R^n)^k is the class of Remark 6.3."""
+        return True
+
     def rotation(self, Q: Array) -> Array:
         """The rotation block, ``(..., d, d) -> (..., n, n)``."""
         return Q[..., : self.space, : self.space]

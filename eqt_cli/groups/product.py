@@ -66,6 +66,16 @@ class ProductGroup(MatrixLieGroup):
             for part in factor.parts
         )
 
+    @property
+    def compact(self) -> bool | None:
+        """If all factors are."""
+        return _all([factor.compact for factor in self.factors])
+
+    @property
+    def compact_times_vector(self) -> bool | None:
+        """If all factors are: the product of two such groups is one."""
+        return _all([factor.compact_times_vector for factor in self.factors])
+
     def inverse(self, Q: Array) -> Array:
         """Block by block."""
         inverse = Q.copy()
@@ -105,6 +115,12 @@ class ProductGroup(MatrixLieGroup):
 
     def _layout(self) -> list[tuple[MatrixLieGroup, slice, slice]]:
         return list(zip(self.factors, self.blocks, self.coordinates, strict=True))
+
+
+def _all(answers: list[bool | None]) -> bool | None:
+    if False in answers:
+        return False
+    return None if None in answers else True
 
 
 def _slices(lengths: list[int]) -> list[slice]:

@@ -65,3 +65,15 @@ class Semidirect:
     def error(self, X: State, X_d: State) -> State:
         """E = X X_d⁻¹ = (Q Q_d⁻¹, Ad*_{Q_d⁻¹}(P − P_d)), Hampsey et al. (2025), eq. (17)."""
         return self.compose(X, self.inverse(X_d))
+
+    def error_input(self, X_d: State, U: Input, U_d: Input) -> Input:
+        """U_E = (V_E, τ_E) = Ad_{X_d}(U − U_d), Hampsey et al. (2025), eq. (19)."""
+        return self.Ad(X_d, (U[0] - U_d[0], U[1] - U_d[1]))
+
+    def closed_loop_input(self, X_d: State, tau_d: Array, U_E: Input) -> Array:
+        """τ = τ_d + Ad^τ_{X_d⁻¹}(V_E, τ_E), the force that gives the error the input U_E.
+
+        Hampsey et al. (2025), eq. (20).
+        """
+        _, tau = self.Ad(self.inverse(X_d), U_E)
+        return tau_d + tau

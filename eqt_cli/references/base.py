@@ -20,6 +20,8 @@ class Reference(ABC):
     """
 
     name: ClassVar[str]
+    keeps_velocity: ClassVar[bool] = False
+    """Whether V_d(t) = V_d(0) by construction."""
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     @abstractmethod

@@ -19,6 +19,7 @@ class ConstantReference(Reference):
     """
 
     name: ClassVar[str] = "constant"
+    keeps_velocity: ClassVar[bool] = True
 
     def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
         """τ_d = 𝕀̇V_d − ad*_{V_d} P_d, with which V_d stays in Hampsey et al. (2025), eq. (5)."""

@@ -14,7 +14,16 @@ from eqt_cli.experiment import shipped
 
 Eqt = Callable[..., Any]
 
-KINDS = ["groups", "controllers", "references", "engines", "poses", "velocities", "figures"]
+KINDS = [
+    "groups",
+    "controllers",
+    "references",
+    "engines",
+    "poses",
+    "velocities",
+    "figures",
+    "certificates",
+]
 
 PLUGIN = '''\
 from dataclasses import dataclass

@@ -267,3 +267,18 @@ def test_fixed_distributions_are_no_error_by_default(G):
     Q, V = draw(G, pose_distribution("fixed"), velocity_distribution("fixed"), runs=range(3))
     assert (Q == G.identity).all()
     assert not V.any()
+
+
+def test_exp_normal_is_drawn_around_its_centre():
+    G = group_named("SO3")
+    half_turn = [np.pi, 0.0, 0.0]
+    around = pose_distribution("exp_normal", std=1e-3, centre=half_turn)
+    Q, _ = draw(G, around)
+    Q_alone, _ = draw(G, pose_distribution("exp_normal", std=1e-3))
+    np.testing.assert_allclose(Q, np.diag([1.0, -1.0, -1.0]) @ Q_alone, rtol=0, atol=1e-14)
+
+
+def test_a_centre_has_one_number_per_coordinate():
+    G = group_named("SE3")
+    [(option, message)] = pose_distribution("exp_normal", centre=[1.0, 2.0]).problems(G)
+    assert (option, message) == ("centre", "expected 6 numbers for SE3, got 2")

@@ -40,6 +40,7 @@ VARIABLES = {
     "steps": (RUN, "1"),
     "group_drift": (RUN, "1"),
     "energy_residual": (RUN, "1"),
+    "unstable_distance": (RUN, "1"),
     "error_estimate": (RUN, "mixed"),
     "reference_residual": (RUN, "mixed"),
     "status": (RUN, "1"),
@@ -429,3 +430,16 @@ def test_where_every_run_failed_there_is_nothing_to_check(
     (folder / "law.py").write_text(ESCAPE, encoding="utf-8")
     found = results("solver.cross_check=1", plugins="[law.py]", controllers="[undefined]")
     assert np.isnan(checked(found)["difference"])
+
+
+def test_distance_to_the_unstable_equilibria_is_the_least_along_the_run(
+    results: Callable[..., Results],
+) -> None:
+    """With K = diag(1, 2, 3): the half-turns about the axes."""
+    file = results("gains.kp=[1, 2, 3]")
+    Q_E = file["pose"] @ np.swapaxes(file["desired_pose"], -1, -2)
+    half_turns = [np.diag(np.where(np.arange(3) == k, 1.0, -1.0)) for k in range(3)]
+    every = [np.sqrt(((Q_E - turn) ** 2).sum(axis=(-2, -1))) for turn in half_turns]
+    expected = np.min(every, axis=0).min(axis=-1)
+    # `desired_pose` is from a solve of its own, at rtol 1e-6.
+    np.testing.assert_allclose(file["unstable_distance"], expected, rtol=0, atol=1e-4)

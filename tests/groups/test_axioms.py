@@ -414,3 +414,21 @@ def test_example_3_1_operators_on_SO3(samples_of, data):
 def test_coordinates_are_rotation_then_columns(name, matrix):
     G = group_named(name)
     assert G.hat(np.arange(1.0, G.dimension + 1)).tolist() == matrix
+
+
+@pytest.mark.parametrize(
+    ("name", "compact"),
+    [
+        ("SO2", True),
+        ("SO3", True),
+        ("SE2", False),
+        ("SE3", False),
+        ("SE23", False),
+        ("R3", False),
+        ("SO3*SO2", True),
+        ("SO3*R3", False),
+    ],
+)
+def test_remark_6_3_class_of_the_group(name, compact):
+    G = group_named(name)
+    assert (G.compact, G.compact_times_vector) == (compact, True)

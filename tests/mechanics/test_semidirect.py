@@ -235,3 +235,14 @@ def test_lemma_5_1_error_dynamics(samples, S, data, derivative):
     rate = derivative(lambda t: S.error(moved(G, X, U, t), moved(G, X_d, U_d, t)))
     U_E = S.Ad(X_d, minus(U, U_d))
     assert_equal(lie_poisson(G, *S.error(X, X_d), *U_E), rate, DIFFERENCES)
+
+
+@EXAMPLES
+@given(data=st.data())
+def test_equation_20_gives_the_error_the_input_that_is_asked_for(samples, S, data):
+    """With τ = τ_d + Ad^τ_{X_d⁻¹}(V_E, τ_E), eq. (19) returns (V_E, τ_E): τ_E is free."""
+    G, X_d, (V_d, tau_d) = samples.G, samples.state(data), samples.input(data)
+    V_E, tau_E = samples.input(data)
+    tau = S.closed_loop_input(X_d, tau_d, (V_E, tau_E))
+    V = V_d + G.Ad(G.inverse(X_d[0]), V_E)
+    assert_equal(S.error_input(X_d, (V, tau), (V_d, tau_d)), (V_E, tau_E))

@@ -16,26 +16,34 @@ from eqt_cli.groups import MatrixLieGroup
 
 @dataclass(frozen=True)
 class ExpNormal(PoseDistribution):
-    """exp of independent normal algebra coordinates; for every group.
+    """A pose times exp of independent normal algebra coordinates; for every group.
 
     Attributes
     ----------
     std
         Standard deviation of every coordinate, or a list of m.
+    centre
+        m algebra coordinates of the pose that they are drawn around; the identity where not given.
     """
 
     name: ClassVar[str] = "exp_normal"
 
     std: Real | list[Real] = 1.0
+    centre: list[Real] | None = None
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
         """m algebra coordinates."""
         return Spread(self.std).draw(G.dimension, generator)
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
-        """exp of the coordinates."""
-        return G.exp(numbers)
+        """exp of the centre times exp of the coordinates."""
+        drawn = G.exp(numbers)
+        return drawn if self.centre is None else G.exp(np.array(self.centre)) @ drawn
 
     def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
-        """A wrong number of standard deviations, or a negative one."""
-        return Spread(self.std).problems("std", G.dimension)
+        """A wrong number of standard deviations or coordinates, or a negative deviation."""
+        found = Spread(self.std).problems("std", G.dimension)
+        if self.centre is not None and len(self.centre) != G.dimension:
+            got = len(self.centre)
+            found.append(("centre", f"expected {G.dimension} numbers for {G.name}, got {got}"))
+        return found

@@ -1,0 +1,186 @@
+"""Numbers that carry their time derivative and bounds of their rounding errors through any law.
+
+The laws of eqt run on object arrays of symbols. With these numbers as the symbols, one evaluation
+gives a value, its exact derivative along a motion (forward mode), and how far rounding can have
+moved either: a running error analysis (Higham, Accuracy and Stability of Numerical Algorithms,
+section 3.3), to first order in the errors. It knows no law.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
+from eqt_cli.core.differentiation import slope
+
+UNIT = 2.0**-53
+"""Unit roundoff of doubles: one operation errs by at most this, relatively."""
+
+LIBRARY_ULPS = 4.0
+"""Unit roundoffs granted to a function of the mathematical library; they promise about one."""
+
+
+class Bounded:
+    """A double, its rate of change, and bounds of the rounding errors of both.
+
+    Attributes
+    ----------
+    value, rate
+        What doubles give.
+    error, rate_error
+        How far they can be from what exact arithmetic on exact inputs would give.
+    """
+
+    __slots__ = ("error", "rate", "rate_error", "value")
+
+    def __init__(
+        self, value: float, error: float = 0.0, rate: float = 0.0, rate_error: float = 0.0
+    ) -> None:
+        self.value, self.error, self.rate, self.rate_error = value, error, rate, rate_error
+
+    def __add__(self, other: Any) -> Bounded:
+        if not isinstance(other, Bounded):
+            if other == 0:
+                return self
+            other = Bounded(float(other))
+        value, rate = self.value + other.value, self.rate + other.rate
+        return Bounded(
+            value,
+            self.error + other.error + UNIT * abs(value),
+            rate,
+            self.rate_error + other.rate_error + UNIT * abs(rate),
+        )
+
+    def __mul__(self, other: Any) -> Any:
+        if not isinstance(other, Bounded):
+            if other == 0:
+                return 0.0
+            other = Bounded(float(other))
+        a, b = abs(self.value), abs(other.value)
+        value = self.value * other.value
+        error = a * other.error + b * self.error + self.error * other.error + UNIT * abs(value)
+        left, right = self.value * other.rate, other.value * self.rate
+        rate_error = (
+            a * other.rate_error
+            + b * self.rate_error
+            + (abs(other.rate) + other.rate_error) * self.error
+            + (abs(self.rate) + self.rate_error) * other.error
+            + 2 * UNIT * (abs(left) + abs(right))
+        )
+        return Bounded(value, error, left + right, rate_error)
+
+    def __truediv__(self, other: Any) -> Any:
+        return self * (other.reciprocal() if isinstance(other, Bounded) else 1 / Bounded(other))
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return self.reciprocal() * other
+
+    def reciprocal(self) -> Bounded:
+        """1/x, slope −1/x²."""
+        with np.errstate(divide="ignore"):
+            inverse = float(1 / np.float64(self.value))
+        return self._mapped(inverse, lambda x: -1 / (x * x))
+
+    def __pow__(self, exponent: Any) -> Any:
+        if isinstance(exponent, Bounded):
+            return (exponent * self.apply("log")).apply("exp")
+
+        def derivative(x: Any) -> Any:
+            return exponent * (x ** (exponent - 1) if exponent != 1 else 1.0)
+
+        return self._mapped(self.value**exponent, derivative)
+
+    def __neg__(self) -> Bounded:
+        return Bounded(-self.value, self.error, -self.rate, self.rate_error)
+
+    def __sub__(self, other: Any) -> Bounded:
+        return self + -other
+
+    def __rsub__(self, other: Any) -> Bounded:
+        return -self + other
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+    def apply(self, name: str) -> Bounded:
+        """A function of the expression grammar, by name."""
+        value = float(getattr(np, name)(self.value))
+        return self._mapped(value, lambda x: slope(name, x))
+
+    def _mapped(self, value: float, derivative: Callable[[Any], Any]) -> Bounded:
+        """f(x) and f′(x)ẋ; an error e of x moves f by |f′(x)| e."""
+        with np.errstate(all="ignore"):
+            steepness = abs(float(derivative(np.float64(self.value))))
+        error = steepness * self.error + LIBRARY_ULPS * UNIT * abs(value)
+        if self.rate == 0 and self.rate_error == 0:
+            return Bounded(value, error)
+        motion = derivative(Bounded(self.value, self.error)) * Bounded(self.rate, self.rate_error)
+        if not isinstance(motion, Bounded):  # a slope of exactly 0
+            return Bounded(value, error)
+        return Bounded(value, error, motion.value, motion.error)
+
+
+def lifted(values: Array, errors: Any = 0.0, rates: Any = 0.0, rate_errors: Any = 0.0) -> Array:
+    """Floats as `Bounded` numbers, with the errors that they come with and their rates."""
+    parts = [np.asarray(part, dtype=float) for part in (values, errors, rates, rate_errors)]
+    shape = np.shape(values)
+    out = np.empty(shape, dtype=object)
+    whole = [np.broadcast_to(part, shape) for part in parts]
+    for index in np.ndindex(shape):
+        out[index] = Bounded(*(float(part[index]) for part in whole))
+    return out
+
+
+def value_of(numbers: Array) -> tuple[Array, Array]:
+    """The values and the bounds of their errors, as floats."""
+    return _read(numbers, "value"), _read(numbers, "error")
+
+
+def rate_of(numbers: Array) -> Array:
+    """The rates of change as numbers of their own, with the bounds of their errors."""
+    numbers = np.asarray(numbers, dtype=object)
+    return lifted(_read(numbers, "rate"), _read(numbers, "rate_error"))
+
+
+def discrepancy(left: Array, right: Array) -> tuple[float, float]:
+    """How far two results of the same quantity differ, and how far rounding lets them.
+
+    Both at the entry where the difference is largest in proportion.
+    """
+    (a, e), (b, f) = value_of(left), value_of(right)
+    difference, bound = np.broadcast_arrays(np.abs(a - b), e + f)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(difference == 0, 0.0, difference / bound)
+    ratio = np.where(np.isnan(ratio), math.inf, ratio)
+    worst = np.unravel_index(ratio.argmax() if ratio.any() else difference.argmax(), ratio.shape)
+    return float(difference[worst]), float(bound[worst])
+
+
+def _read(numbers: Array, attribute: str) -> Array:
+    numbers = np.asarray(numbers, dtype=object)
+    plain = 0.0 if attribute != "value" else None
+    found = [
+        getattr(entry, attribute)
+        if isinstance(entry, Bounded)
+        else (float(entry) if plain is None else plain)
+        for entry in numbers.flat
+    ]
+    return np.array(found, dtype=float).reshape(numbers.shape)
+
+
+def _value(x: Any) -> float:
+    return x.value if isinstance(x, Bounded) else float(x)
+
+
+register_symbols(
+    Bounded,
+    {
+        **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
+        "less": lambda a, b: _value(a) < _value(b),
+        "where": lambda condition, a, b: a if condition else b,
+    },
+)

@@ -1,0 +1,67 @@
+"""Certificates: one file per statement of the paper, found by scanning this folder."""
+
+from collections.abc import Iterable
+from typing import TypeVar
+
+from eqt_cli.analysis.certificates.base import (
+    Certificate,
+    Hypothesis,
+    Identity,
+    Row,
+    TrajectoryCheck,
+    Verdict,
+)
+from eqt_cli.analysis.certificates.runs import Runs
+from eqt_cli.analysis.certificates.sample import Sample, sampled
+from eqt_cli.analysis.certificates.setting import Setting
+from eqt_cli.core.registry import Registry
+
+T = TypeVar("T")
+
+certificates = Registry("certificate", __name__, Certificate)
+
+
+def identity_rows(common: Sample, laws: Iterable[Sample]) -> list[Row]:
+    """Every identity: on `common` where it is about no law, else on each of the laws."""
+    laws, rows = list(laws), []
+    for certificate in _of_kind(Identity):
+        for sample in laws if certificate.per_law else [common]:
+            if certificate.applies(sample.loop):
+                rows += certificate.check(sample)
+    return _in_order(rows)
+
+
+def trajectory_rows(runs: Iterable[Runs]) -> list[Row]:
+    """Every statement about solutions, on the runs of every law."""
+    return _in_order([check.check(each) for each in runs for check in _of_kind(TrajectoryCheck)])
+
+
+def hypothesis_rows(setting: Setting) -> list[Row]:
+    """Every hypothesis."""
+    found = [row for hypothesis in _of_kind(Hypothesis) for row in hypothesis.check(setting)]
+    return _in_order(found)
+
+
+def _of_kind(kind: type[T]) -> list[T]:
+    return [found() for found in certificates.all() if issubclass(found, kind)]
+
+
+def _in_order(rows: list[Row]) -> list[Row]:
+    """By the paper's sections; a stable sort, so that laws keep their order."""
+    sections = {found.name: (found.section, found.name) for found in certificates.all()}
+    return sorted(rows, key=lambda row: sections[row.name])
+
+
+__all__ = [
+    "Certificate",
+    "Row",
+    "Runs",
+    "Sample",
+    "Setting",
+    "Verdict",
+    "certificates",
+    "hypothesis_rows",
+    "identity_rows",
+    "sampled",
+    "trajectory_rows",
+]

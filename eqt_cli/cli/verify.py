@@ -1,0 +1,137 @@
+"""`eqt verify`: the statements of the paper, checked on a configuration or a result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eqt_cli.cli import options
+
+if TYPE_CHECKING:
+    from eqt_cli.analysis.certificates import Row
+    from eqt_cli.experiment.build import Experiment
+    from eqt_cli.experiment.verify import Verification
+
+HEADINGS = {
+    "identity": "Identities, at random states: difference of two sides, bound of their rounding",
+    "trajectory": "Trajectories, over the runs: error or change, tolerance",
+    "hypothesis": "Hypotheses: what the theorems assume",
+}
+
+
+def verify(
+    target: Annotated[
+        Path, typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result.")
+    ],
+    set_: options.Set = None,
+    engine: Annotated[
+        str | None, typer.Option("--engine", metavar="NAME", help="Engine, as solver.engine.")
+    ] = None,
+    runs: Annotated[
+        int | None,
+        typer.Option(
+            "--runs", min=1, metavar="N", help="Runs per controller of a CONFIG; default: 20."
+        ),
+    ] = None,
+    workers: options.Workers = None,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Check the paper's theorems on an experiment; exit 4 where one does not hold."""
+    from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.progress import progress
+    from eqt_cli.core.errors import EqtError
+    from eqt_cli.experiment.build import build
+    from eqt_cli.experiment.source import read_config
+    from eqt_cli.experiment.verify import RUNS, verify_experiment, verify_results
+    from eqt_cli.store.reader import open_results
+
+    is_result = target.suffix == ".h5" or target.is_dir()
+    if is_result and (set_ or engine or runs):
+        raise EqtError(
+            f"{target}: a result is verified as it is; --set, --engine and --runs are for a "
+            "configuration"
+        )
+    overrides = [*(set_ or ()), *([f"solver.engine={engine}"] if engine else ())]
+    experiment = build(read_config(target, overrides), trust_plugins=trust_plugins)
+    workers = workers or options.cores()
+    if is_result:
+        with open_results(target) as results:
+            found = verify_results(experiment, results, workers)
+    else:
+        count = min(runs or RUNS, experiment.config.ensemble.runs)
+        with progress(count * len(experiment.loops), quiet=quiet) as advance:
+            found = verify_experiment(experiment, count, advance, workers)
+    causes = _causes(found)
+    if json:
+        print_json(_document(experiment, target, found, causes))
+    else:
+        _print(experiment, found)
+    if found.failed_runs:
+        raise typer.Exit(3)
+    if found.failures:
+        raise typer.Exit(4)
+
+
+def _causes(found: Verification) -> list[str]:
+    causes = ["some runs failed"] if found.failed_runs else []
+    return causes + [
+        f"{row.statement}: {row.name}{f' ({row.controller})' if row.controller else ''} fails"
+        for row in found.failures
+    ]
+
+
+def _document(
+    experiment: Experiment, target: Path, found: Verification, causes: list[str]
+) -> dict[str, object]:
+    from dataclasses import asdict
+
+    return {
+        "verified": str(target),
+        "name": experiment.name,
+        "group": experiment.group.name,
+        "engine": experiment.engine.name,
+        "runs": found.runs,
+        "failed": found.failed_runs,
+        "holds": not found.failures,
+        "causes": causes,
+        "rows": [asdict(row) for row in found.rows],
+    }
+
+
+def _print(experiment: Experiment, found: Verification) -> None:
+    from eqt_cli.cli.output import table
+
+    header = ["statement", "what", "law", "measured", "bound", "verdict", "remark"]
+    for kind, heading in HEADINGS.items():
+        rows = [_cells(row) for row in found.rows if row.kind == kind]
+        print(f"{heading}\n{table(header, rows)}\n")
+    counted = f"{found.runs} runs with engine {experiment.engine.name}"
+    judged = [row for row in found.rows if row.kind != "hypothesis"]
+    holding = sum(row.verdict == "holds" for row in judged)
+    print(
+        f"{experiment.name} on {experiment.group.name}: {holding} of {len(judged)} hold, {counted}"
+    )
+    for cause in _causes(found):
+        print(cause)
+
+
+def _cells(row: Row) -> list[str]:
+    return [
+        row.statement,
+        row.name,
+        row.controller,
+        _number(row.measured),
+        _number(row.bound),
+        str(row.verdict),
+        row.remark,
+    ]
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return ""
+    return f"{value:.1e}" if value and abs(value) < 1e-2 else f"{value:.3g}"

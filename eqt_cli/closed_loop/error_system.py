@@ -1,0 +1,73 @@
+"""The error system by itself: Lemma 6.1 as a differential equation for E, and not for X.
+
+It is integrated by any engine like a closed loop; that both give the same E is a certificate.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.closed_loop.system import ClosedLoop
+from eqt_cli.core.arrays import Array
+from eqt_cli.mechanics.lie_poisson import lie_poisson
+from eqt_cli.mechanics.semidirect import Semidirect, State
+from eqt_cli.mechanics.tracking import Tracking
+
+
+@dataclass(frozen=True)
+class ErrorSystem(ClosedLoop):
+    """The Lie-Poisson system of E = X X_d⁻¹, with the inertia 𝕀̄_t and the reference beside it.
+
+    A flat state is (Q_E, P_E, Q_d, P_d, W): that of a closed loop with E in the place of X.
+    """
+
+    @staticmethod
+    def of(loop: ClosedLoop) -> ErrorSystem:
+        """The error system of a closed loop."""
+        fields = {field.name: getattr(loop, field.name) for field in dataclasses.fields(loop)}
+        return ErrorSystem(**fields)
+
+    def error(self, state: Array) -> State:
+        """E of a flat state of this system."""
+        pose, momentum, *_ = self._layout
+        return self.group.unpack(state[..., pose]), state[..., momentum]
+
+    def state_from(self, loop_state: Array, t: float) -> Array:
+        """The flat state of this system at one of the closed loop's."""
+        s = super().tracking(t, loop_state)
+        Q_E, P_E = Semidirect(self.group).error((s.Q, s.P), (s.Qd, s.Pd))
+        pose, momentum, *_ = self._layout
+        state = loop_state.copy()
+        state[..., pose], state[..., momentum] = self.group.pack(Q_E), P_E
+        return state
+
+    def tracking(self, t: Any, state: Array) -> Tracking:
+        """What a law may read at X = E X_d."""
+        s = super().tracking(t, state)
+        Q, P = Semidirect(self.group).compose(self.error(state), (s.Qd, s.Pd))
+        return dataclasses.replace(s, Q=Q, P=P)
+
+    def vector_field(self, t: Any, state: Array) -> Array:
+        """Q̇_E = Q_E V_E^, Ṗ_E = ad*_{V_E} P_E + τ_E with V_E = 𝕀̄_t⁻¹ P_E.
+
+        Hampsey et al. (2025), eq. (18) and Lemma 6.1; τ_E is the second part of eq. (19).
+        """
+        G, s = self.group, self.tracking(t, state)
+        Q_E, P_E = self.error(state)
+        V_E = G.Ad(s.Qd, s.inertia.velocity(G.Ad_star(s.Qd, P_E)))
+        tau = self.controller.torque(s)
+        _, tau_E = Semidirect(G).error_input((s.Qd, s.Pd), (s.V, tau), (s.Vd, s.tau_d))
+        Q_E_dot, P_E_dot = lie_poisson(G, Q_E, P_E, V_E, tau_E)
+        Qd_dot, Pd_dot = lie_poisson(G, s.Qd, s.Pd, s.Vd, s.tau_d)
+        derivative = np.empty(state.shape, dtype=state.dtype)
+        pose, momentum, desired_pose, desired_momentum, work = self._layout
+        derivative[..., pose] = G.pack(Q_E_dot)
+        derivative[..., momentum] = P_E_dot
+        derivative[..., desired_pose] = G.pack(Qd_dot)
+        derivative[..., desired_momentum] = Pd_dot
+        derivative[..., work] = 0.0
+        return derivative

@@ -1,0 +1,209 @@
+"""The critical points of the navigation function Υ, in closed form where the group allows it.
+
+On SO(n) ⋉ (R^n)^k with the weight K = [[A, B], [Bᵀ, C]] the translations of a critical point
+follow from its rotation, X = −(R − I) B C⁻¹, and what is left is Υ of the rotation alone with the
+Schur complement A − B C⁻¹Bᵀ as its weight. Its critical points are I and the half-turns: about the
+unit eigenvectors of that weight in space, all of an eigenspace where an eigenvalue repeats.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from scipy.linalg import block_diag
+
+from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.groups.product import ProductGroup
+
+SAME_EIGENVALUE = 1e-9
+"""Eigenvalues of the weight this close, relative to the largest, count as one: numbers written in
+decimal, and the rounding of their eigenvalues."""
+
+
+@dataclass(frozen=True)
+class CriticalSet:
+    """A connected set of critical points of Υ: one point, or a manifold of them.
+
+    Attributes
+    ----------
+    name
+        What it is: ``half-turn about (1, 0, 0)``.
+    dimension
+        Of the set: 0 for a point.
+    Q : (d, d)
+        A point of it.
+    hessian : (m,)
+        The eigenvalues of the Hessian of Υ there, rising.
+    axes : (n, k), or None
+        For half-turns in space, an orthonormal basis of their axes.
+    offset : (n, k)
+        D, with the translations (I − R) D at a rotation R of the set.
+    factors
+        For a product, one set per factor.
+    """
+
+    name: str
+    dimension: int
+    Q: Array
+    hessian: Array
+    axes: Array | None = None
+    offset: Array | None = None
+    factors: tuple[CriticalSet, ...] = ()
+
+    @property
+    def nullity(self) -> int:
+        """How many eigenvalues of the Hessian are 0."""
+        return int((np.abs(self.hessian) <= self._zero).sum())
+
+    @property
+    def index(self) -> int:
+        """How many are negative: directions in which Υ falls."""
+        return int((self.hessian < -self._zero).sum())
+
+    @property
+    def _zero(self) -> float:
+        return SAME_EIGENVALUE * float(np.abs(self.hessian).max(initial=0.0))
+
+    def squared_distance(self, Q: Array) -> Array:
+        """The least ‖Q − Q_c‖_F² over the points Q_c of the set, ``(..., d, d) -> (...)``."""
+        if self.factors:
+            start, total = 0, np.zeros(Q.shape[:-2])
+            for factor in self.factors:
+                block = slice(start, start + len(factor.Q))
+                total = total + factor.squared_distance(Q[..., block, block])
+                start = block.stop
+            return total
+        if self.axes is None or self.axes.shape[1] == 1:
+            squares: Array = ((Q - self.Q) ** 2).sum(axis=(-2, -1))
+            return squares
+        return self._distance_to_half_turns(Q, self.axes)
+
+    def _distance_to_half_turns(self, Q: Array, axes: Array) -> Array:
+        """With R_n = 2nnᵀ − I the squared distance is a constant less a quadratic form in n."""
+        size = axes.shape[0]
+        D = np.zeros((size, 0)) if self.offset is None else self.offset
+        R, Y = Q[..., :size, :size], Q[..., :size, size:] - 2 * D
+        trace = np.trace(R, axis1=-2, axis2=-1)
+        constant = (R**2).sum(axis=(-2, -1)) + size + 2 * trace + (Y**2).sum(axis=(-2, -1))
+        if axes.shape[1] == size and not D.any():
+            # A rotation leaves its own axis as it is: the largest eigenvalue of R + Rᵀ is 2.
+            return np.maximum(constant - 4, 0.0)
+        form = 2 * (R + transpose(R)) - 2 * (D @ transpose(Y) + Y @ D.T) - 4 * D @ D.T
+        finite = np.isfinite(constant)  # runs that failed are NaN, which LAPACK does not take
+        within = np.where(finite[..., None, None], axes.T @ form @ axes, 0.0)
+        return np.maximum(constant - np.linalg.eigvalsh(within)[..., -1], 0.0)
+
+
+def critical_sets(G: MatrixLieGroup, K: Array) -> list[CriticalSet] | None:
+    """Every critical point of Υ, the identity first; None on a group where they are not known.
+
+    Parameters
+    ----------
+    K : (d, d)
+        Symmetric weight for which the identity is a non-degenerate minimum.
+    """
+    if isinstance(G, ProductGroup):
+        return _of_product(G, K)
+    if isinstance(G, EuclideanGroup):
+        return _of_rigid_motions(G, K)
+    return None
+
+
+def distance_to_unstable(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
+    """The least ‖Q − Q_c‖_F over critical points of Υ but the identity, ``(..., d, d) -> (...)``.
+
+    NaN where there are none, or they are not known. K may vary along the first axis of Q.
+    """
+    if K.ndim > 2:
+        weights = K.reshape(len(K), *K.shape[-2:])
+        return np.stack([distance_to_unstable(G, *pair) for pair in zip(weights, Q, strict=True)])
+    found = critical_sets(G, K)
+    if found is None or len(found) < 2:
+        return np.full(Q.shape[:-2], np.nan)
+    squares = [each.squared_distance(Q) for each in found[1:]]
+    return np.sqrt(reduce(np.minimum, squares))
+
+
+def _of_rigid_motions(G: EuclideanGroup, K: Array) -> list[CriticalSet]:
+    n = G.space
+    A, B, C = K[:n, :n], K[:n, n:], K[n:, n:]
+    D = B @ np.linalg.inv(C) if G.columns else np.zeros((n, 0))
+    found = [CriticalSet("identity", 0, G.identity, _hessian(G, K, G.identity))]
+    if not G.rotations:
+        return found
+    if n == 2:
+        Q = _with_rotation(G, -np.eye(2), D)
+        return [*found, CriticalSet("half-turn", 0, Q, _hessian(G, K, Q))]
+    values, vectors = np.linalg.eigh(A - B @ D.T)
+    for axes in _eigenspaces(values, vectors):
+        R = 2 * np.outer(axes[:, 0], axes[:, 0]) - np.eye(3)
+        Q = _with_rotation(G, R, D)
+        dimension = axes.shape[1] - 1
+        found.append(CriticalSet(_name(axes), dimension, Q, _hessian(G, K, Q), axes, D))
+    return found
+
+
+def _of_product(G: ProductGroup, K: Array) -> list[CriticalSet] | None:
+    """Υ is a sum over the factors: blocks of K off the diagonal do not enter the trace."""
+    found = [CriticalSet("", 0, np.zeros((0, 0)), np.zeros(0))]
+    for factor, block in zip(G.factors, G.blocks, strict=True):
+        own = critical_sets(factor, K[block, block])
+        if own is None:
+            return None
+        found = [_paired(left, right) for left in found for right in own]
+    return found
+
+
+def _paired(left: CriticalSet, right: CriticalSet) -> CriticalSet:
+    return CriticalSet(
+        name=f"{left.name} × {right.name}" if left.name else right.name,
+        dimension=left.dimension + right.dimension,
+        Q=block_diag(left.Q, right.Q) if left.name else right.Q,
+        hessian=np.sort(np.concatenate([left.hessian, right.hessian])),
+        factors=(*left.factors, right),
+    )
+
+
+def _hessian(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
+    """Eigenvalues of the Hessian at a critical point, ∂²Υ(Q exp(V)) at V = 0.
+
+    With Q exp(V) = Q + Q V^ + ½Q V^² + … its entries are
+    tr(Q E_i K (Q E_j)ᵀ) + ½ tr((Q − I) K (Q{E_i, E_j})ᵀ).
+    """
+    E = G.basis
+    moved = Q @ E
+    first = np.einsum("iab,bc,jac->ij", moved, K, moved)
+    pairs = E[:, None] @ E[None]
+    twice = Q @ (pairs + pairs.swapaxes(0, 1))
+    second = np.einsum("ab,ijab->ij", (Q - G.identity) @ K, twice) / 2
+    eigenvalues: Array = np.linalg.eigvalsh(first + second)
+    return eigenvalues
+
+
+def _with_rotation(G: EuclideanGroup, R: Array, D: Array) -> Array:
+    return G.assemble(R, (np.eye(len(R)) - R) @ D)
+
+
+def _eigenspaces(values: Array, vectors: Array) -> list[Array]:
+    """Orthonormal bases of the eigenspaces, ``(n, k)`` each, by rising eigenvalue."""
+    apart = np.flatnonzero(np.diff(values) > SAME_EIGENVALUE * np.abs(values).max())
+    return np.split(vectors, apart + 1, axis=1)
+
+
+def _name(axes: Array) -> str:
+    if axes.shape[1] == 3:
+        return "half-turns about every axis"
+    if axes.shape[1] == 2:
+        normal = np.cross(axes[:, 0], axes[:, 1])
+        return f"half-turns about every axis normal to {_direction(normal)}"
+    return f"half-turn about {_direction(axes[:, 0])}"
+
+
+def _direction(axis: Array) -> str:
+    """An axis with its first large entry positive, to three digits."""
+    axis = axis * np.sign(axis[np.abs(axis).argmax()])
+    return "(" + ", ".join(f"{round(float(entry), 3) + 0.0:g}" for entry in axis) + ")"

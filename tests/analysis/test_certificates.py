@@ -1,0 +1,411 @@
+"""What certificates say: of runs and settings made up for it, one reason for each verdict."""
+
+import dataclasses
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from eqt_cli.analysis.certificates import (
+    Runs,
+    Setting,
+    Verdict,
+    certificates,
+    hypothesis_rows,
+    identity_rows,
+    sampled,
+    trajectory_rows,
+)
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import Controller, controllers
+from eqt_cli.controllers.eqt import EqT
+from eqt_cli.controllers.family import Family
+from eqt_cli.core.arrays import tanh
+from eqt_cli.core.expressions import parse
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.inertia import Inertia, PrescribedInertia
+from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.references.constant import ConstantReference
+from eqt_cli.references.torque import TorqueReference
+
+TIMES = np.linspace(0.0, 10.0, 101)
+RTOL = 1e-9
+
+
+def positive_definite(n, seed):
+    A = np.random.default_rng(seed).uniform(-1.0, 1.0, (n, n)) / np.sqrt(n)
+    return A @ A.T + np.eye(n) / 2
+
+
+def closed_loop(G, law=None, **parts):
+    inertia = positive_definite(G.dimension, 1)
+    known = {
+        "group": G,
+        "inertia": Inertia(inertia, np.linalg.inv(inertia)),
+        "gains": Gains(positive_definite(G.size, 2), positive_definite(G.dimension, 3)),
+        "reference": TorqueReference(["0.3 + sin(t)"] * G.dimension),
+        "controller": law or EqT(),
+    }
+    return ClosedLoop(**known | parts)
+
+
+def identities(loop, seed=0, **options):
+    random = np.random.default_rng(seed)
+    common = sampled("", dataclasses.replace(loop, controller=EqT()), 5.0, random)
+    return identity_rows(common, [sampled("law", loop, 5.0, random, **options)])
+
+
+def runs(**changes):
+    L = np.array([2.0, 3.0])[:, None] * np.exp(-0.5 * TIMES)
+    known = {
+        "label": "eqt",
+        "claims_decrease": True,
+        "rtol": RTOL,
+        "threshold": 0.05,
+        "times": TIMES,
+        "lyapunov": L,
+        "energy_residual": np.array([1e-10, 2e-10]),
+        "group_drift": np.array([1e-10, 2e-10]),
+        "final_pose_error": np.array([0.01, 0.02]),
+        "final_velocity_error": np.array([0.03, 0.01]),
+        "error_system": 1e-8,
+    }
+    return Runs(**known | changes)
+
+
+def trajectory(name, **changes):
+    return {row.name: row for row in trajectory_rows([runs(**changes)])}[name]
+
+
+def hypothesis(name, loop, **changes):
+    known = {
+        "loops": {"eqt": loop},
+        "times": TIMES,
+        "desired_pose": np.broadcast_to(loop.group.identity, (101, *loop.group.identity.shape)),
+        "desired_velocity": np.zeros((101, loop.group.dimension)),
+    }
+    rows = hypothesis_rows(Setting(**known | changes))
+    return {row.name: row for row in rows}[name]
+
+
+# Registry -----------------------------------------------------------------------------------------
+
+
+def test_every_certificate_says_what_and_where():
+    for certificate in certificates.all():
+        assert certificate.name and certificate.statement and certificate.section >= 2
+        assert certificate.kind in ("identity", "trajectory", "hypothesis")
+
+
+# Identities ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", controllers.names())
+def test_identities_hold_on_every_group_for_every_law(G, name):
+    law = controllers.get(name)()
+    at_rest = "track" not in law.tasks
+    loop = closed_loop(G, law, **({"reference": ConstantReference()} if at_rest else {}))
+    for seed in range(3):
+        rows = identities(loop, seed, at_rest=at_rest)
+        assert len(rows) >= 12
+        assert {row.verdict for row in rows} == {Verdict.HOLDS}, rows
+
+
+def test_identities_hold_for_a_varying_inertia(G):
+    rows = [["0"] * G.dimension for _ in range(G.dimension)]
+    for k in range(G.dimension):
+        rows[k][k] = f"{k + 1} + t/{k + 2}"
+    law = PrescribedInertia(tuple(tuple(parse(text) for text in row) for row in rows))
+    found = identities(closed_loop(G, inertia=law))
+    assert "feedforward of a varying inertia" in {row.name for row in found}
+    assert {row.verdict for row in found} == {Verdict.HOLDS}
+
+
+def test_bounds_are_a_few_thousand_roundings_and_not_loose(G):
+    """A formula that is wrong by a millionth would be seen."""
+    for row in identities(closed_loop(G)):
+        assert row.measured <= row.bound < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("name", "rows"),
+    [
+        ("eqt", {"EqT on SO(3)", "control through G ⋉ g*"}),
+        ("gt", {"GT on SO(3)"}),
+        ("nog", {"nog on SO(3)"}),
+        ("asym", {"asym on SO(3)"}),
+    ],
+)
+def test_laws_of_section_7_have_their_own_rows_on_SO3(name, rows):
+    found = identities(closed_loop(group_named("SO3"), controllers.get(name)()))
+    about_laws = {row.name for row in found if row.controller == "law"}
+    assert about_laws == rows | {"power of the feedforward", "rate of L"}
+
+
+def test_a_point_of_the_family_is_known_by_its_numbers_not_its_name():
+    found = identities(closed_loop(group_named("SO3"), Family(0.5, 0.5, 0.5, "body")))
+    assert "GT on SO(3)" in {row.name for row in found}
+
+
+def test_formulas_of_SO3_are_not_for_other_groups_of_three_dimensions():
+    found = identities(closed_loop(group_named("SE2")))
+    assert not any("SO(3)" in row.name for row in found)
+
+
+@dataclass(frozen=True)
+class Limited(EqT):
+    name: ClassVar[str] = "limited"
+
+    def torque(self, s):
+        return 2 * tanh(super().torque(s) / 2)
+
+    def dissipation(self, s):
+        return None
+
+
+def test_a_subclass_with_a_torque_of_its_own_is_not_the_law_it_extends():
+    loop = closed_loop(group_named("SO3"), Limited())
+    assert not [row for row in identities(loop) if row.controller]
+    assert hypothesis("the law is covered", loop).verdict == "unknown"
+
+
+@dataclass(frozen=True)
+class Untraceable(Controller):
+    name: ClassVar[str] = "untraceable"
+
+    def torque(self, s):
+        return -np.linalg.solve(np.eye(3), s.V_tilde[..., None])[..., 0]
+
+    def dissipation(self, s):
+        return (s.V_tilde**2).sum(axis=-1)
+
+
+def test_a_law_that_takes_floats_only_is_undecided_and_says_why():
+    [row] = [
+        row
+        for row in identities(closed_loop(group_named("SO3"), Untraceable()))
+        if row.controller == "law"
+    ]
+    assert (row.name, row.verdict) == ("rate of L", "undecided")
+    assert row.remark.startswith("cannot be evaluated on symbols: ")
+
+
+# Trajectories -------------------------------------------------------------------------------------
+
+
+def test_good_runs_hold():
+    assert {row.verdict for row in trajectory_rows([runs()])} == {Verdict.HOLDS}
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "measured"),
+    [
+        ("energy balance", {"energy_residual": np.array([1e-12, 1e-6])}, 1e-6),
+        ("poses stay in the group", {"group_drift": np.array([1e-3, 1e-12])}, 1e-3),
+        ("error system by itself", {"error_system": 1e-3}, 1e-3),
+        ("decrease of L", {"lyapunov": np.array([[2.0, 1.0, 1.5]]), "times": np.arange(3.0)}, 0.25),
+    ],
+)
+def test_a_trajectory_row_fails_beyond_its_bound(name, changes, measured):
+    row = trajectory(name, **changes)
+    assert (row.verdict, row.measured) == ("FAILS", measured)
+
+
+@pytest.mark.parametrize(
+    ("name", "changes"),
+    [
+        ("energy balance", {"energy_residual": np.array([np.nan, 1e-12])}),
+        ("poses stay in the group", {"group_drift": np.array([np.nan, 1e-12])}),
+        ("error system by itself", {"error_system": np.nan}),
+        ("decrease of L", {"lyapunov": np.array([[2.0, np.nan, 1.5]]), "times": np.arange(3.0)}),
+    ],
+)
+def test_what_is_not_a_number_does_not_hold(name, changes):
+    assert trajectory(name, **changes).verdict == "FAILS"
+
+
+def test_small_rises_of_L_are_measured_against_a_joule():
+    rising = {"lyapunov": np.array([[1e-9, 1.5e-9]]), "times": np.arange(2.0)}
+    assert trajectory("decrease of L", **rising).verdict == "holds"
+
+
+def test_runs_under_way_are_counted_and_their_decay_is_measured():
+    row = trajectory("Q → Q_d", final_pose_error=np.array([0.01, 0.3]))
+    assert (row.verdict, row.measured, row.bound) == ("undecided", 0.3, 0.05)
+    assert row.remark == "1 of 2 runs not there at 10 s; L decays at 0.5 1/s (median)"
+
+
+def test_a_run_that_is_not_there_and_whose_error_grows_speaks_against_convergence():
+    growing = np.exp(0.1 * TIMES)[None]
+    row = trajectory("P → P_d", final_velocity_error=np.array([0.3]), lyapunov=growing)
+    assert row.verdict == "FAILS"
+
+
+def test_convergence_without_trajectories_has_no_decay_rate():
+    row = trajectory("Q → Q_d", final_pose_error=np.array([0.3]), lyapunov=None)
+    assert (row.verdict, row.remark) == ("undecided", "1 of 1 runs not there at 10 s")
+
+
+def test_an_end_that_is_not_a_number_is_not_there():
+    assert trajectory("Q → Q_d", final_pose_error=np.array([np.nan])).verdict == "undecided"
+
+
+@pytest.mark.parametrize("claims", [False, None])
+def test_nothing_is_held_against_a_law_that_claims_nothing(claims):
+    rising = np.array([[1.0, 2.0, 3.0]])
+    changes = {"claims_decrease": claims, "lyapunov": rising, "times": np.arange(3.0)}
+    assert trajectory("decrease of L", **changes).verdict == "unclaimed"
+    late = {"final_pose_error": np.array([1.0])}
+    assert trajectory("Q → Q_d", **changes, **late).verdict == "unclaimed"
+
+
+def test_a_law_without_dissipation_has_no_balance():
+    row = trajectory("energy balance", energy_residual=np.array([np.nan, np.nan]))
+    assert row.verdict == "unclaimed"
+
+
+def test_without_trajectories_a_decrease_is_undecided():
+    row = trajectory("decrease of L", lyapunov=None)
+    assert (row.verdict, row.remark) == ("undecided", "the result holds no trajectories")
+
+
+def test_without_a_good_run_nothing_is_decided():
+    none = np.zeros(0)
+    rows = trajectory_rows(
+        [
+            runs(
+                lyapunov=np.zeros((0, 101)),
+                energy_residual=none,
+                group_drift=none,
+                final_pose_error=none,
+                final_velocity_error=none,
+                error_system=None,
+                failed=3,
+            )
+        ]
+    )
+    assert {row.verdict for row in rows} == {Verdict.UNDECIDED}
+    assert "3 runs failed" in {row.remark for row in rows}
+
+
+# Hypotheses ---------------------------------------------------------------------------------------
+
+
+def weighted(K, name="SO3"):
+    G = group_named(name)
+    return closed_loop(G, gains=Gains(np.diag(K), np.eye(G.dimension)))
+
+
+@pytest.mark.parametrize(
+    ("K", "verdict", "least"),
+    [
+        ([1.0, 1.0, 1.0], "Morse-Bott", 2.0),
+        ([1.0, 1.0, 3.0], "Morse-Bott", 2.0),
+        ([1.0, 2.0, 3.0], "holds", 1.0),
+        ([1.0, 2.0, -3.0], "violated", 1.0),
+    ],
+)
+def test_navigation_function(K, verdict, least):
+    row = hypothesis("Υ is a navigation function", weighted(K))
+    assert (row.verdict, row.measured) == (verdict, pytest.approx(least))
+
+
+def test_navigation_function_names_its_critical_points_and_indices():
+    assert hypothesis("Υ is a navigation function", weighted([1.0, 2.0, 3.0])).remark == (
+        "identity: index 0; half-turn about (1, 0, 0): index 3; "
+        "half-turn about (0, 1, 0): index 2; half-turn about (0, 0, 1): index 1"
+    )
+    assert hypothesis("Υ is a navigation function", weighted([1.0, 1.0, 1.0])).remark == (
+        "identity: index 0; half-turns about every axis: index 1, a manifold of dimension 2"
+    )
+
+
+def test_condition_on_the_weight():
+    assert hypothesis("Hessian of Υ at I is positive", weighted([1.0, 2.0, -0.5])).measured == 0.5
+    row = hypothesis("Hessian of Υ at I is positive", weighted([1.0, 2.0, -3.0]))
+    assert (row.verdict, row.measured) == ("violated", -2.0)
+
+
+def test_rayleigh_tensor():
+    G = group_named("SO3")
+    loop = closed_loop(G, gains=Gains(np.eye(3), np.diag([1.0, 2.0, -1.0])))
+    assert hypothesis("K_d is positive definite", loop).verdict == "violated"
+    assert hypothesis("K_d is positive definite", closed_loop(G)).verdict == "holds"
+
+
+def poses(loop, radius):
+    """Q_d on a path whose position is `radius` (samples,) from the origin."""
+    Q = np.broadcast_to(loop.group.identity, (101, *loop.group.identity.shape)).copy()
+    Q[:, 0, -1] = radius
+    return Q
+
+
+def test_a_pose_is_bounded_by_proof_on_a_compact_group_only():
+    assert hypothesis("Q_d is bounded", closed_loop(group_named("SO3"))).verdict == "holds"
+    loop = closed_loop(group_named("SE3"))
+    assert hypothesis("Q_d is bounded", loop).verdict == "unknown"
+
+
+@pytest.mark.parametrize(
+    ("radius", "verdict"), [(TIMES, "growing"), (np.sin(TIMES), "unknown"), (10 - TIMES, "unknown")]
+)
+def test_a_pose_that_still_grows_is_said_to(radius, verdict):
+    loop = closed_loop(group_named("SE3"))
+    row = hypothesis("Q_d is bounded", loop, desired_pose=poses(loop, radius))
+    assert row.verdict == verdict
+    assert row.measured == pytest.approx(np.sqrt(4 + np.max(np.abs(radius)) ** 2))
+
+
+def test_a_reference_at_rest_is_bounded():
+    loop = closed_loop(group_named("SE3"), reference=ConstantReference())
+    assert hypothesis("Q_d is bounded", loop).verdict == "holds"
+    moving = hypothesis("Q_d is bounded", loop, desired_velocity=np.ones((101, 6)))
+    assert moving.verdict == "unknown"
+
+
+def test_a_velocity_is_bounded_by_proof_where_the_reference_keeps_it():
+    G = group_named("SO3")
+    velocity = TIMES[:, None] * np.ones(3)
+    for reference, verdict in ((ConstantReference(), "holds"), (None, "growing")):
+        loop = closed_loop(G, **({"reference": reference} if reference else {}))
+        row = hypothesis("V_d is bounded", loop, desired_velocity=velocity)
+        assert (row.verdict, row.measured) == (verdict, pytest.approx(10 * np.sqrt(3)))
+
+
+@pytest.mark.parametrize(
+    ("name", "remark"), [("SO3", "compact"), ("SE3", "compact ⋉ vector space"), ("R3", "compact ⋉")]
+)
+def test_class_of_remark_6_3(name, remark):
+    row = hypothesis("Ad_{Q_d} is bounded with Q_d", closed_loop(group_named(name)))
+    assert row.verdict == "holds"
+    assert row.remark.startswith(remark)
+
+
+def test_inertia_is_bounded_by_proof_where_it_is_constant():
+    G = group_named("SO3")
+    assert hypothesis("𝕀_t and its rate are bounded", closed_loop(G)).verdict == "holds"
+
+
+@pytest.mark.parametrize(
+    ("entry", "verdict", "rate"), [("2 + t", "growing", 1.0), ("3 - t/10", "unknown", 0.1)]
+)
+def test_a_varying_inertia_shows_its_bounds(entry, verdict, rate):
+    rows = tuple(tuple(parse(entry if i == j else "0") for j in range(3)) for i in range(3))
+    loop = closed_loop(group_named("SO3"), inertia=PrescribedInertia(rows))
+    row = hypothesis("𝕀_t and its rate are bounded", loop)
+    assert (row.verdict, row.measured) == (verdict, pytest.approx(rate))
+
+
+@pytest.mark.parametrize(
+    ("law", "verdict"),
+    [
+        (Family(0.3, 0.1, 0.9), "holds"),
+        (Family(1.0, 1.0, 1.0), "violated"),
+        (controllers.get("stabilising")(feedforward=True), "holds"),
+        (controllers.get("stabilising")(feedforward=False), "violated"),
+    ],
+)
+def test_laws_that_the_paper_covers(law, verdict):
+    row = hypothesis("the law is covered", closed_loop(group_named("SO3"), law))
+    assert row.verdict == verdict

@@ -1,0 +1,531 @@
+"""Certificates can fail: a fault planted in any law turns the rows red that are about it, no other.
+
+Every fault is a wrong sign, a wrong factor or a missing term, planted for the time of one test in
+all modules that use the function. The rows that must turn red are named; all others must hold.
+"""
+
+import dataclasses
+import sys
+
+import numpy as np
+import pytest
+
+from eqt_cli.analysis.certificates import Verdict, theorem_6_2
+from eqt_cli.controllers.family import Family
+from eqt_cli.controllers.stabilising import Stabilising
+from eqt_cli.core.arrays import apply_matrix, transpose
+from eqt_cli.experiment import shipped
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.source import read_config
+from eqt_cli.experiment.verify import verify_experiment
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.mechanics import navigation
+from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInertia
+from eqt_cli.mechanics.lie_poisson import lie_poisson
+from eqt_cli.mechanics.semidirect import Semidirect
+from eqt_cli.mechanics.tracking import Tracking
+
+SHORT = ["time.duration=1", "time.samples=11", "ensemble.runs=2"]
+
+FACTOR = [["1 + t/8", "t/20", 0], [0, 1, 0], [0, 0, "exp(t/10)"]]
+FACTORED = f"inertia={{initial: [[2, 0, 0.1], [0, 3, 0], [0.1, 0, 4]], factor: {FACTOR}}}".replace(
+    "'", '"'
+)
+PRESCRIBED = 'inertia={matrix: [["2 + t/5", 0, "sin(t)/5"], [0, 3, 0], ["sin(t)/5", 0, 4]]}'
+
+EXPERIMENTS = {
+    "paper": ("paper", []),
+    "bluerov2": ("se3_bluerov2", []),
+    "factored": ("paper", [FACTORED]),
+    "prescribed": ("paper", [PRESCRIBED]),
+    "satellite": ("satellite_panels", []),
+}
+
+
+def red_rows(name):
+    """(what, law) of every row that fails."""
+    config, overrides = EXPERIMENTS[name]
+    experiment = build(read_config(shipped.folder() / f"{config}.yaml", [*SHORT, *overrides]))
+    found = verify_experiment(experiment)
+    return {(row.name, row.controller) for row in found.rows if row.verdict is Verdict.FAILS}
+
+
+def on(laws, *names):
+    """These rows for each of these laws; the law "" is none."""
+    return {(name, law) for name in names for law in laws.split(",")}
+
+
+# Where a fault is planted -------------------------------------------------------------------------
+
+
+def everywhere(monkeypatch, function, planted):
+    """Replace a function in every module that has it, under whatever name it was imported."""
+    for module in list(sys.modules.values()):
+        if getattr(module, "__name__", "").startswith("eqt_cli"):
+            for name, value in list(vars(module).items()):
+                if value is function:
+                    monkeypatch.setattr(module, name, planted)
+
+
+def in_method(owner, name, fault):
+    """A fault in a method: `fault(original, self, *arguments)` takes its place."""
+
+    def plant(monkeypatch):
+        original = vars(owner)[name]
+        monkeypatch.setattr(owner, name, lambda self, *rest: fault(original, self, *rest))
+
+    return plant
+
+
+def in_function(function, fault):
+    """A fault in a function: `fault(function, *arguments)` takes its place."""
+
+    def plant(monkeypatch):
+        everywhere(monkeypatch, function, lambda *rest: fault(function, *rest))
+
+    return plant
+
+
+def in_torque(term, owner=Family):
+    """A torque with `term(law, s)` too much."""
+    return in_method(owner, "torque", lambda exact, law, s: exact(law, s) + term(law, s))
+
+
+def in_property(owner, name, fault):
+    """A fault in a cached property of the state."""
+
+    def plant(monkeypatch):
+        exact = vars(owner)[name].func
+        monkeypatch.setattr(owner, name, property(lambda self: fault(exact(self), self)))
+
+    return plant
+
+
+def gyroscopic_sign(law, s):
+    return 2 * law.gyroscopic * s.G.ad_star(s.V_tilde, s.Pd)
+
+
+def transport_sign(law, s):
+    return 2 * law.transport * s.G.ad_star(s.Vd, s.P_tilde)
+
+
+def connection_sign(law, s):
+    return -2 * law.connection * s.inertia.momentum(s.G.ad(s.V, s.Vd))
+
+
+def connection_factor(law, s):
+    return law.connection * s.inertia.momentum(s.G.ad(s.V, s.Vd))
+
+
+def damping_sign(law, s):
+    spatial = s.G.Ad_star(s.Qd, law.spatial * s.spatial_damping)
+    return 2 * (spatial + (1 - law.spatial) * s.body_damping)
+
+
+def spatial_damping_in_the_body_frame(law, s):
+    return law.spatial * (s.G.Ad_star(s.Qd, s.spatial_damping) - s.body_damping)
+
+
+def gradient_sign(law, s):
+    return 2 * s.G.Ad_star(s.Qd, s.gradient)
+
+
+def gradient_not_transported(law, s):
+    return s.G.Ad_star(s.Qd, s.gradient) - s.gradient
+
+
+def inertia_force_sign(law, s):
+    return -2 * s.inertia_force
+
+
+def reference_torque_missing(law, s):
+    return -s.tau_d
+
+
+def inertia_with_other_change(factor):
+    def fault(exact, law, t):
+        now = exact(law, t)
+        return dataclasses.replace(now, change=factor(now.change))
+
+    return fault
+
+
+def gyroscopic_change(change):
+    """Another S for the same 𝕀_t: the skew part of A has no power, but another torque."""
+    return change + (change - transpose(change)) / 2
+
+
+PLANTS = {
+    "g: sign": ("paper", in_torque(gyroscopic_sign)),
+    "c: sign": ("paper", in_torque(transport_sign)),
+    "n: sign": ("paper", in_torque(connection_sign)),
+    "n: factor 2": ("paper", in_torque(connection_factor)),
+    "damping: sign": ("paper", in_torque(damping_sign)),
+    "damping: frame": ("bluerov2", in_torque(spatial_damping_in_the_body_frame)),
+    "gradient term: sign": ("paper", in_torque(gradient_sign)),
+    "gradient term: not transported": ("paper", in_torque(gradient_not_transported)),
+    "gradient term: not transported, SE(3)": ("bluerov2", in_torque(gradient_not_transported)),
+    "reference torque: missing": ("paper", in_torque(reference_torque_missing)),
+    "inertia force: sign, factored": ("factored", in_torque(inertia_force_sign)),
+    "inertia force: sign, prescribed": ("prescribed", in_torque(inertia_force_sign)),
+    "stabilising feedforward: sign": (
+        "satellite",
+        in_torque(lambda law, s: -2 * law.compensation * s.inertia_force, Stabilising),
+    ),
+    "stabilising damping: sign": (
+        "satellite",
+        in_torque(lambda law, s: 2 * s.body_damping, Stabilising),
+    ),
+    "S-dot: factor 2": (
+        "factored",
+        in_method(FactoredInertia, "at", inertia_with_other_change(lambda A: 2 * A)),
+    ),
+    "S-dot: sign": (
+        "satellite",
+        in_method(FactoredInertia, "at", inertia_with_other_change(lambda A: -A)),
+    ),
+    "S-dot: skew part": (
+        "factored",
+        in_method(FactoredInertia, "at", inertia_with_other_change(gyroscopic_change)),
+    ),
+    "I-dot: factor 2": (
+        "prescribed",
+        in_method(PrescribedInertia, "at", inertia_with_other_change(lambda A: 2 * A)),
+    ),
+    "gradient of the potential: sign": (
+        "paper",
+        in_function(navigation.gradient, lambda exact, *rest: -exact(*rest)),
+    ),
+    "gradient of the potential: factor 2": (
+        "bluerov2",
+        in_function(navigation.gradient, lambda exact, *rest: 2 * exact(*rest)),
+    ),
+    "ad*: sign": (
+        "paper",
+        in_method(MatrixLieGroup, "ad_star", lambda exact, *rest: -exact(*rest)),
+    ),
+    "ad*: not transposed": (
+        "bluerov2",
+        in_method(
+            MatrixLieGroup, "ad_star", lambda exact, G, V, P: apply_matrix(G.ad_matrix(V), P)
+        ),
+    ),
+    "Ad*: not transposed": (
+        "bluerov2",
+        in_method(
+            MatrixLieGroup, "Ad_star", lambda exact, G, Q, P: apply_matrix(G.Ad_matrix(Q), P)
+        ),
+    ),
+    "Ad*: sign": (
+        "paper",
+        in_method(MatrixLieGroup, "Ad_star", lambda exact, *rest: -exact(*rest)),
+    ),
+    "Ad: of the inverse": (
+        "paper",
+        in_method(EuclideanGroup, "Ad_matrix", lambda exact, G, Q: exact(G, G.inverse(Q))),
+    ),
+    "Ad: sign of the translation": (
+        "bluerov2",
+        in_method(
+            EuclideanGroup,
+            "Ad_matrix",
+            lambda exact, G, Q: 2 * np.tril(np.triu(exact(G, Q), -2), 2) - exact(G, Q),
+        ),
+    ),
+    "eq. (5): sign of ad*": (
+        "paper",
+        in_function(
+            lie_poisson,
+            lambda exact, G, Q, P, V, tau: (exact(G, Q, P, V, tau)[0], tau - G.ad_star(V, P)),
+        ),
+    ),
+    "eq. (15): sign of P": (
+        "paper",
+        in_method(Semidirect, "compose", lambda exact, S, X, Y: exact(S, X, (Y[0], -Y[1]))),
+    ),
+    "eq. (15): P not transported": (
+        "paper",
+        in_method(Semidirect, "compose", lambda exact, S, X, Y: (X[0] @ Y[0], X[1] + Y[1])),
+    ),
+    "inverse of G ⋉ g*: sign": (
+        "paper",
+        in_method(Semidirect, "inverse", lambda exact, S, X: (exact(S, X)[0], -exact(S, X)[1])),
+    ),
+    "eq. (19): sign of the force": (
+        "paper",
+        in_method(
+            Semidirect,
+            "error_input",
+            lambda exact, S, X_d, U, U_d: (exact(S, X_d, U, U_d)[0], -exact(S, X_d, U, U_d)[1]),
+        ),
+    ),
+    "eq. (20): Ad of X_d": (
+        "paper",
+        in_method(
+            Semidirect,
+            "closed_loop_input",
+            lambda exact, S, X_d, tau_d, U_E: exact(S, S.inverse(X_d), tau_d, U_E),
+        ),
+    ),
+    "eq. (20): sign": (
+        "bluerov2",
+        in_method(
+            Semidirect,
+            "closed_loop_input",
+            lambda exact, S, X_d, tau_d, U_E: 2 * tau_d - exact(S, X_d, tau_d, U_E),
+        ),
+    ),
+    "eq. (22): no feedforward": (
+        "paper",
+        in_function(theorem_6_2.feedforward, lambda exact, s, P_E: 0 * P_E),
+    ),
+    "eq. (27): no ad*": (
+        "paper",
+        in_method(Semidirect, "Ad", lambda exact, S, Y, U: exact(S, (Y[0], 0 * Y[1]), U)),
+    ),
+    "eq. (28): sign": (
+        "paper",
+        in_method(Semidirect, "ad", lambda exact, S, W, U: (exact(S, W, U)[0], -exact(S, W, U)[1])),
+    ),
+    "eq. (25): no ad*": (
+        "paper",
+        in_method(Semidirect, "left", lambda exact, S, Y, U: exact(S, (Y[0], 0 * Y[1]), U)),
+    ),
+    "eq. (26): not transported": (
+        "paper",
+        in_method(Semidirect, "right", lambda exact, S, Y, U: (exact(S, Y, U)[0], U[1])),
+    ),
+    "L: factor of the kinetic energy": (
+        "paper",
+        lambda monkeypatch: monkeypatch.setattr(
+            Tracking,
+            "lyapunov",
+            property(
+                lambda s: (
+                    (s.P_tilde * s.V_tilde).sum(axis=-1)
+                    + navigation.potential(s.G, s.gains.K, s.Q_E)
+                )
+            ),
+        ),
+    ),
+    "dissipation: sign": (
+        "paper",
+        in_method(Family, "dissipation", lambda exact, law, s: -exact(law, s)),
+    ),
+    "inverse of the inertia: factor": (
+        "paper",
+        in_method(Inertia, "velocity", lambda exact, now, P: 1.001 * exact(now, P)),
+    ),
+}
+
+# Which rows turn red ------------------------------------------------------------------------------
+
+ALL = "eqt,gt,nog,asym"
+THROUGH = on("eqt", "control through G ⋉ g*")
+LITERAL = {(f"{title} on SO(3)", title.lower()) for title in ("EqT", "GT", "nog", "asym")}
+POWER = "power of the feedforward"
+BALANCE = ("energy balance", "rate of L")
+ALONE = on(ALL, "error system by itself")
+
+
+def literal(*laws):
+    return {(name, law) for name, law in LITERAL if law in laws}
+
+
+EXPECTED = {
+    "g: sign": literal("eqt", "gt", "asym") | THROUGH,  # gyroscopic: no power, nog has none
+    "c: sign": LITERAL | THROUGH | on(ALL, POWER, *BALANCE),
+    "n: sign": literal("gt", "asym") | on("gt,asym", POWER, *BALANCE),
+    "n: factor 2": literal("gt", "asym") | on("gt,asym", POWER, *BALANCE),
+    "damping: sign": LITERAL | THROUGH | on(ALL, *BALANCE),
+    "damping: frame": THROUGH | on("eqt,nog,asym", *BALANCE),
+    "gradient term: sign": LITERAL | THROUGH | on(ALL, *BALANCE),
+    "gradient term: not transported": LITERAL | THROUGH | on(ALL, *BALANCE),
+    "gradient term: not transported, SE(3)": THROUGH | on(ALL, *BALANCE),
+    "reference torque: missing": LITERAL | THROUGH | on(ALL, POWER, *BALANCE),
+    "inertia force: sign, factored": THROUGH | on(ALL, POWER, *BALANCE),
+    "inertia force: sign, prescribed": THROUGH | on(ALL, POWER, *BALANCE),
+    "stabilising feedforward: sign": on("with", "stabilising control", *BALANCE),
+    "stabilising damping: sign": on("with,without", "stabilising control", *BALANCE),
+    "S-dot: factor 2": on(
+        "", "feedforward of a varying inertia", "feedforward of the error inertia"
+    )
+    | on(ALL, *BALANCE),
+    "S-dot: sign": on("", "feedforward of a varying inertia", "feedforward of the error inertia")
+    | on("with,without", *BALANCE),
+    "S-dot: skew part": on("", "feedforward of a varying inertia"),
+    "I-dot: factor 2": on(
+        "", "feedforward of a varying inertia", "feedforward of the error inertia"
+    )
+    | on(ALL, *BALANCE),
+    "gradient of the potential: sign": on("", "gradient of Υ") | LITERAL | on(ALL, *BALANCE),
+    "gradient of the potential: factor 2": on("", "gradient of Υ") | on(ALL, *BALANCE),
+    # The theorem's control and the body's change together, so that they still agree.
+    "ad*: sign": on(
+        "",
+        "ad* is the dual of the bracket",
+        "left invariance",
+        "error dynamics",
+        "feedforward of the error inertia",
+        "translations of G ⋉ g*",
+        "Ad and ad of G ⋉ g*",
+    )
+    | LITERAL
+    | ALONE
+    | on(ALL, POWER)
+    | on("gt,asym", *BALANCE),
+    "ad*: not transposed": on(
+        "",
+        "ad* is the dual of the bracket",
+        "left invariance",
+        "equivariance",
+        "error dynamics",
+        "feedforward of the error inertia",
+        "translations of G ⋉ g*",
+        "Ad and ad of G ⋉ g*",
+    )
+    | THROUGH
+    | ALONE
+    | on(ALL, POWER, *BALANCE),
+    "Ad*: not transposed": on(
+        "",
+        "Ad* is the dual of conjugation",
+        "product and inverse of G ⋉ g*",
+        "left invariance",
+        "equivariance",
+        "error dynamics",
+        "error velocity and energy",
+        "feedforward of the error inertia",
+        "translations of G ⋉ g*",
+        "Ad and ad of G ⋉ g*",
+    )
+    | THROUGH
+    | ALONE
+    | on(ALL, *BALANCE),
+    "Ad*: sign": on(
+        "",
+        "Ad* is the dual of conjugation",
+        "product and inverse of G ⋉ g*",
+        "left invariance",
+        "error velocity and energy",
+        "translations of G ⋉ g*",
+        "Ad and ad of G ⋉ g*",
+    )
+    | LITERAL
+    | on(ALL, *BALANCE),
+    "Ad: of the inverse": on(
+        "",
+        "Ad* is the dual of conjugation",
+        "product and inverse of G ⋉ g*",
+        "left invariance",
+        "equivariance",
+        "error dynamics",
+        "rate of Ad_{Q_d⁻¹}",
+        "feedforward of the error inertia",
+        "translations of G ⋉ g*",
+        "Ad and ad of G ⋉ g*",
+    )
+    | LITERAL
+    | ALONE
+    | on(ALL, *BALANCE),
+    "Ad: sign of the translation": on(
+        "",
+        "Ad* is the dual of conjugation",
+        "product and inverse of G ⋉ g*",
+        "left invariance",
+        "equivariance",
+        "error dynamics",
+        "error velocity and energy",
+        "rate of Ad_{Q_d⁻¹}",
+        "feedforward of the error inertia",
+        "translations of G ⋉ g*",
+        "Ad and ad of G ⋉ g*",
+    )
+    | THROUGH
+    | ALONE
+    | on(ALL, *BALANCE),
+    "eq. (5): sign of ad*": on("", "left invariance", "equivariance", "error dynamics")
+    | ALONE
+    | on(ALL, *BALANCE),
+    "eq. (15): sign of P": on(
+        "",
+        "product and inverse of G ⋉ g*",
+        "left invariance",
+        "equivariance",
+        "error dynamics",
+        "error velocity and energy",
+        "translations of G ⋉ g*",
+        "Ad and ad of G ⋉ g*",
+    )
+    | THROUGH
+    | ALONE,
+    "eq. (15): P not transported": on(
+        "",
+        "product and inverse of G ⋉ g*",
+        "left invariance",
+        "equivariance",
+        "error dynamics",
+        "error velocity and energy",
+        "translations of G ⋉ g*",
+        "Ad and ad of G ⋉ g*",
+    )
+    | THROUGH
+    | ALONE,
+    "inverse of G ⋉ g*: sign": on(
+        "",
+        "product and inverse of G ⋉ g*",
+        "equivariance",
+        "error dynamics",
+        "error velocity and energy",
+    )
+    | THROUGH
+    | ALONE,
+    "eq. (19): sign of the force": on("", "error dynamics") | ALONE,
+    "eq. (20): Ad of X_d": THROUGH,
+    "eq. (20): sign": THROUGH,
+    "eq. (22): no feedforward": on("", "feedforward of the error inertia") | THROUGH,
+    "eq. (25): no ad*": on("", "translations of G ⋉ g*"),
+    "eq. (26): not transported": on("", "translations of G ⋉ g*"),
+    "eq. (27): no ad*": on("", "Ad and ad of G ⋉ g*", "equivariance", "error dynamics")
+    | THROUGH
+    | ALONE,
+    "eq. (28): sign": on("", "Ad and ad of G ⋉ g*"),
+    "L: factor of the kinetic energy": on("", "error velocity and energy") | on(ALL, *BALANCE),
+    "dissipation: sign": on(ALL, *BALANCE),
+    "inverse of the inertia: factor": on("", "error velocity and energy")
+    | LITERAL
+    | on("gt,asym", POWER, *BALANCE),
+}
+
+SYMPTOMS = {"decrease of L", "Q → Q_d", "P → P_d"}
+"""What a run shows of a fault depends on where it starts; the cause does not."""
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+def test_without_a_fault_nothing_is_red(experiment):
+    assert red_rows(experiment) == set()
+
+
+@pytest.mark.parametrize("fault", PLANTS)
+def test_a_fault_turns_the_rows_red_that_are_about_it(fault, monkeypatch):
+    experiment, plant = PLANTS[fault]
+    plant(monkeypatch)
+    causes = {row for row in red_rows(experiment) if row[0] not in SYMPTOMS}
+    assert causes == EXPECTED[fault]
+
+
+@pytest.mark.parametrize(
+    ("fault", "laws"),
+    [("damping: sign", ALL), ("gradient term: sign", ALL), ("stabilising damping: sign", "with")],
+)
+def test_a_law_that_drives_the_error_up_is_seen_on_its_runs(fault, laws, monkeypatch):
+    experiment, plant = PLANTS[fault]
+    plant(monkeypatch)
+    assert on(laws, "decrease of L") <= red_rows(experiment)
+
+
+def test_a_growing_error_speaks_against_convergence(monkeypatch):
+    _, plant = PLANTS["damping: sign"]
+    plant(monkeypatch)
+    assert on(ALL, "Q → Q_d", "P → P_d") <= red_rows("paper")

@@ -1,0 +1,232 @@
+"""`eqt verify`, within this process: what it prints where, and how it ends."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eqt_cli.experiment import shipped
+
+Eqt = Callable[..., Any]
+
+DRIVES_AWAY = """\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.controllers.eqt import EqT
+
+@dataclass(frozen=True)
+class Away(EqT):
+    name: ClassVar[str] = "away"
+    title: ClassVar[str] = "Away"
+
+    def torque(self, s):
+        return super().torque(s) + 2 * s.body_damping
+"""
+ESCAPE = """\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.controllers import Controller
+
+@dataclass(frozen=True)
+class Escape(Controller):
+    name: ClassVar[str] = "escape"
+    title: ClassVar[str] = "Escape"
+
+    def torque(self, s):
+        return 20 * s.V_tilde**3
+"""
+CERTIFICATE = '''\
+from typing import ClassVar
+from eqt_cli.analysis.certificates import Certificate
+from eqt_cli.analysis.certificates.base import Identity
+
+class Mine(Identity):
+    """My own."""
+
+    name: ClassVar[str] = "a statement of my own"
+    statement: ClassVar[str] = "my notes, p. 3"
+    section: ClassVar[float] = 99.0
+
+    def sides(self, sample):
+        yield sample.s.V, sample.s.V_tilde + sample.s.Vd
+'''
+AWAY = ("--set", "plugins=[away.py]", "--set", "controllers=[away]")
+
+
+@pytest.fixture
+def plugins(folder: Path) -> None:
+    (folder / "away.py").write_text(DRIVES_AWAY, encoding="utf-8")
+    (folder / "escape.py").write_text(ESCAPE, encoding="utf-8")
+    (folder / "mine.py").write_text(CERTIFICATE, encoding="utf-8")
+
+
+def row(document: Any, name: str, controller: str = "") -> Any:
+    [found] = [
+        entry
+        for entry in document["rows"]
+        if (entry["name"], entry["controller"]) == (name, controller)
+    ]
+    return found
+
+
+def test_a_configuration(eqt: Eqt) -> None:
+    done = eqt("verify", "c.yaml")
+    assert (done.code, done.err) == (0, "")
+    blocks = done.out.split("\n\n")
+    assert [block.split(",")[0].split(":")[0] for block in blocks] == [
+        "Identities",
+        "Trajectories",
+        "Hypotheses",
+        "c on SO3",
+    ]
+    header, rule, first, *_ = blocks[0].splitlines()[1:]
+    assert header.split() == "statement what law measured bound verdict remark".split()
+    assert set(rule) == {"─", " "}
+    assert first.startswith("eq. (1)  ") and first.endswith("  holds")
+    assert "Morse-Bott" in blocks[2]
+    assert done.out.splitlines()[-1].endswith(" hold, 6 runs with engine solve_ivp")
+
+
+def test_json_is_one_document(eqt: Eqt) -> None:
+    done = eqt("verify", "c.yaml", "--json")
+    document = json.loads(done.out)
+    assert (done.code, done.err) == (0, "")
+    assert document["verified"] == "c.yaml"
+    assert (document["name"], document["group"], document["engine"]) == ("c", "SO3", "solve_ivp")
+    assert (document["runs"], document["failed"], document["holds"]) == (6, 0, True)
+    assert document["causes"] == []
+    left = row(document, "left invariance")
+    assert (left["statement"], left["kind"], left["verdict"]) == (
+        "Theorem 4.1",
+        "identity",
+        "holds",
+    )
+    assert left["measured"] <= left["bound"] < 1e-12
+    assert row(document, "energy balance", "gt")["verdict"] == "holds"
+    assert row(document, "Υ is a navigation function")["verdict"] == "Morse-Bott"
+
+
+def test_paper_shows_what_it_claims(eqt: Eqt) -> None:
+    """Every identity holds, energy balance and decrease of L too; K_p = I is Morse-Bott."""
+    paper = shipped.folder() / "paper.yaml"
+    done = eqt("verify", paper, "--json", "--runs", 3)
+    assert done.code == 0
+    rows = json.loads(done.out)["rows"]
+    assert {each["verdict"] for each in rows if each["kind"] == "identity"} == {"holds"}
+    assert len([each for each in rows if each["kind"] == "identity"]) == 25
+    certain = ("energy balance", "decrease of L", "error system by itself")
+    assert {each["verdict"] for each in rows if each["name"] in certain} == {"holds"}
+    assert row({"rows": rows}, "Υ is a navigation function")["verdict"] == "Morse-Bott"
+    [remark] = {each["remark"][-28:] for each in rows if each["name"] == "Q → Q_d"} & {
+        each["remark"][-28:] for each in rows if each["controller"] == "nog"
+    }
+    assert remark.endswith("1/s (median)")
+
+
+def test_a_result_is_verified_by_what_it_holds(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--quiet")
+    done = eqt("verify", "results/c", "--json")
+    assert done.code == 0
+    document = json.loads(done.out)
+    assert (document["verified"], document["runs"]) == ("results/c", 6)
+    from_config = json.loads(eqt("verify", "c.yaml", "--json").out)
+    for one, other in zip(document["rows"], from_config["rows"], strict=True):
+        assert one["verdict"] == other["verdict"]
+        if other["measured"] is not None:
+            assert one["measured"] == pytest.approx(other["measured"], rel=1e-6, abs=1e-9)
+
+
+def test_a_result_file_is_a_result(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--quiet")
+    assert eqt("verify", "results/c/results.h5").out == eqt("verify", "results/c").out
+
+
+def test_a_result_without_trajectories(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--quiet", "--set", "store.trajectories=none")
+    document = json.loads(eqt("verify", "results/c", "--json").out)
+    assert row(document, "decrease of L", "eqt")["verdict"] == "undecided"
+    assert row(document, "energy balance", "eqt")["verdict"] == "holds"
+
+
+def test_a_result_with_some_samples_of_some_trajectories(eqt: Eqt) -> None:
+    some = ("--set", "store.trajectories=2", "--set", "store.decimate=5")
+    eqt("run", "c.yaml", "--quiet", *some)
+    document = json.loads(eqt("verify", "results/c", "--json").out)
+    assert row(document, "decrease of L", "eqt")["verdict"] == "holds"
+    assert row(document, "Q_d is bounded")["verdict"] == "holds"
+
+
+@pytest.mark.parametrize(
+    "option", [("--set", "gains.kp=2"), ("--engine", "taylor"), ("--runs", "2")]
+)
+def test_a_result_is_verified_as_it_is(eqt: Eqt, option: tuple[str, str]) -> None:
+    eqt("run", "c.yaml", "--quiet")
+    done = eqt("verify", "results/c", *option)
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        "eqt: results/c: a result is verified as it is; --set, --engine and --runs are for a "
+        "configuration\n"
+    )
+
+
+@pytest.mark.usefixtures("plugins")
+def test_a_statement_that_does_not_hold_ends_with_4(eqt: Eqt) -> None:
+    done = eqt("verify", "c.yaml", *AWAY)
+    assert done.code == 4
+    assert done.out.splitlines()[-2:] == [
+        "Theorems 3.2, 6.2: rate of L (away) fails",
+        "Theorems 3.2, 6.2: energy balance (away) fails",
+    ]
+    document = json.loads(eqt("verify", "c.yaml", *AWAY, "--json").out)
+    assert document["holds"] is False
+    assert len(document["causes"]) == 2
+
+
+@pytest.mark.usefixtures("plugins")
+def test_failed_runs_end_with_3(eqt: Eqt) -> None:
+    escape = ("--set", "plugins=[escape.py]", "--set", "controllers=[escape]")
+    done = eqt("verify", "c.yaml", *escape, "--json")
+    document = json.loads(done.out)
+    assert (done.code, document["failed"]) == (3, 3)
+    assert document["causes"] == ["some runs failed"]
+    assert row(document, "energy balance", "escape")["verdict"] == "undecided"
+
+
+def test_a_hypothesis_never_fails(eqt: Eqt) -> None:
+    off_plane = "controllers=[{kind: family, label: off, transport: 0.2}]"
+    done = eqt("verify", "c.yaml", "--json", "--set", off_plane)
+    document = json.loads(done.out)
+    assert (done.code, document["holds"]) == (0, True)
+    assert row(document, "the law is covered", "off")["verdict"] == "violated"
+    assert row(document, "decrease of L", "off")["verdict"] in ("unclaimed",)
+
+
+@pytest.mark.usefixtures("plugins")
+def test_plugins_of_a_result_are_executed_on_request(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--quiet", *AWAY)
+    refused = eqt("verify", "results/c")
+    assert (refused.code, refused.out) == (2, "")
+    assert "add --trust-plugins" in refused.err
+    assert eqt("verify", "results/c", "--trust-plugins").code == 4
+
+
+@pytest.mark.usefixtures("plugins")
+def test_a_plugin_may_bring_a_certificate(eqt: Eqt) -> None:
+    done = eqt("verify", "c.yaml", "--json", "--set", "plugins=[mine.py]")
+    own = row(json.loads(done.out), "a statement of my own")
+    assert (own["verdict"], own["statement"]) == ("holds", "my notes, p. 3")
+
+
+def test_runs_bounds_what_is_integrated(eqt: Eqt) -> None:
+    assert json.loads(eqt("verify", "c.yaml", "--json", "--runs", 1).out)["runs"] == 2
+    assert json.loads(eqt("verify", "c.yaml", "--json", "--runs", 99).out)["runs"] == 6
+
+
+def test_a_configuration_with_mistakes_ends_with_2(eqt: Eqt) -> None:
+    done = eqt("verify", "c.yaml", "--set", "gains.kp=-1")
+    assert (done.code, done.out) == (2, "")
+    assert "--set[0]: gains.kp:" in done.err

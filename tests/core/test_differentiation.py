@@ -1,0 +1,129 @@
+"""Derivatives of expressions, on floats, arrays and symbols."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eqt_cli.core.arrays import FUNCTIONS
+from eqt_cli.core.differentiation import slope, value_and_derivative
+from eqt_cli.core.expressions import parse
+
+# Smooth on all of R, so that composites have no poles; all are analytic, as a complex step needs.
+SMOOTH = ["sin", "cos", "atan", "tanh", "exp"]
+STEP = 1e-20
+
+COMPLEX = {name: getattr(np, name) for name in ("sin", "cos", "tanh", "exp")} | {"atan": np.arctan}
+
+
+@st.composite
+def expressions(draw, depth=3):
+    """Text of a smooth expression in t, and the same as a function of a complex number."""
+    if depth == 0 or draw(st.booleans()):
+        if draw(st.booleans()):
+            return "t", lambda t: t
+        number = draw(st.integers(1, 9)) / 4
+        return f"{number}", lambda t: number + 0 * t
+    kind = draw(st.sampled_from(["+", "-", "*", "/", "**", "call", "negation"]))
+    left, f = draw(expressions(depth=depth - 1))
+    if kind == "call":
+        name = draw(st.sampled_from(SMOOTH))
+        # tanh keeps exp(exp(exp(t))) finite.
+        return f"{name}(tanh({left}))", lambda t: COMPLEX[name](np.tanh(f(t)))
+    if kind == "negation":
+        return f"(-({left}))", lambda t: -f(t)
+    if kind == "**":
+        power = draw(st.integers(1, 3))
+        return f"({left})**{power}", lambda t: f(t) ** power
+    right, g = draw(expressions(depth=depth - 1))
+    if kind == "/":
+        return f"({left})/(2 + ({right})**2)", lambda t: f(t) / (2 + g(t) ** 2)
+    combine = {"+": lambda a, b: a + b, "-": lambda a, b: a - b, "*": lambda a, b: a * b}[kind]
+    return f"({left}){kind}({right})", lambda t: combine(f(t), g(t))
+
+
+@given(pair=expressions(), t=st.floats(-1.5, 1.5))
+def test_derivative_is_that_of_a_complex_step(pair, t):
+    text, function = pair
+    value, derivative = value_and_derivative(parse(text), {"t": t})
+    stepped = complex(function(np.complex128(complex(t, STEP))))
+    # Both are exact but for the rounding of a dozen operations.
+    assert value == pytest.approx(stepped.real, rel=1e-12, abs=1e-12)
+    assert derivative == pytest.approx(stepped.imag / STEP, rel=1e-11, abs=1e-11)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_slope_of_every_function(name):
+    x = 1.5 if name == "acosh" else 0.5
+    f, h = getattr(np, name), 1e-4
+    difference = (8 * (f(x + h) - f(x - h)) - (f(x + 2 * h) - f(x - 2 * h))) / (12 * h)
+    # Five points: h⁴|f⁽⁵⁾|/30 ~ 1e-15, rounding ε/h ~ 2e-12.
+    assert slope(name, x) == pytest.approx(difference, rel=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("text", "at", "expected"),
+    [
+        ("t**t", 2.0, 4 * (math.log(2) + 1)),
+        ("2**t", 3.0, 8 * math.log(2)),
+        ("t**0", 5.0, 0.0),
+        ("t**1", 0.0, 1.0),
+        ("t**2", 0.0, 0.0),
+        ("1/t", 2.0, -0.25),
+        ("abs(t)", -3.0, -1.0),
+        ("abs(t)", 0.0, 1.0),
+        ("sqrt(t)", 4.0, 0.25),
+        ("3", 1.0, 0.0),
+        ("-t", 1.0, -1.0),
+        ("t - t - t", 1.0, -1.0),
+    ],
+)
+def test_derivative_where_a_rule_could_go_wrong(text, at, expected):
+    _, derivative = value_and_derivative(parse(text), {"t": at})
+    assert derivative == pytest.approx(expected, rel=1e-15, abs=0)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"), [("log(t)", math.inf), ("1/t", -math.inf), ("sqrt(t)", math.inf)]
+)
+def test_poles_are_infinite_as_in_arithmetic(text, expected):
+    assert value_and_derivative(parse(text), {"t": 0.0})[1] == expected
+
+
+def test_what_does_not_vary_costs_nothing_and_hides_no_infinity():
+    value, derivative = value_and_derivative(parse("0*log(t) + 1"), {"t": 0.0})
+    assert math.isnan(value) and math.isnan(derivative)  # 0·inf is not taken for 0
+    assert value_and_derivative(parse("sqrt(2)*pi"), {"t": 1.0})[1] == 0.0
+
+
+def test_other_variables_are_constants():
+    expression = parse("a*t + a**2", ("t", "a"))
+    assert value_and_derivative(expression, {"t": 2.0, "a": 3.0})[1] == 3.0
+    assert value_and_derivative(expression, {"t": 2.0, "a": 3.0}, name="a")[1] == 8.0
+
+
+def test_arrays_are_differentiated_entry_by_entry():
+    t = np.linspace(0.1, 2.0, 7)
+    value, derivative = value_and_derivative(parse("sin(t)*t"), {"t": t})
+    np.testing.assert_allclose(value, np.sin(t) * t, rtol=1e-15)
+    np.testing.assert_allclose(derivative, np.cos(t) * t + np.sin(t), rtol=1e-14)
+
+
+def test_long_sums_do_not_exhaust_the_stack():
+    text = " + ".join(["t"] * 2000)
+    assert value_and_derivative(parse(text), {"t": 1.0}) == (2000.0, 2000.0)
+
+
+def test_symbols_of_the_taylor_engine():
+    heyoka = pytest.importorskip("heyoka")
+    from eqt_cli.engines.taylor import _heyoka
+
+    _heyoka()  # makes its functions known
+    x = heyoka.make_vars("x")
+    text = "sin(t)**2 + t**3/(1 + t*t) + exp(-t)"
+    _, derivative = value_and_derivative(parse(text), {"t": x})
+    compiled = heyoka.cfunc([derivative], [x])
+    _, expected = value_and_derivative(parse(text), {"t": 0.7})
+    assert compiled([0.7])[0] == pytest.approx(expected, rel=1e-14)
