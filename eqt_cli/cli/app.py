@@ -8,7 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from eqt_cli import __version__
-from eqt_cli.cli import config, listing, plot, run, show
+from eqt_cli.cli import config, listing, pack, plot, run, show, sweep
 from eqt_cli.cli.output import say
 
 INTERRUPTED = 130
@@ -53,6 +53,8 @@ def main(
 
 
 app.command("run")(run.run)
+app.command("sweep")(sweep.sweep)
+app.command("pack")(pack.pack)
 app.command("plot")(plot.plot)
 app.command("show")(show.show)
 app.command("list")(listing.list_components)
