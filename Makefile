@@ -13,7 +13,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper test test-lowest check format docs clean
+.PHONY: help paper test test-lowest faults bench check format docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-12s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -28,6 +28,13 @@ test: $(VENV)/.stamp-dev ## run the tests
 
 test-lowest: $(LOWEST)/.stamp ## run the tests on the oldest supported versions (needs python3.11)
 	$(LOWEST)/bin/python -m pytest -n auto $(ARGS)
+
+faults: $(VENV)/.stamp-dev ## kill runs and sweeps at random moments, all of it (minutes); test does a fifth
+	EQT_FAULTS=full $(BIN)/python -m pytest -n auto tests/faults $(ARGS)
+
+# diffrax takes part where it is installed: .venv/bin/python -m pip install --group bench
+bench: $(VENV)/.stamp-base ## measure eqt against other ways to integrate, in benchmarks/results
+	$(BIN)/python -m benchmarks $(ARGS)
 
 check: $(VENV)/.stamp-dev ## format, lint, types, import layering
 	$(BIN)/ruff format --check .
@@ -90,7 +97,7 @@ $(VENV)/.stamp-base: pyproject.toml
 
 $(VENV)/.stamp-dev: $(VENV)/.stamp-base
 	@echo "Installing the development tools into $(VENV)"
-	@$(BIN)/$(PIP) install --group dev --editable '.[xarray]'
+	@$(BIN)/$(PIP) install --group dev --editable '.[dask,xarray]'
 	@touch $@
 
 $(VENV)/.stamp-docs: $(VENV)/.stamp-base

@@ -18,11 +18,13 @@ from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
 from eqt_cli.analysis.comparison.compare import CONFIDENCE, RESAMPLES, SEED
 from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.ensemble.executors import Executor, executors
 from eqt_cli.experiment import yaml_source
-from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.execute import execute
-from eqt_cli.experiment.run import Progress
+from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.execute import Progress, execute
 from eqt_cli.experiment.source import ConfigSource, read_config
+from eqt_cli.experiment.study import Study
+from eqt_cli.experiment.sweeping import study
 from eqt_cli.store.reader import Results
 from eqt_cli.store.reader import open_results as open_arrays
 
@@ -35,18 +37,25 @@ Configuration = str | os.PathLike[str] | Mapping[str, Any]
 
 @dataclass(frozen=True)
 class LoadedExperiment:
-    """A checked experiment, ready to run.
+    """A checked experiment, or a sweep of them, ready to run.
 
     Attributes
     ----------
-    experiment
-        Its groups, laws, gains and distributions.
-    source
-        The configuration as it was given.
+    study
+        All of its points.
     """
 
-    experiment: Experiment
-    source: ConfigSource
+    study: Study
+
+    @property
+    def experiment(self) -> Experiment:
+        """Its group, laws, gains and distributions, at the first point of a sweep."""
+        return self.study.base
+
+    @property
+    def source(self) -> ConfigSource:
+        """The configuration as it was given."""
+        return self.study.source
 
     @property
     def name(self) -> str:
@@ -56,7 +65,7 @@ class LoadedExperiment:
     @property
     def config(self) -> dict[str, Any]:
         """The configuration with every default written out."""
-        return self.experiment.resolved
+        return self.study.resolved
 
     @property
     def controllers(self) -> list[str]:
@@ -144,7 +153,7 @@ def load_experiment(
         else:
             source = read_config(Path(config), given)
         source.overrides = {path: _named(place, keys) for path, place in source.overrides.items()}
-        return LoadedExperiment(build(source, trust_plugins=trust_plugins), source)
+        return LoadedExperiment(study(source, trust_plugins=trust_plugins))
     except ConfigError as error:
         named = (replace(p, place=_named(p.place, keys)) for p in error.problems)
         raise ConfigError(named) from None
@@ -171,7 +180,8 @@ def run(
     force
         Start over, removing what the folder holds.
     workers
-        Cores to use.
+        Cores to use. More than one may start processes, for which a script needs the usual
+        ``if __name__ == "__main__":``.
     progress
         Called with the number of runs that are done since the last call, in fractions.
 
@@ -183,12 +193,18 @@ def run(
     """
     loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
     folder = Path("results") / loaded.name if out is None else Path(out)
-    outcome = execute(
-        loaded.experiment, loaded.source, folder, force=force, progress=progress, workers=workers
-    )
+    executor = _executor(loaded.study, workers)
+    outcome = execute(loaded.study, folder, executor=executor, force=force, progress=progress)
     return StoredResult(
         outcome.folder.path, outcome.runs, outcome.failed, outcome.was_complete, outcome.seconds
     )
+
+
+def _executor(study: Study, workers: int) -> Executor:
+    """Threads where the engine computes outside Python; else processes, for more than one core."""
+    if study.base.engine.threads:
+        return executors.get("threads")(workers)
+    return executors.get("serial" if workers == 1 else "auto")(workers)
 
 
 @overload

@@ -8,7 +8,19 @@ import typer
 from typer.core import TyperGroup
 
 from eqt_cli import __version__
-from eqt_cli.cli import animate, compare, config, listing, plot, report, run, show, verify
+from eqt_cli.cli import (
+    animate,
+    compare,
+    config,
+    listing,
+    pack,
+    plot,
+    report,
+    run,
+    show,
+    sweep,
+    verify,
+)
 from eqt_cli.cli.output import say
 
 INTERRUPTED = 130
@@ -53,6 +65,8 @@ def main(
 
 
 app.command("run")(run.run)
+app.command("sweep")(sweep.sweep)
+app.command("pack")(pack.pack)
 app.command("plot")(plot.plot)
 app.command("compare")(compare.compare)
 app.command("verify")(verify.verify)

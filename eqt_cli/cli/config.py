@@ -59,18 +59,21 @@ def check(
 ) -> None:
     """Check a configuration without running it."""
     from eqt_cli.cli.output import say
-    from eqt_cli.experiment.build import build
     from eqt_cli.experiment.source import read_config
+    from eqt_cli.experiment.sweeping import study
     from eqt_cli.experiment.yaml_source import dump
 
-    experiment = build(read_config(config, set_ or ()), trust_plugins=trust_plugins)
+    found = study(read_config(config, set_ or ()), trust_plugins=trust_plugins)
+    experiment = found.base
     if resolved:
-        print(dump(experiment.resolved), end="")
+        print(dump(found.resolved), end="")
         return
     runs = experiment.config.ensemble.runs
     say(f"{config}: fine")
     print(
-        f"{experiment.name}: {experiment.group.name}, {len(experiment.loops)} controllers × "
+        f"{experiment.name}: {experiment.group.name}, "
+        + (f"{len(found)} points × " if found.sweep else "")
+        + f"{len(experiment.loops)} controllers × "
         f"{runs} runs, {experiment.config.time.duration:g} s, engine {experiment.engine.name}"
     )
 

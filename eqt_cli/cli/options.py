@@ -23,6 +23,31 @@ Workers = Annotated[
     int | None,
     typer.Option("--workers", min=1, metavar="N", help="Most cores to use; default: all."),
 ]
+Engine = Annotated[
+    str | None, typer.Option("--engine", metavar="NAME", help="Engine, as solver.engine.")
+]
+ExecutorName = Annotated[
+    str | None,
+    typer.Option(
+        "--executor",
+        metavar="NAME",
+        help="auto, serial, threads, local or dask; default: what suits the engine.",
+    ),
+]
+Scheduler = Annotated[
+    str | None,
+    typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786."),
+]
+ShardOf = Annotated[
+    str | None,
+    typer.Option(
+        "--shard", metavar="I/N", help="Compute the I-th of N shares only; eqt pack joins them."
+    ),
+]
+Force = Annotated[bool, typer.Option("--force", help="Start over, removing what the folder holds.")]
+RerunFailed = Annotated[
+    bool, typer.Option("--rerun-failed", help="Compute only those runs again that failed.")
+]
 TrustPlugins = Annotated[
     bool,
     typer.Option("--trust-plugins", help="Execute plugin sources stored in a result file."),

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from eqt_cli.cli import options
+
+if TYPE_CHECKING:
+    from eqt_cli.store.reader import Results
 
 
 def plot(
@@ -56,7 +59,7 @@ def plot(
         folder = out or results.path.parent / "figures"
         files = [
             file
-            for name in figure or ["paper"]
+            for name in figure or _default(results)
             for file in render(
                 results, name, folder, format_ or FORMATS, width, _options(option or ())
             )
@@ -69,6 +72,15 @@ def plot(
             print()
     for file in files:
         print(f"figure   {file}")
+
+
+def _default(results: Results) -> list[str]:
+    """The figures to draw where none is asked for."""
+    from eqt_cli.plots.swept import Swept
+
+    if "point" not in results.dimensions:
+        return ["paper"]
+    return ["sweep", "pareto"] if 1 <= len(Swept(results, "sweep").axes) <= 2 else ["pareto"]
 
 
 def _options(given: tuple[str, ...] | list[str]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ import typer
 from eqt_cli.cli import options
 
 if TYPE_CHECKING:
+    from eqt_cli.experiment.status import Status
     from eqt_cli.store.reader import Results
 
 
@@ -25,14 +26,30 @@ def show(
     ] = False,
     variables: Annotated[bool, typer.Option("--variables", help="List the variables.")] = False,
     failed: Annotated[bool, typer.Option("--failed", help="List every failed run.")] = False,
+    table: Annotated[
+        bool, typer.Option("--table", help="Print every run with its metrics, one row each.")
+    ] = False,
+    format_: Annotated[
+        str, typer.Option("--format", metavar="NAME", help="Of the table: csv or jsonl.")
+    ] = "csv",
     json: options.Json = False,
 ) -> None:
     """Summarise a result: what was run, where, and what came out."""
+    from eqt_cli.experiment.status import status_of
+
+    unfinished = status_of(result)
+    if unfinished is not None:
+        _print_status(result, unfinished, json)
+        return
+
     from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.tables import print_table
     from eqt_cli.store.reader import open_results
 
     with open_results(result) as results:
-        if config:
+        if table:
+            print_table(results, format_)
+        elif config:
             print(results.attributes["config"], end="")
         elif plugins:
             _print_plugins(results)
@@ -44,6 +61,34 @@ def show(
             _print_failed(results)
         else:
             _print_summary(results)
+
+
+def _print_status(path: Path, status: Status, json: bool) -> None:
+    from dataclasses import asdict
+
+    from eqt_cli.cli.output import duration, print_json
+
+    if json:
+        print_json({"path": str(path), **asdict(status), "remaining_s": status.remaining})
+        return
+    share = 100 * status.done / status.runs
+    print(f"{status.name}, unfinished  ({path})")
+    print(f"begun    {status.begun}")
+    print(f"done     {status.done} of {status.runs} runs ({share:.1f} %)")
+    print(f"failed   {status.failed}")
+    if status.writer is None:
+        print("running  no; the same eqt run or eqt sweep continues")
+    else:
+        by = (
+            f" by process {status.writer['pid']} on {status.writer['host']}"
+            if status.writer
+            else ""
+        )
+        print(f"running  yes{by}")
+    if status.rate is not None:
+        print(f"rate     {status.rate:.1f} runs/s")
+    if status.remaining is not None:
+        print(f"left     about {duration(status.remaining)}")
 
 
 def _document(results: Results) -> dict[str, object]:
@@ -105,13 +150,13 @@ def _print_failed(results: Results) -> None:
     import numpy as np
 
     from eqt_cli.cli.output import say
+    from eqt_cli.cli.summary import place_of
 
     status, messages = results["status"], results["message"]
     if not status.any():
         say("no run failed")
-    labels = results.coordinate("controller")
-    for controller, run in np.argwhere(status):
-        print(f"{labels[controller]} run {run}: {messages[controller, run]}")
+    for where in map(tuple, np.argwhere(status)):
+        print(f"{place_of(results, where)}: {messages[where]}")
 
 
 def _print_plugins(results: Results) -> None:

@@ -82,11 +82,17 @@ def print_accuracy(results: Results) -> None:
 def print_failures(results: Results) -> None:
     """How many runs failed in which way, and the first few of them, on stderr."""
     status, messages = results["status"], results["message"]
-    labels = results.coordinate("controller")
     counts = Counter(Status(code).name.lower().replace("_", " ") for code in status[status != 0])
     listed = ", ".join(f"{count} {name}" for name, count in counts.most_common())
     print(f"\n{np.count_nonzero(status)} runs failed: {listed}", file=sys.stderr)
-    for controller, run in np.argwhere(status)[:MOST_FAILURES]:
-        print(f"  {labels[controller]} run {run}: {messages[controller, run]}", file=sys.stderr)
+    for where in map(tuple, np.argwhere(status)[:MOST_FAILURES]):
+        print(f"  {place_of(results, where)}: {messages[where]}", file=sys.stderr)
     if np.count_nonzero(status) > MOST_FAILURES:
         print("  … `eqt show RESULT --failed` lists all", file=sys.stderr)
+
+
+def place_of(results: Results, where: tuple[int, ...]) -> str:
+    """A run by its position along (point,) controller and run: ``point 3 eqt run 17``."""
+    *point, controller, run = where
+    label = results.coordinate("controller")[controller]
+    return f"{f'point {point[0]} ' if point else ''}{label} run {run}"

@@ -46,6 +46,12 @@ class Problem:
         return f"{location}{self.path}: {self.message}" if self.path else location + self.message
 
 
+class InterruptedRun(EqtError):
+    """A run that its user has stopped."""
+
+    exit_code = 130
+
+
 class ConfigError(EqtError):
     """Every problem found in one configuration, together."""
 

@@ -12,12 +12,12 @@ import inspect
 import pkgutil
 import sys
 from collections.abc import Iterator
-from functools import cached_property
+from functools import cached_property, lru_cache
 from hashlib import sha256
 from importlib.metadata import entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from eqt_cli.core.errors import ComponentError, suggestion
 
@@ -57,7 +57,7 @@ class Registry(Generic[T]):
         for info in pkgutil.iter_modules(package.__path__, self.package + "."):
             for component in self._components(importlib.import_module(info.name)):
                 found[_name(component)] = component
-        for point in entry_points(group=self.entry_point_group):
+        for point in _entry_points().select(group=self.entry_point_group):
             try:
                 component = point.load()
             except Exception as error:
@@ -171,6 +171,12 @@ def _executed(path: Path, text: str, digest: str) -> ModuleType:
     except Exception as error:
         raise ComponentError(f"plugin {path}: {type(error).__name__}: {error}") from error
     return module
+
+
+@lru_cache(maxsize=1)
+def _entry_points() -> Any:
+    """All entry points; finding them takes some 10 ms, and every registry asks."""
+    return entry_points()
 
 
 def _name(component: type) -> str:

@@ -137,6 +137,10 @@ class Engine(ABC):
     name: ClassVar[str]
     estimates_errors: ClassVar[bool] = False
     """Whether a second, tighter solve is cheap enough to estimate every run's error by default."""
+    threads: ClassVar[bool] = False
+    """Whether it computes outside Python, so that threads of one process use several cores."""
+    part_runs: ClassVar[int] = 50
+    """About how many runs make a part: enough to outweigh a file, few enough to lose."""
     rtol: float
     """The accuracy that the results are judged by."""
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}

@@ -59,6 +59,8 @@ class Taylor(Engine):
 
     name: ClassVar[str] = "taylor"
     estimates_errors: ClassVar[bool] = True
+    threads: ClassVar[bool] = True
+    part_runs: ClassVar[int] = 500
 
     tol: Positive | None = None
     rtol: Positive = 1e-9

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from eqt_cli.core.arrays import Array
@@ -19,7 +21,7 @@ def draw_initial_states(
     Qd: Array,
     Vd: Array,
     seed: int,
-    runs: range,
+    runs: Iterable[int],
 ) -> tuple[Array, Array]:
     """Q(0) = Q_d(0)·draw and V(0) = V_d(0) + draw for each of the runs.
 

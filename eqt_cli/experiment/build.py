@@ -168,7 +168,8 @@ def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
     """The validated sections by name; None for those that are missing or broken."""
     broken = set()
     try:
-        Config.model_validate(data)
+        config = Config.model_validate(data)
+        return {name: getattr(config, name) for name in Config.model_fields}
     except ValidationError as error:
         data = deepcopy(data)
         for path, message in problems_of(error, data, _known_keys):

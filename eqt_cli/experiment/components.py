@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from pydantic import TypeAdapter, ValidationError
@@ -64,7 +65,8 @@ def options_into(
     """
     try:
         # As JSON, since strict validation takes a mapping for a dataclass only from there.
-        return TypeAdapter(component).validate_json(json.dumps(options))
+        adapter: TypeAdapter[T] = _adapter(component)  # type: ignore[arg-type]  # is hashable
+        return adapter.validate_json(json.dumps(options))
     except ValidationError as error:
         found = problems_of(error, options, lambda at: _known_options(component, at, common))
     for place, message in found:
@@ -89,6 +91,11 @@ def option_path(path: Path, option: str) -> Path:
     if rest:
         steps.append(int(rest.removesuffix("]")))
     return (*path, *steps)
+
+
+@lru_cache(maxsize=256)
+def _adapter(component: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(component)
 
 
 def option_names(component: type) -> list[str]:

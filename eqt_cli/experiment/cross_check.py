@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,9 @@ from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.core.errors import TraceError
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.seeds import Stream, generator
+from eqt_cli.experiment.batches import Batch, batches
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.study import Study
 
 BOUND_PER_RTOL = 1000.0
 """Allowed difference per unit of `rtol`: what the trajectories themselves amplify (up to 70 times
@@ -47,40 +49,49 @@ class CrossCheck:
         return not self.difference > self.bound
 
 
-def chosen_runs(experiment: Experiment) -> Array:
-    """Which runs are redone: a fixed function of the seed and the number of runs."""
-    runs = experiment.config.ensemble.runs
-    count = min(experiment.solver.judgement.cross_check, runs)
-    random = generator(experiment.config.ensemble.seed, Stream.CROSS_CHECK, runs)
-    return np.sort(random.choice(runs, size=count, replace=False))
+def chosen_entries(study: Study) -> Array:
+    """Which runs of each controller are redone, counted over all points.
+
+    A fixed function of the seed and of the number of runs.
+    """
+    entries, base = study.plan.entries, study.base
+    count = min(base.solver.judgement.cross_check, entries)
+    random = generator(base.config.ensemble.seed, Stream.CROSS_CHECK, entries)
+    return np.sort(random.choice(entries, size=count, replace=False))
 
 
-def cross_check(experiment: Experiment, compared: dict[str, tuple[Problem, Array]]) -> CrossCheck:
-    """Solve the chosen runs again and compare.
+def cross_check(study: Study, found: dict[str, Array]) -> CrossCheck | None:
+    """Solve the chosen runs again and compare; None where none are chosen.
 
     Parameters
     ----------
-    compared
-        For each controller its chosen runs as a problem, and the states that were found for them.
+    found
+        For each controller the states that were found for its chosen runs.
     """
-    engine, method = _another_way(experiment)
+    chosen = chosen_entries(study)
+    if not len(chosen):
+        return None
+    groups = _by_kind(study, chosen, found)
+    _, method = _another_way(study.base)
     try:
-        differences = _differences(engine, compared)
+        differences = _differences(groups, _another_way)
     except TraceError:  # the results do not depend on what another engine cannot compile
-        engine, method = _tighter(experiment)
-        differences = _differences(engine, compared)
+        _, method = _tighter(study.base)
+        differences = _differences(groups, _tighter)
     largest = float(differences.max()) if len(differences) else float("nan")
-    runs = next(iter(compared.values()))[0].runs
-    bound = BOUND_PER_RTOL * experiment.engine.rtol
-    return CrossCheck(method, runs, largest, bound)
+    bound = BOUND_PER_RTOL * study.base.engine.rtol
+    return CrossCheck(method, len(chosen), largest, bound)
 
 
-def _differences(engine: Engine, compared: dict[str, tuple[Problem, Array]]) -> Array:
-    """How far the engine comes from each of the runs that did not fail."""
+def _differences(
+    groups: list[list[tuple[Batch, Array]]], way: Callable[[Experiment], tuple[Engine, str]]
+) -> Array:
+    """How far another way comes from each of the runs that did not fail."""
     found = []
-    for group in _by_structure(compared):
-        problem = Problem.joined([problem for problem, _ in group])
+    for group in groups:
+        problem = Problem.joined([batch.problem for batch, _ in group])
         states = np.concatenate([states for _, states in group])
+        engine, _ = way(group[0][0].experiment)
         again = engine.solve(problem, lambda runs: None)
         loop = problem.batched_loop(extra_axes=1)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
@@ -90,11 +101,14 @@ def _differences(engine: Engine, compared: dict[str, tuple[Problem, Array]]) -> 
     return np.concatenate(found)
 
 
-def _by_structure(compared: dict[str, tuple[Problem, Array]]) -> list[list[tuple[Problem, Array]]]:
-    """Controllers that one vectorised solve can take together; all else is the same for all."""
-    groups: dict[Hashable, list[tuple[Problem, Array]]] = {}
-    for problem, states in compared.values():
-        groups.setdefault(problem.loop.controller.structure, []).append((problem, states))
+def _by_kind(
+    study: Study, chosen: Array, found: dict[str, Array]
+) -> list[list[tuple[Batch, Array]]]:
+    """What one vectorised solve can take together, of all controllers and points."""
+    groups: dict[Hashable, list[tuple[Batch, Array]]] = {}
+    for label, states in found.items():
+        for batch in batches(study, label, chosen):
+            groups.setdefault(batch.kind, []).append((batch, states[batch.rows]))
     return list(groups.values())
 
 

@@ -1,25 +1,39 @@
-"""One experiment from configuration to result folder."""
+"""A study from configuration to result folder: what is missing is computed, then all is packed."""
 
 from __future__ import annotations
 
-import json
+import shutil
 import time
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from eqt_cli.experiment.build import Experiment
-from eqt_cli.experiment.cross_check import CrossCheck
+from eqt_cli.core.errors import EqtError
+from eqt_cli.ensemble.executors import MOST_TRIES, Executor
+from eqt_cli.ensemble.executors.serial import Serial
 from eqt_cli.experiment.folder import ResultFolder
+from eqt_cli.experiment.lock import LOCK, locked
+from eqt_cli.experiment.pack import BrokenPart, described, pack
 from eqt_cli.experiment.provenance import provenance
-from eqt_cli.experiment.run import Progress, simulate
-from eqt_cli.experiment.source import ConfigSource
+from eqt_cli.experiment.rerun import patch, rerun_of
+from eqt_cli.experiment.study import Study
+from eqt_cli.experiment.work import Work
 from eqt_cli.experiment.yaml_source import dump
-from eqt_cli.store.variables import Table
-from eqt_cli.store.writer import write
+
+RERUN = "rerun"
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True)
+class Shard:
+    """The share of one job of an array: parts `index`, `index` + `count`, …; counted from 1."""
+
+    index: int
+    count: int
 
 
 @dataclass(frozen=True)
@@ -31,11 +45,15 @@ class Outcome:
     folder
         Where the result is.
     was_complete
-        The folder held this experiment's finished result already; nothing was run.
+        The folder held this study's finished result already; nothing was run.
     removed
         What `force` removed.
     runs, failed
-        Runs over all controllers, and those with a status other than 0.
+        Runs over all controllers and points, and those with a status other than 0.
+    resumed
+        Runs that earlier sessions had finished.
+    packed
+        Whether the result file is there; a shard alone does not write it.
     seconds
         Wall time of simulation and writing, s.
     """
@@ -45,76 +63,200 @@ class Outcome:
     removed: list[str]
     runs: int
     failed: int
-    seconds: dict[str, float]
+    resumed: int = 0
+    packed: bool = True
+    seconds: dict[str, float] = field(default_factory=dict)
 
 
 def execute(
-    experiment: Experiment,
-    source: ConfigSource,
+    study: Study,
     out: Path,
     *,
+    executor: Executor | None = None,
     force: bool = False,
+    rerun_failed: bool = False,
+    shard: Shard | None = None,
     progress: Progress = lambda runs: None,
-    workers: int = 1,
+    resumed: Progress = lambda runs: None,
 ) -> Outcome:
-    """Run an experiment and write its folder; a finished result of the same one is kept.
+    """Compute what of a study is not in its folder yet, and pack the result file.
+
+    Parameters
+    ----------
+    executor
+        Who computes the parts; default: this process.
+    force
+        Start over, removing what the folder holds.
+    rerun_failed
+        Compute those runs again that failed, each by itself.
+    shard
+        Compute only this share of the parts, beside other processes, and do not pack.
+    progress
+        Told how many more runs are done, in fractions.
+    resumed
+        Told at the start how many runs earlier sessions have done.
 
     Raises
     ------
     EqtError
-        If the folder holds something else, or cannot be written.
+        If the folder holds something else, is in use, or cannot be written.
     """
     folder = ResultFolder(out)
-    runs = experiment.config.ensemble.runs * len(experiment.loops)
-    if not force and folder.is_complete(experiment):
+    complete = not force and folder.is_complete(study)
+    if complete:
         failed = int((folder.manifest or {}).get("failed", 0))
-        return Outcome(folder, True, [], runs, failed, {})
-    started = time.perf_counter()
-    manifest = _manifest(experiment, source)
-    removed = folder.claim(experiment, manifest, force)
-    simulated = simulate(experiment, progress, workers)
-    table, check = simulated.table, simulated.check
-    integrated = time.perf_counter()
-    failed = int(np.count_nonzero(table.variables["status"].data))
-    compression = experiment.config.store.compression
-    write(
-        folder.results,
-        _described(table, experiment, manifest, check),
-        compression="gzip" if compression == "gzip" else None,
-    )
-    seconds = {
-        "simulation": round(integrated - started, 3),
-        "writing": round(time.perf_counter() - integrated, 3),
-    }
-    finished = datetime.now(UTC).isoformat(timespec="seconds")
-    ending = {"finished": finished, "seconds": seconds, "failed": failed}
-    folder.finish(manifest | ending)
-    return Outcome(folder, False, removed, runs, failed, seconds)
+        if not (rerun_failed and failed):
+            return Outcome(folder, True, [], study.plan.total, failed)
+    with ExitStack() as locks:
+        locks.enter_context(locked(out, shared=shard is not None))
+        if shard:
+            locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
+        execution = _Execution(study, folder, executor or Serial(), progress, resumed)
+        if complete:
+            return execution.rerun(failed)
+        if rerun_failed:
+            execution.forget_lost()
+        outcome = execution.run(force, shard)
+        again = rerun_failed and outcome.failed and outcome.packed
+        return execution.rerun(outcome.failed) if again else outcome
 
 
-def _manifest(experiment: Experiment, source: ConfigSource) -> dict[str, Any]:
-    return {
-        "name": experiment.name,
-        "digest": experiment.digest,
-        "runs": experiment.config.ensemble.runs,
-        "controllers": list(experiment.loops),
-        "config": experiment.numeric_config,
-        "provenance": provenance(source.folder),
-    }
+def pack_folder(study: Study, out: Path) -> Outcome:
+    """Pack the parts that shards have computed.
+
+    Raises
+    ------
+    EqtError
+        If some are missing, or the folder is not this study's.
+    """
+    folder = ResultFolder(out)
+    if folder.is_complete(study):
+        failed = int((folder.manifest or {}).get("failed", 0))
+        return Outcome(folder, True, [], study.plan.total, failed)
+    with locked(out):
+        missing = len(study.plan) - len(folder.parts.listed())
+        if missing:
+            raise EqtError(
+                f"{out}: {missing} of {len(study.plan)} parts are missing; run every shard to its "
+                "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
+            )
+        return _Execution(study, folder, Serial()).run(False, None)
 
 
-def _described(
-    table: Table, experiment: Experiment, manifest: dict[str, Any], check: CrossCheck | None
-) -> Table:
-    """The table with all that is needed to understand it and to run it again."""
-    attributes = {
-        "title": experiment.name,
-        "config": dump(experiment.resolved),
-        "plugins": dump(experiment.plugins),
-        "digest": experiment.digest,
-        "group": experiment.group.name,
-        "provenance": json.dumps(manifest["provenance"], ensure_ascii=False),
-        "source": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
-    }
-    checked = {} if check is None else {f"cross_check_{k}": v for k, v in asdict(check).items()}
-    return Table(table.variables, table.coordinates, {**table.attributes, **attributes, **checked})
+class _Execution:
+    def __init__(
+        self,
+        study: Study,
+        folder: ResultFolder,
+        executor: Executor,
+        progress: Progress = lambda runs: None,
+        resumed: Progress = lambda runs: None,
+    ) -> None:
+        self.study, self.folder, self.executor = study, folder, executor
+        self.progress, self.resumed = progress, resumed
+        self.plan, self.files = study.plan, folder.parts
+        self.work = Work(study, self.files)
+        self.seconds: dict[str, float] = {}
+
+    def run(self, force: bool, shard: Shard | None) -> Outcome:
+        manifest = self._manifest()
+        removed = self.folder.claim(self.study, manifest, force)
+        if shard is None:
+            self.folder.tidy()
+        wanted = (
+            range(shard.index - 1, len(self.plan), shard.count) if shard else range(len(self.plan))
+        )
+        there = self.files.listed()
+        resumed = sum(self.plan.runs_of(number) for number in wanted if number in there)
+        self.resumed(resumed)
+        with _timed(self.seconds, "simulation"):
+            self.work.prepare()
+            self._compute([number for number in wanted if number not in there])
+        if shard is None:
+            with _timed(self.seconds, "writing"):
+                self._pack(manifest["provenance"])
+        listed = self.files.listed()
+        failed = sum(listed[number].failed for number in wanted)
+        if shard is None:
+            finished = datetime.now(UTC).isoformat(timespec="seconds")
+            ending = {"finished": finished, "seconds": self.seconds, "failed": failed}
+            self.folder.finish(manifest | ending)
+        runs = sum(self.plan.runs_of(number) for number in wanted)
+        return Outcome(
+            self.folder, False, removed, runs, failed, resumed, shard is None, self.seconds
+        )
+
+    def forget_lost(self) -> None:
+        """Remove the parts of which every run failed, so that they are computed as a whole."""
+        for number, entry in self.files.listed().items():
+            if entry.failed == self.plan.runs_of(number):
+                entry.path.unlink()
+
+    def rerun(self, failed: int) -> Outcome:
+        """Compute the failed runs of a finished result again, and replace their rows."""
+        self.resumed(self.plan.total - failed)
+        place = self.folder.path.resolve() / RERUN
+        place.mkdir(exist_ok=True)
+        again = rerun_of(self.study, self.folder.results, place)
+        with _timed(self.seconds, "simulation"):
+            again.work.prepare()
+            for outcome in self.executor.outcomes(again, again.missing, self.progress):
+                self.progress(0 if outcome.failed is not None else again.runs_of(outcome.item))
+        with _timed(self.seconds, "writing"):
+            still = patch(again, self.folder.results)
+        self.folder.finish((self.folder.manifest or {}) | {"failed": still})
+        shutil.rmtree(place)
+        done, total = self.plan.total - failed, self.plan.total
+        return Outcome(self.folder, False, [], total, still, done, True, self.seconds)
+
+    def _compute(self, missing: Sequence[int]) -> None:
+        for outcome in self.executor.outcomes(self.work, missing, self.progress):
+            if outcome.failed is None:
+                message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
+                self.progress(self.work.lose(outcome.item, message))
+
+    def _pack(self, origin: dict[str, Any]) -> None:
+        """Pack all parts; those that turn out to be damaged are computed again."""
+        config, plugins = dump(self.study.resolved), dump(self.study.base.plugins)
+        attributes = described(self.study, origin, config, plugins)
+        while True:
+            try:
+                pack(self.study, self.files, self.folder.results, attributes)
+                return
+            except BrokenPart as broken:
+                broken.path.unlink()
+                self.work.prepare()
+                there = self.files.listed()
+                self._compute([n for n in range(len(self.plan)) if n not in there])
+
+    def _manifest(self) -> dict[str, Any]:
+        study, earlier = self.study, self.folder.manifest or {}
+        same = earlier.get("digest") == study.digest
+        return {
+            "name": study.name,
+            "digest": study.digest,
+            "points": len(study) if study.sweep else None,
+            "runs": self.plan.runs,
+            "controllers": list(study.base.loops),
+            "plan": asdict(self.plan),
+            "config": study.numeric_config,
+            "provenance": provenance(study.source.folder),
+            "begun": earlier["begun"] if same and "begun" in earlier else _now(),
+        }
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+class _timed:
+    """Adds the wall time of its block to `seconds`, under a name."""
+
+    def __init__(self, seconds: dict[str, float], name: str) -> None:
+        self.seconds, self.name = seconds, name
+
+    def __enter__(self) -> None:
+        self.started = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.seconds[self.name] = round(time.perf_counter() - self.started, 3)

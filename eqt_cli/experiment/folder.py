@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.listing import MANIFEST, PARTS, RESULTS
+from eqt_cli.experiment.part_files import PartFiles
+from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.translate import Path as Steps
 from eqt_cli.experiment.translate import shown
 from eqt_cli.experiment.yaml_source import dotted, dump
 
-RESULTS, MANIFEST, CONFIG = "results.h5", "manifest.json", "config.yaml"
-FIGURES, PLUGINS, REPORT = "figures", "stored_plugins", "report.html"
-_OURS = (RESULTS, MANIFEST, CONFIG, FIGURES, PLUGINS, REPORT)
+CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
+_OURS = (RESULTS, PARTS, FIGURES, PLUGINS, REPORT, CONFIG, MANIFEST)
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,11 @@ class ResultFolder:
     def results(self) -> Path:
         """The result file."""
         return self.path / RESULTS
+
+    @property
+    def parts(self) -> PartFiles:
+        """The finished parts."""
+        return PartFiles(self.path.resolve() / PARTS)  # workers may be elsewhere
 
     @property
     def manifest(self) -> dict[str, Any] | None:
@@ -45,13 +52,13 @@ class ResultFolder:
         except (ValueError, TypeError):
             return None
 
-    def is_complete(self, experiment: Experiment) -> bool:
+    def is_complete(self, study: Study) -> bool:
         """Whether the folder already holds the finished results of this very experiment."""
         manifest = self.manifest
-        same = manifest is not None and manifest["digest"] == experiment.digest
+        same = manifest is not None and manifest["digest"] == study.digest
         return same and self.results.exists()
 
-    def claim(self, experiment: Experiment, manifest: dict[str, Any], force: bool) -> list[str]:
+    def claim(self, study: Study, manifest: dict[str, Any], force: bool) -> list[str]:
         """Make the folder this experiment's own; returns what was removed from it.
 
         Raises
@@ -61,23 +68,32 @@ class ResultFolder:
             not eqt's. What was begun and left without results is replaced.
         """
         try:
-            removed = self._clear(experiment, force)
+            removed = self._clear(study, force)
             self.path.mkdir(parents=True, exist_ok=True)
-            plugins = self._copy_plugins(experiment)
-            _write(self.path / CONFIG, dump(experiment.resolved | {"plugins": plugins}))
+            # First, so that what follows is known as eqt's own, whenever this process may die.
             _write(self.path / MANIFEST, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
+            plugins = self._copy_plugins(study)
+            _write(self.path / CONFIG, dump(study.resolved | {"plugins": plugins}))
+            self.parts.folder.mkdir(exist_ok=True)
         except OSError as error:
             raise _refused(self.path, error) from error
         return removed
 
+    def tidy(self) -> None:
+        """Remove what killed processes left unfinished."""
+        for path in self.path.glob("*.tmp"):
+            path.unlink(missing_ok=True)
+        self.parts.tidy()
+
     def finish(self, manifest: dict[str, Any]) -> None:
-        """Write down how the run went."""
+        """Write down how the run went, and remove the parts, which the result file holds."""
         try:
             _write(self.path / MANIFEST, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
+            shutil.rmtree(self.parts.folder, ignore_errors=True)
         except OSError as error:
             raise _refused(self.path, error) from error
 
-    def _clear(self, experiment: Experiment, force: bool) -> list[str]:
+    def _clear(self, study: Study, force: bool) -> list[str]:
         ours = [self.path / name for name in _OURS]
         there = [entry for entry in ours if entry.exists()]
         manifest = self.manifest
@@ -86,14 +102,20 @@ class ResultFolder:
                 f"{self.path}: holds {there[0].name} that eqt did not write; "
                 "choose another folder with --out"
             )
-        other = manifest if manifest and manifest["digest"] != experiment.digest else None
-        precious = self.results.exists() or (self.path / FIGURES).exists()
+        other = manifest if manifest and manifest["digest"] != study.digest else None
+        begun = bool(self.parts.listed())
+        precious = begun or self.results.exists() or (self.path / FIGURES).exists()
         if other is not None and precious and not force:
-            keys = _differences(other.get("config", {}), experiment.numeric_config)
+            keys = _differences(other.get("config", {}), study.numeric_config)
             raise EqtError(
                 f"{self.path}: holds another experiment, which differs in\n"
                 + "\n".join(f"  {line}" for line in keys)
                 + "\nchoose another folder with --out, or replace it with --force"
+            )
+        if begun and not force and (manifest or {}).get("plan") != asdict(study.plan):
+            raise EqtError(
+                f"{self.path}: holds parts that another version of eqt has cut differently; "
+                "finish with that version, or start over with --force"
             )
         if other is None and not force:
             return []
@@ -101,10 +123,10 @@ class ResultFolder:
             shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
         return [str(entry) for entry in there] if force else []
 
-    def _copy_plugins(self, experiment: Experiment) -> list[str]:
+    def _copy_plugins(self, study: Study) -> list[str]:
         """Keep the sources, so that the folder runs again wherever it is; returns their paths."""
         copies = []
-        for index, (path, text) in enumerate(experiment.plugins.items()):
+        for index, (path, text) in enumerate(study.base.plugins.items()):
             copy = f"{PLUGINS}/{index}-{Path(path).name}"
             (self.path / PLUGINS).mkdir(exist_ok=True)
             _write(self.path / copy, text)
@@ -133,9 +155,15 @@ def _given(value: Any) -> str:
 
 def _write(path: Path, text: str) -> None:
     """Replace a small text file in one step."""
-    temporary = path.with_name(path.name + ".tmp")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("w", encoding="utf-8") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _refused(path: Path, error: OSError) -> EqtError:

@@ -180,6 +180,9 @@ class Config(Section):
     """`engine` and its options (`eqt list engines`)."""
     store: StoreSection = Field(default_factory=StoreSection)
     """What to keep."""
+    sweep: list[dict[str, Any]] | None = None
+    """Blocks of `grid`, `zip`, `random`, `lhs`, `sobol` or `concat`, which multiply; for
+    `eqt sweep`."""
     settling_threshold: Positive = 0.05
     """Pose error ‖I − Q_E‖_F below which a run counts as settled."""
     plugins: list[str] = Field(default_factory=list)

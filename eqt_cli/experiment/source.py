@@ -146,6 +146,29 @@ def _kind(value: Any) -> str:
     return shown(value)
 
 
+def with_value(data: Any, path: KeyPath, value: Any, place: str, depth: int = 0) -> Any:
+    """A copy of `data` with the value at `path` replaced; what did not change is shared.
+
+    Mappings on the way that do not exist yet are made.
+
+    Raises
+    ------
+    ConfigError
+        If the path leads through something that is no mapping, or beyond the end of a list.
+    """
+    if depth == len(path):
+        return value
+    step = path[depth]
+    wrong = None if data is None and isinstance(step, str) else _unfit(data, path[:depth], step)
+    if wrong:
+        raise ConfigError([Problem(dotted(path), wrong, place)])
+    if isinstance(step, int):
+        inner = with_value(data[step], path, value, place, depth + 1)
+        return [*data[:step], inner, *data[step + 1 :]]
+    known = data or {}
+    return known | {step: with_value(known.get(step), path, value, place, depth + 1)}
+
+
 def parse_key(text: str, place: str) -> KeyPath:
     """``controllers[0].label`` as ``("controllers", 0, "label")``."""
     steps: list[str | int] = []

@@ -29,6 +29,8 @@ class Figure(ABC):
     """
 
     name: ClassVar[str]
+    sweeps: ClassVar[bool] = False
+    """Whether it draws sweeps, and not single experiments."""
     # Read by pydantic when options are given: no other keys, no silent conversions.
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Mapping
-from contextlib import suppress
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Literal
 
 import h5py
+import numpy as np
 from numpy.typing import NDArray
 
 from eqt_cli.core.errors import ResultError
@@ -23,12 +24,18 @@ _FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
 _NO_FOLDER = {errno.ENOENT, errno.ENOTDIR}
 
 
-def write(path: str | Path, table: Table, compression: Literal["gzip"] | None = None) -> None:
+def write(
+    path: str | Path,
+    table: Table,
+    compression: Literal["gzip"] | None = None,
+    tag: str = "",
+) -> None:
     """Write `table` to the HDF5 file `path`, replacing what is there.
 
-    The file appears complete or not at all: it is written beside its place as ``<name>.tmp``,
-    brought to the disk and renamed. Equal tables give equal bytes. The layout is that of HDF5 1.8
-    with netCDF-4's dimension scales, which HDF5 tools, netCDF and xarray all read.
+    The file appears complete or not at all: it is written beside its place as ``<name>.tmp``, or
+    ``<name>.<tag>.tmp`` where several processes may write the same file at a time, brought to the
+    disk and renamed. Equal tables give equal bytes. The layout is that of HDF5 1.8 with netCDF-4's
+    dimension scales, which HDF5 tools, netCDF and xarray all read.
 
     Parameters
     ----------
@@ -38,19 +45,31 @@ def write(path: str | Path, table: Table, compression: Literal["gzip"] | None = 
         What to store.
     compression
         ``"gzip"`` stores numbers in shuffled, compressed chunks; None, contiguously.
+    tag
+        Distinguishes the unfinished files of concurrent processes.
 
     Raises
     ------
     ResultError
         If the disk refuses; `path` is then as it was before.
     """
+    with created(path, tag) as file:
+        _fill(file, table, compression)
+
+
+@contextmanager
+def created(path: str | Path, tag: str = "") -> Iterator[Any]:
+    """A new HDF5 file that takes the place of `path` when the block ends without an error.
+
+    See `write` for what is promised, and for the errors raised.
+    """
     target = Path(path)
-    temporary = target.with_name(target.name + ".tmp")
+    temporary = target.with_name(f"{target.name}{tag and '.' + tag}.tmp")
     try:
         temporary.unlink(missing_ok=True)  # what a killed process may have left
         with Sink(temporary) as sink:
             with _create(sink) as file:
-                _fill(file, table, compression)
+                yield file
             sink.synchronise()
         temporary.replace(target)
         _sync_folder(target.parent)
@@ -76,23 +95,37 @@ def _create(sink: Sink) -> Any:
 
 def _fill(file: Any, table: Table, compression: Literal["gzip"] | None) -> None:
     file.attrs[FORMAT_ATTRIBUTE] = FORMAT
-    _set_attributes(file, table.attributes)
-    for dim, size in table.dimensions.items():
-        if dim in table.coordinates:
-            _add(file, dim, table.coordinates[dim], None).make_scale(dim)
+    set_attributes(file, table.attributes)
+    extra = add_scales(file, table.dimensions, table.coordinates)
+    for name, variable in table.variables.items():
+        attach(file, _add(file, name, variable, compression), variable.dims, extra)
+
+
+def add_scales(
+    file: Any, sizes: Mapping[str, int], coordinates: Mapping[str, Variable]
+) -> dict[str, Variable]:
+    """Write every dimension and coordinate; returns those that are not a dimension's own."""
+    for dim, size in sizes.items():
+        if dim in coordinates:
+            _add(file, dim, coordinates[dim], None).make_scale(dim)
         else:
             # Never written, so that it takes no room: only its length counts.
             file.create_dataset(dim, shape=(size,), dtype=">f4").make_scale(
                 f"{PLACEHOLDER}{size:10d}"
             )
-    extra = {k: v for k, v in table.coordinates.items() if k not in table.dimensions}
-    for name, variable in {**extra, **table.variables}.items():
-        dataset = _add(file, name, variable, compression)
-        for axis, dim in enumerate(variable.dims):
-            dataset.dims[axis].attach_scale(file[dim])
-        described = [k for k, v in extra.items() if set(v.dims) <= set(variable.dims)]
-        if described and name not in extra:
-            dataset.attrs[COORDINATES] = " ".join(described)
+    extra = {name: variable for name, variable in coordinates.items() if name not in sizes}
+    for name, variable in extra.items():
+        attach(file, _add(file, name, variable, None), variable.dims, {})
+    return extra
+
+
+def attach(file: Any, dataset: Any, dims: tuple[str, ...], extra: Mapping[str, Variable]) -> None:
+    """Name the dimensions of a dataset, and the further coordinates along them."""
+    for axis, dim in enumerate(dims):
+        dataset.dims[axis].attach_scale(file[dim])
+    described = [name for name, variable in extra.items() if set(variable.dims) <= set(dims)]
+    if described:
+        dataset.attrs[COORDINATES] = " ".join(described)
 
 
 def _add(file: Any, name: str, variable: Variable, compression: Literal["gzip"] | None) -> Any:
@@ -103,9 +136,9 @@ def _add(file: Any, name: str, variable: Variable, compression: Literal["gzip"] 
         data = data.astype(data.dtype.newbyteorder("<"), copy=False)
         options: dict[str, Any] = {}
         if compression and data.ndim and data.size:
-            options = {"compression": compression, "shuffle": True, "chunks": _chunks(data)}
+            options = compressed(data.shape, data.dtype)
         dataset = file.create_dataset(name, data=data, **options)
-    _set_attributes(dataset, variable.attributes)
+    set_attributes(dataset, variable.attributes)
     return dataset
 
 
@@ -125,20 +158,21 @@ def _add_text(file: Any, name: str, text: NDArray[Any]) -> Any:
     return dataset
 
 
-def _set_attributes(owner: Any, attributes: Mapping[str, Attribute]) -> None:
+def set_attributes(owner: Any, attributes: Mapping[str, Attribute]) -> None:
+    """Write attributes of a file or of a dataset."""
     for key, value in attributes.items():
         owner.attrs[key] = value
 
 
-def _chunks(data: NDArray[Any]) -> tuple[int, ...]:
-    """Blocks of at most about 1 MiB that hold the last axes whole, in equal shares."""
-    room = max(1, _CHUNK_BYTES // data.itemsize)
+def compressed(shape: tuple[int, ...], dtype: np.dtype[Any]) -> dict[str, Any]:
+    """How h5py is told to compress: in blocks of about 1 MiB that hold the last axes whole."""
+    room = max(1, _CHUNK_BYTES // dtype.itemsize)
     chunks: list[int] = []
-    for size in reversed(data.shape):
+    for size in reversed(shape):
         pieces = -(-size // room)
         chunks.insert(0, -(-size // pieces))
         room = max(1, room // chunks[0])
-    return tuple(chunks)
+    return {"compression": "gzip", "shuffle": True, "chunks": tuple(chunks)}
 
 
 def _sync_folder(folder: Path) -> None:

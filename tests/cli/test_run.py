@@ -102,6 +102,7 @@ def test_json_is_one_document(eqt: Eqt) -> None:
         "was_complete",
         "runs",
         "failed",
+        "resumed",
         "seconds",
         "causes",
         "controllers",
@@ -156,7 +157,7 @@ def test_workers_change_no_number(eqt: Eqt) -> None:
 def test_a_complete_result_is_not_run_again(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
     eqt("run", "c.yaml")
     written = Path("results/c/results.h5").stat()
-    monkeypatch.setattr("eqt_cli.experiment.execute.simulate", None)
+    monkeypatch.setattr("eqt_cli.experiment.work.compute_part", None)
     done = eqt("run", "c.yaml")
     assert done.code == 0
     assert done.err == (
@@ -172,7 +173,7 @@ def test_force_says_what_it_removes(eqt: Eqt) -> None:
     assert done.code == 0
     assert done.err.splitlines() == [
         f"removed {Path('results/c', name)}"
-        for name in ("results.h5", "manifest.json", "config.yaml")
+        for name in ("results.h5", "config.yaml", "manifest.json")
     ]
 
 

@@ -12,6 +12,7 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.execute import Outcome, execute
 from eqt_cli.experiment.source import read_config
+from eqt_cli.experiment.sweeping import study
 
 LINES = {
     "group": "SO3",
@@ -68,7 +69,7 @@ def run(folder: Path) -> Callable[..., Outcome]:
     ) -> Outcome:
         Path("c.yaml").write_text(configuration(**changes), encoding="utf-8")
         source = read_config(Path("c.yaml"), overrides)
-        return execute(build(source), source, Path(out), force=force)
+        return execute(study(source), Path(out), force=force)
 
     return done
 

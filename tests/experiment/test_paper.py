@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eqt_cli.experiment.build import build
 from eqt_cli.experiment.execute import execute
 from eqt_cli.experiment.shipped import folder
 from eqt_cli.experiment.source import read_config
+from eqt_cli.experiment.sweeping import study
 from eqt_cli.store.reader import Results, open_results
 
 LABELS = ["eqt", "gt", "nog", "asym"]
@@ -37,7 +37,7 @@ def paper(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Results]:
         folder() / "paper.yaml",
         [f"solver.engine={engine}", "solver.error_estimate=false", "store.decimate=4"],
     )
-    execute(build(source), source, out / "out")
+    execute(study(source), out / "out")
     with open_results(out / "out") as results:
         yield results
 

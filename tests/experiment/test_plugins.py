@@ -12,6 +12,7 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.execute import Outcome, execute
 from eqt_cli.experiment.source import read_config
+from eqt_cli.experiment.sweeping import study
 from eqt_cli.store.reader import Results, open_results
 
 Run = Callable[..., Outcome]
@@ -164,7 +165,7 @@ def test_the_folder_runs_again_without_the_file(run: Run, law: Path, folder: Pat
     kept = Path("out/config.yaml")
     assert "plugins: [stored_plugins/0-law.py]" in kept.read_text(encoding="utf-8")
     source = read_config(kept)
-    execute(build(source), source, folder / "again")
+    execute(study(source), folder / "again")
     assert_equal_datasets(folder / "out", folder / "again")
 
 
@@ -187,7 +188,7 @@ def test_a_trusted_result_runs_again_alone(run: Run, law: Path, folder: Path) ->
     (folder / "away").mkdir()
     moved = Path("out/results.h5").rename(folder / "away" / "results.h5")
     source = read_config(moved)
-    execute(build(source, trust_plugins=True), source, folder / "again")
+    execute(study(source, trust_plugins=True), folder / "again")
     assert_equal_datasets(moved, folder / "again")
     assert (folder / "again/stored_plugins/0-law.py").read_text(encoding="utf-8") == LAW
 

@@ -5,9 +5,9 @@ from functools import partial
 import pytest
 import yaml
 
-from eqt_cli.experiment.build import build
 from eqt_cli.experiment.execute import execute
 from eqt_cli.experiment.source import read_config
+from eqt_cli.experiment.sweeping import study
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.variables import Table, Variable
 from eqt_cli.store.writer import write
@@ -35,7 +35,7 @@ def simulated(folder, **changes):
     config = folder / "small.yaml"
     config.write_text(yaml.safe_dump(CONFIG | changes))
     source = read_config(config)
-    return execute(build(source), source, folder / "out").folder.results
+    return execute(study(source), folder / "out").folder.results
 
 
 @pytest.fixture(scope="session")

@@ -1,0 +1,26 @@
+"""`eqt pack`: one result file from the parts that the shards of a job array have computed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from eqt_cli.cli import options
+
+
+def pack(
+    folder: Annotated[Path, typer.Argument(help="Result folder that all shards wrote to.")],
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+) -> None:
+    """Pack the parts of all shards into results.h5."""
+    from eqt_cli.cli.execution import report
+    from eqt_cli.experiment.execute import pack_folder
+    from eqt_cli.experiment.folder import CONFIG
+    from eqt_cli.experiment.source import read_config
+    from eqt_cli.experiment.sweeping import study
+
+    found = study(read_config(folder / CONFIG), trust_plugins=trust_plugins)
+    report(pack_folder(found, folder), json=json)

@@ -1,0 +1,101 @@
+"""`eqt sweep`: integrate an experiment at every point of a design."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eqt_cli.cli import options
+
+if TYPE_CHECKING:
+    from eqt_cli.ensemble.executors import Executor
+    from eqt_cli.experiment.study import Study
+
+FIRST_POINTS = 5
+"""Shown by --dry-run."""
+
+
+def sweep(
+    config: Annotated[Path, typer.Argument(help="YAML configuration, or a result to run again.")],
+    grid: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--grid",
+            metavar="KEY=A,B,…",
+            help="Add a block to the sweep, as gains.kd=0.25,0.5,1; several multiply.",
+        ),
+    ] = None,
+    dry_run: Annotated[
+        bool,
+        typer.Option("--dry-run", help="Print points, expected time and size; store nothing."),
+    ] = False,
+    out: options.Out = None,
+    set_: options.Set = None,
+    engine: options.Engine = None,
+    workers: options.Workers = None,
+    executor: options.ExecutorName = None,
+    scheduler: options.Scheduler = None,
+    shard: options.ShardOf = None,
+    force: options.Force = False,
+    rerun_failed: options.RerunFailed = False,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Integrate every run at every point of the sweep; results go to results/NAME.
+
+    Run it again after an interruption: it continues.
+    """
+    from eqt_cli.cli.execution import executor_from, run_study, shard_from
+    from eqt_cli.experiment.source import read_config
+    from eqt_cli.experiment.sweeping import add_grids, study
+
+    overrides = [*(set_ or ()), *([f"solver.engine={engine}"] if engine else ())]
+    source = read_config(config, overrides)
+    add_grids(source, grid or ())
+    found = study(source, sweeping=True, trust_plugins=trust_plugins)
+    chosen = executor_from(found, executor, workers, scheduler)
+    if dry_run:
+        _print_plan(found, chosen, json)
+        return
+    run_study(
+        found,
+        out,
+        chosen,
+        force=force,
+        rerun_failed=rerun_failed,
+        shard=shard_from(shard),
+        json=json,
+        quiet=quiet,
+    )
+
+
+def _print_plan(study: Study, executor: Executor, json: bool) -> None:
+    from eqt_cli.cli.output import duration, print_json, size
+    from eqt_cli.experiment.estimate import estimate
+
+    assert study.sweep is not None
+    expected = estimate(study, executor)
+    first = [study.sweep.point(k) for k in range(min(FIRST_POINTS, len(study)))]
+    plan = study.plan
+    if json:
+        print_json(
+            {
+                "points": len(study),
+                "runs": plan.total,
+                "first": first,
+                "seconds": expected.seconds,
+                "bytes": expected.size,
+            }
+        )
+        return
+    print(f"{len(study)} points × {plan.controllers} controllers × {plan.runs} runs = {plan.total}")
+    for index, point in enumerate(first):
+        print(f"  {index}  " + ", ".join(f"{key} = {value}" for key, value in point.items()))
+    if len(study) > FIRST_POINTS:
+        print("  …")
+    kept = f"{study.kept} trajectories each" if study.kept else "metrics only"
+    print(f"time     about {duration(expected.seconds)} with {executor.workers} workers")
+    print(f"size     {size(expected.size)}, {kept}")

@@ -1,0 +1,22 @@
+"""Latin hypercube: along every axis, one point in each of as many equal shares as points."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from scipy.stats import qmc
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.ensemble.designs.sampled import Sampled
+
+
+class LatinHypercube(Sampled):
+    """A Latin hypercube; another number of points gives another one."""
+
+    name: ClassVar[str] = "lhs"
+
+    def shares(self, generator: np.random.Generator) -> Array:
+        """SciPy's Latin hypercube."""
+        shares: Array = qmc.LatinHypercube(len(self.axes), rng=generator).random(self.points)
+        return shares

@@ -1,0 +1,20 @@
+"""Independent, uniformly distributed points."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.ensemble.designs.sampled import Sampled
+
+
+class Random(Sampled):
+    """Independent points; more of them keep the earlier ones."""
+
+    name: ClassVar[str] = "random"
+
+    def shares(self, generator: np.random.Generator) -> Array:
+        """Uniform on the unit cube."""
+        return generator.random((self.points, len(self.axes)))

@@ -1,0 +1,24 @@
+"""Scrambled Sobol points, which fill a cube more evenly than random ones."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+from scipy.stats import qmc
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.ensemble.designs.sampled import Sampled
+
+
+class Sobol(Sampled):
+    """A scrambled Sobol sequence; more points keep the earlier ones. Best are powers of 2."""
+
+    name: ClassVar[str] = "sobol"
+
+    def shares(self, generator: np.random.Generator) -> Array:
+        """The first points of SciPy's sequence, scrambled by the seed."""
+        # By powers of 2, for which alone SciPy does not warn; what is too many is cut off.
+        sequence = qmc.Sobol(len(self.axes), rng=generator)
+        shares: Array = sequence.random_base2((self.points - 1).bit_length())[: self.points]
+        return shares

@@ -1,0 +1,32 @@
+"""Begins in this process, and takes more of them where what is left is worth starting them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.ensemble.executors.base import Executor, Outcome, Progress, Task
+from eqt_cli.ensemble.executors.local import Local
+from eqt_cli.ensemble.executors.serial import Serial
+
+WORTH_STARTING = 5.0
+"""s of work that is left; a process takes a second or two to start."""
+
+
+@dataclass(frozen=True)
+class Auto(Executor):
+    """One item after the other in this process; as soon as much is left, as `local`."""
+
+    name: ClassVar[str] = "auto"
+
+    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
+        started = time.monotonic()
+        for done, item in enumerate(items):
+            left = len(items) - done
+            expected = (time.monotonic() - started) / max(done, 1) * left
+            if left > 1 and self.workers > 1 and expected > WORTH_STARTING:
+                yield from Local(self.workers).outcomes(task, items[done:], progress)
+                return
+            yield from Serial().outcomes(task, [item], progress)

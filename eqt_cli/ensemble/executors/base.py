@@ -1,0 +1,70 @@
+"""What an executor is: it has numbered items done somewhere; it must not know what they are."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Protocol
+
+Progress = Callable[[float], None]
+
+MOST_TRIES = 3
+"""An item whose worker has been lost so often is given up."""
+
+
+@dataclass(frozen=True)
+class Ways:
+    """How an item is done, which does not change what comes out.
+
+    Attributes
+    ----------
+    progress
+        Told how much more is done.
+    threads
+        The most threads to use.
+    """
+
+    progress: Progress = lambda amount: None
+    threads: int = 1
+
+
+class Task(Protocol):
+    """The work; it must survive pickling."""
+
+    def __call__(self, item: int, ways: Ways) -> int:
+        """Do one item, leave its result where it belongs, and say how many runs failed."""
+        ...
+
+    def runs_of(self, item: int) -> int:
+        """The amount of progress that one item is worth."""
+        ...
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """The end of one item; `failed` is None if every worker that tried it was lost."""
+
+    item: int
+    failed: int | None
+
+
+@dataclass(frozen=True)
+class Executor(ABC):
+    """Has items done, in any order.
+
+    Attributes
+    ----------
+    workers
+        The most items at a time.
+    """
+
+    name: ClassVar[str]
+    workers: int = 1
+
+    @abstractmethod
+    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
+        """Yield the items as they end.
+
+        An exception of the task, or closing the iterator, ends everything that is under way.
+        """

@@ -1,0 +1,128 @@
+"""How the runs of an experiment are cut into parts; it knows no files and nothing of a run.
+
+The runs of a controller are counted in (point, run) order: entry e is run e mod R of point e div R.
+A part is some consecutive entries of one controller. The cut depends on nothing but the sizes, so
+that results do not depend on who computes which part, or when.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+
+MANY_PARTS = 4000
+"""With more parts than this, parts grow instead: each costs some milliseconds of its own."""
+
+
+@dataclass(frozen=True)
+class Slab:
+    """A block of a part's entries that is rectangular in (point, run).
+
+    Attributes
+    ----------
+    rows
+        Where its entries are in the part.
+    points, runs
+        The points and the runs of each that they belong to.
+    """
+
+    rows: slice
+    points: slice
+    runs: slice
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """The number of points and of runs."""
+        return self.points.stop - self.points.start, self.runs.stop - self.runs.start
+
+
+@dataclass(frozen=True)
+class Part:
+    """Entries `start` to `stop` of one controller, of an experiment with `runs` runs per point."""
+
+    number: int
+    controller: int
+    start: int
+    stop: int
+    runs: int
+
+    def __len__(self) -> int:
+        return self.stop - self.start
+
+    @property
+    def points(self) -> Array:
+        """The point of every entry."""
+        return np.arange(self.start, self.stop) // self.runs
+
+    @property
+    def run_numbers(self) -> Array:
+        """The run of every entry."""
+        return np.arange(self.start, self.stop) % self.runs
+
+    def slabs(self, kept: int | None = None) -> Iterator[Slab]:
+        """The entries as rectangular blocks, at most three.
+
+        With `kept`, only the first so many runs of each point count, and `rows` count those.
+        """
+        kept = self.runs if kept is None else kept
+        row, entry = 0, self.start
+        while entry < self.stop:
+            point, first = divmod(entry, self.runs)
+            whole = (self.stop - entry) // self.runs if first == 0 else 0
+            last = self.runs if whole else min(self.runs, first + self.stop - entry)
+            points = slice(point, point + max(whole, 1))
+            runs = slice(min(first, kept), min(last, kept))
+            count = (points.stop - points.start) * (runs.stop - runs.start)
+            if count:
+                yield Slab(slice(row, row + count), points, runs)
+            row += count
+            entry += (points.stop - points.start) * (last - first)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """All parts of an experiment.
+
+    Attributes
+    ----------
+    points, runs, controllers
+        Sizes of the experiment; a run is of a point and a controller.
+    size
+        Entries of a part; the last one of a controller may have fewer.
+    """
+
+    points: int
+    runs: int
+    controllers: int
+    size: int
+
+    def __len__(self) -> int:
+        return self._ranges * self.controllers
+
+    @property
+    def entries(self) -> int:
+        """The number of runs of each controller, over all points."""
+        return self.points * self.runs
+
+    @property
+    def total(self) -> int:
+        """The number of runs over all points and controllers."""
+        return self.entries * self.controllers
+
+    @property
+    def _ranges(self) -> int:
+        return -(-self.entries // self.size)
+
+    def part(self, number: int) -> Part:
+        """Part `number`; the controllers take turns, as they share the initial states."""
+        index, controller = divmod(number, self.controllers)
+        start = index * self.size
+        return Part(number, controller, start, min(start + self.size, self.entries), self.runs)
+
+    def runs_of(self, number: int) -> int:
+        """The number of runs of a part."""
+        return len(self.part(number))

@@ -1,0 +1,131 @@
+"""Runs of many points as few problems: points of equal structure differ in parameters only."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Hashable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.core.arrays import Array
+from eqt_cli.engines import Engine, Problem
+from eqt_cli.ensemble.initial import draw_initial_states
+from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.study import Study
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Runs that one engine solves as one problem.
+
+    Attributes
+    ----------
+    rows
+        Where they are among the entries asked for.
+    points
+        The point of each run.
+    experiment
+        The experiment at the first of them; engine and judgement are the same for all.
+    kind
+        Equal for batches, of any controller, that could be one problem.
+    """
+
+    rows: Array
+    points: Array
+    experiment: Experiment
+    engine: Engine
+    problem: Problem
+    kind: Hashable
+
+
+def batches(study: Study, label: str, entries: Array) -> Iterator[Batch]:
+    """The runs of one controller, counted over all points, as problems of equal structure each.
+
+    Within a problem they are in the order of `entries`.
+    """
+    points, runs = np.divmod(entries, study.plan.runs)
+    Q, V = initial_states(study, points, runs)
+    yield from _batches(study, label, points, Q, V)
+
+
+def reference_batches(study: Study, label: str, points: Array) -> Iterator[Batch]:
+    """The references of some points by themselves: closed loops started where all errors are 0."""
+    experiments = [study.experiment(int(point)) for point in points]
+    Q = np.array([experiment.initial_pose for experiment in experiments])
+    V = np.array([experiment.initial_velocity for experiment in experiments])
+    yield from _batches(study, label, points, Q, V)
+
+
+def initial_states(study: Study, points: Array, runs: Array) -> tuple[Array, Array]:
+    """The initial poses and velocities of some runs, each of a point."""
+    if not study.initial_varies:
+        wanted, where = np.unique(runs, return_inverse=True)
+        Q, V = _draw(study, 0, tuple(wanted.tolist()))
+        return Q[where], V[where]
+    drawn = [_draw(study, int(p), tuple(runs[points == p].tolist())) for p in _distinct(points)]
+    return np.concatenate([Q for Q, _ in drawn]), np.concatenate([V for _, V in drawn])
+
+
+@lru_cache(maxsize=8)
+def _draw(study: Study, point: int, runs: tuple[int, ...]) -> tuple[Array, Array]:
+    experiment = study.experiment(point)
+    return draw_initial_states(
+        experiment.group,
+        experiment.poses,
+        experiment.velocities,
+        Qd=experiment.initial_pose,
+        Vd=experiment.initial_velocity,
+        seed=experiment.config.ensemble.seed,
+        runs=runs,
+    )
+
+
+def _batches(study: Study, label: str, points: Array, Q: Array, V: Array) -> Iterator[Batch]:
+    kinds: dict[Hashable, list[int]] = {}
+    for point in _distinct(points):
+        kinds.setdefault(_kind(study.experiment(point), label), []).append(point)
+    for kind, members in kinds.items():
+        rows = np.flatnonzero(np.isin(points, members)) if len(kinds) > 1 else np.arange(len(Q))
+        problem = _problem(study, label, points[rows], Q[rows], V[rows])
+        experiment = study.experiment(members[0])
+        engine = experiment.engine.sized(study.plan.total, problem.loop.state_length)
+        yield Batch(rows, points[rows], experiment, engine, problem, kind)
+
+
+def _problem(study: Study, label: str, points: Array, Q: Array, V: Array) -> Problem:
+    distinct, which = np.unique(points, return_inverse=True)
+    experiments = [study.experiment(int(point)) for point in distinct]
+    loops = [experiment.loops[label] for experiment in experiments]
+    Qd = np.array([experiment.initial_pose for experiment in experiments])[which]
+    Vd = np.array([experiment.initial_velocity for experiment in experiments])[which]
+    varying = _varying(loops, which)
+    problem = Problem(loops[0], Q, experiments[0].times, varying)
+    states = problem.batched_loop().initial_state(Q, V, Qd, Vd)
+    return dataclasses.replace(problem, states=states)
+
+
+def _varying(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
+    """The parameters in which the loops differ, one row for each run; run k is of loop which[k]."""
+    if len(loops) == 1:
+        return {}
+    by_loop = [loop.parameters for loop in loops]
+    stacked = {name: np.array([values[name] for values in by_loop]) for name in by_loop[0]}
+    return {name: values[which] for name, values in stacked.items() if (values != values[0]).any()}
+
+
+def _kind(experiment: Experiment, label: str) -> Hashable:
+    """What runs of one problem must have in common: all but parameters and initial states."""
+    loop = experiment.loops[label]
+    blank = loop.with_parameters({k: np.zeros_like(v) for k, v in loop.parameters.items()})
+    structure = repr((blank.inertia, blank.gains, blank.reference))
+    threshold = experiment.config.settling_threshold
+    return structure, loop.controller.structure, json.dumps(experiment.solver.resolved), threshold
+
+
+def _distinct(points: Array) -> list[int]:
+    """The points in the order in which they first occur."""
+    return list(dict.fromkeys(points.tolist()))

@@ -1,0 +1,124 @@
+"""One writer per result folder: a lock that ends with its process, however that ends."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import platform
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from eqt_cli.core.errors import EqtError
+
+try:
+    import fcntl
+except ImportError:  # no POSIX system: nothing keeps two writers apart there
+    fcntl = None  # type: ignore[assignment]
+
+LOCK = ".lock"
+
+
+@contextmanager
+def locked(folder: Path, *, shared: bool = False, name: str = LOCK) -> Iterator[None]:
+    """Keep the folder for this process until the block ends.
+
+    The system itself holds the lock, so that none is left behind by a process that was killed.
+    Where a disk cannot lock, nothing is kept.
+
+    Parameters
+    ----------
+    shared
+        Let others in that also ask for a share, as the shards of a job array do.
+    name
+        The file that is locked.
+
+    Raises
+    ------
+    EqtError
+        If another process has it, or the folder cannot be written to.
+    """
+    path = folder / name
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = _opened(path, shared)
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        message = f"{folder}: cannot be used: {reason}; choose another folder with --out"
+        raise EqtError(message) from error
+    try:
+        if not shared:
+            os.ftruncate(handle, 0)
+            os.write(handle, json.dumps(_holder()).encode())
+        yield
+    finally:
+        if not shared:
+            path.unlink(missing_ok=True)
+        os.close(handle)
+
+
+def _opened(path: Path, shared: bool) -> int:
+    """The locked file; tried again where it was removed by its last owner before it was locked."""
+    while True:
+        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            _lock(handle, path, shared)
+            if os.path.samestat(os.fstat(handle), path.stat()):
+                return handle
+        except FileNotFoundError:
+            pass
+        except BaseException:
+            os.close(handle)
+            raise
+        os.close(handle)
+
+
+def holder(folder: Path) -> dict[str, Any] | None:
+    """Who writes to the folder now: process, host, since when; None if nobody does."""
+    if fcntl is None:
+        return None
+    for path in [folder / LOCK, *folder.glob(f"{LOCK}-*")]:
+        try:
+            handle = os.open(path, os.O_RDONLY)
+        except OSError:
+            continue
+        try:
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError as error:
+            if error.errno in (errno.EAGAIN, errno.EACCES):
+                return _read(path) or {}
+        finally:
+            os.close(handle)
+    return None
+
+
+def _lock(handle: int, path: Path, shared: bool) -> None:
+    if fcntl is None:
+        return
+    try:
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+    except OSError as error:
+        if error.errno not in (errno.EAGAIN, errno.EACCES):
+            return  # the disk cannot lock
+        other = _read(path)
+        who = f" (process {other['pid']} on {other['host']})" if other else ""
+        raise EqtError(
+            f"{path.parent}: another eqt{who} is writing to it; wait for its end, "
+            "or choose another folder with --out"
+        ) from error
+
+
+def _holder() -> dict[str, Any]:
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"pid": os.getpid(), "host": platform.node(), "since": started}
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+    return found if isinstance(found, dict) and {"pid", "host"} <= set(found) else None

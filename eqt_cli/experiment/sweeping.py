@@ -1,0 +1,145 @@
+"""From a configuration to a study: the sweep is read, and every point of it checked."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+from eqt_cli.core.errors import ConfigError, EqtError, Problem
+from eqt_cli.ensemble.sweep import Sweep
+from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.problems import Problems
+from eqt_cli.experiment.schema import Config
+from eqt_cli.experiment.source import ConfigSource
+from eqt_cli.experiment.study import Study, at_point, section_of
+from eqt_cli.experiment.yaml_source import parse_value
+
+MOST_PROBLEMS = 20
+"""Reported of a sweep; a mistake is often made at thousands of points."""
+
+FIXED = {
+    "name": "names the experiment as a whole",
+    "group": "gives the points results of different shapes",
+    "time": "gives the points sample times of their own",
+    "store": "decides what the one result file holds",
+    "plugins": "is loaded once",
+    "sweep": "is what is being read",
+    "task": "gives the points laws of different kinds",
+}
+"""Sections that all points share, and why."""
+
+
+def add_grids(source: ConfigSource, grids: Sequence[str]) -> None:
+    """Append ``gains.kd=0.25,0.5,1`` from the command line as blocks of the sweep.
+
+    Raises
+    ------
+    ConfigError
+        For what does not parse.
+    """
+    blocks = list(source.data.get("sweep") or [])
+    for index, grid in enumerate(grids):
+        place = f"--grid[{index}]"
+        key, equals, text = grid.partition("=")
+        if not equals or not key.strip() or not text.strip():
+            message = f"expected KEY=VALUE,VALUE,…, got '{grid}'"
+            raise ConfigError([Problem("", message, place)])
+        source.overrides[("sweep", len(blocks))] = place
+        blocks.append({"grid": {key.strip(): parse_value(f"[{text}]", place)}})
+    if blocks:
+        source.data = source.data | {"sweep": blocks}
+
+
+def study(
+    source: ConfigSource, *, sweeping: bool | None = None, trust_plugins: bool = False
+) -> Study:
+    """Check a configuration and everything that its sweep makes of it.
+
+    Parameters
+    ----------
+    sweeping
+        Whether there must be a sweep (True), must be none (False), or may be one (None).
+    trust_plugins
+        Execute plugin sources that are stored in a result file.
+
+    Raises
+    ------
+    ConfigError
+        With every problem, those of a swept value at the place where it was written.
+    """
+    section = source.data.get("sweep")
+    if sweeping is True and not section:
+        raise EqtError(
+            f"{source.source.name}: sweeps nothing; add a `sweep` section or --grid KEY=A,B, "
+            f"or use: eqt run {source.source.name}"
+        )
+    if sweeping is False and section:
+        raise EqtError(
+            f"{source.place(('sweep',))}: the configuration sweeps; "
+            f"use: eqt sweep {source.source.name}"
+        )
+    bare = dataclasses.replace(
+        source, data={key: value for key, value in source.data.items() if key != "sweep"}
+    )
+    if section is None or (section == [] and not sweeping):
+        return Study(bare, None, build(bare, trust_plugins=trust_plugins))
+    sweep = _sweep(source, section)
+    base = build(at_point(bare, sweep, 0), trust_plugins=trust_plugins)
+    found = Study(bare, sweep, base)
+    _check_points(found)
+    return found
+
+
+def _sweep(source: ConfigSource, section: Any) -> Sweep:
+    problems = Problems(source.place)
+    sweep = Sweep.parse(section, lambda path, message: problems.add(("sweep", *path), message))
+    problems.raise_if_any()
+    assert sweep is not None
+    for key in sweep.keys:
+        path = ("sweep", *sweep.place(0, key))
+        try:
+            name = section_of(key)
+        except ConfigError as error:
+            problems.add(path, error.problems[0].message)
+            continue
+        if name in FIXED:
+            problems.add(path, f"{name} cannot be swept: it {FIXED[name]}; run one after the other")
+        elif key == "ensemble.runs":
+            problems.add(path, "ensemble.runs cannot be swept: all points have as many runs")
+        elif name not in Config.model_fields:
+            known = [field for field in Config.model_fields if field not in FIXED]
+            problems.add(path, f"unknown key '{key}'; keys are in: {', '.join(known)}")
+    problems.raise_if_any()
+    return sweep
+
+
+def _check_points(found: Study) -> None:
+    """Build every point; a value that is wrong at many of them is reported once."""
+    problems: dict[Problem, None] = {}
+    for point in range(1, len(found)):
+        try:
+            experiment = found.experiment(point)
+        except ConfigError as error:
+            problems |= dict.fromkeys(error.problems)
+            if len(problems) >= MOST_PROBLEMS:
+                break
+            continue
+        wrong = _unlike(experiment, found.base)
+        if wrong:
+            place = found.source.place(("sweep",))
+            problems[Problem("sweep", f"point {point}: {wrong}", place)] = None
+            break
+    if problems:
+        raise ConfigError(problems)
+
+
+def _unlike(experiment: Experiment, base: Experiment) -> str | None:
+    """Why the results of two points do not fit into one array, if they do not."""
+    if list(experiment.loops) != list(base.loops):
+        labels, first = (", ".join(one.loops) for one in (experiment, base))
+        return (
+            f"the controllers are {labels}, and {first} at point 0; "
+            "give each a `label` that stays the same"
+        )
+    return None

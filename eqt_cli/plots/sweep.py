@@ -1,0 +1,118 @@
+"""The figure of a sweep: one metric over one key as curves, over two as a map per controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.plots.base import Figure
+from eqt_cli.plots.curves import BAND, band_look
+from eqt_cli.plots.labels import free_text
+from eqt_cli.plots.layout import add_legend, add_remarks, add_title, freeze
+from eqt_cli.plots.style import WIDTHS, Width, house_style, line_style
+from eqt_cli.plots.swept import Axis, Swept, described, mean_over_runs
+from eqt_cli.store.reader import Results
+
+_HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
+
+
+@dataclass(frozen=True)
+class SweepFigure(Figure):
+    """A metric over the swept keys: curves with bands for one key, heat maps for two.
+
+    Attributes
+    ----------
+    metric
+        What to show, by its name in the result.
+    """
+
+    name: ClassVar[str] = "sweep"
+    sweeps: ClassVar[bool] = True
+
+    metric: str = "mean_pose_error"
+
+    def draw(self, results: Results, width: Width = "column") -> Drawing:
+        """Draw the means over the good runs of every point; see `Figure.draw`."""
+        swept = Swept(results, self.name)
+        values, axes = swept.metric(self.metric), swept.axes
+        if not 1 <= len(axes) <= 2:
+            keys = ", ".join(axis.key for axis in axes) or "none"
+            raise swept.error(
+                f"has room for one or two swept keys, and here are {len(axes)} ({keys}); "
+                "figure 'pareto' shows sweeps of any number"
+            )
+        label = described(results, self.metric)
+        with house_style():
+            if len(axes) == 1:
+                drawing = self._curves(swept, axes[0], values, label, width)
+            else:
+                drawing = self._maps(swept, axes, values, label, width)
+            add_remarks(drawing, swept.notes())
+            freeze(drawing)
+        return drawing
+
+    def compose(self, runs: object, width: Width) -> Drawing:
+        """Unused: `draw` is all that this figure does."""
+        raise NotImplementedError
+
+    def _curves(self, swept: Swept, axis: Axis, values: Array, label: str, width: Width) -> Drawing:
+        drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
+        panel = drawing.add_subplot()
+        order = np.argsort(axis.values, kind="stable")
+        lines = []
+        for index, _ in enumerate(swept.labels):
+            found = values[order, index]
+            style = line_style(index)
+            lines += panel.plot(axis.values[order], mean_over_runs(found), marker=".", **style)
+            low, high = np.nanquantile(found, BAND, axis=-1)
+            panel.fill_between(axis.values[order], low, high, **band_look(style["color"]))
+        _scale(panel, axis, "x")
+        panel.set_ylabel(free_text(label, 36))
+        add_legend(drawing, lines, swept.labels)
+        return drawing
+
+    def _maps(
+        self, swept: Swept, axes: list[Axis], values: Array, label: str, width: Width
+    ) -> Drawing:
+        means = mean_over_runs(values)
+        count = len(swept.labels)
+        drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
+        panels = drawing.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
+        low, high = np.nanmin(means), np.nanmax(means)
+        across, up = (np.unique(axis.values) for axis in axes)
+        for index, (panel, name) in enumerate(zip(panels, swept.labels, strict=True)):
+            grid = np.full((len(up), len(across)), np.nan)
+            rows = np.searchsorted(up, axes[1].values)
+            grid[rows, np.searchsorted(across, axes[0].values)] = means[:, index]
+            image = panel.pcolormesh(
+                np.arange(len(across)), np.arange(len(up)), grid, vmin=low, vmax=high
+            )
+            add_title(panel, name, WIDTHS[width] / count)
+            _levels(panel, "x", across, axes[0])
+            if index == 0:
+                _levels(panel, "y", up, axes[1])
+        drawing.colorbar(image, ax=list(panels), label=free_text(label, 36))
+        return drawing
+
+
+def _scale(panel: Axes, axis: Axis, direction: str) -> None:
+    panel.set(**{f"{direction}label": axis.key})
+    if axis.ticks:
+        panel.set(**{f"{direction}ticks": list(axis.ticks)})
+        panel.set(**{f"{direction}ticklabels": list(axis.ticks.values())})
+    elif axis.logarithmic:
+        panel.set(**{f"{direction}scale": "log"})
+
+
+def _levels(panel: Axes, direction: str, levels: Array, axis: Axis) -> None:
+    """Number the cells of a map; at most about six are written."""
+    step = max(1, len(levels) // 6)
+    shown = range(0, len(levels), step)
+    texts = [axis.ticks.get(float(levels[k]), f"{levels[k]:.3g}") for k in shown]
+    panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
+    panel.set(**{f"{direction}label": axis.key})

@@ -1,0 +1,108 @@
+"""A result file that is filled piece by piece, for what does not fit the memory.
+
+It appears complete or not at all, as with `eqt_cli.store.writer`; it must not know what the
+numbers mean or where the pieces come from.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from eqt_cli.store.layout import FORMAT, FORMAT_ATTRIBUTE
+from eqt_cli.store.variables import Attribute, Variable
+from eqt_cli.store.writer import add_scales, attach, compressed, created, set_attributes
+
+
+@dataclass(frozen=True)
+class Blank:
+    """A variable whose data come later.
+
+    Parameters
+    ----------
+    dims
+        One name per axis.
+    dtype
+        Its type; None for strings.
+    attributes
+        What describes the array.
+    """
+
+    dims: tuple[str, ...]
+    dtype: np.dtype[Any] | None
+    attributes: Mapping[str, Attribute] = field(default_factory=dict)
+
+
+class Assembly:
+    """An unfinished result file.
+
+    Parameters
+    ----------
+    file
+        The open HDF5 file, which holds its variables already.
+    """
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+
+    def put(self, name: str, data: NDArray[Any], positions: tuple[int | slice, ...] = ()) -> None:
+        """Write part of a variable: at `positions` along its first axes, all of the others."""
+        # Empty strings are left unwritten, as in `write`.
+        if data.size and not (data.dtype == object and (data == "").all()):
+            self._file[name][positions] = data
+
+    def describe(self, attributes: Mapping[str, Attribute]) -> None:
+        """Add attributes of the whole."""
+        set_attributes(self._file, attributes)
+
+
+@contextmanager
+def assemble(
+    path: str | Path,
+    sizes: Mapping[str, int],
+    coordinates: Mapping[str, Variable],
+    blanks: Mapping[str, Blank],
+    compression: Literal["gzip"] | None = None,
+) -> Iterator[Assembly]:
+    """Create a result file to be filled in the block; every variable must be written.
+
+    Parameters
+    ----------
+    path
+        The file; its folder must exist.
+    sizes
+        The size of every dimension.
+    coordinates
+        As in a `Table`.
+    blanks
+        The variables, by name.
+    compression
+        As for `eqt_cli.store.writer.write`.
+
+    Raises
+    ------
+    ResultError
+        If the disk refuses; `path` is then as it was before.
+    """
+    with created(path) as file:
+        file.attrs[FORMAT_ATTRIBUTE] = FORMAT
+        extra = add_scales(file, sizes, coordinates)
+        for name, blank in blanks.items():
+            shape = tuple(sizes[dim] for dim in blank.dims)
+            dtype = h5py.string_dtype("utf-8") if blank.dtype is None else blank.dtype
+            options: dict[str, Any] = {}
+            if compression and blank.dtype is not None and shape and 0 not in shape:
+                options = compressed(shape, blank.dtype)
+            dataset = file.create_dataset(name, shape=shape, dtype=dtype, **options)
+            if blank.dtype is None and 0 not in shape:
+                dataset[(0,) * len(shape)] = ""  # so that the dataset takes its room
+            set_attributes(dataset, blank.attributes)
+            attach(file, dataset, blank.dims, extra)
+        yield Assembly(file)

@@ -1,0 +1,189 @@
+import pickle
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eqt_cli.ensemble.sweep import Sweep
+
+
+def sweep(*blocks):
+    noted = []
+    found = Sweep.parse(list(blocks), lambda path, message: noted.append((path, message)))
+    assert not noted
+    return found
+
+
+def notes(*blocks):
+    noted = []
+    assert Sweep.parse(list(blocks), lambda path, message: noted.append((path, message))) is None
+    return noted
+
+
+def points(found):
+    return [found.point(k) for k in range(len(found))]
+
+
+def test_grid_changes_its_last_axis_fastest():
+    assert points(sweep({"grid": {"a": [1, 2], "b": ["x", "y"]}})) == [
+        {"a": 1, "b": "x"},
+        {"a": 1, "b": "y"},
+        {"a": 2, "b": "x"},
+        {"a": 2, "b": "y"},
+    ]
+
+
+def test_grid_takes_ranges_on_linear_and_logarithmic_scales():
+    found = sweep(
+        {
+            "grid": {
+                "a": {"low": 0, "high": 1, "points": 3},
+                "b": {"low": 0.01, "high": 100, "points": 3, "scale": "log"},
+            }
+        }
+    )
+    assert [p["a"] for p in points(found)[::3]] == [0.0, 0.5, 1.0]
+    np.testing.assert_allclose([p["b"] for p in points(found)[:3]], [0.01, 1, 100], rtol=1e-14)
+
+
+def test_zip_changes_all_axes_together():
+    assert points(sweep({"zip": {"a": [1, 2], "b": [3, 4]}})) == [
+        {"a": 1, "b": 3},
+        {"a": 2, "b": 4},
+    ]
+
+
+def test_blocks_multiply_and_the_first_changes_slowest():
+    found = sweep({"zip": {"a": [1, 2], "b": [3, 4]}}, {"grid": {"c": [5, 6, 7]}})
+    assert len(found) == 6
+    assert points(found)[2] == {"a": 1, "b": 3, "c": 7}
+    assert points(found)[3] == {"a": 2, "b": 4, "c": 5}
+
+
+def test_concat_adds():
+    found = sweep(
+        {
+            "concat": [
+                {"grid": {"a": [1, 2], "b": [3]}},
+                [{"grid": {"b": [4]}}, {"grid": {"a": [5]}}],
+            ]
+        }
+    )
+    assert points(found) == [{"a": 1, "b": 3}, {"a": 2, "b": 3}, {"a": 5, "b": 4}]
+    assert found.place(1, "a") == (0, "concat", 0, "grid", "a", 1)
+    assert found.place(2, "b") == (0, "concat", 1, 0, "grid", "b", 0)
+
+
+@pytest.mark.parametrize("kind", ["random", "lhs", "sobol"])
+def test_sampled_points_stay_within_their_axes(kind):
+    axes = {
+        "linear": {"low": -1, "high": 2},
+        "log": {"low": 0.1, "high": 10, "scale": "log"},
+        "whole": {"low": 1, "high": 3, "integer": True},
+        "choice": {"values": ["p", "q"]},
+    }
+    found = points(sweep({kind: {"points": 200, "seed": 3, "axes": axes}}))
+    assert all(-1 <= p["linear"] <= 2 and 0.1 <= p["log"] <= 10 for p in found)
+    assert {p["whole"] for p in found} == {1, 2, 3}
+    assert {p["choice"] for p in found} == {"p", "q"}
+    # Half of the points lie below the middle of the logarithmic scale; 4 σ of a binomial is 28.
+    assert abs(sum(p["log"] < 1 for p in found) - 100) < 28
+
+
+@pytest.mark.parametrize("kind", ["random", "sobol"])
+@pytest.mark.parametrize(("few", "many"), [(5, 6), (8, 9), (1, 100)])
+def test_more_points_keep_the_earlier_ones(kind, few, many):
+    def design(count):
+        axes = {"a": {"low": 0, "high": 1}, "b": {"low": 0, "high": 1}}
+        return points(sweep({kind: {"points": count, "seed": 7, "axes": axes}}))
+
+    assert design(many)[:few] == design(few)
+
+
+def test_lhs_has_one_point_in_every_share():
+    axes = {"a": {"low": 0, "high": 10}, "b": {"low": 0, "high": 10}}
+    found = points(sweep({"lhs": {"points": 10, "axes": axes}}))
+    for key in axes:
+        assert sorted(int(p[key]) for p in found) == list(range(10))
+
+
+def test_seeds_make_designs_differ():
+    axes = {"a": {"low": 0, "high": 1}}
+    one, other = (sweep({"sobol": {"points": 4, "seed": s, "axes": axes}}) for s in (1, 2))
+    assert points(one) != points(other)
+
+
+def test_a_million_points_are_not_listed():
+    axis = {"low": 0, "high": 1, "points": 1000}
+    found = sweep({"grid": {"a": axis, "b": axis}})
+    assert len(found) == 1_000_000
+    assert found.point(999_999) == {"a": 1.0, "b": 1.0}
+
+
+@given(st.integers(0, 2**20 - 1))
+def test_points_do_not_depend_on_the_order_of_asking(point):
+    blocks = (
+        {"grid": {"a": {"low": 0, "high": 1, "points": 2**10}}},
+        {"sobol": {"points": 2**10, "axes": {"b": {"low": 0, "high": 1}}}},
+    )
+    found = sweep(*blocks)
+    assert found.point(point) == pickle.loads(pickle.dumps(found)).point(point)
+    assert found.point(point)["a"] == (point >> 10) / 1023
+
+
+@pytest.mark.parametrize(
+    ("blocks", "path", "message"),
+    [
+        ([], (), "expected a list of blocks such as {grid: {gains.kp: [1, 2]}}"),
+        (
+            [{"grdi": {}}],
+            (0, "grdi"),
+            "unknown design 'grdi'; did you mean 'grid'? "
+            "known: concat, grid, lhs, random, sobol, zip",
+        ),
+        (
+            [{"grid": {"a": []}}],
+            (0, "grid", "a"),
+            "expected at least one value, got an empty list",
+        ),
+        (
+            [{"grid": {"a": {"low": 0, "high": 1, "points": 1}}}],
+            (0, "grid", "a", "points"),
+            "expected a whole number of at least 2, got 1",
+        ),
+        ([{"zip": {"a": [1], "b": [1, 2]}}], (0, "zip", "b"), "expected 1 values as a, got 2"),
+        (
+            [{"sobol": {"points": 0, "axes": {"a": {"low": 0, "high": 1}}}}],
+            (0, "sobol", "points"),
+            "expected a whole number of at least 1, got 0",
+        ),
+        (
+            [{"lhs": {"points": 4, "axes": {"a": {"low": 2, "high": 1}}}}],
+            (0, "lhs", "axes", "a", "high"),
+            "expected more than low = 2, got 1",
+        ),
+        (
+            [{"random": {"points": 4, "axes": {"a": {"low": 0, "high": 1, "scale": "log"}}}}],
+            (0, "random", "axes", "a", "low"),
+            "expected a number greater than 0 on a log scale, got 0",
+        ),
+        (
+            [{"random": {"points": 4, "axes": {"a": {"lo": 0, "high": 1, "low": 0}}}}],
+            (0, "random", "axes", "a", "lo"),
+            "unknown key; did you mean 'low'?",
+        ),
+        (
+            [{"grid": {"a": [1]}}, {"grid": {"a.b": [1]}}],
+            (1, "grid", "a.b"),
+            "a.b overlaps with a, which is swept by an earlier block",
+        ),
+        (
+            [{"concat": [{"grid": {"a": [1]}}, {"grid": {"b": [1]}}]}],
+            (0, "concat", 1),
+            "expected the keys of the first (a)",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_at_its_place(blocks, path, message):
+    assert notes(*blocks) == [(path, message)]

@@ -1,0 +1,83 @@
+"""The figures of sweeps."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.pareto import Pareto, front
+from eqt_cli.plots.sweep import SweepFigure
+from eqt_cli.plots.swept import Swept
+
+ONE = [{"grid": {"gains.kd": [0.25, 0.5, 1, 2]}}]
+TWO = [{"grid": {"gains.kp": [1, 2, 4]}}, {"grid": {"inertia": [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]}}]
+LINKED = [{"zip": {"gains.kd": [0.5, 1], "gains.kp": [1, 2]}}]
+
+
+@pytest.fixture
+def swept(simulate, opened):
+    def of(sweep, **changes):
+        return opened(simulate(sweep=sweep, controllers=["eqt", "gt"], **changes))
+
+    return of
+
+
+def test_one_key_gives_curves_of_means_with_bands(swept):
+    results = swept(ONE)
+    drawing = SweepFigure(metric="effort").draw(results)
+    (panel,) = drawing.axes
+    assert panel.get_xscale() == "log"
+    assert panel.get_xlabel() == "gains.kd"
+    for controller, line in enumerate(panel.lines):
+        np.testing.assert_array_equal(line.get_xdata(), [0.25, 0.5, 1, 2])
+        expected = results["effort"][:, controller].mean(axis=-1)
+        np.testing.assert_allclose(line.get_ydata(), expected, rtol=1e-14)
+    assert len(panel.collections) == 2
+
+
+def test_two_keys_give_a_map_per_controller_on_one_scale(swept):
+    results = swept(TWO)
+    drawing = SweepFigure().draw(results)
+    maps = [axes.collections[0] for axes in drawing.axes[:2]]
+    for controller, image in enumerate(maps):
+        found = results["mean_pose_error"][:, controller].mean(axis=-1).reshape(3, 2)
+        np.testing.assert_allclose(np.asarray(image.get_array()).reshape(2, 3), found.T)
+    assert maps[0].get_clim() == maps[1].get_clim()
+    assert [tick.get_text() for tick in drawing.axes[0].get_yticklabels()] == [
+        "[1.0, 2.0, 3.0]",
+        "[1.0, 1.0, 1.0]",
+    ]
+
+
+def test_keys_that_change_together_are_one_axis(swept):
+    assert [axis.key for axis in Swept(swept(LINKED), "sweep").axes] == ["gains.kd"]
+
+
+def test_pareto_shows_every_point_and_the_front(swept):
+    results = swept(ONE)
+    (panel,) = Pareto().draw(results).axes
+    cost = results["effort"].mean(axis=-1)
+    np.testing.assert_allclose(panel.collections[0].get_offsets()[:, 0], cost[:, 0], rtol=1e-14)
+    assert len(panel.lines) == 2
+
+
+def test_the_front_is_what_none_betters():
+    cost = np.array([3.0, 1.0, 2.0, 2.5, np.nan, 4.0])
+    error = np.array([1.0, 3.0, 2.0, 2.5, 0.0, 1.0])
+    assert front(cost, error).tolist() == [1, 2, 0]
+
+
+@pytest.mark.parametrize("figure", [SweepFigure(), Pareto()])
+def test_a_single_experiment_is_refused(figure, so3, opened):
+    with pytest.raises(EqtError, match="shows sweeps, and this is a single experiment"):
+        figure.draw(opened(so3))
+
+
+def test_more_keys_than_two_are_refused(swept):
+    results = swept([{"grid": {"gains.kp": [1, 2], "gains.kd": [1, 2], "ensemble.seed": [1, 2]}}])
+    with pytest.raises(EqtError, match=r"one or two swept keys, and here are 3 \("):
+        SweepFigure().draw(results)
+
+
+def test_an_unknown_metric_is_named(swept):
+    with pytest.raises(EqtError, match="finds no metric 'efort'; did you mean 'effort'"):
+        SweepFigure(metric="efort").draw(swept(ONE))
