@@ -4,15 +4,51 @@ import numpy as np
 import pytest
 
 from eqt_cli.engines import Problem, Status
-from eqt_cli.experiment.cross_check import chosen_runs, distance
-from eqt_cli.experiment.run import simulate
+from eqt_cli.ensemble.executors import Ways
+from eqt_cli.experiment.compute import (
+    REFERENCE_STATES,
+    Gathered,
+    compute_part,
+    read_part,
+    reference_table,
+)
+from eqt_cli.experiment.cross_check import chosen_entries, distance
+from eqt_cli.experiment.study import Study
 
 TAYLOR = "{engine: taylor, rtol: 1.0e-6, tol: 1.0e-6, cross_check: 0}"
 
 
+def simulate(experiment):
+    """Every variable of a small experiment, ``(controller, run, …)``; a part per controller."""
+    study = Study(None, None, experiment)
+    shared = reference_table(study).variables[REFERENCE_STATES].data[0]
+    assert len(study.plan) == len(experiment.loops)
+    tables = [
+        compute_part(study, study.plan.part(number), shared, Ways())
+        for number in range(len(study.plan))
+    ]
+    kept = Gathered(study, study.plan.part(0)).quantities
+    found = [read_part(_Read(table), kept) for table in tables]
+    start = {name: tables[0].variables[name].data for name in ("initial_pose", "initial_velocity")}
+    return start | {name: np.array([one[name] for one in found]) for name in found[0]}
+
+
+class _Read:
+    """A table in memory, read as a file is."""
+
+    def __init__(self, table):
+        self.variables = table.variables
+
+    def has(self, name):
+        return name in self.variables
+
+    def __getitem__(self, name):
+        return self.variables[name].data
+
+
 def values(simulated, name):
     """A variable of a result, ``(controller, run)``."""
-    return simulated.table.variables[name].data
+    return simulated[name]
 
 
 @pytest.fixture
@@ -59,7 +95,8 @@ def test_only_runs_over_the_limit_are_marked(estimated, experiment):
 
 def test_chosen_runs_are_a_fixed_function_of_seed_and_number(experiment):
     def chosen(*overrides, **changes):
-        return chosen_runs(experiment("ensemble.runs=50", *overrides, **changes)).tolist()
+        found = experiment("ensemble.runs=50", *overrides, **changes)
+        return chosen_entries(Study(None, None, found)).tolist()
 
     solver = "{cross_check: 4}"
     first = chosen(solver=solver)
@@ -74,5 +111,8 @@ def test_chosen_runs_are_a_fixed_function_of_seed_and_number(experiment):
 
 
 def test_no_more_runs_are_chosen_than_there_are(experiment):
-    assert chosen_runs(experiment(solver="{cross_check: 9}")).tolist() == [0, 1, 2]
-    assert chosen_runs(experiment(solver="{cross_check: 0}")).tolist() == []
+    def chosen(solver):
+        return chosen_entries(Study(None, None, experiment(solver=solver))).tolist()
+
+    assert chosen("{cross_check: 9}") == [0, 1, 2]
+    assert chosen("{cross_check: 0}") == []
