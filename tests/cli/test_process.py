@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -88,7 +89,12 @@ def test_ctrl_c_is_130_and_the_same_command_starts_again(process: Eqt, folder: P
     out, err = running.communicate(timeout=60)
     assert running.returncode == 130
     assert out == ""
-    assert err.splitlines()[-1] == "eqt: interrupted; run the same command again"
+    last = err.splitlines()[-1]
+    assert re.fullmatch(
+        r"eqt: interrupted; \d+ of 2000000 runs are kept in results/c: "
+        r"run the same command again to continue, or with --force to start over",
+        last,
+    ), last
     assert process("run", "c.yaml").code == 0
 
 

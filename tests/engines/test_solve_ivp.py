@@ -95,6 +95,18 @@ def test_every_method_keeps_its_tolerance(method, block):
     assert errors(solution, exact(problem)).max() < 10 * 1e-6
 
 
+@pytest.mark.parametrize("method", ["Radau", "BDF", "LSODA"])
+def test_implicit_methods_solve_blocks_of_stiff_runs(method):
+    """Explicit methods take 15 000 evaluations and more at this damping; these take 300 to 650."""
+    problem = paper_problem(runs=3, duration=1.0, samples=5)
+    stiff = problem.loop.with_parameters(problem.loop.parameters | {"kd": 1e4 * np.eye(3)})
+    problem = Problem(stiff, problem.states, problem.times)
+    engine = SolveIvp(method=method, rtol=1e-4, atol=1e-7, block=3, max_steps=1000)
+    solution = engine.solve(problem, quiet)
+    assert not solution.status.any()
+    assert len(set(solution.steps)) == 1  # of one block, and not of three runs redone
+
+
 def test_initial_time_need_not_be_zero():
     whole = paper_problem(runs=2, duration=4.0, samples=41)
     engine = SolveIvp(rtol=1e-8, atol=1e-11, block=2)
