@@ -191,6 +191,13 @@ def test_a_law_that_takes_floats_only_is_undecided_and_says_why():
     assert row.remark.startswith("cannot be evaluated on symbols: ")
 
 
+def test_identities_hold_for_expressions_without_time():
+    G = group_named("SO3")
+    rows = tuple(tuple(parse("2" if i == j else "0") for j in range(3)) for i in range(3))
+    loop = closed_loop(G, inertia=PrescribedInertia(rows), reference=TorqueReference([1, 0, 0]))
+    assert {row.verdict for row in identities(loop)} == {Verdict.HOLDS}
+
+
 # Trajectories -------------------------------------------------------------------------------------
 
 
@@ -388,7 +395,8 @@ def test_inertia_is_bounded_by_proof_where_it_is_constant():
 
 
 @pytest.mark.parametrize(
-    ("entry", "verdict", "rate"), [("2 + t", "growing", 1.0), ("3 - t/10", "unknown", 0.1)]
+    ("entry", "verdict", "rate"),
+    [("2 + t", "growing", 1.0), ("3 - t/10", "unknown", 0.1), ("2", "unknown", 0.0)],
 )
 def test_a_varying_inertia_shows_its_bounds(entry, verdict, rate):
     rows = tuple(tuple(parse(entry if i == j else "0") for j in range(3)) for i in range(3))

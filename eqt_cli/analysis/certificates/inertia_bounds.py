@@ -30,8 +30,11 @@ class InertiaBounds(Hypothesis):
             return [self.row(Verdict.HOLDS, 0.0, remark=f"constant, {low:.3g} ≤ 𝕀 ≤ {high:.3g}")]
         now = law.at(np.linspace(setting.times[0], setting.times[-1], INSTANTS))
         change = np.zeros_like(now.matrix) if now.change is None else now.change
+        # Expressions without t give one matrix for all times.
+        shape = (INSTANTS, *now.matrix.shape[-2:])
+        matrix, change = np.broadcast_to(now.matrix, shape), np.broadcast_to(change, shape)
         rates = np.linalg.norm(change + change.swapaxes(-1, -2), 2, axis=(-2, -1))
-        eigenvalues = np.linalg.eigvalsh(now.matrix)
+        eigenvalues = np.linalg.eigvalsh(matrix)
         _, verdict = over_horizon(np.maximum(rates, eigenvalues.max(axis=-1)))
         remark = f"{eigenvalues.min():.3g} ≤ 𝕀 ≤ {eigenvalues.max():.3g} on the horizon"
         return [self.row(verdict, float(rates.max()), remark=remark)]
