@@ -41,7 +41,7 @@ def verify(
     quiet: options.Quiet = False,
 ) -> None:
     """Check the paper's theorems on an experiment; exit 4 where one does not hold."""
-    from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.output import print_json, say
     from eqt_cli.cli.progress import progress
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.build import build
@@ -56,7 +56,10 @@ def verify(
             "configuration"
         )
     overrides = [*(set_ or ()), *([f"solver.engine={engine}"] if engine else ())]
-    experiment = build(read_config(target, overrides), trust_plugins=trust_plugins)
+    source = read_config(target, overrides)
+    experiment = build(source, trust_plugins=trust_plugins)
+    if source.data.get("sweep") and not is_result and not quiet:
+        say(f"{target}: verified without its sweep; choose a point of it with --set")
     workers = workers or options.cores()
     if is_result:
         with open_results(target) as results:

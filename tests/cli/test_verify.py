@@ -230,3 +230,20 @@ def test_a_configuration_with_mistakes_ends_with_2(eqt: Eqt) -> None:
     done = eqt("verify", "c.yaml", "--set", "gains.kp=-1")
     assert (done.code, done.out) == (2, "")
     assert "--set[0]: gains.kp:" in done.err
+
+
+def test_a_sweep_is_left_out_and_that_is_said(eqt: Eqt, folder: Path) -> None:
+    text = (folder / "c.yaml").read_text(encoding="utf-8")
+    swept = text + "sweep: [{grid: {gains.kd: [1, 2]}}]\n"
+    (folder / "s.yaml").write_text(swept, encoding="utf-8")
+    done = eqt("verify", "s.yaml", "--json")
+    assert done.code == 0
+    assert done.err == "s.yaml: verified without its sweep; choose a point of it with --set\n"
+    assert json.loads(done.out)["runs"] == 6
+
+
+def test_the_result_of_a_sweep_is_refused(eqt: Eqt) -> None:
+    eqt("sweep", "c.yaml", "--quiet", "--grid", "gains.kd=1,2", "--out", "swept")
+    done = eqt("verify", "swept")
+    assert (done.code, done.out) == (2, "")
+    assert "is a sweep's; verify one of its points" in done.err
