@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -90,16 +91,31 @@ class SolveIvp(Engine):
     def _solve_block(self, block: Problem, progress: Progress) -> Solution | None:
         """The block's solution, or None where any of its runs fails in a block of several."""
         count = _Reporter(block, progress)
+        solution = Solution.empty(block)
         try:
-            states = self._integrate(block, count)
+            solution.states[:] = self._integrate(block, count)
         except _Failed as failure:
-            return _failed(block, failure, count.evaluations) if block.runs == 1 else None
+            if block.runs > 1:
+                return None
+            known = self._until(block, failure.accepted)
+            solution.states[:, : known.shape[1]] = known
+            solution.status[:] = failure.status
+            solution.messages[:] = [str(failure)]
         finally:
             count.finish()
-        solution = Solution.empty(block)
-        solution.states[:] = states
         solution.steps[:] = count.evaluations
         return solution
+
+    def _until(self, run: Problem, accepted: float) -> Array:
+        """The samples of a run before it failed, which solve_ivp does not give up with it."""
+        known = int(np.searchsorted(run.times, accepted, side="right"))
+        shorter = dataclasses.replace(run, times=run.times[:known])
+        # Its last step is cut to end at a sample, which may cost evaluations beyond the limit.
+        patient = dataclasses.replace(self, max_steps=2 * self.max_steps)
+        if known > 1:
+            with suppress(_Failed):
+                return patient._integrate(shorter, _Reporter(shorter, lambda runs: None))
+        return run.states[:, None]
 
     def _solve_run(self, run: Problem) -> Solution:
         solution = self._solve_block(run, lambda runs: None)
@@ -118,13 +134,23 @@ class SolveIvp(Engine):
                 count.non_finite_at = t
             return derivative
 
+        def accepted(t: float, y: Array) -> float:
+            # An event that never happens: solve_ivp looks at it at the end of every step.
+            if not np.isfinite(y).all():
+                count.non_finite_at = count.non_finite_at or t
+                raise count.failure("")
+            count.accept(t)
+            return 1.0
+
         tighter = np.sqrt(self.runs_per_block)
         start = block.states.ravel()
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # what they say is in the outcome
             # SciPy's step-size search does not end on a derivative that is not finite.
             if not np.isfinite(field(float(times[0]), start)).all():
-                raise _Failed(Status.NON_FINITE, float(times[0]), "the vector field is not finite")
+                start_time = float(times[0])
+                reason = "the vector field is not finite"
+                raise _Failed(Status.NON_FINITE, start_time, reason, start_time)
             try:
                 result = solve_ivp(
                     field,
@@ -132,24 +158,25 @@ class SolveIvp(Engine):
                     start,
                     method=self.method,
                     t_eval=times,
+                    events=accepted,
                     rtol=max(self.rtol / tighter, SMALLEST_RTOL),
                     atol=self.atol / tighter,
                     **_jacobian_options(self.method, *shape),
                 )
-            except (ValueError, np.linalg.LinAlgError) as error:
+            except (ValueError, RuntimeError, np.linalg.LinAlgError) as error:
                 raise count.failure(str(error)) from error
+        if result.status != 0:
+            raise count.failure(result.message)
         states: Array = result.y.T.reshape(-1, *shape).swapaxes(0, 1)
-        if result.status != 0 or not np.isfinite(states).all():
-            raise count.failure(result.message, states)
         return states
 
 
 class _Failed(Exception):
-    """Why a block could not be integrated to its end, and what there is of it."""
+    """Why a block could not be integrated to its end, and the last time it reached."""
 
-    def __init__(self, status: Status, t: float, reason: str, states: Array | None = None) -> None:
+    def __init__(self, status: Status, t: float, reason: str, accepted: float) -> None:
         super().__init__(f"t = {t:.6g} s: {reason}")
-        self.status, self.states = status, states
+        self.status, self.accepted = status, accepted
 
 
 class _Reporter:
@@ -161,40 +188,37 @@ class _Reporter:
         self._progress, self._runs = progress, block.runs
         self._start, self._end = float(block.times[0]), float(block.times[-1])
         self._reported = 0.0
-        self._reached = self._start
+        self._reached = self._accepted = self._start
 
     def __call__(self, t: float, limit: int) -> None:
         if self.evaluations >= limit:
             reason = f"step limit: {limit} evaluations (solver.max_steps)"
-            raise _Failed(Status.STEP_LIMIT, self._reached, reason)
+            raise self._failed(Status.STEP_LIMIT, self._accepted, reason)
         self.evaluations += 1
         self._reached = max(self._reached, t)
         fraction = (self._reached - self._start) / (self._end - self._start)
         if fraction - self._reported > 0.02:
             self._report(fraction)
 
+    def accept(self, t: float) -> None:
+        self._accepted = t
+        self.non_finite_at = None  # a trial step that was refused is no failure
+
     def finish(self) -> None:
         self._report(1.0)
 
-    def failure(self, reason: str, states: Array | None = None) -> _Failed:
+    def failure(self, reason: str) -> _Failed:
         if self.non_finite_at is not None:
             reason = "the state or its derivative is no longer finite"
-            return _Failed(Status.NON_FINITE, self.non_finite_at, reason, states)
-        return _Failed(Status.SOLVER_FAILED, self._reached, reason.rstrip("."), states)
+            return self._failed(Status.NON_FINITE, self.non_finite_at, reason)
+        return self._failed(Status.SOLVER_FAILED, self._accepted, reason.rstrip("."))
+
+    def _failed(self, status: Status, t: float, reason: str) -> _Failed:
+        return _Failed(status, t, reason, self._accepted)
 
     def _report(self, fraction: float) -> None:
         self._progress((fraction - self._reported) * self._runs)
         self._reported = fraction
-
-
-def _failed(run: Problem, failure: _Failed, evaluations: int) -> Solution:
-    solution = Solution.empty(run)
-    if failure.states is not None:
-        solution.states[:, : failure.states.shape[1]] = failure.states
-    solution.status[:] = failure.status
-    solution.steps[:] = evaluations
-    solution.messages[:] = [str(failure)]
-    return solution
 
 
 def _jacobian_options(method: str, runs: int, n: int) -> dict[str, Any]:
