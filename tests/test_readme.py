@@ -27,7 +27,7 @@ def command(line):
     words = line.split()
     if "taylor" in words and find_spec("heyoka") is None:
         return None
-    if words[1] == "run" and not words[2].endswith(".h5"):
+    if words[1] in ("run", "sweep") and not words[2].endswith(".h5"):
         words += SMALL  # what is tested is that the command works, not how long it takes
     return [sys.executable, "-m", "eqt_cli", *words[1:]]
 
