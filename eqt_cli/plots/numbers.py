@@ -87,7 +87,8 @@ def _letter(command: re.Match[str]) -> str:
 def _shown(axes: Axes) -> Iterator[tuple[str, Array, Array]]:
     """Name and numbers of everything drawn in a panel."""
     for index, line in enumerate(axes.lines, start=1):
-        yield _name(line.get_label(), f"line {index}"), *map(_numbers, line.get_data(orig=False))
+        x, y = map(_numbers, line.get_data(orig=False))
+        yield _name(line.get_label(), f"line {index}"), x, y
     for index, shape in enumerate(axes.collections, start=1):
         name = _name(shape.get_label(), f"{index}")
         if isinstance(shape, QuadMesh):

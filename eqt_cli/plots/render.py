@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.registry import summary
@@ -20,7 +20,7 @@ from eqt_cli.store.reader import Results
 Choice = TypeVar("Choice", bound=str)
 
 FORMATS: tuple[Format, ...] = get_args(Format)
-NUMBERS = "json"
+NUMBERS: Literal["json"] = "json"
 """The format that is no picture, but the numbers behind the curves."""
 
 
@@ -59,15 +59,14 @@ def render(
         shows, or the files cannot be written.
     """
     figure = figure_from(figure_name, options or {})
-    wanted = [_one_of("format", given, [*FORMATS, NUMBERS]) for given in formats]
+    wanted = [_one_of("format", given, (*FORMATS, NUMBERS)) for given in formats]
     drawing = figure.draw(results, _one_of("width", width, list(WIDTHS)))
     title = f"{results.attributes.get('title', results.path.parent.name)}: {figure.name}"
     description = f"{summary(type(figure))} Experiment {results.attributes.get('digest', '')}"
-    numbers = baseline.to_json(curves(drawing)) if NUMBERS in wanted else b""
     files = {
-        folder / f"{figure.name}.{format}": (
-            numbers if format == NUMBERS else encode(drawing, format, title, description)
-        )
+        folder / f"{figure.name}.{format}": baseline.to_json(curves(drawing))
+        if format == NUMBERS
+        else encode(drawing, format, title, description)
         for format in wanted
     }
     write(files)
