@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from eqt_cli.analysis.certificates import Row
+from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.analysis.comparison.tables import Section, Sheet
 
 _KINDS = {
@@ -25,10 +25,12 @@ def certificate_sheet(rows: Sequence[Row]) -> Sheet | None:
     if not sections:
         return None
     judged = [row for row in rows if row.kind != "hypothesis"]
-    holding = sum(row.verdict == "holds" for row in judged)
+    holding = sum(row.verdict is Verdict.HOLDS for row in judged)
+    failing = sum(row.verdict is Verdict.FAILS for row in judged)
     return Sheet(
         "certificates",
-        f"The paper's statements, checked on this experiment: {holding} of {len(judged)} hold",
+        f"The paper's statements, checked on this experiment: {holding} of {len(judged)} hold, "
+        f"{failing} fail",
         _HEADER,
         sections,
     )
