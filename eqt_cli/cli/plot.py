@@ -34,7 +34,9 @@ def plot(
     format_: Annotated[
         list[str] | None,
         typer.Option(
-            "--format", metavar="NAME", help="pdf, svg or png, may be repeated; default: all."
+            "--format",
+            metavar="NAME",
+            help="pdf, svg, png, or json for the numbers; may be repeated; default: all pictures.",
         ),
     ] = None,
     width: Annotated[
@@ -46,20 +48,35 @@ def plot(
             "--out", metavar="DIR", help="Folder of the figures; default: RESULT/figures."
         ),
     ] = None,
+    check: Annotated[
+        Path | None,
+        typer.Option(
+            "--check",
+            metavar="DIR",
+            help="Draw nothing; compare the numbers with DIR/NAME.json, exit 4 if they differ.",
+        ),
+    ] = None,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Draw figures of a result as PDF, SVG and PNG."""
+    """Draw figures of a result as PDF, SVG and PNG, or compare their numbers with kept ones."""
     from eqt_cli.cli.output import print_json
     from eqt_cli.cli.summary import print_headline
+    from eqt_cli.core.errors import EqtError
     from eqt_cli.plots.render import FORMATS, render
     from eqt_cli.store.reader import open_results
 
     with open_results(result) as results:
+        names = figure or _default(results)
+        if check is not None:
+            if format_ or out:
+                raise EqtError("--check draws nothing; leave --format and --out out")
+            _check(results, names, check, _options(option or ()), json=json)
+            return
         folder = out or results.path.parent / "figures"
         files = [
             file
-            for name in figure or _default(results)
+            for name in names
             for file in render(
                 results, name, folder, format_ or FORMATS, width, _options(option or ())
             )
@@ -72,6 +89,32 @@ def plot(
             print()
     for file in files:
         print(f"figure   {file}")
+
+
+def _check(
+    results: Results, names: list[str], folder: Path, options: dict[str, Any], *, json: bool
+) -> None:
+    """Compare figures with what is kept in a folder, and say where they differ."""
+    from dataclasses import asdict
+
+    from eqt_cli.cli.output import print_json
+    from eqt_cli.plots.baseline import TOLERANCE
+    from eqt_cli.plots.render import check
+
+    found = {name: check(results, name, folder, options) for name in names}
+    if json:
+        checks = {name: asdict(one) for name, one in found.items()}
+        print_json({"checked": str(results.path), "tolerance": TOLERANCE, "figures": checks})
+    else:
+        for name, one in found.items():
+            for difference in one.differences:
+                print(f"figure '{name}', {difference}")
+            print(
+                f"figure '{name}': {'differs' if one.differences else 'agrees'}; {one.curves} "
+                f"curves, largest difference {one.largest:.1e} (bound {TOLERANCE:.0e})"
+            )
+    if any(one.differences for one in found.values()):
+        raise typer.Exit(4)
 
 
 def _default(results: Results) -> list[str]:

@@ -13,10 +13,10 @@ BAND = (0.1, 0.9)
 """The quantiles over runs between which a band lies."""
 
 
-def draw_band(axes: Axes, times: Array, values: Array, colour: str) -> None:
+def draw_band(axes: Axes, times: Array, values: Array, colour: str, name: str) -> None:
     """Shade the range between two quantiles over runs, of values ``(runs, samples)``."""
     low, high = np.quantile(values, BAND, axis=0)
-    axes.fill_between(times, low, high, **band_look(colour))
+    axes.fill_between(times, low, high, label=name, **band_look(colour))
 
 
 def band_look(colour: str) -> dict[str, Any]:

@@ -58,9 +58,9 @@ class Paper(Figure):
         for ensemble in runs.shown:
             values = runs.values(signal, ensemble)
             look = line_style(ensemble.index)
-            axes.plot(runs.times, values.mean(axis=0), **look)
+            axes.plot(runs.times, values.mean(axis=0), label=ensemble.label, **look)
             if self.bands == "quantiles":
-                draw_band(axes, runs.times, values, look["color"])
+                draw_band(axes, runs.times, values, look["color"], ensemble.label)
         scale_norm(axes, log=self.log and not signal.startswith("torque_norm"))
         (symbol,) = (symbol for norm, symbol in SYMBOLS.items() if signal.startswith(norm))
         name_scale(axes, quantity(symbol, runs.unit(signal)))

@@ -43,11 +43,12 @@ class Pareto(Figure):
             drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
             panel = drawing.add_subplot()
             lines = []
-            for index, _ in enumerate(swept.labels):
+            for index, label in enumerate(swept.labels):
                 style = line_style(index)
-                panel.scatter(cost[:, index], error[:, index], s=4, color=style["color"], alpha=0.4)
+                tint = {"color": style["color"], "alpha": 0.4}
+                panel.scatter(cost[:, index], error[:, index], s=4, label=label, **tint)
                 best = front(cost[:, index], error[:, index])
-                lines += panel.plot(cost[best, index], error[best, index], **style)
+                lines += panel.plot(cost[best, index], error[best, index], label=label, **style)
             for name, set_label in ((self.cost, panel.set_xlabel), (self.error, panel.set_ylabel)):
                 set_label(free_text(described(results, name), 36))
             add_legend(drawing, lines, swept.labels)

@@ -6,11 +6,13 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, Literal, TypeVar, get_args
 
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.registry import summary
-from eqt_cli.plots import Figure, figures
+from eqt_cli.plots import Figure, baseline, figures
+from eqt_cli.plots.baseline import Check
+from eqt_cli.plots.numbers import curves
 from eqt_cli.plots.save import Format, encode, write
 from eqt_cli.plots.style import WIDTHS
 from eqt_cli.store.reader import Results
@@ -18,6 +20,8 @@ from eqt_cli.store.reader import Results
 Choice = TypeVar("Choice", bound=str)
 
 FORMATS: tuple[Format, ...] = get_args(Format)
+NUMBERS: Literal["json"] = "json"
+"""The format that is no picture, but the numbers behind the curves."""
 
 
 def render(
@@ -55,16 +59,34 @@ def render(
         shows, or the files cannot be written.
     """
     figure = figure_from(figure_name, options or {})
-    wanted = [_one_of("format", given, FORMATS) for given in formats]
+    wanted = [_one_of("format", given, (*FORMATS, NUMBERS)) for given in formats]
     drawing = figure.draw(results, _one_of("width", width, list(WIDTHS)))
     title = f"{results.attributes.get('title', results.path.parent.name)}: {figure.name}"
     description = f"{summary(type(figure))} Experiment {results.attributes.get('digest', '')}"
     files = {
-        folder / f"{figure.name}.{format}": encode(drawing, format, title, description)
+        folder / f"{figure.name}.{format}": baseline.to_json(curves(drawing))
+        if format == NUMBERS
+        else encode(drawing, format, title, description)
         for format in wanted
     }
     write(files)
     return list(files)
+
+
+def check(
+    results: Results, figure_name: str, folder: Path, options: Mapping[str, Any] | None = None
+) -> Check:
+    """Compare the numbers behind the curves of a figure with ``<folder>/<figure_name>.json``.
+
+    Raises
+    ------
+    EqtError
+        If there is no such figure or option, the result lacks what the figure shows, or there is
+        no such file, which `render` writes as format ``json``.
+    """
+    figure = figure_from(figure_name, options or {})
+    expected = baseline.read(folder / f"{figure.name}.{NUMBERS}")
+    return baseline.compare(curves(figure.draw(results)), expected)
 
 
 def figure_from(name: str, options: Mapping[str, Any]) -> Figure:

@@ -81,7 +81,7 @@ class Runs(Figure):
         opacity = min(0.8, 4 / np.sqrt(len(drawn)))  # few lines are seen, many make shades
         colour = (line_style(index)["color"], opacity)
         axes.plot(times, drawn.T, color=colour, linewidth=_THIN)
-        axes.plot(times, values.mean(axis=0), color=_MEAN)
+        axes.plot(times, values.mean(axis=0), color=_MEAN, label="mean")
 
 
 def _title(controller: str, part: str) -> str:

@@ -65,12 +65,14 @@ class SweepFigure(Figure):
         panel = drawing.add_subplot()
         order = np.argsort(axis.values, kind="stable")
         lines = []
-        for index, _ in enumerate(swept.labels):
+        for index, name in enumerate(swept.labels):
             found = values[order, index]
             style = line_style(index)
-            lines += panel.plot(axis.values[order], mean_over_runs(found), marker=".", **style)
+            mean = mean_over_runs(found)
+            lines += panel.plot(axis.values[order], mean, marker=".", label=name, **style)
             low, high = np.nanquantile(found, BAND, axis=-1)
-            panel.fill_between(axis.values[order], low, high, **band_look(style["color"]))
+            look = band_look(style["color"])
+            panel.fill_between(axis.values[order], low, high, label=name, **look)
         _scale(panel, axis, "x")
         panel.set_ylabel(free_text(label, 36))
         add_legend(drawing, lines, swept.labels)

@@ -51,7 +51,7 @@ class Torque(Figure):
                 + ("take width 'page' or " if width == "column" else "")
                 + "choose some with the option 'controllers'"
             )
-        rows = [[f"{axis} {e.index}" for e in shown] for axis in range(len(runs.axes))]
+        rows = [[f"{axis} {e.label}" for e in shown] for axis, _ in runs.axes]
         drawing, panels = sheet(width, rows, runs.times, runs.unit("time"))
         grid = [[panels[name] for name in row] for row in rows]
         for row, (axis, unit) in zip(grid, runs.axes, strict=True):
@@ -70,10 +70,10 @@ class Torque(Figure):
         return drawing
 
     def _fill(self, axes: Axes, times: Array, values: Array, desired: Array, colour: str) -> None:
-        axes.plot(times, values.mean(axis=0), color=colour)
-        axes.plot(times, desired, **_DESIRED)
+        axes.plot(times, values.mean(axis=0), color=colour, label="mean")
+        axes.plot(times, desired, label="desired", **_DESIRED)
         if self.bands == "quantiles":
-            draw_band(axes, times, values, colour)
+            draw_band(axes, times, values, colour, "of runs")
 
     def _add_legend(self, drawing: Drawing) -> None:
         handles: dict[str, Artist] = {

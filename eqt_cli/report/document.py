@@ -11,10 +11,12 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eqt_cli import __version__
+from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import Sheet, sheets
 from eqt_cli.core.errors import EqtError
+from eqt_cli.report.certificates import certificate_sheet
 from eqt_cli.report.curves import curves
 from eqt_cli.report.facts import facts
 from eqt_cli.report.figures import DEFAULT, Wanted, inline_figures
@@ -29,7 +31,12 @@ _NORM = re.compile("‖[^‖]*‖")
 TEMPLATES = Path(__file__).with_name("templates")
 
 
-def report(results: Results, wanted: Sequence[Wanted] = DEFAULT) -> str:
+def report(
+    results: Results,
+    wanted: Sequence[Wanted] = DEFAULT,
+    certificates: Sequence[Row] = (),
+    unverified: str = "",
+) -> str:
     """The page.
 
     Equal results give equal pages: it holds no date but those of the result.
@@ -40,6 +47,10 @@ def report(results: Results, wanted: Sequence[Wanted] = DEFAULT) -> str:
         Open.
     wanted
         The figures; those that cannot be drawn of this result are left out, with a remark.
+    certificates
+        What the verification of the result found.
+    unverified
+        Why there are no certificates, if there are none.
 
     Raises
     ------
@@ -62,6 +73,8 @@ def report(results: Results, wanted: Sequence[Wanted] = DEFAULT) -> str:
         levels=_table(made.get("controllers")),
         pairs=_table(made.get("pairs")),
         missing=comparison.missing,
+        certificates=_table(certificate_sheet(certificates)),
+        unverified=unverified,
         picker=picker,
         table=run_table(results),
         css=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),
@@ -85,9 +98,10 @@ def environment() -> Environment:
 def _typeset(text: str) -> Markup:
     """The paper's symbols with their subscripts; all else is only escaped."""
     escaped = str(escape(text))
-    for symbol in ("Q_E", "V_d"):
+    for symbol in ("Q_E", "Q_d", "V_d", "P_d", "K_d", "τ_d", "τ_ff"):
         letter, index = symbol.split("_")
         escaped = re.sub(rf"\b{symbol}\b", f"{letter}<sub>{index}</sub>", escaped)
+    escaped = re.sub(r"\bAd_\{([^}]*)\}", r"Ad<sub>\1</sub>", escaped)
     return Markup(_NORM.sub(lambda norm: norm[0].replace(" ", "\u00a0"), escaped))
 
 

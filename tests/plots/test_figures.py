@@ -83,7 +83,7 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
             command, cwd=tmp_path / folder, env=environment, stderr=subprocess.PIPE, check=False
         )
         assert done.returncode == 0, done.stderr.decode()
-    for name in figures.names():
+    for name in NAMES:
         for format in FORMATS:
             one, two = (tmp_path / folder / f"{name}.{format}" for folder in ("one", "two"))
             assert one.read_bytes() == two.read_bytes(), (name, format)
@@ -186,7 +186,7 @@ def test_signals_that_are_zero_throughout_can_be_drawn(name, so3, altered, opene
 
 
 def test_figures_are_found_by_scanning():
-    assert figures.names() == ["paper", "runs", "torque"]
+    assert figures.names() == ["paper", "pareto", "runs", "sweep", "torque"]
 
 
 def test_render_names_its_files_after_the_figure(so3, opened, tmp_path):

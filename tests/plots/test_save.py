@@ -108,7 +108,7 @@ def test_wrong_options_are_explained(name, options, message):
 def test_unknown_formats_and_widths_are_explained(so3, opened, tmp_path):
     with pytest.raises(EqtError) as caught:
         render(opened(so3), "paper", tmp_path, ["pdf", "jpeg"])
-    assert str(caught.value) == "unknown format 'jpeg'; known: pdf, svg, png"
+    assert str(caught.value) == "unknown format 'jpeg'; known: pdf, svg, png, json"
     with pytest.raises(EqtError) as caught:
         render(opened(so3), "paper", tmp_path, ["pdf"], "columns")
     assert (

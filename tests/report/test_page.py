@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.core.errors import EqtError
 from eqt_cli.report import report
 from eqt_cli.store.reader import open_results
@@ -116,6 +117,40 @@ def test_command_writes_the_page(invoke, paper_result, tmp_path):
     assert done.stdout.startswith(f"report   {tmp_path / 'page.html'}  (")
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert 'id="figure1"' in text and 'id="figure2"' not in text
+
+
+def test_command_verifies_what_the_page_is_about(invoke, paper_result, tmp_path):
+    invoke("report", paper_result, "--out", tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert len(text.encode()) < 3_000_000
+    section = text[text.index('<section id="certificates"') :].partition("</section>")[0]
+    judged = re.search(r"checked on this experiment: (\d+) of (\d+) hold, 0 fail", section)
+    assert section.count('<span class="verdict supported">holds</span>') >= int(judged[1]) > 30
+    assert "energy balance" in section and "Theorems 3.2, 6.2" in section
+    assert "Q → Q<sub>d</sub>" in section
+    assert Page(text).ids.count("certificates-caption") == 1
+
+
+def test_certificates_keep_kinds_apart_and_failures_stand_out(paper_result):
+    rows = [
+        Row("drift", "eq. (5)", "trajectory", "eqt", 2e-3, 1e-6, Verdict.FAILS, HOSTILE),
+        Row("rate of L", "Theorem 3.2", "identity", "", 0.0, 1e-12, Verdict.HOLDS),
+    ]
+    with open_results(paper_result) as results:
+        text = report(results, [], rows)
+    assert "checked on this experiment: 1 of 2 hold, 1 fail" in text
+    assert text.index("Identities, at random states") < text.index("Trajectories, over the runs")
+    assert '<td class="number">2.0e-03</td>' in text
+    assert '<span class="verdict not-supported">FAILS</span>' in text
+    assert "img" not in Page(text).tags
+
+
+def test_a_result_that_cannot_be_verified_says_why(invoke, make_result, tmp_path):
+    metrics = {name: [[1.0] * 6] for name in (*MEANS, "energy_residual")}
+    results = make_result(["eqt"], metrics=metrics)
+    invoke("report", results.path, "--out", tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert "The result could not be verified: " in text
 
 
 def test_starting_over_removes_the_page_of_the_old_result(invoke, tmp_path):

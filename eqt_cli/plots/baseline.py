@@ -1,0 +1,162 @@
+"""Curves as a file to keep, and what has changed since; it knows no figure and no drawing."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.numbers import Curve
+
+TOLERANCE = 1e-6
+"""How far a curve may lie from its baseline, over the largest value of the baseline's curve.
+
+The bound of a run's cross-check by the other engine: 1000 times the relative tolerance 1e-9 of the
+shipped experiments. Other processors and versions of the libraries round differently, and so move
+adaptive steps, by much less; no eye sees a thousandth of a panel.
+"""
+
+DIGITS = 9
+"""Significant digits that are kept, so that rounding is far below `TOLERANCE`."""
+
+_ANEW = "`eqt plot RESULT --figure NAME --format json --out DIR` writes numbers to compare with"
+_TEXTS = ("panel", "name", "across", "up")
+
+
+@dataclass(frozen=True)
+class Check:
+    """How the curves of a figure compare with their baseline.
+
+    Attributes
+    ----------
+    curves
+        How many are in both.
+    largest
+        The largest difference, over the largest value of its curve.
+    differences
+        What lies beyond `TOLERANCE`, or is in one of the two only; a sentence each.
+    """
+
+    curves: int
+    largest: float
+    differences: list[str]
+
+
+def to_json(curves: Sequence[Curve]) -> bytes:
+    """The file's content: a line per name and per list of numbers, so that a diff can be read."""
+    return b"[\n" + b",\n".join(_record(curve).encode() for curve in curves) + b"\n]\n"
+
+
+def read(path: Path) -> list[Curve]:
+    """Curves that `to_json` wrote.
+
+    Raises
+    ------
+    EqtError
+        If the file cannot be read or holds anything else.
+    """
+    try:
+        records = json.loads(path.read_text(encoding="utf-8"))
+        return [_curve(record) for record in records]
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise EqtError(f"{path}: cannot be read: {reason}; {_ANEW}") from error
+    except (ValueError, TypeError, KeyError) as error:
+        raise EqtError(f"{path}: does not hold the numbers of a figure; {_ANEW}") from error
+
+
+def compare(found: Sequence[Curve], baseline: Sequence[Curve]) -> Check:
+    """What differs between the curves of a drawing and those of its baseline."""
+    new, old = ({(c.panel, c.name): c for c in curves} for curves in (found, baseline))
+    both = [(new[key], old[key]) for key in old if key in new]
+    texts = [f"{_named(old[key])}: is missing" for key in old if key not in new]
+    texts += [f"{_named(new[key])}: is not in the baseline" for key in new if key not in old]
+    texts += [text for pair in both for text in _differences(*pair)]
+    largest = max((_largest(*pair) for pair in both if _comparable(*pair)), default=0.0)
+    return Check(len(both), largest, texts)
+
+
+def _differences(new: Curve, old: Curve) -> Iterator[str]:
+    """What is wrong with one curve."""
+    for place in ("across", "up"):
+        got, expected = getattr(new, place), getattr(old, place)
+        if got != expected:
+            yield f"{_named(new)}: the scale is named '{got}', expected '{expected}'"
+    if not _comparable(new, old):
+        yield (
+            f"{_named(new)}: has {len(new.x)} samples over {_span(new.x)}, expected "
+            f"{len(old.x)} over {_span(old.x)}"
+        )
+        return
+    tolerance = TOLERANCE * _scale(old)
+    error = _error(new, old)
+    wrong = np.flatnonzero(error > tolerance)
+    if len(wrong):
+        worst = int(np.argmax(error))
+        first, last, most = (_place(old, index) for index in (wrong[0], wrong[-1], worst))
+        yield (
+            f"{_named(new)}: {len(wrong)} of {len(error)} samples differ, from {first} to {last}; "
+            f"most at {most}: got {new.y[worst]:.{DIGITS}g}, expected {old.y[worst]:.{DIGITS}g} "
+            f"within {tolerance:.1e}"
+        )
+
+
+def _named(curve: Curve) -> str:
+    return f"panel '{curve.panel}', curve '{curve.name}'"
+
+
+def _place(curve: Curve, index: int) -> str:
+    """Where a sample is: ``t = 2.5 s``."""
+    symbol, _, unit = curve.across.removesuffix(")").partition(" (")
+    return f"{symbol or 'x'} = {curve.x[index]:g} {unit}".rstrip()
+
+
+def _span(x: Array) -> str:
+    return f"{x[0]:g} to {x[-1]:g}" if len(x) else "nothing"
+
+
+def _comparable(new: Curve, old: Curve) -> bool:
+    """Whether both have the same samples; they differ by rounding to `DIGITS` at most."""
+    return new.x.shape == old.x.shape and np.allclose(new.x, old.x, rtol=TOLERANCE, atol=1e-12)
+
+
+def _scale(curve: Curve) -> float:
+    return float(np.max(np.abs(curve.y), initial=0.0, where=np.isfinite(curve.y)))
+
+
+def _error(new: Curve, old: Curve) -> Array:
+    """Difference at every sample; infinite where one of the two has no number."""
+    error = np.abs(new.y - old.y)
+    gaps = np.isnan(new.y), np.isnan(old.y)
+    return np.where(gaps[0] & gaps[1], 0.0, np.where(gaps[0] | gaps[1], np.inf, error))
+
+
+def _largest(new: Curve, old: Curve) -> float:
+    error = float(np.max(_error(new, old), initial=0.0))
+    return error / _scale(old) if error else 0.0
+
+
+def _record(curve: Curve) -> str:
+    texts = [
+        f"{json.dumps(k)}: {json.dumps(getattr(curve, k), ensure_ascii=False)}" for k in _TEXTS
+    ]
+    numbers = [f'"{k}": [{", ".join(map(_text, getattr(curve, k)))}]' for k in ("x", "y")]
+    return "{" + ",\n ".join([*texts, *numbers]) + "}"
+
+
+def _text(value: float) -> str:
+    return f"{value:.{DIGITS}g}" if np.isfinite(value) else "null"
+
+
+def _curve(record: dict[str, Any]) -> Curve:
+    texts = {name: str(record[name]) for name in _TEXTS}
+    x, y = (np.array(record[name], dtype=float) for name in ("x", "y"))
+    if x.shape != y.shape or x.ndim != 1:
+        raise ValueError("x and y are no lists of one length")
+    return Curve(**texts, x=x, y=y)

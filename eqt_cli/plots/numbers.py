@@ -1,0 +1,120 @@
+"""The numbers behind the curves of a drawing; it knows no single figure and no file format."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection, PolyCollection, QuadMesh
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.core.arrays import Array
+
+MOST_SAMPLES = 101
+"""Samples of a curve that are kept, at most: the first, the last, and others evenly between."""
+
+_UNNAMED = re.compile(r"_child\d+")
+"""What Matplotlib calls a curve that nobody named."""
+
+_COLOURS = "<colorbar>"
+"""What Matplotlib calls the panel of a colour scale, which shows no numbers of its own."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """What one curve shows.
+
+    Attributes
+    ----------
+    panel
+        The name of its panel, unique in the figure.
+    name
+        Its own name, unique in the panel.
+    across, up
+        The scales with their units, as the drawing names them, in plain text.
+    x, y : (samples,)
+        The numbers, in these units; at most `MOST_SAMPLES`.
+    """
+
+    panel: str
+    name: str
+    across: str
+    up: str
+    x: Array
+    y: Array
+
+
+def curves(drawing: Drawing) -> list[Curve]:
+    """Lines, edges of bands, points and maps, panel by panel.
+
+    The time axis is named in the lowest panels only, the vertical one in the leftmost; the others
+    take the names from there.
+    """
+    kept = []
+    named = [text for axes in drawing.axes if (text := plain(axes.get_xlabel()))]
+    up = ""
+    for number, axes in enumerate(drawing.axes, start=1):
+        across = plain(axes.get_xlabel()) or (named[-1] if named else "")
+        up = plain(axes.get_ylabel()) or up
+        panel = str(axes.get_label()) or f"panel {number}"
+        if panel == _COLOURS:
+            continue
+        for name, x, y in _shown(axes):
+            chosen = _kept(len(x))
+            kept.append(Curve(panel, name, across, up, x[chosen], y[chosen]))
+    return kept
+
+
+def plain(label: str) -> str:
+    r"""A label without its typesetting: ``‖τ‖ (N m)`` for ``$\|\tau\|$ $(\mathrm{N\,m})$``."""
+    words = label.replace(r"\|", "‖").replace(r"\,", " ")
+    return re.sub(r"[${}\\]", "", re.sub(r"\\([a-z]+) ?", _letter, words))
+
+
+def _letter(command: re.Match[str]) -> str:
+    r"""The Greek letter of a command such as ``\tau``; nothing for those that choose a font."""
+    name = command[1].upper().replace("LAMBDA", "LAMDA")
+    try:
+        return unicodedata.lookup(f"GREEK SMALL LETTER {name}")
+    except KeyError:
+        return ""
+
+
+def _shown(axes: Axes) -> Iterator[tuple[str, Array, Array]]:
+    """Name and numbers of everything drawn in a panel."""
+    for index, line in enumerate(axes.lines, start=1):
+        x, y = map(_numbers, line.get_data(orig=False))
+        yield _name(line.get_label(), f"line {index}"), x, y
+    for index, shape in enumerate(axes.collections, start=1):
+        name = _name(shape.get_label(), f"{index}")
+        if isinstance(shape, QuadMesh):
+            cells = _numbers(shape.get_array()).ravel()
+            yield f"cells {name}", np.arange(len(cells)), cells
+        elif isinstance(shape, PathCollection):
+            points = _numbers(shape.get_offsets())
+            yield f"points {name}", points[:, 0], points[:, 1]
+        elif isinstance(shape, PolyCollection):
+            corners = np.concatenate([_numbers(path.vertices) for path in shape.get_paths()])
+            corners = corners[np.argsort(corners[:, 0], kind="stable")]
+            x, first = np.unique(corners[:, 0], return_index=True)
+            y = corners[:, 1]
+            yield f"lower edge {name}", x, np.minimum.reduceat(y, first)
+            yield f"upper edge {name}", x, np.maximum.reduceat(y, first)
+
+
+def _name(label: object, otherwise: str) -> str:
+    return otherwise if not label or _UNNAMED.fullmatch(str(label)) else str(label)
+
+
+def _numbers(values: object) -> Array:
+    """Numbers, with NaN where Matplotlib masks them."""
+    return np.ma.filled(np.ma.asarray(values, dtype=float), np.nan)
+
+
+def _kept(count: int) -> Array:
+    step = max(1, -(-(count - 1) // (MOST_SAMPLES - 1)))
+    return np.unique(np.append(np.arange(0, count, step), count - 1))

@@ -1,0 +1,51 @@
+"""`eqt plot --check`, within this process: what it prints, and how it ends."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Eqt = Callable[..., Any]
+
+
+@pytest.fixture
+def kept(eqt: Eqt, folder: Path) -> Path:
+    """The numbers of a result, and the result of kd 1 % larger beside it."""
+    assert eqt("run", "c.yaml", "--out", "one", "-q").code == 0
+    assert eqt("run", "c.yaml", "--set", "gains.kd=0.505", "--out", "two", "-q").code == 0
+    assert eqt("plot", "one", "--format", "json", "--out", "kept", "-q").code == 0
+    return folder / "kept"
+
+
+def test_equal_numbers_agree(eqt: Eqt, kept: Path) -> None:
+    done = eqt("plot", "one", "--check", kept)
+    assert (done.code, done.err) == (0, "")
+    assert done.out.startswith("figure 'paper': agrees; 8 curves, largest difference ")
+    assert not Path("one/figures").exists()
+
+
+def test_other_numbers_end_with_exit_code_4(eqt: Eqt, kept: Path) -> None:
+    done = eqt("plot", "two", "--check", kept)
+    assert (done.code, done.err) == (4, "")
+    *differences, last = done.out.splitlines()
+    assert differences[0].startswith("figure 'paper', panel 'pose_error', curve 'eqt': ")
+    assert last.startswith("figure 'paper': differs; 8 curves, ")
+
+
+def test_the_same_as_json(eqt: Eqt, kept: Path) -> None:
+    done = eqt("plot", "two", "--check", kept, "--json")
+    assert done.code == 4
+    document = json.loads(done.out)
+    assert document["tolerance"] == 1e-6
+    assert document["figures"]["paper"]["curves"] == 8
+    assert document["figures"]["paper"]["differences"]
+
+
+def test_check_draws_nothing(eqt: Eqt, kept: Path) -> None:
+    done = eqt("plot", "one", "--check", kept, "--format", "pdf")
+    assert (done.code, done.out) == (2, "")
+    assert "--check draws nothing; leave --format and --out out" in done.err
