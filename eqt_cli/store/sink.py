@@ -8,9 +8,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
-
 READ_BACK = 2**24
-"""Bytes; HDF5 reads back its own notes and heaps, which are shorter, and no data that are longer."""
+"""Bytes; HDF5 reads back its own notes and heaps, which are shorter, and no longer data."""
 
 
 class Sink:
