@@ -118,6 +118,14 @@ class Solution:
             messages=[""] * runs,
         )
 
+    @staticmethod
+    def unfilled(problem: Problem) -> Solution:
+        """Like `empty`, for an engine that writes every sample: memory is first touched then."""
+        runs, n = problem.states.shape
+        states = np.empty((runs, len(problem.times), n))
+        steps = np.zeros(runs, dtype=np.int64)
+        return Solution(states, np.zeros(runs, dtype=np.int32), steps, [""] * runs)
+
     def place(self, runs: slice, part: Solution) -> None:
         """Fill in the solution of some of the runs."""
         self.states[runs] = part.states

@@ -114,7 +114,7 @@ class Taylor(Engine):
         """
         compiled = self._compile(problem.loop)
         parameters = _parameter_rows(problem)
-        solution = Solution.empty(problem)
+        solution = Solution.unfilled(problem)
         lanes = compiled.integrator.batch_size
         batches = iter(range(0, problem.runs, lanes))
         lock = threading.Lock()
@@ -166,8 +166,9 @@ class Taylor(Engine):
                 self._solve_batch(compiled, problem, parameters, np.array([run]), solution)
             return
         count = len(runs)
-        solution.states[runs] = states[:, :, :count].transpose(2, 0, 1)
-        solution.steps[runs] = [end[3] for end in ends[:count]]
+        here = slice(runs[0], runs[0] + count)
+        solution.states[here] = states[:, :, :count].transpose(2, 0, 1)
+        solution.steps[here] = [end[3] for end in ends[:count]]
         if not good:
             self._note_failure(integrator, problem, solution, runs[0])
 

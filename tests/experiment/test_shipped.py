@@ -80,7 +80,8 @@ def test_slow_escape_starts_next_to_a_maximum_of_the_potential() -> None:
         runs=range(20),
     )
     K = next(iter(one.loops.values())).gains.K
-    assert 1e-5 < distance_to_unstable(one.group, K, Q).max() < 1e-3
+    # A milliradian from the half-turn, times √2 per axis and the tail of twenty normal draws.
+    assert 1e-5 < distance_to_unstable(one.group, K, Q).max() < 1e-2
     sets = critical_sets(one.group, K)
     assert sets is not None
     nearest = min(sets, key=lambda each: each.squared_distance(Q).max())
