@@ -36,18 +36,19 @@ def work_precision(results: Results) -> Figure:
                 continue
             style: dict[str, Any] = line_style(index)
             times = [each.wall for each in rows]
-            panel.plot(
-                times, [each.largest_error for each in rows], label=name, marker="o", **style
-            )
+            largest = [each.largest_error for each in rows]
+            panel.plot(times, largest, label=name, marker="o", markersize=3, **style)
             panel.plot(
                 times,
                 [each.median_error for each in rows],
                 color=style["color"],
                 marker=".",
+                markersize=3,
                 linestyle="none",
             )
         panel.set_xscale("log")
         panel.set_yscale("log")
+        panel.margins(0.06)
         panel.set_title(TITLES.get(case, case))
         panel.set_xlabel(f"time for {results.of(case)[0].runs} runs / s")
     panels[0].set_ylabel("error: largest (lines), median (dots)")
@@ -63,12 +64,17 @@ def growth(results: Results) -> Figure:
         rows = [each for each in results.growth if each.engine == engine]
         runs = [each.runs for each in rows]
         style = line_style(index)
-        time.plot(runs, [each.wall for each in rows], label=engine, marker="o", **style)
-        memory.plot(runs, [each.peak_memory / 1e6 for each in rows], marker="o", **style)
+        time.plot(
+            runs, [each.wall for each in rows], label=engine, marker="o", markersize=3, **style
+        )
+        memory.plot(
+            runs, [each.peak_memory / 1e6 for each in rows], marker="o", markersize=3, **style
+        )
     for panel, label in ((time, "time / s"), (memory, "peak memory / MB")):
         panel.set_xscale("log")
         panel.set_yscale("log")
         panel.set_xlabel("runs")
         panel.set_ylabel(label)
+        panel.margins(0.06)
     time.legend()
     return drawing

@@ -168,13 +168,14 @@ def _commands(commands: list[Command]) -> str:
 
 def _growth(growth: list[Growth]) -> str:
     return _table(
-        ["engine", "runs", "time, s", "ms per run", "peak memory, MB"],
+        ["engine", "runs", "time, s", "CPU, s", "CPU ms per run", "peak memory, MB"],
         (
             [
                 each.engine,
                 f"{each.runs:,}",
                 f"{each.wall:.2f}",
-                f"{1000 * each.wall / each.runs:.3f}",
+                f"{each.cpu:.2f}",
+                f"{1000 * each.cpu / each.runs:.2f}",
                 f"{each.peak_memory / 1e6:.0f}",
             ]
             for each in growth

@@ -63,4 +63,5 @@ class Diffrax(Contender):
         return Motion(Q, V, np.arange(len(case.Q)))
 
 
-CONTENDERS = [Diffrax("diffrax vmap (Dopri8)", (1e-5, 1e-7, 1e-9, 1e-11), 1e-9)]
+TOLERANCES = (1e-5, 1e-7, 1e-9, 1e-11, 1e-12)
+CONTENDERS = [Diffrax("diffrax vmap (Dopri8)", TOLERANCES, 1e-9)]

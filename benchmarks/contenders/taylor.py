@@ -8,7 +8,7 @@ from typing import Literal
 
 from benchmarks.cases import Case, Motion
 from benchmarks.contenders.base import Contender, Solve
-from eqt_cli.engines import Solution
+from eqt_cli.engines import Problem, Solution
 from eqt_cli.engines.taylor import Taylor
 
 
@@ -23,13 +23,20 @@ class Compiled(Contender):
         return Taylor.unavailable()
 
     def prepare(self, case: Case, tolerance: float) -> Solve:
-        """Compile for the first controller; the others are the same code."""
+        """Compile for the first controller; the others are the same code, so all go together."""
         engine = Taylor(tol=tolerance, code=self.code)
         engine.solve(case.problems[0].select(slice(0, 1)), lambda runs: None)
         workers = os.cpu_count() or 1
+        together = Problem.joined(case.problems)
+        runs = case.problems[0].runs
 
         def solve() -> list[Solution]:
-            return [engine.solve(each, lambda runs: None, workers) for each in case.problems]
+            found = engine.solve(together, lambda runs: None, workers)
+            parts = [slice(start, start + runs) for start in range(0, together.runs, runs)]
+            return [
+                Solution(found.states[p], found.status[p], found.steps[p], found.messages[p])
+                for p in parts
+            ]
 
         return solve
 
