@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -15,7 +17,11 @@ if TYPE_CHECKING:
 
 def plot(
     result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
+        list[Path],
+        typer.Argument(
+            metavar="RESULT...",
+            help="Result folder, or its results.h5; several are drawn in one figure.",
+        ),
     ],
     figure: Annotated[
         list[str] | None,
@@ -45,7 +51,9 @@ def plot(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", metavar="DIR", help="Folder of the figures; default: RESULT/figures."
+            "--out",
+            metavar="DIR",
+            help="Folder of the figures; default: RESULT/figures. Several results need it.",
         ),
     ] = None,
     check: Annotated[
@@ -59,21 +67,24 @@ def plot(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Draw figures of a result as PDF, SVG and PNG, or compare their numbers with kept ones."""
+    """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
     from eqt_cli.cli.output import print_json
     from eqt_cli.cli.summary import print_headline
     from eqt_cli.core.errors import EqtError
     from eqt_cli.plots.render import FORMATS, render
     from eqt_cli.store.reader import open_results
 
-    with open_results(result) as results:
-        names = figure or _default(results)
+    if len(result) > 1 and out is None and check is None:
+        raise EqtError("several results have no common folder; say with --out DIR where to draw")
+    with ExitStack() as stack:
+        results = [stack.enter_context(open_results(path)) for path in result]
+        names = figure or _default(results[0])
         if check is not None:
             if format_ or out:
                 raise EqtError("--check draws nothing; leave --format and --out out")
             _check(results, names, check, _options(option or ()), json=json)
             return
-        folder = out or results.path.parent / "figures"
+        folder = out or results[0].path.parent / "figures"
         files = [
             file
             for name in names
@@ -85,14 +96,20 @@ def plot(
             print_json({"figures": list(map(str, files))})
             return
         if not quiet:
-            print_headline(results)
-            print()
+            for one in results:
+                print_headline(one)
+                print()
     for file in files:
         print(f"figure   {file}")
 
 
 def _check(
-    results: Results, names: list[str], folder: Path, options: dict[str, Any], *, json: bool
+    results: Sequence[Results],
+    names: list[str],
+    folder: Path,
+    options: dict[str, Any],
+    *,
+    json: bool,
 ) -> None:
     """Compare figures with what is kept in a folder, and say where they differ."""
     from dataclasses import asdict
@@ -104,7 +121,8 @@ def _check(
     found = {name: check(results, name, folder, options) for name in names}
     if json:
         checks = {name: asdict(one) for name, one in found.items()}
-        print_json({"checked": str(results.path), "tolerance": TOLERANCE, "figures": checks})
+        checked = [str(one.path) for one in results]
+        print_json({"checked": checked, "tolerance": TOLERANCE, "figures": checks})
     else:
         for name, one in found.items():
             for difference in one.differences:

@@ -1,13 +1,15 @@
-"""What a figure is; it knows no single figure and no file format."""
+"""What a figure is, and of what; it knows no single figure and no file format."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
+from eqt_cli.plots.ensembles import error
 from eqt_cli.plots.good_runs import GoodRuns
+from eqt_cli.plots.swept import Swept
 from eqt_cli.store.reader import Results
 
 if TYPE_CHECKING:
@@ -16,9 +18,19 @@ if TYPE_CHECKING:
     from eqt_cli.plots.style import Width
 
 
+class Subject(Protocol):
+    """What of results a figure shows."""
+
+    def notes(self) -> list[str]:
+        """What a reader must know of what is not shown."""
+
+
+S = TypeVar("S", bound=Subject)
+
+
 @dataclass(frozen=True)
-class Figure(ABC):
-    """A picture of a result: a frozen dataclass whose fields are its options.
+class Figure(ABC, Generic[S]):
+    """A picture of results: a frozen dataclass whose fields are its options.
 
     Attributes
     ----------
@@ -29,38 +41,60 @@ class Figure(ABC):
     """
 
     name: ClassVar[str]
-    sweeps: ClassVar[bool] = False
-    """Whether it draws sweeps, and not single experiments."""
     # Read by pydantic when options are given: no other keys, no silent conversions.
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     controllers: Sequence[str] = ()
 
-    def draw(self, results: Results, width: Width = "column") -> Drawing:
-        """Draw the good runs of a result.
+    def draw(self, results: Sequence[Results], width: Width = "column") -> Drawing:
+        """Draw what `subject` takes from results, with remarks on what it leaves out.
 
         Parameters
         ----------
         results
-            Open; it may be closed afterwards.
+            Open; they may be closed afterwards.
         width
             One ``column`` of a journal (3.5 in) or the ``page`` (7.16 in).
 
         Raises
         ------
         EqtError
-            If the result lacks what the figure shows.
+            If the results lack what the figure shows.
         """
         from eqt_cli.plots.layout import add_remarks, freeze
         from eqt_cli.plots.style import house_style
 
-        runs = GoodRuns(results, self.name, self.controllers)
+        shown = self.subject(results)
         with house_style():
-            drawing = self.compose(runs, width)
-            add_remarks(drawing, runs.notes())
+            drawing = self.compose(shown, width)
+            add_remarks(drawing, shown.notes())
             freeze(drawing)
         return drawing
 
     @abstractmethod
-    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+    def subject(self, results: Sequence[Results]) -> S:
+        """What of the results is shown."""
+
+    @abstractmethod
+    def compose(self, shown: S, width: Width) -> Drawing:
         """Draw panels and legend, within the style sheet; `draw` adds the remarks."""
+
+
+@dataclass(frozen=True)
+class OverTime(Figure[GoodRuns]):
+    """A figure of trajectories, of one result or several."""
+
+    def subject(self, results: Sequence[Results]) -> GoodRuns:
+        """The runs that did not fail."""
+        return GoodRuns(results, self.name, self.controllers)
+
+
+@dataclass(frozen=True)
+class OfSweep(Figure[Swept]):
+    """A figure of the metrics of one sweep."""
+
+    def subject(self, results: Sequence[Results]) -> Swept:
+        """The points and what was measured at each."""
+        if len(results) > 1:
+            raise error(results[1], self.name, "shows one sweep at a time")
+        return Swept(results[0], self.name, self.controllers)

@@ -1,17 +1,17 @@
-"""The runs of a result that a figure shows; it must not know how they are drawn."""
+"""The trajectories of results that a figure shows; it must not know how they are drawn."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.core.errors import EqtError
 from eqt_cli.groups import groups
+from eqt_cli.plots.ensembles import Ensemble, ensembles, error, names
 from eqt_cli.store.reader import Results
 
 MIXED = "mixed"
@@ -20,76 +20,60 @@ MIXED = "mixed"
 _PARTED = ("pose_error", "velocity_error", "torque_norm")
 
 
-@dataclass(frozen=True)
-class Ensemble:
-    """The runs of one controller whose trajectories are stored.
-
-    Attributes
-    ----------
-    index
-        The controller's position in the result; its line style depends on nothing else.
-    label, title
-        Its name in the result and in figures.
-    good : (stored runs,)
-        Which of them ended with status 0.
-    """
-
-    index: int
-    label: str
-    title: str
-    good: Array
-
-    @property
-    def failed(self) -> int:
-        """How many runs are left out because they failed."""
-        return int(self.good.size - np.count_nonzero(self.good))
-
-
 class GoodRuns:
-    """Trajectories of the runs of a result that did not fail.
+    """Trajectories of the runs, of one or several results on one group, that did not fail.
 
     Parameters
     ----------
     results
-        The open result.
+        Open.
     figure
         Name of the figure, for messages.
     chosen
         Labels of the controllers to show; all if empty.
 
+    Attributes
+    ----------
+    ensembles : list of Ensemble
+        The controllers; what is `good` is about the runs whose trajectories are stored.
+
     Raises
     ------
     EqtError
-        If the result holds no trajectories, no such controller, or no run that is good.
+        If a result holds no trajectories, there is no such controller, or no run is good.
     """
 
-    def __init__(self, results: Results, figure: str, chosen: Sequence[str] = ()) -> None:
+    def __init__(self, results: Sequence[Results], figure: str, chosen: Sequence[str] = ()) -> None:
         self.results, self.figure = results, figure
-        self._check_stored("lyapunov")
-        self.times: Array = results.coordinate("time")
-        if len(self.times) < 2:
-            raise self.error(
-                "needs trajectories of two samples or more, and the result holds one; "
-                "decrease store.decimate and run the experiment again"
-            )
-        self.run_dimension = results.dims("lyapunov")[1]
-        labels = [str(label) for label in results.coordinate("controller")]
-        for label in chosen:
-            if label not in labels:
-                hint = suggestion(label, labels) or f"; the result holds: {', '.join(labels)}"
-                raise self.error(f"finds no controller '{label}'{hint}")
-        self.ensembles = [
-            Ensemble(index, label, _title(label), self._good(index))
-            for index, label in enumerate(labels)
-            if not chosen or label in chosen
-        ]
-        if not any(ensemble.good.any() for ensemble in self.ensembles):
-            raise self.error("has nothing to show, since every run failed; see `eqt show`")
+        found = ensembles(results, figure, chosen)
+        for one in results:
+            self._check_stored(one, "lyapunov")
+            if one.dimensions["time"] < 2:
+                message = (
+                    "needs trajectories of two samples or more, and the result holds one; "
+                    "decrease store.decimate and run the experiment again"
+                )
+                raise error(one, figure, message)
+        self.ensembles = [dataclasses.replace(e, good=_stored(e)) for e in found]
+        if not self.shown:
+            message = "has nothing to show: every run whose trajectory is stored failed"
+            raise error(results[0], figure, message)
 
     @property
     def shown(self) -> list[Ensemble]:
         """The controllers with at least one good run."""
         return [ensemble for ensemble in self.ensembles if ensemble.good.any()]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The first and the last time of all results."""
+        ends = [one.coordinate("time")[[0, -1]] for one in self.results]
+        return float(np.min(ends)), float(np.max(ends))
+
+    def times(self, ensemble: Ensemble) -> Array:
+        """The sample times of a controller's runs."""
+        times: Array = ensemble.results.coordinate("time")
+        return times
 
     def values(self, signal: str, ensemble: Ensemble) -> Array:
         """One signal of every good run of a controller, ``(runs, samples, …)``.
@@ -99,73 +83,74 @@ class GoodRuns:
         EqtError
             If the result does not hold the signal over time.
         """
-        self._check_stored(signal)
-        values: Array = self.results.read(signal, controller=ensemble.index)[ensemble.good]
-        return values
+        self._check_stored(ensemble.results, signal)
+        values = ensemble.results.read(signal, controller=ensemble.controller)
+        good: Array = values[ensemble.good]
+        return good
+
+    def desired(self, signal: str, ensemble: Ensemble) -> Array:
+        """A signal of the reference at the sample times, ``(samples, …)``: ``torque`` for τ_d."""
+        self._check_stored(ensemble.results, f"desired_{signal}")
+        return ensemble.results[f"desired_{signal}"]
 
     def unit(self, name: str) -> str:
         """The unit of a variable."""
-        return self.results.units(name)
+        return self.results[0].units(name)
 
     @cached_property
     def parts(self) -> list[str]:
         """Suffixes of the norms with units of their own, ``_rotation``; else one empty suffix."""
-        whole = _PARTED[0]
+        whole, first = _PARTED[0], self.results[0]
         suffixes = [
-            name.removeprefix(whole) for name in self.results.names if name.startswith(whole + "_")
+            name.removeprefix(whole) for name in first.names if name.startswith(whole + "_")
         ]
-        has = self.results.has
-        return [end for end in suffixes if all(has(norm + end) for norm in _PARTED)] or [""]
+        return [end for end in suffixes if all(first.has(norm + end) for norm in _PARTED)] or [""]
 
     @cached_property
     def axes(self) -> list[tuple[str, str]]:
         """Name and torque unit of every algebra coordinate."""
-        names = [str(name) for name in self.results.coordinate("axis")]
-        units = [self.unit("torque")] * len(names)
-        group = str(self.results.attributes.get("group"))
+        axes = [str(name) for name in self.results[0].coordinate("axis")]
+        units = [self.unit("torque")] * len(axes)
+        group = str(self.results[0].attributes.get("group"))
         if MIXED in units and group in groups.names():  # a plugin's group need not be loaded here
             for part in groups.get(group)().parts:
-                units[part.axes] = [part.force_unit] * len(names[part.axes])
-        return list(zip(names, units, strict=True))
-
-    @property
-    def desired_torque(self) -> Array:
-        """τ_d at the sample times, ``(samples, m)``."""
-        self._check_stored("desired_torque")
-        return self.results["desired_torque"]
+                units[part.axes] = [part.force_unit] * len(axes[part.axes])
+        return list(zip(axes, units, strict=True))
 
     def notes(self) -> list[str]:
         """What a reader must know about the runs that are not shown."""
         return list(self._notes())
 
     def _notes(self) -> Iterator[str]:
-        total = self.results.dimensions["run"]
-        stored = self.results.dimensions[self.run_dimension]
-        if stored < total:
-            yield f"Trajectories of the first {stored} of {total} runs."
+        for one, name in zip(self.results, names(self.results), strict=True):
+            total, stored = one.dimensions["run"], one.dimensions[run_dimension(one)]
+            if stored < total:
+                whose = f" of {name}" if len(self.results) > 1 else ""
+                yield f"Trajectories of the first {stored} of {total} runs{whose}."
         for ensemble in self.ensembles:
             if ensemble.failed:
-                yield f"{ensemble.title}: {ensemble.failed} of {stored} runs failed; left out."
+                runs = f"{ensemble.failed} of {ensemble.good.size} runs"
+                yield f"{ensemble.title}: {runs} failed; left out."
 
-    def _good(self, controller: int) -> Array:
-        status = self.results.read("status", controller=controller)
-        good: Array = status[self.results.coordinate(self.run_dimension)] == 0
-        return good
+    def error(self, message: str) -> EqtError:
+        """An error of this figure about the results."""
+        return error(self.results[0], self.figure, message)
 
-    def _check_stored(self, signal: str) -> None:
-        if not (self.results.has(signal) and "time" in self.results.dims(signal)):
-            raise self.error(
+    def _check_stored(self, results: Results, signal: str) -> None:
+        if not (results.has(signal) and "time" in results.dims(signal)):
+            message = (
                 f"needs the trajectories of '{signal}', which the result does not hold; "
                 "set store.trajectories to all and run the experiment again"
             )
-
-    def error(self, message: str) -> EqtError:
-        """An error of this figure about this result."""
-        return EqtError(f"{self.results.path}: figure '{self.figure}' {message}")
+            raise error(results, self.figure, message)
 
 
-def _title(label: str) -> str:
-    """How a controller is written in figures: by its title if its label is a law's name."""
-    if label not in controllers.names():
-        return label
-    return getattr(controllers.get(label), "title", label)
+def run_dimension(results: Results) -> str:
+    """The dimension along which a result's trajectories lie: ``run``, or ``stored_run``."""
+    return results.dims("lyapunov")[1]
+
+
+def _stored(ensemble: Ensemble) -> Array:
+    """Which of the runs with trajectories are good."""
+    good: Array = ensemble.good[ensemble.results.coordinate(run_dimension(ensemble.results))]
+    return good

@@ -10,7 +10,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from eqt_cli.core.arrays import Array
 from eqt_cli.plots.labels import free_text, quantity
 from eqt_cli.plots.style import WIDTHS, Width
 
@@ -32,7 +31,9 @@ Mosaic = list[list[str]]
 """Names of panels, row by row."""
 
 
-def sheet(width: Width, mosaic: Mosaic, times: Array, unit: str) -> tuple[Figure, dict[str, Axes]]:
+def sheet(
+    width: Width, mosaic: Mosaic, span: tuple[float, float], unit: str
+) -> tuple[Figure, dict[str, Axes]]:
     """A figure of panels with a common time axis, and its panels by name.
 
     Parameters
@@ -40,7 +41,7 @@ def sheet(width: Width, mosaic: Mosaic, times: Array, unit: str) -> tuple[Figure
     mosaic
         The names of the panels, row by row; a name that is repeated spans its places, and `EMPTY`
         is no panel.
-    times, unit
+    span, unit
         The range of the time axis and its unit.
     """
     rows = len(mosaic)
@@ -51,7 +52,7 @@ def sheet(width: Width, mosaic: Mosaic, times: Array, unit: str) -> tuple[Figure
     numbered = _numbered(mosaic)
     ticks = 3 if WIDTHS[width] / len(mosaic[0]) < _NARROW else 5
     for name, axes in panels.items():
-        axes.set_xlim(times[0], times[-1])
+        axes.set_xlim(*span)
         axes.xaxis.set_major_locator(MaxNLocator(nbins=ticks, steps=[1, 2, 5, 10]))
         axes.tick_params(labelbottom=name in numbered)
         if name in mosaic[-1]:

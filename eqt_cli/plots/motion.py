@@ -10,7 +10,8 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
 from eqt_cli.groups import Part, group_named
-from eqt_cli.plots.good_runs import Ensemble, GoodRuns
+from eqt_cli.plots.ensembles import Ensemble
+from eqt_cli.plots.good_runs import GoodRuns, run_dimension
 from eqt_cli.store.reader import Results
 
 MOST_CONTROLLERS = 6
@@ -113,8 +114,8 @@ def motion(results: Results, run: int, controllers: Sequence[str] = ()) -> Motio
     EqtError
         If the run is not stored, there is no such controller, or the group is not known here.
     """
-    source = GoodRuns(results, "animation", controllers)
-    stored = [int(number) for number in results.coordinate(source.run_dimension)]
+    source = GoodRuns([results], "animation", controllers)
+    stored = [int(number) for number in results.coordinate(run_dimension(results))]
     if run not in stored:
         raise EqtError(
             f"{results.path}: the trajectory of run {run} is not stored; stored are runs "
@@ -124,15 +125,15 @@ def motion(results: Results, run: int, controllers: Sequence[str] = ()) -> Motio
     parts = group_named(str(results.attributes.get("group"))).parts
     turning = next((part for part in parts if part.name.startswith("rotation")), None)
     moving = next((part for part in parts if part.pose_unit == "m"), None)
-    at = {source.run_dimension: stored.index(run)}
+    at = {run_dimension(results): stored.index(run)}
     end = f"_{turning.name}" if turning and results.has(f"pose_error_{turning.name}") else ""
 
     def signal(name: str) -> Array:
-        return np.stack([results.read(name, controller=e.index, **at) for e in ensembles])
+        return np.stack([results.read(name, controller=e.controller, **at) for e in ensembles])
 
     return Motion(
         run=run,
-        times=source.times,
+        times=results.coordinate("time"),
         ensembles=ensembles,
         body=_course(signal("pose"), turning, moving),
         reference=_course(results["desired_pose"], turning, moving),

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.plots.base import Figure
+from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.curves import draw_band, scale_norm
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import SYMBOLS, part_name, quantity
@@ -19,7 +19,7 @@ _NORMS = ("pose_error", "velocity_error", "torque_norm")
 
 
 @dataclass(frozen=True)
-class Paper(Figure):
+class Paper(OverTime):
     """Means over runs of pose error, velocity error, torque norm and Lyapunov function.
 
     Figure 3 of Hampsey et al. (2025), on any group: where rotation and translation have units of
@@ -46,7 +46,7 @@ class Paper(Figure):
             mosaic = [*norms, ["lyapunov"] * len(parts)]
         else:
             mosaic = [["pose_error", "velocity_error"], ["torque_norm", "lyapunov"]]
-        drawing, panels = sheet(width, mosaic, runs.times, runs.unit("time"))
+        drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"))
         for signal, axes in panels.items():
             self._fill(axes, signal, runs)
         for signal, part in zip(norms[0], parts, strict=True):
@@ -58,9 +58,10 @@ class Paper(Figure):
         for ensemble in runs.shown:
             values = runs.values(signal, ensemble)
             look = line_style(ensemble.index)
-            axes.plot(runs.times, values.mean(axis=0), label=ensemble.label, **look)
+            times = runs.times(ensemble)
+            axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
             if self.bands == "quantiles":
-                draw_band(axes, runs.times, values, look["color"], ensemble.label)
+                draw_band(axes, times, values, look["color"], ensemble.label)
         scale_norm(axes, log=self.log and not signal.startswith("torque_norm"))
         (symbol,) = (symbol for norm, symbol in SYMBOLS.items() if signal.startswith(norm))
         name_scale(axes, quantity(symbol, runs.unit(signal)))

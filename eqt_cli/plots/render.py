@@ -1,4 +1,4 @@
-"""From a result to the files of one figure; it knows no single figure."""
+"""From results to the files of one figure; it knows no single figure."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.registry import summary
 from eqt_cli.plots import Figure, baseline, figures
 from eqt_cli.plots.baseline import Check
+from eqt_cli.plots.ensembles import names
 from eqt_cli.plots.numbers import curves
 from eqt_cli.plots.save import Format, encode, write
 from eqt_cli.plots.style import WIDTHS
@@ -25,21 +26,21 @@ NUMBERS: Literal["json"] = "json"
 
 
 def render(
-    results: Results,
+    results: Sequence[Results],
     figure_name: str,
     folder: Path,
     formats: Sequence[str] = FORMATS,
     width: str = "column",
     options: Mapping[str, Any] | None = None,
 ) -> list[Path]:
-    """Draw one figure of a result and write it as ``<folder>/<figure_name>.<format>``.
+    """Draw one figure of results and write it as ``<folder>/<figure_name>.<format>``.
 
     Nothing is written unless every format could be drawn.
 
     Parameters
     ----------
     results
-        Open.
+        Open; one, or several to show side by side.
     figure_name
         One of `eqt_cli.plots.figures`.
     width
@@ -61,8 +62,9 @@ def render(
     figure = figure_from(figure_name, options or {})
     wanted = [_one_of("format", given, (*FORMATS, NUMBERS)) for given in formats]
     drawing = figure.draw(results, _one_of("width", width, list(WIDTHS)))
-    title = f"{results.attributes.get('title', results.path.parent.name)}: {figure.name}"
-    description = f"{summary(type(figure))} Experiment {results.attributes.get('digest', '')}"
+    title = f"{', '.join(names(results))}: {figure.name}"
+    digests = ", ".join(str(one.attributes.get("digest", "")) for one in results)
+    description = f"{summary(type(figure))} Experiment {digests}"
     files = {
         folder / f"{figure.name}.{format}": baseline.to_json(curves(drawing))
         if format == NUMBERS
@@ -74,7 +76,10 @@ def render(
 
 
 def check(
-    results: Results, figure_name: str, folder: Path, options: Mapping[str, Any] | None = None
+    results: Sequence[Results],
+    figure_name: str,
+    folder: Path,
+    options: Mapping[str, Any] | None = None,
 ) -> Check:
     """Compare the numbers behind the curves of a figure with ``<folder>/<figure_name>.json``.
 
@@ -89,7 +94,7 @@ def check(
     return baseline.compare(curves(figure.draw(results)), expected)
 
 
-def figure_from(name: str, options: Mapping[str, Any]) -> Figure:
+def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
     """The figure of this name with these options.
 
     Raises

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.base import Figure
+from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.curves import scale_norm
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import SYMBOLS, part_name, quantity
@@ -34,7 +34,7 @@ _MEAN, _THIN = "black", 0.35
 
 
 @dataclass(frozen=True)
-class Runs(Figure):
+class Runs(OverTime):
     """Single runs as thin lines and the mean over runs, a panel per controller.
 
     Where a norm has parts with units of their own, such as rotation and translation, each part has
@@ -59,13 +59,14 @@ class Runs(Figure):
         parts = [""] if self.signal == "lyapunov" else runs.parts
         mosaic = _mosaic([e.index for e in shown], parts)
         room = WIDTHS[width] / len(mosaic[0])
-        drawing, panels = sheet(width, mosaic, runs.times, runs.unit("time"))
+        drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"))
         for part in parts:
             share_scale(panels[_panel(e.index, part)] for e in shown)
         for ensemble in shown:
             for part in parts:
                 axes, signal = panels[_panel(ensemble.index, part)], self.signal + part
-                self._fill(axes, runs.times, runs.values(signal, ensemble), ensemble.index)
+                values = runs.values(signal, ensemble)
+                self._fill(axes, runs.times(ensemble), values, ensemble.index)
                 add_title(axes, _title(ensemble.title, part), room)
                 name_scale(axes, quantity(SYMBOLS[self.signal], runs.unit(signal)))
         for axes in panels.values():  # now that every curve of a common scale is there

@@ -10,19 +10,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.base import Figure
+from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.curves import BAND, band_look
 from eqt_cli.plots.labels import free_text
-from eqt_cli.plots.layout import add_legend, add_remarks, add_title, freeze
-from eqt_cli.plots.style import WIDTHS, Width, house_style, line_style
+from eqt_cli.plots.layout import add_legend, add_title
+from eqt_cli.plots.style import WIDTHS, Width, line_style
 from eqt_cli.plots.swept import Axis, Swept, described, mean_over_runs
-from eqt_cli.store.reader import Results
 
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
 
 
 @dataclass(frozen=True)
-class SweepFigure(Figure):
+class SweepFigure(OfSweep):
     """A metric over the swept keys: curves with bands for one key, heat maps for two.
 
     Attributes
@@ -32,13 +31,11 @@ class SweepFigure(Figure):
     """
 
     name: ClassVar[str] = "sweep"
-    sweeps: ClassVar[bool] = True
 
     metric: str = "mean_pose_error"
 
-    def draw(self, results: Results, width: Width = "column") -> Drawing:
-        """Draw the means over the good runs of every point; see `Figure.draw`."""
-        swept = Swept(results, self.name)
+    def compose(self, swept: Swept, width: Width) -> Drawing:
+        """One panel of curves, or a map per controller, of means over the good runs."""
         values, axes = swept.metric(self.metric), swept.axes
         if not 1 <= len(axes) <= 2:
             keys = ", ".join(axis.key for axis in axes) or "none"
@@ -46,55 +43,46 @@ class SweepFigure(Figure):
                 f"has room for one or two swept keys, and here are {len(axes)} ({keys}); "
                 "figure 'pareto' shows sweeps of any number"
             )
-        label = described(results, self.metric)
-        with house_style():
-            if len(axes) == 1:
-                drawing = self._curves(swept, axes[0], values, label, width)
-            else:
-                drawing = self._maps(swept, axes, values, label, width)
-            add_remarks(drawing, swept.notes())
-            freeze(drawing)
-        return drawing
-
-    def compose(self, runs: object, width: Width) -> Drawing:
-        """Unused: `draw` is all that this figure does."""
-        raise NotImplementedError
+        label = described(swept.results, self.metric)
+        if len(axes) == 1:
+            return self._curves(swept, axes[0], values, label, width)
+        return self._maps(swept, axes, values, label, width)
 
     def _curves(self, swept: Swept, axis: Axis, values: Array, label: str, width: Width) -> Drawing:
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panel = drawing.add_subplot()
         order = np.argsort(axis.values, kind="stable")
         lines = []
-        for index, name in enumerate(swept.labels):
-            found = values[order, index]
-            style = line_style(index)
+        for k, (position, title) in enumerate(zip(swept.controllers, swept.titles, strict=True)):
+            found = values[order, k]
+            style = line_style(position)
             mean = mean_over_runs(found)
-            lines += panel.plot(axis.values[order], mean, marker=".", label=name, **style)
+            lines += panel.plot(axis.values[order], mean, marker=".", label=title, **style)
             low, high = np.nanquantile(found, BAND, axis=-1)
             look = band_look(style["color"])
-            panel.fill_between(axis.values[order], low, high, label=name, **look)
+            panel.fill_between(axis.values[order], low, high, label=title, **look)
         _scale(panel, axis, "x")
         panel.set_ylabel(free_text(label, 36))
-        add_legend(drawing, lines, swept.labels)
+        add_legend(drawing, lines, swept.titles)
         return drawing
 
     def _maps(
         self, swept: Swept, axes: list[Axis], values: Array, label: str, width: Width
     ) -> Drawing:
         means = mean_over_runs(values)
-        count = len(swept.labels)
+        count = len(swept.titles)
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panels = drawing.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
         low, high = np.nanmin(means), np.nanmax(means)
         across, up = (np.unique(axis.values) for axis in axes)
-        for index, (panel, name) in enumerate(zip(panels, swept.labels, strict=True)):
+        for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
             grid = np.full((len(up), len(across)), np.nan)
             rows = np.searchsorted(up, axes[1].values)
             grid[rows, np.searchsorted(across, axes[0].values)] = means[:, index]
             image = panel.pcolormesh(
                 np.arange(len(across)), np.arange(len(up)), grid, vmin=low, vmax=high
             )
-            add_title(panel, name, WIDTHS[width] / count)
+            add_title(panel, title, WIDTHS[width] / count)
             _levels(panel, "x", across, axes[0])
             if index == 0:
                 _levels(panel, "y", up, axes[1])

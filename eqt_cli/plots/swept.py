@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.plots.ensembles import error, positions, title_of
 from eqt_cli.store.reader import Results
 
 
@@ -49,20 +51,29 @@ class Swept:
         The open result.
     figure
         Name of the figure, for messages.
+    chosen
+        Labels of the controllers to show; all if empty.
+
+    Attributes
+    ----------
+    controllers : list of int
+        The positions of the controllers, on which their line styles depend.
 
     Raises
     ------
     EqtError
-        If the result is not one of a sweep.
+        If the result is not one of a sweep, or there is no such controller.
     """
 
-    def __init__(self, results: Results, figure: str) -> None:
+    def __init__(self, results: Results, figure: str, chosen: Sequence[str] = ()) -> None:
         self.results, self.figure = results, figure
         if "point" not in results.dimensions:
             raise self.error(
                 "shows sweeps, and this is a single experiment; see `eqt sweep --help`"
             )
-        self.labels = [str(label) for label in results.coordinate("controller")]
+        self.controllers = positions([results], figure, chosen)[0]
+        labels = results.coordinate("controller")
+        self.titles = [title_of(str(labels[position])) for position in self.controllers]
 
     @cached_property
     def axes(self) -> list[Axis]:
@@ -91,7 +102,7 @@ class Swept:
         return Axis(name, key, values.astype(float), {})
 
     def metric(self, name: str) -> Array:
-        """A metric of every run, ``(points, controllers, runs)``; NaN where a run failed."""
+        """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed."""
         metrics = [
             other
             for other in self.results.names
@@ -100,16 +111,17 @@ class Swept:
         if name not in metrics:
             hint = suggestion(name, metrics) or f"; there are: {', '.join(metrics)}"
             raise self.error(f"finds no metric '{name}'{hint}")
-        return np.where(self.results["status"] == 0, self.results[name].astype(float), np.nan)
+        status, values = self.results["status"], self.results[name].astype(float)
+        return np.where(status == 0, values, np.nan)[:, self.controllers]
 
     def notes(self) -> list[str]:
         """What a reader must know about the runs that are not shown."""
-        failed = int(np.count_nonzero(self.results["status"]))
+        failed = int(np.count_nonzero(self.results["status"][:, self.controllers]))
         return [f"{failed} runs failed; left out."] if failed else []
 
     def error(self, message: str) -> EqtError:
         """An error of this figure about this result."""
-        return EqtError(f"{self.results.path}: figure '{self.figure}' {message}")
+        return error(self.results, self.figure, message)
 
 
 def _levels(values: Array) -> list[int]:

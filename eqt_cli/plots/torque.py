@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.base import Figure
+from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.curves import band_look, draw_band
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import component, quantity
@@ -26,7 +26,7 @@ _ANY = "0.3"
 
 
 @dataclass(frozen=True)
-class Torque(Figure):
+class Torque(OverTime):
     """Torque components: their mean over runs, a row per axis and a column per controller.
 
     The desired torque is drawn in every panel.
@@ -52,20 +52,20 @@ class Torque(Figure):
                 + "choose some with the option 'controllers'"
             )
         rows = [[f"{axis} {e.label}" for e in shown] for axis, _ in runs.axes]
-        drawing, panels = sheet(width, rows, runs.times, runs.unit("time"))
+        drawing, panels = sheet(width, rows, runs.span, runs.unit("time"))
         grid = [[panels[name] for name in row] for row in rows]
         for row, (axis, unit) in zip(grid, runs.axes, strict=True):
             share_scale(row)
             name_scale(row[0], quantity(component(r"\tau", axis), unit))
             for axes in row[1:]:
                 hide_scale(axes)
-        desired = runs.desired_torque
         for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):
             add_title(column[0], ensemble.title, WIDTHS[width] / len(shown))
             colour = line_style(ensemble.index)["color"]
-            values = runs.values("torque", ensemble)
+            times, values = runs.times(ensemble), runs.values("torque", ensemble)
+            desired = runs.desired("torque", ensemble)
             for k, axes in enumerate(column):
-                self._fill(axes, runs.times, values[..., k], desired[:, k], colour)
+                self._fill(axes, times, values[..., k], desired[:, k], colour)
         self._add_legend(drawing)
         return drawing
 

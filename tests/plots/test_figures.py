@@ -12,6 +12,7 @@ from matplotlib.transforms import Bbox
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots import figures
+from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
 from eqt_cli.plots.style import WIDTHS, house_style
@@ -19,7 +20,7 @@ from eqt_cli.plots.style import WIDTHS, house_style
 FORMATS = ("pdf", "svg", "png")
 
 # Figures of sweeps draw other results: see test_sweep.py.
-NAMES = [name for name in figures.names() if not figures.get(name).sweeps]
+NAMES = [name for name in figures.names() if not issubclass(figures.get(name), OfSweep)]
 every_figure = pytest.mark.parametrize("name", NAMES)
 every_width = pytest.mark.parametrize("width", WIDTHS)
 
@@ -28,7 +29,7 @@ every_width = pytest.mark.parametrize("width", WIDTHS)
 @every_width
 @pytest.mark.parametrize("result", ["so3", "se3", "odd_names"])
 def test_nothing_sticks_out_of_the_sheet(name, width, result, opened, request):
-    drawing = figures.get(name)().draw(opened(request.getfixturevalue(result)), width)
+    drawing = figures.get(name)().draw([opened(request.getfixturevalue(result))], width)
     with house_style():
         inked = drawing.get_tightbbox()
     assert drawing.get_figwidth() == WIDTHS[width]
@@ -43,7 +44,7 @@ def test_nothing_sticks_out_of_the_sheet(name, width, result, opened, request):
 @every_figure
 @pytest.mark.parametrize("result", ["so3", "se3", "odd_names"])
 def test_texts_do_not_overlap(name, result, opened, request, monkeypatch):
-    drawing = figures.get(name)().draw(opened(request.getfixturevalue(result)))
+    drawing = figures.get(name)().draw([opened(request.getfixturevalue(result))])
     found = {}
     draw = Text.draw
 
@@ -70,7 +71,7 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
         "from eqt_cli.store.reader import open_results\n"
         f"with open_results({str(so3)!r}) as results:\n"
         f"    for name in {NAMES}:\n"
-        "        render(results, name, Path.cwd())\n"
+        "        render([results], name, Path.cwd())\n"
     )
     for folder, changes in (
         ("one", {"PYTHONHASHSEED": "1", "SOURCE_DATE_EPOCH": "0", "TZ": "UTC"}),
@@ -92,17 +93,17 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
 @every_figure
 def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened):
     results = opened(so3)
-    drawing = figures.get(name)().draw(results)
+    drawing = figures.get(name)().draw([results])
     expected = [encode(drawing, format) for format in FORMATS]
     with matplotlib.rc_context({"axes.facecolor": "black", "font.size": 20, "savefig.dpi": 50}):
-        drawing = figures.get(name)().draw(results)
+        drawing = figures.get(name)().draw([results])
         assert [encode(drawing, format) for format in FORMATS] == expected
         assert matplotlib.rcParams["font.size"] == 20
 
 
 @every_figure
 def test_drawing_says_nothing(name, so3, opened, caplog, capfd):
-    drawing = figures.get(name)().draw(opened(so3))
+    drawing = figures.get(name)().draw([opened(so3)])
     for format in FORMATS:
         encode(drawing, format)
     assert not caplog.records
@@ -114,7 +115,7 @@ def test_missing_trajectories_say_what_to_do(name, so3, altered, opened):
     over_time = [v for v in opened(so3).names if "time" in opened(so3).dims(v)]
     results = altered(so3, **dict.fromkeys(over_time))
     with pytest.raises(EqtError) as caught:
-        figures.get(name)().draw(results)
+        figures.get(name)().draw([results])
     assert str(caught.value) == (
         f"{results.path}: figure '{name}' needs the trajectories of 'lyapunov', which the result "
         "does not hold; set store.trajectories to all and run the experiment again"
@@ -125,7 +126,7 @@ def test_missing_trajectories_say_what_to_do(name, so3, altered, opened):
 def test_no_good_run_at_all_is_an_error(name, so3, altered, opened):
     results = altered(so3, status=np.ones_like(opened(so3)["status"]))
     with pytest.raises(EqtError) as caught:
-        figures.get(name)().draw(results)
+        figures.get(name)().draw([results])
     assert str(caught.value) == (
         f"{results.path}: figure '{name}' has nothing to show, since every run failed; "
         "see `eqt show`"
@@ -137,7 +138,7 @@ def test_failed_runs_are_counted_below_the_panels(name, so3, altered, opened):
     status = np.zeros_like(opened(so3)["status"])
     status[1, [0, 3]] = 3
     status[2] = 1
-    drawing = figures.get(name)().draw(altered(so3, status=status))
+    drawing = figures.get(name)().draw([altered(so3, status=status)])
     assert drawing.get_supxlabel() == (
         "GT: 2 of 6 runs failed; left out.\nnog: 6 of 6 runs failed; left out."
     )
@@ -145,19 +146,19 @@ def test_failed_runs_are_counted_below_the_panels(name, so3, altered, opened):
 
 @every_figure
 def test_the_number_of_stored_runs_is_said(name, odd_names, opened):
-    drawing = figures.get(name)().draw(opened(odd_names))
+    drawing = figures.get(name)().draw([opened(odd_names)])
     assert drawing.get_supxlabel() == "Trajectories of the first 4 of 6 runs."
 
 
 @every_figure
 def test_a_complete_result_needs_no_remark(name, so3, opened):
-    assert figures.get(name)().draw(opened(so3)).get_supxlabel() == ""
+    assert figures.get(name)().draw([opened(so3)]).get_supxlabel() == ""
 
 
 @every_figure
 def test_unknown_controllers_are_refused(name, so3, opened):
     with pytest.raises(EqtError) as caught:
-        figures.get(name)(controllers=["eqt", "eq"]).draw(opened(so3))
+        figures.get(name)(controllers=["eqt", "eq"]).draw([opened(so3)])
     assert str(caught.value) == (
         f"{so3}: figure '{name}' finds no controller 'eq'; did you mean 'eqt'?"
     )
@@ -169,7 +170,7 @@ def test_a_single_sample_is_no_curve(name, so3, altered, opened, tmp_path):
     over_time = [v for v in (*results.names, "time") if "time" in results.dims(v)]
     single = {v: results.read(v, time=[0]) for v in over_time}
     with pytest.raises(EqtError) as caught:
-        figures.get(name)().draw(altered(so3, **single))
+        figures.get(name)().draw([altered(so3, **single)])
     assert str(caught.value) == (
         f"{tmp_path / 'altered.h5'}: figure '{name}' needs trajectories of two samples or more, "
         "and the result holds one; decrease store.decimate and run the experiment again"
@@ -182,7 +183,7 @@ def test_signals_that_are_zero_throughout_can_be_drawn(name, so3, altered, opene
     over_time = [v for v in results.names if "time" in results.dims(v)]
     zeros = altered(so3, **{v: np.zeros_like(results[v]) for v in over_time})
     options = {"log": True} if hasattr(figures.get(name), "log") else {}
-    assert encode(figures.get(name)(**options).draw(zeros), "pdf")
+    assert encode(figures.get(name)(**options).draw([zeros]), "pdf")
 
 
 def test_figures_are_found_by_scanning():
@@ -190,7 +191,7 @@ def test_figures_are_found_by_scanning():
 
 
 def test_render_names_its_files_after_the_figure(so3, opened, tmp_path):
-    files = render(opened(so3), "paper", tmp_path / "new" / "figures", ["svg", "png"])
+    files = render([opened(so3)], "paper", tmp_path / "new" / "figures", ["svg", "png"])
     assert [path.relative_to(tmp_path).as_posix() for path in files] == [
         "new/figures/paper.svg",
         "new/figures/paper.png",

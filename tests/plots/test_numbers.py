@@ -23,7 +23,7 @@ def curve(y, **changes):
 
 def test_curves_are_the_means_with_their_units(so3, opened):
     results = opened(so3)
-    found = {(c.panel, c.name): c for c in curves(Paper().draw(results))}
+    found = {(c.panel, c.name): c for c in curves(Paper().draw([results]))}
     assert list(found) == [
         (panel, name)
         for panel in ("pose_error", "velocity_error", "torque_norm", "lyapunov")
@@ -37,7 +37,7 @@ def test_curves_are_the_means_with_their_units(so3, opened):
 
 def test_edges_of_bands_are_quantiles(so3, opened):
     results = opened(so3)
-    found = {(c.panel, c.name): c for c in curves(Torque().draw(results))}
+    found = {(c.panel, c.name): c for c in curves(Torque().draw([results]))}
     low, high = np.quantile(results["torque"][1, ..., 2], [0.1, 0.9], axis=0)
     np.testing.assert_array_equal(found["ωz gt", "lower edge of runs"].y, low)
     np.testing.assert_array_equal(found["ωz gt", "upper edge of runs"].y, high)
@@ -139,7 +139,7 @@ def test_a_file_of_something_else_is_refused(kept, tmp_path):
 
 def test_a_file_that_is_not_there_is_named(so3, opened, tmp_path):
     with pytest.raises(EqtError, match=r"paper\.json: cannot be read: no such file or directory"):
-        check(opened(so3), "paper", tmp_path)
+        check([opened(so3)], "paper", tmp_path)
 
 
 @pytest.fixture(scope="module")
@@ -150,13 +150,13 @@ def kept(so3, tmp_path_factory):
     folder = tmp_path_factory.mktemp("kept")
     with open_results(so3) as results:
         for name in ("paper", "torque"):
-            render(results, name, folder, ["json"])
+            render([results], name, folder, ["json"])
     return folder
 
 
 @pytest.mark.parametrize("name", ["paper", "torque"])
 def test_a_figure_agrees_with_its_own_numbers(name, so3, opened, kept):
-    found = check(opened(so3), name, kept)
+    found = check([opened(so3)], name, kept)
     assert (found.differences, found.curves) == ([], {"paper": 16, "torque": 48}[name])
     assert found.largest < 5.1e-9  # half of the 9th digit
     assert all(
@@ -169,7 +169,7 @@ def test_a_figure_agrees_with_its_own_numbers(name, so3, opened, kept):
 def test_a_gain_that_is_1_percent_larger_differs(gain, name, simulate, opened, kept):
     gains = {"kp": 1.0, "kd": 0.5}
     gains[gain] *= 1.01
-    found = check(opened(simulate(gains=gains)), name, kept)
+    found = check([opened(simulate(gains=gains))], name, kept)
     assert found.largest > 100 * TOLERANCE  # it shows far above what is tolerated
     assert len(found.differences) >= 12
 
@@ -179,8 +179,8 @@ def test_both_engines_agree_to_the_tolerance(simulate, opened, tmp_path):
     solver = {"rtol": 1e-9, "atol": 1e-12}
     time = {"duration": 4.0, "samples": 41}
     first = simulate(solver=solver | {"engine": "solve_ivp"}, time=time)
-    render(opened(first), "paper", tmp_path / "kept", ["json"])
+    render([opened(first)], "paper", tmp_path / "kept", ["json"])
     (tmp_path / "out").rename(tmp_path / "first")
     second = simulate(solver=solver | {"engine": "taylor"}, time=time)
-    found = check(opened(second), "paper", tmp_path / "kept")
+    found = check([opened(second)], "paper", tmp_path / "kept")
     assert found.differences == []

@@ -11,7 +11,7 @@ SIGNALS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
 
 def test_lines_are_the_means_over_runs(so3, opened):
     results = opened(so3)
-    drawing = Paper().draw(results)
+    drawing = Paper().draw([results])
     assert len(drawing.axes) == 4
     for axes, signal in zip(drawing.axes, SIGNALS, strict=True):
         for index, line in enumerate(axes.lines):
@@ -25,7 +25,7 @@ def test_failed_runs_are_left_out_of_the_means(so3, altered, opened):
     status[0, 2], status[1] = 2, 3
     for values in signals.values():
         values[status != 0] = np.nan
-    drawing = Paper().draw(altered(so3, status=status, **signals))
+    drawing = Paper().draw([altered(so3, status=status, **signals)])
     for axes, signal in zip(drawing.axes, SIGNALS, strict=True):
         good = [0, 1, 3, 4, 5]
         assert len(axes.lines) == 3
@@ -38,14 +38,14 @@ def test_failed_runs_are_left_out_of_the_means(so3, altered, opened):
 def test_stored_runs_are_paired_with_their_own_status(odd_names, altered, opened):
     status = np.zeros_like(opened(odd_names)["status"])
     status[0, 1], status[0, 5] = 1, 1  # run 5 has no stored trajectory
-    drawing = Paper().draw(altered(odd_names, status=status))
+    drawing = Paper().draw([altered(odd_names, status=status)])
     mean = opened(odd_names)["lyapunov"][0, [0, 2, 3]].mean(axis=0)
     np.testing.assert_array_equal(drawing.axes[3].lines[0].get_ydata(), mean)
     assert "_hidden: 1 of 4 runs failed; left out." in drawing.get_supxlabel()
 
 
 def test_axes_carry_symbols_and_units(so3, opened):
-    drawing = Paper().draw(opened(so3))
+    drawing = Paper().draw([opened(so3)])
     assert [axes.get_ylabel() for axes in drawing.axes] == [
         r"$\|I - Q_E\|_{\mathrm{F}}$",
         r"$\|V - V_d\|$ $(\mathrm{rad/s})$",
@@ -62,7 +62,7 @@ def test_axes_carry_symbols_and_units(so3, opened):
 
 def test_rotation_and_translation_are_shown_apart(se3, opened):
     results = opened(se3)
-    drawing = Paper().draw(results)
+    drawing = Paper().draw([results])
     signals = [
         f"{norm}_{part}"
         for norm in ("pose_error", "velocity_error", "torque_norm")
@@ -84,13 +84,13 @@ def test_rotation_and_translation_are_shown_apart(se3, opened):
 
 def test_a_norm_without_parts_says_that_its_units_are_mixed(se3, altered, opened):
     parts = [name for name in opened(se3).names if name.endswith(("_rotation", "_translation"))]
-    drawing = Paper().draw(altered(se3, **dict.fromkeys(parts)))
+    drawing = Paper().draw([altered(se3, **dict.fromkeys(parts))])
     assert drawing.axes[1].get_ylabel() == r"$\|V - V_d\|$ (mixed units)"
 
 
 def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened):
     results = opened(so3)
-    drawing = Paper(bands="quantiles").draw(results)
+    drawing = Paper(bands="quantiles").draw([results])
     band = drawing.axes[2].collections[3].get_paths()[0].vertices
     expected = np.quantile(results["torque_norm"][3], [0.1, 0.9], axis=0)
     for time, low, high in zip(results["time"], *expected, strict=True):
@@ -99,18 +99,18 @@ def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened):
 
 
 def test_log_leaves_the_torque_linear(so3, opened):
-    scales = [axes.get_yscale() for axes in Paper(log=True).draw(opened(so3)).axes]
+    scales = [axes.get_yscale() for axes in Paper(log=True).draw([opened(so3)]).axes]
     assert scales == ["log", "log", "linear", "log"]
 
 
 def test_linear_scales_begin_at_zero(so3, opened):
-    assert [axes.get_ylim()[0] for axes in Paper().draw(opened(so3)).axes] == [0, 0, 0, 0]
+    assert [axes.get_ylim()[0] for axes in Paper().draw([opened(so3)]).axes] == [0, 0, 0, 0]
 
 
 def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(odd_names, so3, opened):
-    laws = Paper().draw(opened(so3)).legends[0].get_texts()
+    laws = Paper().draw([opened(so3)]).legends[0].get_texts()
     assert [text.get_text() for text in laws] == ["EqT", "GT", "nog", "asym"]
-    names = Paper().draw(opened(odd_names)).legends[0].get_texts()
+    names = Paper().draw([opened(odd_names)]).legends[0].get_texts()
     assert [text.get_text().replace("\n", " ") for text in names] == [
         "_hidden",
         "g = $\\frac{1}{2}$",
@@ -121,9 +121,9 @@ def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(odd_names, so3
 
 @pytest.mark.parametrize("chosen", [["nog"], ["nog", "eqt"]])
 def test_chosen_controllers_keep_their_looks(chosen, so3, opened):
-    lines = Paper().draw(opened(so3)).axes[0].lines
+    lines = Paper().draw([opened(so3)]).axes[0].lines
     every = dict(zip(["eqt", "gt", "nog", "asym"], lines, strict=True))
-    drawing = Paper(controllers=chosen).draw(opened(so3))
+    drawing = Paper(controllers=chosen).draw([opened(so3)])
     shown = [label for label in every if label in chosen]
     for label, line in zip(shown, drawing.axes[0].lines, strict=True):
         assert to_rgba(line.get_color()) == to_rgba(every[label].get_color())

@@ -10,7 +10,7 @@ def test_every_good_run_is_a_line_under_the_mean(so3, altered, opened):
     values = opened(so3)["pose_error"]
     status = np.zeros_like(opened(so3)["status"])
     status[0, 4] = 1
-    drawing = Runs().draw(altered(so3, status=status))
+    drawing = Runs().draw([altered(so3, status=status)])
     for index, axes in enumerate(drawing.axes):
         good = values[index][status[index] == 0]
         *single, mean = axes.lines
@@ -22,7 +22,7 @@ def test_every_good_run_is_a_line_under_the_mean(so3, altered, opened):
 def test_only_the_first_of_many_runs_are_drawn(so3, opened, monkeypatch):
     monkeypatch.setattr(runs, "MOST_LINES", 2)
     values = opened(so3)["pose_error"]
-    drawing = Runs().draw(opened(so3))
+    drawing = Runs().draw([opened(so3)])
     *single, mean = drawing.axes[0].lines
     np.testing.assert_array_equal([line.get_ydata() for line in single], values[0, :2])
     np.testing.assert_array_equal(mean.get_ydata(), values[0].mean(axis=0))
@@ -33,7 +33,7 @@ def test_only_the_first_of_many_runs_are_drawn(so3, opened, monkeypatch):
 def test_the_common_scale_holds_every_run(so3, altered, opened):
     values = opened(so3)["velocity_error"]
     values[3] *= 10  # in the last panel
-    drawing = Runs(signal="velocity_error").draw(altered(so3, velocity_error=values))
+    drawing = Runs(signal="velocity_error").draw([altered(so3, velocity_error=values)])
     limits = {axes.get_ylim() for axes in drawing.axes}
     assert len(limits) == 1
     ((low, high),) = limits
@@ -43,7 +43,7 @@ def test_the_common_scale_holds_every_run(so3, altered, opened):
 
 def test_parts_have_columns_and_scales_of_their_own(se3, opened):
     results = opened(se3)
-    drawing = Runs(signal="torque_norm").draw(results)
+    drawing = Runs(signal="torque_norm").draw([results])
     assert [axes.get_title() for axes in drawing.axes[:3]] == [
         "EqT, rotation",
         "EqT, translation",
@@ -63,18 +63,18 @@ def test_parts_have_columns_and_scales_of_their_own(se3, opened):
 
 
 def test_the_lyapunov_function_has_no_parts(se3, opened):
-    drawing = Runs(signal="lyapunov", log=True).draw(opened(se3))
+    drawing = Runs(signal="lyapunov", log=True).draw([opened(se3)])
     assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog", "asym"]
     assert {axes.get_yscale() for axes in drawing.axes} == {"log"}
 
 
 def test_an_odd_number_of_controllers_leaves_a_place_empty(so3, opened):
-    drawing = Runs(controllers=["eqt", "gt", "nog"]).draw(opened(so3))
+    drawing = Runs(controllers=["eqt", "gt", "nog"]).draw([opened(so3)])
     assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog"]
     numbered = [len(axes.get_xticklabels()) > 0 for axes in drawing.axes]
     assert numbered == [False, True, True]
 
 
 def test_a_single_controller_fills_the_width(so3, opened):
-    (axes,) = Runs(controllers=["gt"]).draw(opened(so3)).axes
+    (axes,) = Runs(controllers=["gt"]).draw([opened(so3)]).axes
     assert axes.get_position().width > 0.8

@@ -12,7 +12,7 @@ from eqt_cli.plots.save import encode, write
 
 
 def test_files_say_what_they_show(so3, opened):
-    drawing = Paper().draw(opened(so3))
+    drawing = Paper().draw([opened(so3)])
     pdf = encode(drawing, "pdf", "small: paper", "Means\x01over runs.")
     assert b"(small: paper)" in pdf
     assert b"(Means over runs.)" in pdf
@@ -25,7 +25,7 @@ def test_files_say_what_they_show(so3, opened):
 
 
 def test_png_is_for_print(so3, opened, tmp_path):
-    (path,) = render(opened(so3), "paper", tmp_path, ["png"], "column")
+    (path,) = render([opened(so3)], "paper", tmp_path, ["png"], "column")
     with Image.open(path) as image:
         assert image.width == 1050  # 3.5 in at 300 dpi
         assert image.info["Title"] == "small: paper"
@@ -34,7 +34,7 @@ def test_png_is_for_print(so3, opened, tmp_path):
 
 
 def test_pdf_embeds_fonts_that_can_be_edited(so3, opened):
-    pdf = encode(Paper().draw(opened(so3)), "pdf")
+    pdf = encode(Paper().draw([opened(so3)]), "pdf")
     assert b"/CIDFontType2" in pdf
     assert b"/Type3" not in pdf
 
@@ -69,7 +69,7 @@ def test_files_are_replaced(tmp_path):
 def test_nothing_is_written_when_the_figure_cannot_be_drawn(so3, altered, tmp_path):
     results = altered(so3, lyapunov=None)
     with pytest.raises(EqtError):
-        render(results, "paper", tmp_path / "figures")
+        render([results], "paper", tmp_path / "figures")
     assert not (tmp_path / "figures").exists()
 
 
@@ -107,10 +107,10 @@ def test_wrong_options_are_explained(name, options, message):
 
 def test_unknown_formats_and_widths_are_explained(so3, opened, tmp_path):
     with pytest.raises(EqtError) as caught:
-        render(opened(so3), "paper", tmp_path, ["pdf", "jpeg"])
+        render([opened(so3)], "paper", tmp_path, ["pdf", "jpeg"])
     assert str(caught.value) == "unknown format 'jpeg'; known: pdf, svg, png, json"
     with pytest.raises(EqtError) as caught:
-        render(opened(so3), "paper", tmp_path, ["pdf"], "columns")
+        render([opened(so3)], "paper", tmp_path, ["pdf"], "columns")
     assert (
         str(caught.value) == "unknown width 'columns'; did you mean 'column'?; known: column, page"
     )

@@ -23,7 +23,7 @@ def swept(simulate, opened):
 
 def test_one_key_gives_curves_of_means_with_bands(swept):
     results = swept(ONE)
-    drawing = SweepFigure(metric="effort").draw(results)
+    drawing = SweepFigure(metric="effort").draw([results])
     (panel,) = drawing.axes
     assert panel.get_xscale() == "log"
     assert panel.get_xlabel() == "gains.kd"
@@ -36,7 +36,7 @@ def test_one_key_gives_curves_of_means_with_bands(swept):
 
 def test_two_keys_give_a_map_per_controller_on_one_scale(swept):
     results = swept(TWO)
-    drawing = SweepFigure().draw(results)
+    drawing = SweepFigure().draw([results])
     maps = [axes.collections[0] for axes in drawing.axes[:2]]
     for controller, image in enumerate(maps):
         found = results["mean_pose_error"][:, controller].mean(axis=-1).reshape(3, 2)
@@ -54,7 +54,7 @@ def test_keys_that_change_together_are_one_axis(swept):
 
 def test_pareto_shows_every_point_and_the_front(swept):
     results = swept(ONE)
-    (panel,) = Pareto().draw(results).axes
+    (panel,) = Pareto().draw([results]).axes
     cost = results["effort"].mean(axis=-1)
     np.testing.assert_allclose(panel.collections[0].get_offsets()[:, 0], cost[:, 0], rtol=1e-14)
     assert len(panel.lines) == 2
@@ -69,15 +69,15 @@ def test_the_front_is_what_none_betters():
 @pytest.mark.parametrize("figure", [SweepFigure(), Pareto()])
 def test_a_single_experiment_is_refused(figure, so3, opened):
     with pytest.raises(EqtError, match="shows sweeps, and this is a single experiment"):
-        figure.draw(opened(so3))
+        figure.draw([opened(so3)])
 
 
 def test_more_keys_than_two_are_refused(swept):
     results = swept([{"grid": {"gains.kp": [1, 2], "gains.kd": [1, 2], "ensemble.seed": [1, 2]}}])
     with pytest.raises(EqtError, match=r"one or two swept keys, and here are 3 \("):
-        SweepFigure().draw(results)
+        SweepFigure().draw([results])
 
 
 def test_an_unknown_metric_is_named(swept):
     with pytest.raises(EqtError, match="finds no metric 'efort'; did you mean 'effort'"):
-        SweepFigure(metric="efort").draw(swept(ONE))
+        SweepFigure(metric="efort").draw([swept(ONE)])

@@ -16,7 +16,7 @@ def test_panels_show_mean_band_and_desired_torque(so3, altered, opened):
     status = np.zeros_like(opened(so3)["status"])
     status[2, 0] = 2
     results = altered(so3, status=status)
-    for axis, row in enumerate(_grid(Torque().draw(results), 4)):
+    for axis, row in enumerate(_grid(Torque().draw([results]), 4)):
         for controller, axes in enumerate(row):
             values = results["torque"][controller, status[controller] == 0, :, axis]
             mean, desired = axes.lines
@@ -29,7 +29,7 @@ def test_panels_show_mean_band_and_desired_torque(so3, altered, opened):
 
 
 def test_bands_can_be_left_out(so3, opened):
-    drawing = Torque(bands="none").draw(opened(so3))
+    drawing = Torque(bands="none").draw([opened(so3)])
     assert not any(axes.collections for axes in drawing.axes)
     names = [text.get_text() for text in drawing.legends[0].get_texts()]
     assert names == ["mean", r"$\tau_d$"]
@@ -37,7 +37,7 @@ def test_bands_can_be_left_out(so3, opened):
 
 def test_every_axis_has_its_own_unit_and_scale(se3, opened):
     results = opened(se3)
-    rows = _grid(Torque().draw(results), 4)
+    rows = _grid(Torque().draw([results]), 4)
     units = 3 * [r"$(\mathrm{N\,m})$"] + 3 * [r"$(\mathrm{N})$"]
     assert [row[0].get_ylabel() for row in rows] == [
         "$" + component(r"\tau", axis) + "$ " + unit
@@ -55,9 +55,9 @@ def test_more_controllers_than_fit_are_refused(simulate, opened):
     )
     for width, room, remedy in (("column", 4, "take width 'page' or "), ("page", 8, "")):
         with pytest.raises(EqtError) as caught:
-            Torque().draw(opened(path), width)
+            Torque().draw([opened(path)], width)
         assert str(caught.value) == (
             f"{path}: figure 'torque' has a column of panels per controller, and width '{width}' "
             f"has room for {room}, not 9; {remedy}choose some with the option 'controllers'"
         )
-    assert len(Torque(controllers=list(labels[:4])).draw(opened(path)).axes) == 12
+    assert len(Torque(controllers=list(labels[:4])).draw([opened(path)]).axes) == 12

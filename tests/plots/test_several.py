@@ -1,0 +1,94 @@
+"""Several results in one figure: whose curve is whose, and what cannot be shown together."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.ensembles import names
+from eqt_cli.plots.paper import Paper
+from eqt_cli.plots.runs import Runs
+from eqt_cli.plots.sweep import SweepFigure
+from eqt_cli.plots.torque import Torque
+
+
+@pytest.fixture
+def stiff(tmp_path, simulate):
+    """The experiment with another gain, a longer horizon and two of the controllers."""
+    return simulate(
+        name="stiff",
+        gains={"kp": 2.0, "kd": 1.0},
+        time={"duration": 5.0, "samples": 26},
+        controllers=["gt", "eqt"],
+    )
+
+
+def test_every_result_keeps_its_own_times_and_values(so3, stiff, opened):
+    first, second = opened(so3), opened(stiff)
+    axes = Paper().draw([first, second]).axes[0]
+    assert len(axes.lines) == 6
+    for line, results, controller in zip(axes.lines[3:5], (first, second), (3, 0), strict=True):
+        mean = results["pose_error"][controller].mean(axis=0)
+        np.testing.assert_array_equal(line.get_xdata(), results["time"])
+        np.testing.assert_array_equal(line.get_ydata(), mean)
+    assert axes.get_xlim() == (0, 5)
+
+
+def test_the_legend_names_controller_and_result(so3, stiff, opened):
+    drawing = Paper(controllers=["eqt"]).draw([opened(so3), opened(stiff)])
+    texts = [text.get_text() for text in drawing.legends[0].get_texts()]
+    assert texts == ["EqT, small", "EqT, stiff"]
+
+
+def test_all_curves_look_different(so3, stiff, opened):
+    lines = Paper(controllers=["eqt"]).draw([opened(so3), opened(stiff)]).axes[0].lines
+    assert len({line.get_color() for line in lines}) == 2
+    assert len({str(line.get_linestyle()) for line in lines}) == 2
+
+
+def test_torques_are_drawn_with_their_own_reference(so3, opened, simulate):
+    other = simulate(name="other", reference={"torque": ["sin(t)", "0", "1"]}, controllers=["eqt"])
+    drawing = Torque(controllers=["eqt"], bands="none").draw([opened(so3), opened(other)])
+    left, right = (axes.lines[1].get_ydata() for axes in drawing.axes[:2])
+    np.testing.assert_array_equal(left, opened(so3)["desired_torque"][:, 0])
+    np.testing.assert_array_equal(right, opened(other)["desired_torque"][:, 0])
+
+
+def test_single_runs_have_a_panel_per_controller_and_result(so3, stiff, opened):
+    drawing = Runs().draw([opened(so3), opened(stiff)])
+    titles = [axes.get_title() for axes in drawing.axes]
+    assert titles[3:5] == ["asym, small", "GT, stiff"]
+
+
+def test_equal_titles_are_told_apart_by_folder_or_number(so3, tmp_path, opened):
+    copy = tmp_path / "again" / "results.h5"
+    copy.parent.mkdir()
+    shutil.copy(so3, copy)
+    twin = tmp_path / "other" / "again" / "results.h5"
+    shutil.copytree(copy.parent, twin.parent)
+    assert names([opened(so3), opened(copy)]) == ["out", "again"]
+    assert names([opened(copy), opened(twin)]) == ["small (1)", "small (2)"]
+
+
+def test_failed_runs_are_counted_by_result(so3, altered, opened):
+    status = np.zeros_like(opened(so3)["status"])
+    status[0, 2] = 2
+    one, other = opened(so3), altered(so3, status=status)
+    drawing = Paper().draw([one, other])
+    name = other.path.parent.name
+    assert drawing.get_supxlabel() == f"EqT, {name}: 1 of 6 runs failed; left out."
+
+
+def test_groups_do_not_mix(so3, se3, opened):
+    with pytest.raises(EqtError) as caught:
+        Paper().draw([opened(so3), opened(se3)])
+    assert str(caught.value) == (
+        f"{se3}: figure 'paper' shows results on one group; this is on SE3, and {so3} on SO3"
+    )
+
+
+def test_sweeps_are_shown_one_at_a_time(so3, opened):
+    with pytest.raises(EqtError) as caught:
+        SweepFigure().draw([opened(so3), opened(so3)])
+    assert str(caught.value) == f"{so3}: figure 'sweep' shows one sweep at a time"
