@@ -1,6 +1,7 @@
-"""`python -m benchmarks`: every contender on the paper's runs and on SE(3), then growth.
+"""`python -m benchmarks`: contenders on the paper's runs and on SE(3), growth, machinery.
 
-Writes benchmarks/results: bench.md, bench.json, work_precision and growth as PNG and SVG.
+Writes benchmarks/results: bench.md, bench.json, work_precision and growth as PNG and SVG; after
+each stage, so that an interruption loses the rest only.
 """
 
 from __future__ import annotations
@@ -9,8 +10,13 @@ import argparse
 import os
 import sys
 import tempfile
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from benchmarks.table import Results
 
 RESULTS = Path(__file__).with_name("results")
 
@@ -21,7 +27,9 @@ def main() -> None:
     # The first compilation is to be measured, not what an earlier run has left on the disk.
     with tempfile.TemporaryDirectory() as cache:
         os.environ["HEYOKA_CACHE_DIR"] = cache
-        _measure(options)
+        for results in _stages(options):
+            _write(results, options.out)
+    print((options.out / "bench.md").read_text(encoding="utf-8"))
 
 
 def _options() -> argparse.Namespace:
@@ -31,22 +39,23 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--repeats", type=int, default=7, help="of each fast measurement")
     parser.add_argument("--only", help="contenders whose names contain this")
     parser.add_argument("--headlines", action="store_true", help="one tolerance per contender")
-    parser.add_argument("--no-growth", action="store_true", help="leave out growth and commands")
+    parser.add_argument("--no-growth", action="store_true", help="the contenders only")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
     return parser.parse_args()
 
 
-def _measure(options: argparse.Namespace) -> None:
-    # Everything that may import heyoka comes after the choice of its cache.
-    from benchmarks import cases, figure, table
+# Everything that may import heyoka is imported below, after the choice of its cache.
+
+
+def _stages(options: argparse.Namespace) -> Iterator[Results]:
+    """The results as they grow."""
     from benchmarks.contenders import contenders
-    from benchmarks.growth import SIZES, growth
     from benchmarks.machine import machine
-    from benchmarks.measure import load, measure
-    from benchmarks.whole_command import command
+    from benchmarks.measure import load
+    from benchmarks.table import Results
 
     chosen = [each for each in contenders() if (options.only or "") in each.name]
-    results = table.Results(
+    results = Results(
         machine(),
         datetime.now(UTC).strftime("%Y-%m-%d"),
         {each.name: each.headline for each in chosen},
@@ -56,33 +65,64 @@ def _measure(options: argparse.Namespace) -> None:
         _say(f"skipped {name}: {reason}")
     results.load.append(load())
     for name in options.case or ["paper", "se3"]:
-        case = cases.load(name, options.runs)
-        reference = cases.exact(case)
-        for contender in chosen:
-            if contender.name in results.skipped:
-                continue
-            tolerances = (contender.headline,) if options.headlines else contender.tolerances
-            for tolerance in tolerances:
-                found = measure(contender, case, tolerance, reference, options.repeats)
-                results.measurements.append(found)
-                _say(
-                    f"{name}  {contender.name:26} {tolerance:.0e}  {found.wall:9.3f} s  "
-                    f"error {found.largest_error:.1e}"
-                )
+        _compare(name, options, results)
+        yield results
     if not options.no_growth:
-        for engine, config in (("taylor", "paper"), ("solve_ivp", "paper"), ("taylor", "se3")):
-            results.commands.append(command(engine, config, repeats=3))
-            _say(f"eqt run {config} by {engine}: {results.commands[-1].wall:.2f} s")
-        for engine, sizes in SIZES.items():
-            for runs in sizes:
-                results.growth.append(growth(engine, runs))
-                _say(f"{runs} runs by {engine}: {results.growth[-1].wall:.2f} s")
+        _grow(results)
+        yield results
+        _overhead(results)
     results.load.append(load())
-    options.out.mkdir(parents=True, exist_ok=True)
-    (options.out / "bench.json").write_text(table.as_json(results), encoding="utf-8")
-    (options.out / "bench.md").write_text(table.as_markdown(results), encoding="utf-8")
-    figure.write(results, options.out)
-    print(table.as_markdown(results))
+    yield results
+
+
+def _compare(name: str, options: argparse.Namespace, results: Results) -> None:
+    """Every contender on one case."""
+    from benchmarks import cases
+    from benchmarks.contenders import contenders
+    from benchmarks.measure import measure
+
+    case = cases.load(name, options.runs)
+    reference = cases.exact(case)
+    for contender in contenders():
+        if contender.name not in results.headline or contender.name in results.skipped:
+            continue
+        for tolerance in (contender.headline,) if options.headlines else contender.tolerances:
+            found = measure(contender, case, tolerance, reference, options.repeats)
+            results.measurements.append(found)
+            _say(
+                f"{name}  {contender.name:26} {tolerance:.0e}  {found.wall:9.3f} s  "
+                f"error {found.largest_error:.1e}"
+            )
+
+
+def _grow(results: Results) -> None:
+    """Whole commands, and more and more runs."""
+    from benchmarks.growth import SIZES, growth
+    from benchmarks.whole_command import command
+
+    for engine, config in (("taylor", "paper"), ("solve_ivp", "paper"), ("taylor", "se3")):
+        results.commands.append(command(engine, config, repeats=3))
+        _say(f"eqt run {config} by {engine}: {results.commands[-1].wall:.2f} s")
+    for engine, sizes in SIZES.items():
+        for runs in sizes:
+            results.growth.append(growth(engine, runs))
+            _say(f"{runs} runs by {engine}: {results.growth[-1].wall:.2f} s")
+
+
+def _overhead(results: Results) -> None:
+    from benchmarks.machinery import machinery
+
+    results.machinery = machinery()
+    _say(f"machinery: {100 * results.machinery.overhead.share:.1f} %")
+
+
+def _write(results: Results, folder: Path) -> None:
+    from benchmarks import figure, table
+
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "bench.json").write_text(table.as_json(results), encoding="utf-8")
+    (folder / "bench.md").write_text(table.as_markdown(results), encoding="utf-8")
+    figure.write(results, folder)
 
 
 def _say(text: str) -> None:

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from benchmarks.growth import Growth
+from benchmarks.machinery import Machinery
 from benchmarks.measure import Measurement
 from benchmarks.whole_command import Command
 
@@ -38,6 +39,7 @@ class Results:
     measurements: list[Measurement] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
+    machinery: Machinery | None = None
     load: list[float] = field(default_factory=list)
 
     def of(self, case: str) -> list[Measurement]:
@@ -60,6 +62,8 @@ def as_markdown(results: Results) -> str:
         parts += ["## The whole command", _commands(results.commands)]
     if results.growth:
         parts += ["## Growth, metrics only, the paper's experiment", _growth(results.growth)]
+    if results.machinery:
+        parts += ["## Machinery and workers", _machinery(results.machinery)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -181,6 +185,28 @@ def _growth(growth: list[Growth]) -> str:
             for each in growth
         ),
     )
+
+
+def _machinery(machinery: Machinery) -> str:
+    overhead, scaling = machinery.overhead, machinery.scaling
+    sentence = (
+        f"The paper's experiment by solve_ivp in one process, CPU time: {overhead.total:.2f} s, of "
+        f"which integration {overhead.integration:.2f} s; writing the same arrays by plain h5py "
+        f"takes {overhead.writing:.2f} s. Everything else adds {100 * overhead.share:.1f} % to "
+        f"these two; starting the interpreter and importing libraries takes another "
+        f"{overhead.imports:.2f} s."
+    )
+    rows = (
+        [
+            f"{each.workers}",
+            f"{each.runs:,}",
+            f"{each.seconds:.1f}",
+            f"{each.rate:.1f}",
+            f"{each.rate / scaling[0].rate:.2f}",
+        ]
+        for each in scaling
+    )
+    return f"{sentence}\n\n" + _table(["workers", "runs", "time, s", "runs/s", "gain"], rows)
 
 
 def _first(rows: list[Measurement], word: str) -> Measurement | None:
