@@ -64,13 +64,16 @@ def plot(
             help="Draw nothing; compare the numbers with DIR/NAME.json, exit 4 if they differ.",
         ),
     ] = None,
+    trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
     from eqt_cli.cli.output import print_json
     from eqt_cli.cli.summary import print_headline
+    from eqt_cli.cli.verification import certificates
     from eqt_cli.core.errors import EqtError
+    from eqt_cli.plots import OfCertificates, figures
     from eqt_cli.plots.render import FORMATS, render
     from eqt_cli.store.reader import open_results
 
@@ -85,11 +88,13 @@ def plot(
             _check(results, names, check, _options(option or ()), json=json)
             return
         folder = out or results[0].path.parent / "figures"
+        verified = any(issubclass(figures.get(name), OfCertificates) for name in names)
+        rows = certificates(results[0], trust_plugins) if verified else []
         files = [
             file
             for name in names
             for file in render(
-                results, name, folder, format_ or FORMATS, width, _options(option or ())
+                results, name, folder, format_ or FORMATS, width, _options(option or ()), rows
             )
         ]
         if json:

@@ -10,15 +10,8 @@ import typer
 from eqt_cli.cli import options
 
 if TYPE_CHECKING:
-    from eqt_cli.analysis.certificates import Row
     from eqt_cli.experiment.build import Experiment
     from eqt_cli.experiment.verify import Verification
-
-HEADINGS = {
-    "identity": "Identities, at random states: difference of two sides, bound of their rounding",
-    "trajectory": "Trajectories, over the runs: error or change, tolerance",
-    "hypothesis": "Hypotheses: what the theorems assume",
-}
 
 
 def verify(
@@ -106,12 +99,12 @@ def _document(
 
 
 def _print(experiment: Experiment, found: Verification) -> None:
+    from eqt_cli.analysis.certificate_sheet import certificate_sheet
     from eqt_cli.cli.output import table
 
-    header = ["statement", "what", "law", "measured", "bound", "verdict", "remark"]
-    for kind, heading in HEADINGS.items():
-        rows = [_cells(row) for row in found.rows if row.kind == kind]
-        print(f"{heading}\n{table(header, rows)}\n")
+    if (sheet := certificate_sheet(found.rows)) is not None:
+        for section in sheet.sections:
+            print(f"{section.title}\n{table(sheet.header, section.rows)}\n")
     counted = f"{found.runs} runs with engine {experiment.engine.name}"
     judged = [row for row in found.rows if row.kind != "hypothesis"]
     holding = sum(row.verdict == "holds" for row in judged)
@@ -120,21 +113,3 @@ def _print(experiment: Experiment, found: Verification) -> None:
     )
     for cause in _causes(found):
         print(cause)
-
-
-def _cells(row: Row) -> list[str]:
-    return [
-        row.statement,
-        row.name,
-        row.controller,
-        _number(row.measured),
-        _number(row.bound),
-        str(row.verdict),
-        row.remark,
-    ]
-
-
-def _number(value: float | None) -> str:
-    if value is None:
-        return ""
-    return f"{value:.1e}" if value and abs(value) < 1e-2 else f"{value:.3g}"

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
+from eqt_cli.analysis.certificates import Row
 from eqt_cli.plots.ensembles import error
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.swept import Swept
+from eqt_cli.plots.verified import Verified
 from eqt_cli.store.reader import Results
 
 if TYPE_CHECKING:
@@ -46,7 +48,12 @@ class Figure(ABC, Generic[S]):
 
     controllers: Sequence[str] = ()
 
-    def draw(self, results: Sequence[Results], width: Width = "column") -> Drawing:
+    def draw(
+        self,
+        results: Sequence[Results],
+        width: Width = "column",
+        certificates: Sequence[Row] = (),
+    ) -> Drawing:
         """Draw what `subject` takes from results, with remarks on what it leaves out.
 
         Parameters
@@ -55,6 +62,8 @@ class Figure(ABC, Generic[S]):
             Open; they may be closed afterwards.
         width
             One ``column`` of a journal (3.5 in) or the ``page`` (7.16 in).
+        certificates
+            What the verification of the results found; figures of runs and sweeps need none.
 
         Raises
         ------
@@ -64,7 +73,7 @@ class Figure(ABC, Generic[S]):
         from eqt_cli.plots.layout import add_remarks, freeze
         from eqt_cli.plots.style import house_style
 
-        shown = self.subject(results)
+        shown = self.subject(results, certificates)
         with house_style():
             drawing = self.compose(shown, width)
             add_remarks(drawing, shown.notes())
@@ -72,7 +81,7 @@ class Figure(ABC, Generic[S]):
         return drawing
 
     @abstractmethod
-    def subject(self, results: Sequence[Results]) -> S:
+    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> S:
         """What of the results is shown."""
 
     @abstractmethod
@@ -84,7 +93,7 @@ class Figure(ABC, Generic[S]):
 class OverTime(Figure[GoodRuns]):
     """A figure of trajectories, of one result or several."""
 
-    def subject(self, results: Sequence[Results]) -> GoodRuns:
+    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> GoodRuns:
         """The runs that did not fail."""
         return GoodRuns(results, self.name, self.controllers)
 
@@ -93,8 +102,19 @@ class OverTime(Figure[GoodRuns]):
 class OfSweep(Figure[Swept]):
     """A figure of the metrics of one sweep."""
 
-    def subject(self, results: Sequence[Results]) -> Swept:
+    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> Swept:
         """The points and what was measured at each."""
         if len(results) > 1:
             raise error(results[1], self.name, "shows one sweep at a time")
         return Swept(results[0], self.name, self.controllers)
+
+
+@dataclass(frozen=True)
+class OfCertificates(Figure[Verified]):
+    """A figure of what the verification of one result found."""
+
+    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> Verified:
+        """The certificates that have a number and a bound."""
+        if len(results) > 1:
+            raise error(results[1], self.name, "shows one result at a time")
+        return Verified(results[0], certificates, self.name, self.controllers)

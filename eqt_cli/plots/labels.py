@@ -18,6 +18,23 @@ SYMBOLS = {
 
 _RENAMED = {"LAMDA": r"\lambda", "OMICRON": "o"}
 """Greek letters that Unicode and TeX name differently."""
+_SYMBOL = re.compile(r"\w+_\{[^}]*\}|\w+[_^]\w+|\w+\*|\b[GLPQ]\b|[⋉→Υ]")
+"""A symbol of the paper among words: with an index or a star, or a single letter."""
+_COMMANDS = {
+    "_ff": r"_{\mathrm{ff}}",
+    "^nog": r"^{\mathrm{nog}}",
+    "^asym": r"^{\mathrm{asym}}",
+    "L": r"\mathcal{L}",
+    "Ad*": r"\mathrm{Ad}^*",
+    "ad*": r"\mathrm{ad}^*",
+    "Ad_": r"\mathrm{Ad}_",
+    "⁻¹": "^{-1}",
+    "g*": r"\mathfrak{g}^*",
+    "⋉": r"\ltimes",
+    "→": r"\to",
+    "Υ": r"\Upsilon",
+    "τ": r"\tau",
+}
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
 
 
@@ -54,6 +71,20 @@ def _mathematical(letter: str) -> str:
     if len(words) == 4 and words[:3] == ["GREEK", "SMALL", "LETTER"]:
         return _RENAMED.get(words[3], "\\" + words[3].lower())
     return letter
+
+
+def notation(text: str) -> str:
+    r"""Words with the paper's symbols, as certificates are named, with the symbols typeset.
+
+    ``rate of Ad_{Q_d⁻¹}`` becomes ``rate of $\mathrm{Ad}_{Q_d^{-1}}$``.
+    """
+    return _SYMBOL.sub(lambda symbol: f"${_typeset(symbol[0])}$", text)
+
+
+def _typeset(symbol: str) -> str:
+    for plain, command in _COMMANDS.items():
+        symbol = symbol.replace(plain, command)
+    return symbol
 
 
 def free_text(name: str, characters: int) -> str:

@@ -8,9 +8,11 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
+from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.registry import summary
 from eqt_cli.plots import Figure, baseline, figures
+from eqt_cli.plots.base import OfCertificates
 from eqt_cli.plots.baseline import Check
 from eqt_cli.plots.ensembles import names
 from eqt_cli.plots.numbers import curves
@@ -32,6 +34,7 @@ def render(
     formats: Sequence[str] = FORMATS,
     width: str = "column",
     options: Mapping[str, Any] | None = None,
+    certificates: Sequence[Row] = (),
 ) -> list[Path]:
     """Draw one figure of results and write it as ``<folder>/<figure_name>.<format>``.
 
@@ -47,6 +50,8 @@ def render(
         One ``column`` of a journal (3.5 in) or the ``page`` (7.16 in).
     options
         The fields of the figure to set, as data from a configuration or a command line.
+    certificates
+        What the verification of the results found, for figures of it.
 
     Returns
     -------
@@ -61,7 +66,7 @@ def render(
     """
     figure = figure_from(figure_name, options or {})
     wanted = [_one_of("format", given, (*FORMATS, NUMBERS)) for given in formats]
-    drawing = figure.draw(results, _one_of("width", width, list(WIDTHS)))
+    drawing = figure.draw(results, _one_of("width", width, list(WIDTHS)), certificates)
     title = f"{', '.join(names(results))}: {figure.name}"
     digests = ", ".join(str(one.attributes.get("digest", "")) for one in results)
     description = f"{summary(type(figure))} Experiment {digests}"
@@ -86,10 +91,15 @@ def check(
     Raises
     ------
     EqtError
-        If there is no such figure or option, the result lacks what the figure shows, or there is
-        no such file, which `render` writes as format ``json``.
+        If there is no such figure or option, the result lacks what the figure shows, its numbers
+        are no numbers to keep, or there is no such file, which `render` writes as format ``json``.
     """
     figure = figure_from(figure_name, options or {})
+    if isinstance(figure, OfCertificates):
+        raise EqtError(
+            f"figure '{figure.name}' shows rounding errors, which differ from machine to machine; "
+            "`eqt verify` checks them against their bounds"
+        )
     expected = baseline.read(folder / f"{figure.name}.{NUMBERS}")
     return baseline.compare(curves(figure.draw(results)), expected)
 

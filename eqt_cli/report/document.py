@@ -11,12 +11,12 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eqt_cli import __version__
+from eqt_cli.analysis.certificate_sheet import certificate_sheet
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import Sheet, sheets
 from eqt_cli.core.errors import EqtError
-from eqt_cli.report.certificates import certificate_sheet
 from eqt_cli.report.curves import curves
 from eqt_cli.report.facts import facts
 from eqt_cli.report.figures import DEFAULT, Wanted, inline_figures
@@ -59,7 +59,7 @@ def report(
     """
     if "point" in results.dimensions:
         raise EqtError(f"{results.path}: is a sweep; a report is about one experiment")
-    drawn, remarks = inline_figures(results, wanted)
+    drawn, remarks = inline_figures(results, wanted, certificates)
     comparison = compare(results)
     made = sheets(comparison, Plain())
     picker = curves(results)

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from typing import Any
 from xml.etree import ElementTree
 
+from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import summary
-from eqt_cli.plots import figures
+from eqt_cli.plots import OfCertificates, figures
 from eqt_cli.plots.render import figure_from
 from eqt_cli.plots.save import encode
 from eqt_cli.store.reader import Results
@@ -74,21 +75,36 @@ DEFAULT = (
         "the 90 % quantile, and the torque of the reference.",
     ),
     Wanted("distributions"),
+    Wanted(
+        "certificates",
+        {},
+        "What was measured for each statement of the paper, over what is allowed: rounding for "
+        "identities, a multiple of the solver's tolerance for trajectories. Left of 1 it holds. "
+        "Convergence in finite time is hollow where runs have not arrived; the table has the "
+        "numbers.",
+    ),
 )
 """What a report shows unless told otherwise, as far as there are such figures."""
 
 
-def inline_figures(results: Results, wanted: Sequence[Wanted]) -> tuple[list[Drawn], list[str]]:
+def inline_figures(
+    results: Results, wanted: Sequence[Wanted], certificates: Sequence[Row] = ()
+) -> tuple[list[Drawn], list[str]]:
     """The figures that can be drawn of a result, and remarks on the others."""
     drawn, remarks = [], []
     for number, figure in enumerate(wanted, start=1):
-        if figure.name not in figures.names():
+        if figure.name not in figures.names() or _is_idle(figure, certificates):
             continue
         try:
-            drawn.append(_draw(results, figure, f"figure{number}"))
+            drawn.append(_draw(results, figure, f"figure{number}", certificates))
         except EqtError as error:
             remarks.append(str(error).removeprefix(f"{results.path}: "))
     return drawn, remarks
+
+
+def _is_idle(wanted: Wanted, certificates: Sequence[Row]) -> bool:
+    """Whether it would show certificates and there are none, which the page says elsewhere."""
+    return not certificates and issubclass(figures.get(wanted.name), OfCertificates)
 
 
 def named(names: Sequence[str]) -> list[Wanted]:
@@ -105,9 +121,9 @@ def named(names: Sequence[str]) -> list[Wanted]:
     return [known.get(name, Wanted(name)) for name in names]
 
 
-def _draw(results: Results, wanted: Wanted, key: str) -> Drawn:
+def _draw(results: Results, wanted: Wanted, key: str, certificates: Sequence[Row]) -> Drawn:
     figure = figure_from(wanted.name, wanted.options)
-    text = encode(figure.draw([results], "page"), "svg")
+    text = encode(figure.draw([results], "page", certificates), "svg")
     caption = wanted.caption or summary(type(figure))
     svg = inlined(text, key, caption)
     if len(svg) > LARGEST:

@@ -70,6 +70,8 @@ def eqt(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
 
     def call(*arguments: object) -> Done:
         monkeypatch.setattr(sys, "argv", ["eqt", *map(str, arguments)])
+        # Click would call the program after the module that Python was started with.
+        monkeypatch.setattr(sys.modules["__main__"], "__package__", None)
         with pytest.raises(SystemExit) as exit_:
             main()
         out, err = capsys.readouterr()

@@ -12,15 +12,17 @@ from matplotlib.transforms import Bbox
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots import figures
-from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.base import OfCertificates, OfSweep
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
 from eqt_cli.plots.style import WIDTHS, house_style
 
 FORMATS = ("pdf", "svg", "png")
 
-# Figures of sweeps draw other results: see test_sweep.py.
-NAMES = [name for name in figures.names() if not issubclass(figures.get(name), OfSweep)]
+# Figures of sweeps and certificates are of something else: see test_sweep.py, test_certificates.py.
+NAMES = [
+    name for name in figures.names() if not issubclass(figures.get(name), OfSweep | OfCertificates)
+]
 every_figure = pytest.mark.parametrize("name", NAMES)
 every_width = pytest.mark.parametrize("width", WIDTHS)
 

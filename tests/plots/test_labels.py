@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
-from eqt_cli.plots.labels import SYMBOLS, component, free_text, quantity
+from eqt_cli.plots.labels import SYMBOLS, component, free_text, notation, quantity
 
 
 @pytest.mark.parametrize(
@@ -70,3 +70,19 @@ def test_free_text_is_mathematics_only_if_it_can_be(name, expected):
 @given(st.text())
 def test_free_text_can_always_be_typeset(name):
     MathTextParser("path").parse(free_text(name, 20))
+
+
+@pytest.mark.parametrize(
+    ("plain", "typeset"),
+    [
+        ("rate of Ad_{Q_d⁻¹}", r"rate of $\mathrm{Ad}_{Q_d^{-1}}$"),
+        ("Ad and ad of G ⋉ g*", r"Ad and ad of $G$ $\ltimes$ $\mathfrak{g}^*$"),
+        ("ad* is the dual", r"$\mathrm{ad}^*$ is the dual"),
+        ("power of τ_ff − τ_d", r"power of $\tau_{\mathrm{ff}}$ − $\tau_d$"),
+        ("Q → Q_d", r"$Q$ $\to$ $Q_d$"),
+        ("rate of L", r"rate of $\mathcal{L}$"),
+        ("EqT on SO(3)", "EqT on SO(3)"),
+    ],
+)
+def test_the_papers_symbols_are_typeset_among_words(plain, typeset):
+    assert notation(plain) == typeset

@@ -1,0 +1,106 @@
+"""The figure of certificates: every number at its place, every verdict to be seen."""
+
+import pytest
+
+from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.core.errors import EqtError
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.source import read_config
+from eqt_cli.experiment.verify import verify_results
+from eqt_cli.plots.certificates import Certificates
+from eqt_cli.plots.render import check
+from eqt_cli.plots.save import encode
+from eqt_cli.plots.style import WIDTHS, house_style
+
+
+def row(name, controller="", measured=1e-16, bound=1e-14, verdict=Verdict.HOLDS, kind="identity"):
+    return Row(name, "Theorem 4.1", kind, controller, measured, bound, verdict)
+
+
+ROWS = [
+    row("equivariance"),
+    row("rate of L", "eqt", 2e-16),
+    row("rate of L", "gt", 3e-14, verdict=Verdict.FAILS),
+    row("decrease of L", "eqt", 0.0, 1e-7, kind="trajectory"),
+    row("Q → Q_d", "eqt", 0.3, 0.05, Verdict.UNDECIDED, "trajectory"),
+    row("K_d is positive definite", measured=0.5, bound=0.0, kind="hypothesis"),
+]
+
+
+@pytest.fixture
+def marks(so3, opened):
+    """Every marker of the figure of `ROWS` by its name."""
+    (axes,) = Certificates().draw([opened(so3)], certificates=ROWS).axes
+    return {line.get_label(): line for line in axes.lines if len(line.get_xdata()) == 1}
+
+
+def test_markers_are_at_what_was_measured_over_its_bound(marks):
+    assert marks["equivariance"].get_xdata()[0] == 1e-16 / 1e-14
+    assert marks["rate of L gt"].get_xdata()[0] == 3e-14 / 1e-14
+    assert marks["Q → Q_d eqt"].get_xdata()[0] == 0.3 / 0.05
+
+
+def test_hypotheses_have_no_marker(marks):
+    assert len(marks) == 5
+
+
+def test_an_exact_zero_is_left_of_all_others_and_named(so3, opened, marks):
+    at = marks["decrease of L eqt"].get_xdata()[0]
+    assert at < min(m.get_xdata()[0] for name, m in marks.items() if name != "decrease of L eqt")
+    (axes,) = Certificates().draw([opened(so3)], certificates=ROWS).axes
+    labels = {
+        tick: text.get_text()
+        for tick, text in zip(axes.get_xticks(), axes.get_xticklabels(), strict=True)
+    }
+    assert labels[at] == "$0$"
+
+
+def test_verdicts_can_be_told_apart(marks):
+    assert marks["rate of L gt"].get_marker() == "x"
+    assert marks["Q → Q_d eqt"].get_markerfacecolor() == "white"
+    assert marks["rate of L eqt"].get_markerfacecolor() != "white"
+
+
+def test_remarks_say_what_the_markers_mean(so3, opened):
+    undecidable = row("error dynamics", "eqt", None, None, Verdict.UNDECIDED)
+    drawing = Certificates().draw([opened(so3)], certificates=[*ROWS, undecidable])
+    assert drawing.get_supxlabel().splitlines() == [
+        "Hollow markers: undecided.",
+        "Crosses: fails.",
+        "error dynamics (eqt): undecided.",
+    ]
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("result", ["so3", "se3"])
+def test_a_verified_result_fits_the_sheet(result, width, opened, request):
+    results = opened(request.getfixturevalue(result))
+    rows = verify_results(build(read_config(results.path)), results, 1).rows
+    drawing = Certificates().draw([results], width, rows)
+    with house_style():
+        inked = drawing.get_tightbbox()
+    assert inked.x0 >= -0.01 and inked.x1 <= WIDTHS[width] + 0.01  # half a line's width
+    assert encode(drawing, "pdf") == encode(drawing, "pdf")
+
+
+def test_one_law_may_be_chosen(so3, opened):
+    (axes,) = Certificates(controllers=["gt"]).draw([opened(so3)], certificates=ROWS).axes
+    names = [line.get_label() for line in axes.lines if len(line.get_xdata()) == 1]
+    assert names == ["equivariance", "rate of L gt"]
+
+
+def test_without_certificates_there_is_nothing_to_show(so3, opened):
+    with pytest.raises(EqtError) as caught:
+        Certificates().draw([opened(so3)])
+    assert str(caught.value) == (
+        f"{so3}: figure 'certificates' finds no certificate to show; see `eqt verify`"
+    )
+
+
+def test_rounding_errors_are_no_baseline(so3, opened, tmp_path):
+    with pytest.raises(EqtError) as caught:
+        check([opened(so3)], "certificates", tmp_path)
+    assert str(caught.value) == (
+        "figure 'certificates' shows rounding errors, which differ from machine to machine; "
+        "`eqt verify` checks them against their bounds"
+    )
