@@ -204,6 +204,18 @@ def paper_result(invoke: Callable[..., Called], tmp_path_factory: pytest.TempPat
     return folder
 
 
+@pytest.fixture(scope="session")
+def swept_result(invoke: Callable[..., Called], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a sweep: six points of the paper's experiment, shortened, 5 runs each."""
+    folder = tmp_path_factory.mktemp("swept") / "result"
+    config = Path(__file__).parents[1] / "configs" / "paper.yaml"
+    settings = ["ensemble.runs=5", "time.duration=4", "time.samples=41", "solver.rtol=1e-6"]
+    sets = [f"--set={setting}" for setting in [*settings, "solver.cross_check=0"]]
+    grids = ["--grid", "gains.kp=0.5,1,2.5", "--grid", "gains.kd=0.5,1"]
+    invoke("sweep", config, "--out", folder, "--quiet", *sets, *grids)
+    return folder
+
+
 PER_RUN = ("controller", "run")
 POSE = (*PER_RUN, "time", "row", "col")
 

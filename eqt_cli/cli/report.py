@@ -31,13 +31,14 @@ def report(
     from eqt_cli.core.errors import EqtError
     from eqt_cli.plots.save import write
     from eqt_cli.report import report as make_page
-    from eqt_cli.report.figures import DEFAULT, named
+    from eqt_cli.report.figures import named
     from eqt_cli.store.reader import open_results
 
     with open_results(result) as results:
-        shown = named(figure) if figure else DEFAULT
+        shown = named(figure) if figure else None
         try:
-            rows, unverified = certificates(results, trust_plugins), ""
+            sweeps = "point" in results.dimensions
+            rows, unverified = [] if sweeps else certificates(results, trust_plugins), ""
         except EqtError as error:
             rows, unverified = [], f"The result could not be verified: {error}"
         page = make_page(results, shown, rows, unverified).encode()

@@ -16,10 +16,10 @@ from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import Sheet, sheets
-from eqt_cli.core.errors import EqtError
 from eqt_cli.report.curves import curves
 from eqt_cli.report.facts import facts
-from eqt_cli.report.figures import DEFAULT, Wanted, inline_figures
+from eqt_cli.report.figures import DEFAULT, SWEPT, Wanted, inline_figures
+from eqt_cli.report.points import best_points, point_table
 from eqt_cli.report.runs import run_table
 from eqt_cli.store.reader import Results
 
@@ -33,11 +33,11 @@ TEMPLATES = Path(__file__).with_name("templates")
 
 def report(
     results: Results,
-    wanted: Sequence[Wanted] = DEFAULT,
+    wanted: Sequence[Wanted] | None = None,
     certificates: Sequence[Row] = (),
     unverified: str = "",
 ) -> str:
-    """The page.
+    """The page about an experiment or a sweep.
 
     Equal results give equal pages: it holds no date but those of the result.
 
@@ -46,40 +46,50 @@ def report(
     results
         Open.
     wanted
-        The figures; those that cannot be drawn of this result are left out, with a remark.
+        The figures, by default those of its kind; what cannot be drawn of this result is left out,
+        with a remark.
     certificates
         What the verification of the result found.
     unverified
         Why there are no certificates, if there are none.
-
-    Raises
-    ------
-    EqtError
-        If the result is a sweep.
     """
-    if "point" in results.dimensions:
-        raise EqtError(f"{results.path}: is a sweep; a report is about one experiment")
-    drawn, remarks = inline_figures(results, wanted, certificates)
+    sweeps = "point" in results.dimensions
+    default = SWEPT if sweeps else DEFAULT
+    drawn, remarks = inline_figures(results, default if wanted is None else wanted, certificates)
+    return (
+        environment()
+        .get_template("report.html.j2")
+        .render(
+            version=__version__,
+            facts=facts(results),
+            figures=[{"key": f.key, "svg": Markup(f.svg), "caption": f.caption} for f in drawn],
+            remarks=remarks,
+            certificates=_table(certificate_sheet(certificates)),
+            unverified=unverified,
+            css=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),
+            js=Markup((TEMPLATES / "report.js").read_text(encoding="utf-8")),
+            **(_of_sweep(results) if sweeps else _of_experiment(results)),
+        )
+    )
+
+
+def _of_experiment(results: Results) -> dict[str, Any]:
     comparison = compare(results)
     made = sheets(comparison, Plain())
-    picker = curves(results)
-    page = environment().get_template("report.html.j2")
-    return page.render(
-        version=__version__,
-        facts=facts(results),
-        figures=[{"key": f.key, "svg": Markup(f.svg), "caption": f.caption} for f in drawn],
-        remarks=remarks,
-        claims=_table(made.get("claims")),
-        levels=_table(made.get("controllers")),
-        pairs=_table(made.get("pairs")),
-        missing=comparison.missing,
-        certificates=_table(certificate_sheet(certificates)),
-        unverified=unverified,
-        picker=picker,
-        table=run_table(results),
-        css=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),
-        js=Markup((TEMPLATES / "report.js").read_text(encoding="utf-8")),
-    )
+    return {
+        "best": None,
+        "claims": _table(made.get("claims")),
+        "levels": _table(made.get("controllers")),
+        "pairs": _table(made.get("pairs")),
+        "missing": comparison.missing,
+        "picker": curves(results),
+        "table": run_table(results),
+    }
+
+
+def _of_sweep(results: Results) -> dict[str, Any]:
+    absent = dict.fromkeys(("claims", "levels", "pairs", "missing", "picker"))
+    return {**absent, "best": _table(best_points(results)), "table": point_table(results)}
 
 
 def environment() -> Environment:

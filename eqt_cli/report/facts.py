@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.headline import MEANS, headline
+from eqt_cli.plots.swept import Swept
 from eqt_cli.store.reader import Results
 
 Fact = tuple[str, str]
@@ -25,11 +26,12 @@ class Facts:
     lead
         What was run, in a sentence.
     horizon
-        s.
+        s; None where the points of a sweep have horizons of their own.
     units
         Of the four means, by name; nothing for pure numbers.
     headline
-        A row per controller: label, good runs, failed runs, four means, energy residual.
+        A row per controller: label, good runs, failed runs, four means, energy residual. None for
+        a sweep, where a mean over all points means little.
     accuracy
         Sentences on how far the numbers can be trusted.
     provenance
@@ -43,7 +45,7 @@ class Facts:
     title: str
     group: str
     lead: str
-    horizon: float
+    horizon: float | None
     units: dict[str, str]
     headline: list[dict[str, Any]]
     accuracy: list[str]
@@ -56,23 +58,32 @@ def facts(results: Results) -> Facts:
     """Everything that a result says of itself."""
     attributes = results.attributes
     labels = [str(label) for label in results.coordinate("controller")]
-    runs, horizon = results.dimensions["run"], float(results.coordinate("time")[-1])
+    sweeps = "point" in results.dimensions
+    horizon = float(results.coordinate("time")[-1]) if results.has("time") else None
     controllers = f"{len(labels)} controllers" if len(labels) > 1 else "one controller"
+    shared = "the same initial states for all of them"
     return Facts(
         title=str(attributes.get("title", results.path.parent.name)),
         group=str(attributes.get("group", "")),
         lead=(
-            f"{runs} runs of {horizon:g} s for each of {controllers} ({', '.join(labels)}) on "
-            f"{attributes.get('group', 'a group')}; the same initial states for all of them."
+            f"{_points(results) if sweeps else ''}{results.dimensions['run']} runs"
+            f"{f' of {horizon:g} s' if horizon else ''} for each of {controllers} "
+            f"({', '.join(labels)}) on {attributes.get('group', 'a group')}; {shared}."
         ),
         horizon=horizon,
         units={name: _unit(results, name) for name in MEANS},
-        headline=[asdict(row) for row in headline(results)],
+        headline=[] if sweeps else [asdict(row) for row in headline(results)],
         accuracy=list(_accuracy(results)),
         provenance=_provenance(results),
         config=str(attributes.get("config", "")).rstrip(),
         failed=int(np.count_nonzero(results["status"])),
     )
+
+
+def _points(results: Results) -> str:
+    """How many points a sweep has, and over what."""
+    keys = " and ".join(axis.key for axis in Swept(results, "report").axes) or "nothing"
+    return f"{results.dimensions['point']} points over {keys}, each with "
 
 
 def _unit(results: Results, name: str) -> str:

@@ -84,7 +84,29 @@ DEFAULT = (
         "numbers.",
     ),
 )
-"""What a report shows unless told otherwise, as far as there are such figures."""
+"""What a report on an experiment shows unless told otherwise."""
+
+SWEPT = (
+    Wanted(
+        "sweep",
+        {"metric": "mean_pose_error"},
+        "Mean pose error over the horizon, mean over the good runs of every point. Over one key: "
+        "curves, shaded from the 10 % to the 90 % quantile over runs. Over two: a map per "
+        "controller.",
+    ),
+    Wanted(
+        "sweep",
+        {"metric": "effort"},
+        "The same for the effort, the integral of the torque squared.",
+    ),
+    Wanted(
+        "pareto",
+        {},
+        "Every point by its effort and its mean pose error, means over good runs; the line joins "
+        "the points that no other betters in both.",
+    ),
+)
+"""What a report on a sweep shows unless told otherwise."""
 
 
 def inline_figures(
@@ -115,7 +137,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
     ComponentError
         If there is no such figure.
     """
-    known = {figure.name: figure for figure in reversed(DEFAULT)}
+    known = {figure.name: figure for figure in reversed((*DEFAULT, *SWEPT))}
     for name in names:
         figures.get(name)
     return [known.get(name, Wanted(name)) for name in names]

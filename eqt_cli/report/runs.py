@@ -33,9 +33,9 @@ def run_table(results: Results) -> Document:
     Returns
     -------
     dict
-        ``columns`` with a value in any run; ``rows`` of controller, run, status and numbers, where
-        null says none;
-        ``total``, the number of rows there are; ``messages`` of failed runs by row.
+        ``item``, what a row is about; ``columns`` with a value in any run; ``rows`` of controller,
+        run, status and numbers, where null says none; ``total``, the number of rows there are;
+        ``messages`` of failed runs by row.
     """
     labels = [str(label) for label in results.coordinate("controller")]
     names = [name for name in COLUMNS if results.has(name) and np.isfinite(results[name]).any()]
@@ -46,10 +46,11 @@ def run_table(results: Results) -> Document:
     values = np.stack([results[name] for name in names], axis=-1)
     messages = results["message"] if results.has("message") else None
     return {
-        "columns": [{"name": COLUMNS[name], "unit": _unit(results, name)} for name in names],
+        "item": "run",
+        "columns": [{"name": COLUMNS[name], "unit": unit_of(results, name)} for name in names],
         "controllers": labels,
         "rows": [
-            [int(c), int(r), _meaning(int(status[c, r])), *map(_plain, values[c, r])]
+            [int(c), int(r), _meaning(int(status[c, r])), *map(plain, values[c, r])]
             for c, r in order
         ],
         "messages": {
@@ -61,7 +62,8 @@ def run_table(results: Results) -> Document:
     }
 
 
-def _unit(results: Results, name: str) -> str:
+def unit_of(results: Results, name: str) -> str:
+    """The unit of a metric; nothing for a pure number."""
     unit = results.units(name)
     return "" if unit == "1" else unit
 
@@ -73,5 +75,6 @@ def _meaning(code: int) -> str:
         return f"status {code}"
 
 
-def _plain(value: float) -> float | None:
+def plain(value: float) -> float | None:
+    """A number with six digits, as far as there is one."""
     return float(f"{value:.6g}") if np.isfinite(value) else None

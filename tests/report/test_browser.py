@@ -251,3 +251,20 @@ def test_animation_is_moved_and_turned_by_the_keyboard(player):
     assert find(player, "#clock").text == "t = 0.40 s"
     find(player, ".bodies svg").send_keys(Keys.ARROW_LEFT)
     assert len({first, moved, body()}) == 3
+
+
+@pytest.fixture
+def points(browser, invoke, swept_result, tmp_path):
+    invoke("report", swept_result, "--out", tmp_path / "report.html")
+    browser.get((tmp_path / "report.html").as_uri())
+    WebDriverWait(browser, 20).until(lambda page: find(page, "#count").text)
+    return browser
+
+
+def test_the_points_of_a_sweep_are_sorted_by_their_swept_values(points):
+    heading = points.find_elements(By.CSS_SELECTOR, "#all thead button")[3]
+    assert heading.text == "gains.kp"
+    heading.click()
+    heading.click()
+    assert find(points, "#all tbody tr td:nth-child(4)").text == "2.5"
+    assert points.get_log("browser") == []

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from eqt_cli.analysis.certificates import Row, Verdict
-from eqt_cli.core.errors import EqtError
 from eqt_cli.report import report
 from eqt_cli.store.reader import open_results
 
@@ -103,13 +102,6 @@ def test_results_without_trajectories_have_a_page(make_result):
     text = report(results)
     assert 'id="picker"' not in text
     assert "needs the trajectories of" in text
-
-
-def test_sweeps_have_no_page(make_result):
-    results = make_result(["eqt"], metrics={"effort": [[1.0] * 6]})
-    results.dimensions = dict(results.dimensions) | {"point": 3}
-    with pytest.raises(EqtError, match=r"is a sweep; a report is about one experiment$"):
-        report(results)
 
 
 def test_command_writes_the_page(invoke, paper_result, tmp_path):

@@ -14,6 +14,7 @@
 
   function shown(value) {
     if (value === null || value === undefined || Number.isNaN(value)) return NONE;
+    if (typeof value === "string") return value;
     if (value === 0) return "0";
     const size = Math.abs(value);
     const text = size < 1e-3 || size >= 1e5 ? value.toExponential(1) : value.toPrecision(4);
@@ -226,7 +227,7 @@
   function runTable() {
     const rowsPerPage = 25;
     const columns = [
-      { name: "controller", unit: "" }, { name: "run", unit: "" }, { name: "status", unit: "" }, ...table.columns,
+      { name: "controller", unit: "" }, { name: table.item, unit: "" }, { name: "status", unit: "" }, ...table.columns,
     ];
     let sorted = { column: null, descending: false }, page = 0, kept = table.rows;
     const head = document.querySelector("#all thead tr");
@@ -310,7 +311,10 @@
       made.append(element("th", { scope: "row" }, table.controllers[controller]));
       made.append(element("td", { class: "number" }, runLink(run)));
       made.append(element("td", { class: "status" }, message ? `${status}: ${message}` : status));
-      for (const value of numbers) made.append(element("td", { class: "number" }, shown(value)));
+      numbers.forEach((value, c) => {
+        const text = table.columns[c].given ? String(value).replace(/^-/, "−") : shown(value);
+        made.append(element("td", { class: "number" }, text));
+      });
       return made;
     }
 

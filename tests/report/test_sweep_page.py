@@ -1,0 +1,109 @@
+"""The page of a sweep: its points with means over runs, the best of them, its figures."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from eqt_cli.report import report
+from eqt_cli.report.points import best_points, point_table
+from eqt_cli.store.reader import open_results
+
+
+@pytest.fixture
+def results(swept_result):
+    with open_results(swept_result) as opened:
+        yield opened
+
+
+@pytest.fixture
+def text(results):
+    return report(results)
+
+
+def test_the_lead_says_what_was_swept(text):
+    assert (
+        "6 points over gains.kp and gains.kd, each with 5 runs of 4 s for each of 4 controllers "
+        "(eqt, gt, nog, asym) on SO3; the same initial states for all of them."
+    ) in text
+
+
+def test_every_point_of_every_controller_is_in_the_table(results):
+    table = point_table(results)
+    assert [column["name"] for column in table["columns"][:2]] == ["gains.kp", "gains.kd"]
+    assert len(table["rows"]) == table["total"] == 24
+    place = [column["name"] for column in table["columns"]].index("effort ∫‖τ‖² dt")
+    for _, point, status, kp, kd, *_ in table["rows"]:
+        assert status == "ok"
+        assert (kp, kd) == (results["gains.kp"][point], results["gains.kd"][point])
+    row = table["rows"][7]
+    assert row[:2] == [1, 1]
+    assert row[3 + place] == float(f"{results['effort'][1, 1].mean():.6g}")
+
+
+def test_failed_runs_are_counted_and_left_out_of_means(results, monkeypatch):
+    read = type(results).__getitem__
+    status = results["status"]
+    status[2, 0, :2] = 1
+
+    def altered(self, name):
+        return status if name == "status" else read(self, name)
+
+    monkeypatch.setattr(type(results), "__getitem__", altered)
+    (row,) = (row for row in point_table(results)["rows"] if row[:2] == [0, 2])
+    place = [column["name"] for column in point_table(results)["columns"]].index("max ‖τ‖")
+    assert row[2] == "2 of 5 failed"
+    assert row[3 + place] == float(f"{results['peak_torque'][2, 0, 2:].mean():.6g}")
+
+
+def test_the_best_point_has_the_least_mean(results):
+    (section,) = (s for s in best_points(results).sections if s.title.startswith("effort"))
+    means = results["effort"].mean(axis=-1)
+    for controller, row in enumerate(section.rows):
+        point = int(np.argmin(means[:, controller]))
+        assert row[1] == str(point)
+        assert row[2:4] == [f"{results[key][point]:.4g}" for key in ("gains.kp", "gains.kd")]
+        assert row[4] == f"{means[point, controller]:.4g}"
+
+
+def test_its_figures_are_those_of_sweeps(text):
+    assert text.count("<figure id=") == 3
+    assert 'id="picker"' not in text and 'id="claims"' not in text and "All points" in text
+
+
+def test_three_keys_leave_out_the_maps_with_a_remark(invoke, tmp_path):
+    grids = [
+        word
+        for key in ("gains.kp", "gains.kd", "ensemble.seed")
+        for word in ("--grid", f"{key}=1,2")
+    ]
+    settings = ["ensemble.runs=2", "time.duration=1", "time.samples=5", "solver.cross_check=0"]
+    invoke("config", "new", "--from", "paper", tmp_path / "paper.yaml")
+    invoke(
+        "sweep",
+        tmp_path / "paper.yaml",
+        "--out",
+        tmp_path / "out",
+        "--quiet",
+        *(f"--set={setting}" for setting in settings),
+        *grids,
+    )
+    with open_results(tmp_path / "out") as results:
+        text = report(results)
+    assert text.count("<figure id=") == 1
+    assert "has room for one or two swept keys, and here are 3" in text
+
+
+def test_equal_sweeps_give_equal_pages(results, text):
+    assert report(results) == text
+
+
+def test_the_page_holds_valid_data(text):
+    table = json.loads(re.search(r'id="data-runs"[^>]*>(.*?)</script>', text, re.DOTALL)[1])
+    assert table["item"] == "point"
+
+
+def test_command_writes_the_page_of_a_sweep(invoke, swept_result, tmp_path):
+    invoke("report", swept_result, "--out", tmp_path / "page.html")
+    assert "could not be verified" not in (tmp_path / "page.html").read_text(encoding="utf-8")
