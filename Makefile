@@ -8,8 +8,6 @@ PIP := python -m pip --quiet --disable-pip-version-check
 # The interpreter a new environment is built from: PYTHON, or else the first new enough of these.
 PYTHON ?=
 PYTHONS := $(or $(PYTHON),python3 python3.13 python3.12 python3.11)
-# The figures whose numbers are kept in docs/figures/numbers.
-FIGURES := --figure paper --figure torque
 # Extra arguments for pytest: make test ARGS='-k groups'
 ARGS ?=
 
@@ -25,23 +23,11 @@ paper: $(VENV)/.stamp-base ## run the paper's experiment and draw its figure, in
 	$(BIN)/eqt run configs/paper.yaml --out results/paper
 	$(BIN)/eqt plot results/paper
 
-# The pictures of the documentation and of the paper, and the numbers behind them.
 figures: $(VENV)/.stamp-base ## draw every figure of the documentation anew, in docs/figures
-	$(BIN)/eqt run configs/paper.yaml --out build/figures/paper --force --quiet
-	$(BIN)/eqt plot build/figures/paper $(FIGURES) --format json --out docs/figures/numbers --quiet
-	$(BIN)/eqt plot build/figures/paper --format png --out docs/figures --quiet
+	EQT=$(BIN)/eqt PYTHON=$(BIN)/python docs/figures/draw.sh draw
 
-# By both engines where both are installed: the numbers must depend on neither.
 figures-check: $(VENV)/.stamp-base ## compare the numbers behind the figures with those in docs/figures
-	@set -eu; \
-	engines=solve_ivp; \
-	if $(BIN)/python -c 'import heyoka' 2>/dev/null; then engines="$$engines taylor"; fi; \
-	for engine in $$engines; do \
-		out=build/figures/$$engine; \
-		echo "The paper's figures by engine $$engine"; \
-		$(BIN)/eqt run configs/paper.yaml --engine $$engine --out $$out --force --quiet >/dev/null; \
-		$(BIN)/eqt plot $$out $(FIGURES) --check docs/figures/numbers; \
-	done
+	EQT=$(BIN)/eqt PYTHON=$(BIN)/python docs/figures/draw.sh check
 
 test: $(VENV)/.stamp-dev ## run the tests
 	$(BIN)/python -m pytest -n auto $(ARGS)

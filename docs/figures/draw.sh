@@ -1,0 +1,101 @@
+#!/usr/bin/env bash
+# Every figure of the documentation from its experiment.
+#
+#   docs/figures/draw.sh draw    draw the pictures, and keep the numbers behind their curves
+#   docs/figures/draw.sh check   compare the numbers with those that are kept; exit 4 where they differ
+#
+# The paper's experiment is run by both engines where both are installed: its numbers must depend on
+# neither. The others are run by the fast one, and left out where it is missing.
+set -euo pipefail
+cd "$(dirname "${BASH_SOURCE[0]}")/../.."
+
+task=${1:?draw or check}
+eqt=${EQT:-eqt}
+python=${PYTHON:-python}
+place=docs/figures
+built=build/figures
+status=0
+taylor=no
+if "$python" -c 'import heyoka' 2>/dev/null; then taylor=yes; fi
+
+# experiment NAME CONFIG [OPTION...]: run it; what follows is about this one.
+experiment() {
+	name=$1
+	result=$built/$name
+	"$eqt" run "${@:2}" --out "$result" --force --quiet >/dev/null
+}
+
+# numbers FIGURE...: keep or check the numbers behind the curves of these figures.
+numbers() {
+	local figures=() figure
+	for figure in "$@"; do figures+=(--figure "$figure"); done
+	if [ "$task" = draw ]; then
+		"$eqt" plot "$result" "${figures[@]}" --format json --out "$place/numbers/$name" --quiet
+	else
+		"$eqt" plot "$result" "${figures[@]}" --check "$place/numbers/$name" || status=$?
+	fi
+}
+
+# picture FILE FIGURE [OPTION...]: draw a figure as docs/figures/FILE.png.
+picture() {
+	if [ "$task" = draw ]; then
+		"$eqt" plot "$result" --figure "$2" "${@:3}" --format png --out "$result/figures" --quiet
+		shrunk "$result/figures/$2.png" "$place/$1.png"
+	fi
+}
+
+# shrunk FILE COPY: a copy for the screen, at most 1400 pixels wide and of 64 colours.
+shrunk() {
+	"$python" - "$@" <<-'END'
+		import sys
+		from PIL import Image
+		picture = Image.open(sys.argv[1]).convert("RGB")
+		picture.thumbnail((1400, picture.height), Image.Resampling.LANCZOS)
+		picture.quantize(64, dither=Image.Dither.NONE).save(sys.argv[2], optimize=True)
+	END
+}
+
+echo "The paper's figures by engine solve_ivp"
+experiment paper configs/paper.yaml
+numbers paper torque
+picture paper paper
+
+if [ "$taylor" = no ]; then
+	echo "heyoka is not installed: the other experiments are left out"
+	exit "$status"
+fi
+
+if [ "$task" = check ]; then
+	echo "The paper's figures by engine taylor"
+	experiment paper configs/paper.yaml --engine taylor
+	numbers paper torque
+fi
+
+for config in se3 se2_vehicle se3_bluerov2 se23 satellite_panels; do
+	echo "$config"
+	experiment $config configs/$config.yaml --engine taylor
+	numbers paper
+	picture $config paper --option log=true --width page
+done
+
+echo "satellite_panels, folding"
+experiment satellite_folding configs/satellite_panels.yaml --engine taylor --set 'inertia={
+	initial: [[24.0, 0, 1.2], [0, 4.0, 0], [1.2, 0, 28.0]],
+	factor: [["1 - tanh(t/3)**2/2", 0, 0], [0, 1, 0], [0, 0, "1 - tanh(t/3)**2/2"]]}'
+numbers paper
+picture satellite_folding paper --option log=true --width page
+
+echo "attitude_distinct"
+experiment attitude_distinct configs/attitude_distinct.yaml --engine taylor
+numbers paper
+picture attitude_distinct runs
+
+echo "attitude, near the manifold"
+experiment attitude_manifold configs/paper.yaml --engine taylor \
+	--set "initial.pose={kind: exp_normal, centre: [pi, 0, 0], std: 1e-3}" \
+	--set initial.velocity=fixed --set ensemble.runs=100 --set ensemble.seed=3 \
+	--set time.duration=40 --set time.samples=801
+numbers paper
+picture attitude_manifold runs
+
+exit "$status"
