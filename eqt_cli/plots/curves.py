@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
 
+from eqt_cli.analysis.comparison.bootstrap import intervals_of_means
 from eqt_cli.core.arrays import Array
 
 BAND = (0.1, 0.9)
 """The quantiles over runs between which a band lies."""
 
+CONFIDENCE, RESAMPLES, SEED = 0.95, 2000, 0
+"""Of bands that say how well a mean is known."""
 
-def draw_band(axes: Axes, times: Array, values: Array, colour: str, name: str) -> None:
-    """Shade the range between two quantiles over runs, of values ``(runs, samples)``."""
-    low, high = np.quantile(values, BAND, axis=0)
+Bands = Literal["none", "quantiles", "bootstrap"]
+"""``quantiles`` shades where most runs are, from 10 % to 90 %; ``bootstrap`` shades where the mean
+over all runs that there could be is, with 95 % confidence at each time."""
+
+BAND_NAMES: dict[Bands, str] = {
+    "quantiles": "10–90 % of runs",
+    "bootstrap": "95 % interval of the mean",
+}
+
+
+def draw_band(
+    axes: Axes, times: Array, values: Array, bands: Bands, colour: str, name: str
+) -> None:
+    """Shade a band around the mean over runs, of values ``(runs, samples)``."""
+    if bands == "quantiles":
+        low, high = np.quantile(values, BAND, axis=0)
+    elif bands == "bootstrap":
+        found = intervals_of_means(values, confidence=CONFIDENCE, resamples=RESAMPLES, seed=SEED)
+        low, high = found.low, found.high
+    else:
+        return
     axes.fill_between(times, low, high, label=name, **band_look(colour))
 
 

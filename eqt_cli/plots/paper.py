@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.curves import draw_band, scale_norm
+from eqt_cli.plots.curves import Bands, draw_band, scale_norm
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import SYMBOLS, part_name, quantity
 from eqt_cli.plots.layout import add_legend, add_title, name_scale, sheet
@@ -30,13 +30,14 @@ class Paper(OverTime):
     log
         A logarithmic scale for what converges to zero: the errors and L, but not the torque.
     bands
-        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs.
+        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, ``bootstrap``
+        the 95 % interval of the mean at each time.
     """
 
     name: ClassVar[str] = "paper"
 
     log: bool = False
-    bands: Literal["none", "quantiles"] = "none"
+    bands: Bands = "none"
 
     def compose(self, runs: GoodRuns, width: Width) -> Drawing:
         """Two by two panels, or a row per norm and a column per part."""
@@ -60,8 +61,7 @@ class Paper(OverTime):
             look = line_style(ensemble.index)
             times = runs.times(ensemble)
             axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
-            if self.bands == "quantiles":
-                draw_band(axes, times, values, look["color"], ensemble.label)
+            draw_band(axes, times, values, self.bands, look["color"], ensemble.label)
         scale_norm(axes, log=self.log and not signal.startswith("torque_norm"))
         (symbol,) = (symbol for norm, symbol in SYMBOLS.items() if signal.startswith(norm))
         name_scale(axes, quantity(symbol, runs.unit(signal)))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.curves import band_look, draw_band
+from eqt_cli.plots.curves import BAND_NAMES, Bands, band_look, draw_band
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import component, quantity
 from eqt_cli.plots.layout import add_legend, add_title, hide_scale, name_scale, share_scale, sheet
@@ -34,12 +34,13 @@ class Torque(OverTime):
     Attributes
     ----------
     bands
-        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs.
+        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, ``bootstrap``
+        the 95 % interval of the mean at each time.
     """
 
     name: ClassVar[str] = "torque"
 
-    bands: Literal["none", "quantiles"] = "quantiles"
+    bands: Bands = "quantiles"
 
     def compose(self, runs: GoodRuns, width: Width) -> Drawing:
         """Axes downwards with a scale each, controllers to the right."""
@@ -72,14 +73,13 @@ class Torque(OverTime):
     def _fill(self, axes: Axes, times: Array, values: Array, desired: Array, colour: str) -> None:
         axes.plot(times, values.mean(axis=0), color=colour, label="mean")
         axes.plot(times, desired, label="desired", **_DESIRED)
-        if self.bands == "quantiles":
-            draw_band(axes, times, values, colour, "of runs")
+        draw_band(axes, times, values, self.bands, colour, "of runs")
 
     def _add_legend(self, drawing: Drawing) -> None:
         handles: dict[str, Artist] = {
             "mean": Line2D([], [], color=_ANY),
             r"$\tau_d$": Line2D([], [], **_DESIRED),
         }
-        if self.bands == "quantiles":
-            handles["10–90 % of runs"] = Patch(**band_look(_ANY))
+        if self.bands in BAND_NAMES:
+            handles[BAND_NAMES[self.bands]] = Patch(**band_look(_ANY))
         add_legend(drawing, list(handles.values()), list(handles))

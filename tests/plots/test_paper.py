@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgba
+from scipy.stats import bootstrap
 
 from eqt_cli.plots.paper import Paper
 
@@ -128,3 +129,17 @@ def test_chosen_controllers_keep_their_looks(chosen, so3, opened):
     for label, line in zip(shown, drawing.axes[0].lines, strict=True):
         assert to_rgba(line.get_color()) == to_rgba(every[label].get_color())
         np.testing.assert_array_equal(line.get_ydata(), every[label].get_ydata())
+
+
+def test_bootstrap_bands_are_the_intervals_of_the_means(so3, opened):
+    """Against SciPy's own bootstrap, whose resamples and correction for small n differ."""
+    results = opened(so3)
+    axes = Paper(bands="bootstrap", controllers=["gt"]).draw([results]).axes[0]
+    corners = axes.collections[0].get_paths()[0].vertices
+    found = corners[np.isclose(corners[:, 0], 2.0)][:, 1]
+    values = results["pose_error"][1, :, 20]
+    other = bootstrap((values,), np.mean, n_resamples=9999, random_state=1).confidence_interval
+    mean = values.mean()
+    assert found.min() < mean < found.max()
+    # Expanded by sqrt(6/5) t_5 / z = 1.44 for 6 runs; the rest is the noise of 2000 resamples.
+    assert 1.1 < (found.max() - found.min()) / (other.high - other.low) < 1.8

@@ -89,7 +89,8 @@ def test_options_come_as_data():
         (
             "paper",
             {"bands": "some"},
-            "figure 'paper', option 'bands': got 'some'; expected 'none' or 'quantiles'",
+            "figure 'paper', option 'bands': got 'some'; "
+            "expected 'none', 'quantiles' or 'bootstrap'",
         ),
         ("paper", {"log": 1}, "figure 'paper', option 'log': got 1; expected a valid boolean"),
         (
