@@ -17,12 +17,16 @@ from eqt_cli.plots.layout import add_legend, add_title
 from eqt_cli.plots.style import WIDTHS, Width, line_style
 from eqt_cli.plots.swept import Axis, Swept, described, mean_over_runs
 
+_LABEL = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
 
 
 @dataclass(frozen=True)
 class SweepFigure(OfSweep):
     """A metric over the swept keys: curves with bands for one key, heat maps for two.
+
+    Where the sweep is over the options of a law, points at which it is a law with a name of its own
+    carry that name.
 
     Attributes
     ----------
@@ -58,6 +62,8 @@ class SweepFigure(OfSweep):
             style = line_style(position)
             mean = mean_over_runs(found)
             lines += panel.plot(axis.values[order], mean, marker=".", label=title, **style)
+            for point, law in swept.laws(k).items():
+                _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
             low, high = np.nanquantile(found, BAND, axis=-1)
             look = band_look(style["color"])
             panel.fill_between(axis.values[order], low, high, label=title, **look)
@@ -78,16 +84,26 @@ class SweepFigure(OfSweep):
         for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
             grid = np.full((len(up), len(across)), np.nan)
             rows = np.searchsorted(up, axes[1].values)
-            grid[rows, np.searchsorted(across, axes[0].values)] = means[:, index]
+            columns = np.searchsorted(across, axes[0].values)
+            grid[rows, columns] = means[:, index]
             image = panel.pcolormesh(
                 np.arange(len(across)), np.arange(len(up)), grid, vmin=low, vmax=high
             )
+            for point, law in swept.laws(index).items():
+                _name(panel, columns[point], rows[point], law)
             add_title(panel, title, WIDTHS[width] / count)
             _levels(panel, "x", across, axes[0])
             if index == 0:
                 _levels(panel, "y", up, axes[1])
         drawing.colorbar(image, ax=list(panels), label=free_text(label, 36))
         return drawing
+
+
+def _name(panel: Axes, x: float, y: float, law: str) -> None:
+    """Write a law's name at its point."""
+    panel.annotate(
+        free_text(law, 12), (x, y), ha="center", va="center", fontsize="small", bbox=_LABEL
+    )
 
 
 def _scale(panel: Axes, axis: Axis, direction: str) -> None:
@@ -103,6 +119,7 @@ def _levels(panel: Axes, direction: str, levels: Array, axis: Axis) -> None:
     """Number the cells of a map; at most about six are written."""
     step = max(1, len(levels) // 6)
     shown = range(0, len(levels), step)
-    texts = [axis.ticks.get(float(levels[k]), f"{levels[k]:.3g}") for k in shown]
+    numbers = [f"{levels[k]:.3g}".replace("-", "−") for k in shown]
+    texts = [axis.ticks.get(float(levels[k]), text) for k, text in zip(shown, numbers, strict=True)]
     panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
     panel.set(**{f"{direction}label": axis.key})

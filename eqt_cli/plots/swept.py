@@ -13,6 +13,9 @@ from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.plots.ensembles import error, positions, title_of
 from eqt_cli.store.reader import Results
 
+LAW = "law"
+"""The variable that names the laws of a sweep over the controllers' options."""
+
 
 @dataclass(frozen=True)
 class Axis:
@@ -113,6 +116,16 @@ class Swept:
             raise self.error(f"finds no metric '{name}'{hint}")
         status, values = self.results["status"], self.results[name].astype(float)
         return np.where(status == 0, values, np.nan)[:, self.controllers]
+
+    def laws(self, shown: int) -> dict[int, str]:
+        """The points where a controller, the n-th of those shown, is a law with a name of its own.
+
+        Empty where the sweep is not over the controllers' options.
+        """
+        if not self.results.has(LAW):
+            return {}
+        names = self.results.read(LAW, controller=self.controllers[shown])
+        return {int(point): title_of(str(names[point])) for point in np.flatnonzero(names != "")}
 
     def notes(self) -> list[str]:
         """What a reader must know about the runs that are not shown."""
