@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.core.arrays import Array, times, transpose
 from eqt_cli.groups import MatrixLieGroup
 
 
@@ -19,7 +19,7 @@ def potential(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
         Pose, or pose error.
     """
     D = Q - G.identity
-    return (D * (D @ K)).sum(axis=(-2, -1)) / 2
+    return (D * times(D, K)).sum(axis=(-2, -1)) / 2
 
 
 def gradient(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
@@ -27,7 +27,7 @@ def gradient(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
 
     On SO(3) it is (K Q − Qᵀ K)^∨, Hampsey et al. (2025), eq. (13).
     """
-    return G.contract(transpose(Q) @ ((Q - G.identity) @ K))
+    return G.contract(transpose(Q) @ times(Q - G.identity, K))
 
 
 def hessian_at_identity(G: MatrixLieGroup, K: Array) -> Array:
