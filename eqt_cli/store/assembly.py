@@ -46,11 +46,28 @@ class Assembly:
     Parameters
     ----------
     file
-        The open HDF5 file, which holds its variables already.
+        The open HDF5 file, or a group of it, which holds its variables already.
+    compression
+        Of groups to come.
     """
 
-    def __init__(self, file: Any) -> None:
-        self._file = file
+    def __init__(self, file: Any, compression: Literal["gzip"] | None = None) -> None:
+        self._file, self._compression = file, compression
+
+    def group(
+        self,
+        name: str,
+        sizes: Mapping[str, int],
+        coordinates: Mapping[str, Variable],
+        blanks: Mapping[str, Blank],
+    ) -> Assembly:
+        """Add a group with dimensions and variables of its own, as `assemble` does for the file."""
+        creation = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
+        creation.set_obj_track_times(False)
+        creation.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
+        group = h5py.Group(h5py.h5g.create(self._file.id, name.encode(), gcpl=creation))
+        _add_blanks(group, sizes, coordinates, blanks, self._compression)
+        return Assembly(group, self._compression)
 
     def put(self, name: str, data: NDArray[Any], positions: tuple[int | slice, ...] = ()) -> None:
         """Write part of a variable: at `positions` along its first axes, all of the others."""
@@ -59,7 +76,7 @@ class Assembly:
             self._file[name][positions] = data
 
     def describe(self, attributes: Mapping[str, Attribute]) -> None:
-        """Add attributes of the whole."""
+        """Add attributes of the file, or of the group."""
         set_attributes(self._file, attributes)
 
 
@@ -93,16 +110,26 @@ def assemble(
     """
     with created(path) as file:
         file.attrs[FORMAT_ATTRIBUTE] = FORMAT
-        extra = add_scales(file, sizes, coordinates)
-        for name, blank in blanks.items():
-            shape = tuple(sizes[dim] for dim in blank.dims)
-            dtype = h5py.string_dtype("utf-8") if blank.dtype is None else blank.dtype
-            options: dict[str, Any] = {}
-            if compression and blank.dtype is not None and shape and 0 not in shape:
-                options = compressed(shape, blank.dtype)
-            dataset = file.create_dataset(name, shape=shape, dtype=dtype, **options)
-            if blank.dtype is None and 0 not in shape:
-                dataset[(0,) * len(shape)] = ""  # so that the dataset takes its room
-            set_attributes(dataset, blank.attributes)
-            attach(file, dataset, blank.dims, extra)
-        yield Assembly(file)
+        _add_blanks(file, sizes, coordinates, blanks, compression)
+        yield Assembly(file, compression)
+
+
+def _add_blanks(
+    owner: Any,
+    sizes: Mapping[str, int],
+    coordinates: Mapping[str, Variable],
+    blanks: Mapping[str, Blank],
+    compression: Literal["gzip"] | None,
+) -> None:
+    extra = add_scales(owner, sizes, coordinates)
+    for name, blank in blanks.items():
+        shape = tuple(sizes[dim] for dim in blank.dims)
+        dtype = h5py.string_dtype("utf-8") if blank.dtype is None else blank.dtype
+        options: dict[str, Any] = {}
+        if compression and blank.dtype is not None and shape and 0 not in shape:
+            options = compressed(shape, blank.dtype)
+        dataset = owner.create_dataset(name, shape=shape, dtype=dtype, **options)
+        if blank.dtype is None and 0 not in shape:
+            dataset[(0,) * len(shape)] = ""  # so that the dataset takes its room
+        set_attributes(dataset, blank.attributes)
+        attach(owner, dataset, blank.dims, extra)

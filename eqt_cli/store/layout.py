@@ -19,6 +19,12 @@ FILE_NAME = "results.h5"
 PLACEHOLDER = "This is a netCDF dimension but not a netCDF variable."
 """How netCDF-4 labels the scale of a dimension that has a size but no coordinate values."""
 
+POINT = "point"
+"""The dimension along which a sweep has its points."""
+
+POINT_GROUP = re.compile(r"point_(0|[1-9][0-9]*)")
+"""The groups of a sweep whose points differ in shape: one for each, and no others."""
+
 COORDINATES = "coordinates"
 """The CF attribute that names the further coordinates of a variable, separated by blanks."""
 
@@ -38,3 +44,8 @@ RESERVED = frozenset(
     }
 )
 """Attribute names that carry the structure of the file; they are never a user's attributes."""
+
+
+def point_group(point: int) -> str:
+    """The name of the group of a point."""
+    return f"{POINT}_{point}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import operator
 import stat
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from eqt_cli.core.errors import ResultError, suggestion
 from eqt_cli.store import safety
-from eqt_cli.store.layout import FILE_NAME, FORMAT, FORMAT_ATTRIBUTE
+from eqt_cli.store.layout import FILE_NAME, FORMAT, FORMAT_ATTRIBUTE, POINT
 from eqt_cli.store.variables import Attribute
 
 Selection = int | slice | Sequence[int] | NDArray[np.integer[Any]]
@@ -78,14 +79,25 @@ class Results:
             # No locks: result files never change, and some network disks refuse to lock.
             self._file = stack.enter_context(_opened(path))
             _check_format(path, safety.format_of(self._file))
-            contents = safety.inspect(self._file, self._view)
+            checked = safety.inspect(self._file, self._view)
             self._open = stack.pop_all()
-        self.attributes: Mapping[str, Attribute] = _Attributes(path, contents.attributes)
-        self.dimensions: Mapping[str, int] = MappingProxyType(contents.dimensions)
-        self.coordinates = tuple(k for k in contents.entries if k in contents.coordinates)
-        self.names = tuple(k for k in contents.entries if k not in contents.coordinates)
-        self._entries = contents.entries
-        self._heaps = contents.heaps
+        self._root, self._points, self._heaps = checked.root, checked.points, checked.heaps
+        self.attributes: Mapping[str, Attribute] = _Attributes(path, checked.root.attributes)
+        self._show(checked.root)
+
+    def _show(self, contents: safety.Contents, fixed: Mapping[str, int] | None = None) -> None:
+        """Be about the root or a group, at a position along the `fixed` dimensions."""
+        self._fixed = fixed or {}
+        self._entries = {
+            name: entry
+            for name, entry in contents.entries.items()
+            if not (self._fixed and set(entry.dims) <= set(self._fixed))
+        }
+        self.dimensions: Mapping[str, int] = MappingProxyType(
+            {dim: size for dim, size in contents.dimensions.items() if dim not in self._fixed}
+        )
+        self.coordinates = tuple(k for k in self._entries if k in contents.coordinates)
+        self.names = tuple(k for k in self._entries if k not in contents.coordinates)
 
     def __enter__(self) -> Self:
         return self
@@ -101,6 +113,50 @@ class Results:
     def close(self) -> None:
         """Close the file; nothing can be read from it afterwards."""
         self._open.close()
+
+    # One point of a sweep.
+
+    def at(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
+        """One point of a sweep, as the result of a single experiment.
+
+        It has no dimension ``point`` and no swept keys, and what differs in shape between points is
+        that of this one. Both read from one file: closing one closes the other.
+
+        Parameters
+        ----------
+        point
+            Counted from 0.
+        attributes
+            What is to be said of this point instead of the whole.
+
+        Raises
+        ------
+        ResultError
+            If there is no such point.
+        """
+        points = self.dimensions.get(POINT)
+        if points is None:
+            raise ResultError(
+                f"{self.path}: is no sweep, so it has no point to choose; leave it out"
+            )
+        if not 0 <= point < points:
+            raise ResultError(f"{self.path}: has no point {point}; choose one of 0 to {points - 1}")
+        view = copy.copy(self)
+        told = dict(self.attributes)
+        if self._points:
+            told |= self._points[point].attributes
+            view._show(self._points[point])
+        else:
+            view._show(self._root, {POINT: point})
+        view.attributes = _Attributes(self.path, told | dict(attributes or {}))
+        return view
+
+    @property
+    def has_groups(self) -> bool:
+        """Whether the points differ in shape, so that each has its arrays in a group."""
+        return bool(self._points) and POINT in self.dimensions
+
+    # Reading.
 
     def has(self, name: str) -> bool:
         """Whether the file holds a variable or coordinate of this name."""
@@ -135,15 +191,19 @@ class Results:
         ResultError
             If there is no such variable, dimension or position, or its data are damaged.
         """
-        entry = self._entry(name)
+        entry, dims = self._entry(name), self.dims(name)
         for dim in selection:
-            if dim not in entry.dims:
+            if dim not in dims:
                 raise ResultError(
                     f"{self.path}: '{name}' has no dimension '{dim}'"
-                    f"{suggestion(dim, entry.dims)}; its dimensions are: {', '.join(entry.dims)}"
+                    f"{suggestion(dim, dims)}; its dimensions are: {', '.join(dims)}"
                 )
         wanted = [
-            _positions(f"{self.path}: '{name}': {dim}", selection.get(dim), self.dimensions[dim])
+            self._fixed[dim]
+            if dim in self._fixed
+            else _positions(
+                f"{self.path}: '{name}': {dim}", selection.get(dim), self.dimensions[dim]
+            )
             for dim in entry.dims
         ]
         if not self._file:
@@ -156,7 +216,7 @@ class Results:
 
     def dims(self, name: str) -> tuple[str, ...]:
         """The dimensions of a variable or coordinate, one per axis."""
-        return self._entry(name).dims
+        return tuple(dim for dim in self._entry(name).dims if dim not in self._fixed)
 
     def units(self, name: str) -> str:
         """The units of a variable or coordinate; empty if the file says none."""

@@ -1,7 +1,8 @@
 """Checks on an untrusted HDF5 file before any of its data are read; it must not read data itself.
 
 HDF5 lets a file point elsewhere and declare sizes that it does not hold. Only what eqt's own files
-need is let through: datasets directly in the root, of numbers or strings, each in bytes of its own.
+need is let through: datasets of numbers or strings, each in bytes of its own, directly in the root
+or in one group for each point of a sweep.
 """
 
 from __future__ import annotations
@@ -16,7 +17,16 @@ import h5py
 import numpy as np
 
 from eqt_cli.store.heaps import BrokenHeapError, read_heaps
-from eqt_cli.store.layout import COORDINATES, FORMAT_ATTRIBUTE, NAME, PLACEHOLDER, RESERVED
+from eqt_cli.store.layout import (
+    COORDINATES,
+    FORMAT_ATTRIBUTE,
+    NAME,
+    PLACEHOLDER,
+    POINT,
+    POINT_GROUP,
+    RESERVED,
+    point_group,
+)
 from eqt_cli.store.variables import Attribute
 
 _LINKS = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
@@ -45,12 +55,20 @@ class Entry:
 
 @dataclass(frozen=True)
 class Contents:
-    """What a checked file holds; `entries` and `dimensions` are in the order of writing."""
+    """What a checked file, or a group, holds; entries and dimensions in the order of writing."""
 
     entries: dict[str, Entry]
     coordinates: set[str]
     dimensions: dict[str, int]
     attributes: dict[str, Attribute]
+
+
+@dataclass(frozen=True)
+class Checked:
+    """A file that passed the checks: its root, the groups of its points, its heaps of strings."""
+
+    root: Contents
+    points: list[Contents]
     heaps: dict[int, dict[int, int]]
 
 
@@ -64,21 +82,37 @@ def format_of(file: Any) -> int | None:
     return int(file.attrs[FORMAT_ATTRIBUTE])
 
 
-def inspect(file: Any, view: mmap) -> Contents:
+def inspect(file: Any, view: mmap) -> Checked:
     """Check an open file, whose bytes are `view`: its structure, its heaps, its attributes."""
     size = len(view)
     version, offset_bytes, length_bytes = view[8:11]
     if version not in (2, 3) or (offset_bytes, length_bytes) != (8, 8):
         raise Refusal("it has an HDF5 layout without checksums")
     root = h5py.h5g.open(file.id, b"/")
-    datasets = {raw.decode(): _dataset(root, raw) for raw in list(root)}
-    heaps = _heaps(datasets, view)
+    groups = _groups(root)
+    inside = {raw for raw, _ in groups}
+    datasets = _datasets(root, [raw for raw in root if raw not in inside], "")
+    by_group = [_datasets(group, list(group), raw.decode() + "/") for raw, group in groups]
+    heaps = _heaps([data for scope in (datasets, *by_group) for data in scope.values()], view)
+    contents = _contents(file, datasets, size)
+    if groups and contents.dimensions.get(POINT) != len(groups):
+        raise Refusal(f"it has {len(groups)} groups of points, and another number of points")
+    points = [
+        _contents(h5py.Group(group), within, size)
+        for (_, group), within in zip(groups, by_group, strict=True)
+    ]
+    return Checked(contents, points, heaps)
+
+
+def _contents(owner: Any, datasets: Mapping[str, Any], size: int) -> Contents:
+    """Check what belongs together: the datasets of the root, or of one group."""
     labels = {name: _scale_label(dataset, size) for name, dataset in datasets.items()}
     scales = [name for name, label in labels.items() if label]
     stored = {k: v for k, v in datasets.items() if not labels[k].startswith(PLACEHOLDER)}
     for name, dataset in stored.items():
         if prod(dataset.shape) and not dataset.id.get_storage_size():
-            raise Refusal(f"'{name}' has the shape {dataset.shape} and holds no data")
+            where = dataset.name[1:]
+            raise Refusal(f"'{where}' has the shape {dataset.shape} and holds no data")
     dims = _dimensions(datasets, scales)
     further = " ".join(
         str(attribute(dataset, COORDINATES, size))
@@ -92,14 +126,13 @@ def inspect(file: Any, view: mmap) -> Contents:
         },
         coordinates={*scales, *further.split()},
         dimensions={name: len(datasets[name]) for name in scales},
-        attributes=attributes_of(file, size),
-        heaps=heaps,
+        attributes=attributes_of(owner, size),
     )
 
 
-def _heaps(datasets: Mapping[str, Any], view: mmap) -> dict[int, dict[int, int]]:
+def _heaps(datasets: Iterable[Any], view: mmap) -> dict[int, dict[int, int]]:
     """Find where the datasets are, and the heaps of strings between them."""
-    spans = [span for name, data in datasets.items() for span in _spans(name, data, len(view))]
+    spans = [span for data in datasets for span in _spans(data.name[1:], data, len(view))]
     gaps, position = [], 0
     for begin, end in sorted(spans):
         if begin < position:
@@ -147,18 +180,39 @@ def _is_number(kind: Any) -> bool:
     return bool(kind.get_class() in (h5py.h5t.INTEGER, h5py.h5t.FLOAT) and kind.get_size() <= 8)
 
 
-def _dataset(root: Any, raw: bytes) -> Any:
-    """Open one dataset without following anything that leads out of the file."""
+def _groups(root: Any) -> list[tuple[bytes, Any]]:
+    """Open the groups of the points, which are all that the root may hold besides datasets."""
+    found = {}
+    for raw in list(root):
+        if POINT_GROUP.fullmatch(raw.decode()) and _kind(root, raw, "") == h5py.h5o.TYPE_GROUP:
+            found[raw] = h5py.h5g.open(root, raw)
+    names = [point_group(k).encode() for k in range(len(found))]
+    if set(names) != set(found):
+        raise Refusal("its groups of points are not numbered from 0")
+    return [(name, found[name]) for name in names]
+
+
+def _kind(parent: Any, raw: bytes, path: str) -> int:
+    """What a name stands for, without following anything that leads out of the file."""
     name = raw.decode()
     if not NAME.fullmatch(name):
-        raise Refusal(f"it holds something called {name!r}")
-    link = root.links.get_info(raw).type
+        raise Refusal(f"it holds something called {path + name!r}")
+    link = parent.links.get_info(raw).type
     if link != h5py.h5l.TYPE_HARD:
-        raise Refusal(f"'{name}' is {_LINKS.get(link, 'an unknown kind of link')}")
-    kind = h5py.h5o.get_info(root, raw).type
+        raise Refusal(f"'{path}{name}' is {_LINKS.get(link, 'an unknown kind of link')}")
+    return int(h5py.h5o.get_info(parent, raw).type)
+
+
+def _datasets(parent: Any, names: Iterable[bytes], path: str) -> dict[str, Any]:
+    """Open what must all be datasets; `path` is where they are."""
+    return {raw.decode(): _dataset(parent, raw, path) for raw in names}
+
+
+def _dataset(parent: Any, raw: bytes, path: str) -> Any:
+    kind, name = _kind(parent, raw, path), path + raw.decode()
     if kind != h5py.h5o.TYPE_DATASET:
         raise Refusal(f"'{name}' is {_OBJECTS.get(kind, 'an unknown kind of object')}")
-    identifier = h5py.h5d.open(root, raw)
+    identifier = h5py.h5d.open(parent, raw)
     creation = identifier.get_create_plist()
     # First of all: asking a virtual dataset even for its shape may open other files.
     if creation.get_layout() == h5py.h5d.VIRTUAL:
@@ -230,6 +284,7 @@ def _dimensions(datasets: Mapping[str, Any], scales: Iterable[str]) -> dict[str,
 
     The datasets say it too, but through references in a heap, which would have to be followed.
     """
+    # Of these datasets only, so that what is in one group means nothing to another.
     names = {h5py.h5o.get_info(dataset.id).addr: name for name, dataset in datasets.items()}
     dims = {name: [""] * dataset.ndim for name, dataset in datasets.items()}
     for scale in scales:
@@ -237,16 +292,15 @@ def _dimensions(datasets: Mapping[str, Any], scales: Iterable[str]) -> dict[str,
         for address, axis in _attached(datasets[scale]):
             name = names.get(address, "")
             if not name or axis >= len(dims[name]) or dims[name][axis]:
-                raise Refusal(f"'{scale}' is attached where it cannot be")
+                raise Refusal(f"'{datasets[scale].name[1:]}' is attached where it cannot be")
             dims[name][axis] = scale
     for name, dataset in datasets.items():
         for dim, length in zip(dims[name], dataset.shape, strict=True):
             if not dim:
-                raise Refusal(f"'{name}' has an axis without a dimension")
+                raise Refusal(f"'{dataset.name[1:]}' has an axis without a dimension")
             if datasets[dim].shape != (length,):
-                raise Refusal(
-                    f"'{name}' has {length} entries along '{dim}', which has {len(datasets[dim])}"
-                )
+                has = f"{length} entries along '{dim}', which has {len(datasets[dim])}"
+                raise Refusal(f"'{dataset.name[1:]}' has {has}")
     return {name: tuple(words) for name, words in dims.items()}
 
 
