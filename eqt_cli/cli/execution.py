@@ -62,7 +62,7 @@ def run_study(
 
     out = out or Path("results") / study.name
     try:
-        with progress(study.plan.total, quiet=quiet) as advance:
+        with progress(study.plans.total, quiet=quiet) as advance:
             outcome = execute(
                 study,
                 out,
@@ -93,9 +93,9 @@ def _interrupted(study: Study, out: Path) -> Exception:
     from eqt_cli.experiment.folder import ResultFolder
 
     parts = ResultFolder(out).parts.listed()
-    done = sum(study.plan.runs_of(number) for number in parts if number < len(study.plan))
+    done = sum(study.plans.runs_of(number) for number in parts if number < len(study.plans))
     return InterruptedRun(
-        f"interrupted; {done} of {study.plan.total} runs are kept in {out}: "
+        f"interrupted; {done} of {study.plans.total} runs are kept in {out}: "
         "run the same command again to continue, or with --force to start over"
     )
 

@@ -7,8 +7,12 @@ that results do not depend on who computes which part, or when.
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from itertools import accumulate
+from typing import Any, Self
 
 import numpy as np
 
@@ -126,3 +130,47 @@ class Plan:
     def runs_of(self, number: int) -> int:
         """The number of runs of a part."""
         return len(self.part(number))
+
+
+@dataclass(frozen=True)
+class Plans:
+    """The parts of several plans, numbered through."""
+
+    plans: tuple[Plan, ...]
+
+    def __len__(self) -> int:
+        return self._ends[-1]
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        return list(accumulate(len(plan) for plan in self.plans))
+
+    @property
+    def total(self) -> int:
+        """The number of runs of all plans."""
+        return sum(plan.total for plan in self.plans)
+
+    def first(self, index: int) -> int:
+        """The number of the first part of a plan."""
+        return self._ends[index - 1] if index else 0
+
+    def where(self, number: int) -> tuple[int, int]:
+        """The plan that a part belongs to, and its number there."""
+        index = bisect_right(self._ends, number)
+        return index, number - self.first(index)
+
+    def runs_of(self, number: int) -> int:
+        """The number of runs of a part."""
+        index, inner = self.where(number)
+        return self.plans[index].runs_of(inner)
+
+    @property
+    def data(self) -> Any:
+        """The plans as JSON can hold them: one by itself, or a list."""
+        listed = [asdict(plan) for plan in self.plans]
+        return listed[0] if len(listed) == 1 else listed
+
+    @classmethod
+    def of_data(cls, data: Any) -> Self:
+        """The plans that `data` tells of; raises TypeError for what it cannot tell of."""
+        return cls(tuple(Plan(**entry) for entry in (data if isinstance(data, list) else [data])))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -81,6 +81,15 @@ def cross_check(study: Study, found: dict[str, Array]) -> CrossCheck | None:
     largest = float(differences.max()) if len(differences) else float("nan")
     bound = BOUND_PER_RTOL * study.base.engine.rtol
     return CrossCheck(method, len(chosen), largest, bound)
+
+
+def together(checks: Sequence[CrossCheck | None]) -> CrossCheck | None:
+    """The checks of several pieces as one: all of their runs, and the worst of the differences."""
+    done = [check for check in checks if check is not None]
+    if not done:
+        return None
+    worst = max(done, key=lambda check: np.nan_to_num(check.difference / check.bound, nan=-1.0))
+    return replace(worst, runs=sum(check.runs for check in done))
 
 
 def _differences(

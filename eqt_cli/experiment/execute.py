@@ -6,7 +6,7 @@ import shutil
 import time
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -15,8 +15,9 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.ensemble.executors import MOST_TRIES, Executor
 from eqt_cli.ensemble.executors.serial import Serial
 from eqt_cli.experiment.folder import ResultFolder
+from eqt_cli.experiment.frame import described
 from eqt_cli.experiment.lock import LOCK, locked
-from eqt_cli.experiment.pack import BrokenPart, described, pack
+from eqt_cli.experiment.pack import BrokenPart, pack
 from eqt_cli.experiment.provenance import provenance
 from eqt_cli.experiment.rerun import patch, rerun_of
 from eqt_cli.experiment.study import Study
@@ -106,7 +107,7 @@ def execute(
     if complete:
         failed = int((folder.manifest or {}).get("failed", 0))
         if not (rerun_failed and failed):
-            return Outcome(folder, True, [], study.plan.total, failed)
+            return Outcome(folder, True, [], study.plans.total, failed)
     with ExitStack() as locks:
         locks.enter_context(locked(out, shared=shard is not None))
         if shard:
@@ -132,12 +133,12 @@ def pack_folder(study: Study, out: Path) -> Outcome:
     folder = ResultFolder(out)
     if folder.is_complete(study):
         failed = int((folder.manifest or {}).get("failed", 0))
-        return Outcome(folder, True, [], study.plan.total, failed)
+        return Outcome(folder, True, [], study.plans.total, failed)
     with locked(out):
-        missing = len(study.plan) - len(folder.parts.listed())
+        missing = len(study.plans) - len(folder.parts.listed())
         if missing:
             raise EqtError(
-                f"{out}: {missing} of {len(study.plan)} parts are missing; run every shard to its "
+                f"{out}: {missing} of {len(study.plans)} parts are missing; run every shard to its "
                 "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
             )
         return _Execution(study, folder, Serial()).run(False, None)
@@ -154,7 +155,7 @@ class _Execution:
     ) -> None:
         self.study, self.folder, self.executor = study, folder, executor
         self.progress, self.resumed = progress, resumed
-        self.plan, self.files = study.plan, folder.parts
+        self.plan, self.files = study.plans, folder.parts
         self.work = Work(study, self.files)
         self.seconds: dict[str, float] = {}
 
@@ -236,9 +237,9 @@ class _Execution:
             "name": study.name,
             "digest": study.digest,
             "points": len(study) if study.sweep else None,
-            "runs": self.plan.runs,
+            "runs": study.base.config.ensemble.runs,
             "controllers": list(study.base.loops),
-            "plan": asdict(self.plan),
+            "plan": self.plan.data,
             "config": study.numeric_config,
             "provenance": provenance(study.source.folder),
             "begun": earlier["begun"] if same and "begun" in earlier else _now(),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +112,7 @@ class ResultFolder:
                 + "\n".join(f"  {line}" for line in keys)
                 + "\nchoose another folder with --out, or replace it with --force"
             )
-        if begun and not force and (manifest or {}).get("plan") != asdict(study.plan):
+        if begun and not force and (manifest or {}).get("plan") != study.plans.data:
             raise EqtError(
                 f"{self.path}: holds parts that another version of eqt has cut differently; "
                 "finish with that version, or start over with --force"

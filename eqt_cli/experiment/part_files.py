@@ -11,8 +11,6 @@ from eqt_cli.experiment.listing import PART_NAME, Entry, finished_parts, part_na
 from eqt_cli.store.variables import Table
 from eqt_cli.store.writer import write
 
-REFERENCE = "reference.h5"
-
 _PROCESS = uuid4().hex[:8]
 """Keeps the unfinished files of processes on several machines apart."""
 
@@ -23,10 +21,9 @@ class PartFiles:
 
     folder: Path
 
-    @property
-    def reference(self) -> Path:
-        """The file of the reference that all runs share."""
-        return self.folder / REFERENCE
+    def reference(self, piece: int = 0) -> Path:
+        """The file of the reference that all runs of a piece share."""
+        return self.folder / (f"reference-{piece}.h5" if piece else "reference.h5")
 
     def listed(self) -> dict[int, Entry]:
         """The finished parts, by number."""
@@ -36,9 +33,9 @@ class PartFiles:
         """Write a finished part, which appears complete or not at all."""
         write(self.folder / part_name(number, failed), table, tag=f"{_PROCESS}-{os.getpid()}")
 
-    def save_reference(self, table: Table) -> None:
-        """Write the reference that all runs share."""
-        write(self.reference, table, tag=f"{_PROCESS}-{os.getpid()}")
+    def save_reference(self, piece: int, table: Table) -> None:
+        """Write the reference that all runs of a piece share."""
+        write(self.reference(piece), table, tag=f"{_PROCESS}-{os.getpid()}")
 
     def tidy(self) -> None:
         """Remove what killed processes left unfinished, and parts that better ones replace."""

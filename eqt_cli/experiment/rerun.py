@@ -12,7 +12,7 @@ from eqt_cli.engines import Status
 from eqt_cli.ensemble.executors import Ways
 from eqt_cli.experiment.compute import compute_alone, compute_part, read_part
 from eqt_cli.experiment.describe import Per
-from eqt_cli.experiment.pack import Frame
+from eqt_cli.experiment.frame import Form, Place, framed
 from eqt_cli.experiment.part_files import PartFiles
 from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.work import Work
@@ -43,15 +43,17 @@ class Rerun:
     whole: frozenset[int]
 
     def __call__(self, item: int, ways: Ways) -> int:
-        study, rows = self.work.study, np.array(self.failed[item])
-        part, shared = study.plan.part(item), self.work.shared
+        rows = np.array(self.failed[item])
+        index, number = self.work.study.plans.where(item)
+        study, shared = self.work.study.piece(index), self.work.shared(index)
+        part = study.plan.part(number)
         if item in self.whole:
             table = compute_part(study, part, shared, ways)
         else:
             table = compute_alone(study, part, rows, shared, ways)
         still = int(np.count_nonzero(table.variables["status"].data))
         where = {ROW: Variable(("entry",), rows)}
-        attributes = {"digest": study.digest}
+        attributes = {"digest": self.work.study.digest}
         self.work.files.save(item, Table({**table.variables, **where}, {}, attributes), still)
         return still
 
@@ -72,32 +74,39 @@ def rerun_of(study: Study, results: Path, folder: Path) -> Rerun:
     whole = []
     with open_results(results) as old:
         status = old["status"]
-    by_controller = status.reshape(-1, *status.shape[-2:]).swapaxes(0, 1)
-    by_controller = by_controller.reshape(study.plan.controllers, -1)
-    for number in range(len(study.plan)):
-        part = study.plan.part(number)
-        found = by_controller[part.controller, part.start : part.stop]
+    status = status.reshape(-1, *status.shape[-2:]).swapaxes(0, 1)
+    by_piece = [status[:, points].reshape(len(status), -1) for points in study.shapes]
+    for item in range(len(study.plans)):
+        index, number = study.plans.where(item)
+        part = study.piece(index).plan.part(number)
+        found = by_piece[index][part.controller, part.start : part.stop]
         if found.any():
-            failed[number] = np.flatnonzero(found).tolist()
+            failed[item] = np.flatnonzero(found).tolist()
         if (found == Status.WORKER_LOST).all():
-            whole.append(number)
+            whole.append(item)
     return Rerun(Work(study, PartFiles(folder)), failed, frozenset(whole))
 
 
 def patch(rerun: Rerun, path: Path) -> int:
     """Replace a result file by one with the new rows; returns how many runs still fail."""
     study = rerun.work.study
-    frame = Frame(study)
-    with open_results(path) as old, frame.assembled(path) as file:
+    with open_results(path) as old, framed(study, path) as frame:
         still = int(np.count_nonzero(old["status"]))
-        for entry in frame.quantities:
-            _copy(file, old, entry.name)
-        for number, listed in rerun.work.files.listed().items():
-            still += listed.failed - len(rerun.failed[number])
+        _copy_all(frame.root, old)
+        for point, group in enumerate(frame.groups):
+            _copy_all(group, old.at(point))
+        for item, listed in rerun.work.files.listed().items():
+            still += listed.failed - len(rerun.failed[item])
+            index, number = study.plans.where(item)
             with open_results(listed.path) as new:
-                _replace(frame, file, number, new)
-        file.describe(old.attributes)
+                _replace(study.piece(index), frame.places[index], number, new)
+        frame.root.describe(old.attributes)
     return still
+
+
+def _copy_all(file: Assembly, old: Results) -> None:
+    for name in old.names:
+        _copy(file, old, name)
 
 
 def _copy(file: Assembly, old: Results, name: str) -> None:
@@ -111,12 +120,12 @@ def _copy(file: Assembly, old: Results, name: str) -> None:
         file.put(name, old.read(name, **{dims[0]: rows}), (rows,))
 
 
-def _replace(frame: Frame, file: Assembly, number: int, new: Results) -> None:
-    plan, study = frame.study.plan, frame.study
+def _replace(study: Study, file: Place, number: int, new: Results) -> None:
+    plan, form = study.plan, Form(study)
     part = plan.part(number)
     points, runs = np.divmod(part.start + new[ROW], plan.runs)
-    found = read_part(new, frame.quantities)
-    for entry in frame.quantities:
+    found = read_part(new, form.quantities)
+    for entry in form.quantities:
         if entry.per not in (Per.RUN, Per.TRAJECTORY):
             continue
         kept: Array = runs < (study.kept if entry.per is Per.TRAJECTORY else plan.runs)

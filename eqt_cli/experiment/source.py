@@ -12,7 +12,7 @@ from eqt_cli.core.errors import ConfigError, EqtError, Problem
 from eqt_cli.experiment import yaml_source
 from eqt_cli.experiment.translate import shown
 from eqt_cli.experiment.yaml_source import Source, dotted
-from eqt_cli.store.reader import open_results
+from eqt_cli.store.reader import Results, open_results
 
 KeyPath = tuple[str | int, ...]
 
@@ -82,11 +82,15 @@ def _name(path: Path) -> str:
 
 def _from_result(path: Path) -> ConfigSource:
     with open_results(path) as results:
-        text = str(results.attributes["config"])
-        plugins = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
-        source = yaml_source.load(text, f"{results.path}[config]")
-        folder = results.path.parent
-    return ConfigSource(source, source.data, folder, stored_plugins=plugins)
+        return source_of(results)
+
+
+def source_of(results: Results) -> ConfigSource:
+    """The configuration inside an open result, with the plugins that it was run with."""
+    text = str(results.attributes["config"])
+    plugins = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
+    source = yaml_source.load(text, f"{results.path}[config]")
+    return ConfigSource(source, source.data, results.path.parent, stored_plugins=plugins)
 
 
 def _apply(config: ConfigSource, override: str, place: str) -> None:

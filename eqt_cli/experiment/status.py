@@ -10,7 +10,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.ensemble.parts import Plan
+from eqt_cli.ensemble.parts import Plans
 from eqt_cli.experiment.listing import MANIFEST, PARTS, RESULTS, finished_parts
 from eqt_cli.experiment.lock import holder
 
@@ -58,7 +58,7 @@ def status_of(path: Path) -> Status | None:
         return None
     try:
         manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
-        plan = Plan(**manifest["plan"])
+        plan = Plans.of_data(manifest["plan"])
         name, begun = str(manifest["name"]), str(manifest["begun"])
     except (OSError, ValueError, TypeError, KeyError):
         return None
@@ -71,7 +71,7 @@ def status_of(path: Path) -> Status | None:
     return Status(name, plan.total, done, failed, begun, writer, rate)
 
 
-def _rate(plan: Plan, paths: dict[int, Path], since: str | None) -> float | None:
+def _rate(plan: Plans, paths: dict[int, Path], since: str | None) -> float | None:
     """Runs per second over the latest parts, of this session if one is under way."""
     start = datetime.fromisoformat(since).timestamp() if since else 0.0
     found = []

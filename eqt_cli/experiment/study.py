@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from hashlib import sha256
@@ -11,10 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.registry import load_plugin
-from eqt_cli.ensemble.parts import MANY_PARTS, Plan
+from eqt_cli.ensemble.designs.zip import Zip
+from eqt_cli.ensemble.parts import MANY_PARTS, Plan, Plans
 from eqt_cli.ensemble.sweep import Sweep
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.source import ConfigSource, parse_key, with_value
+from eqt_cli.experiment.point import at_point, section_of
+from eqt_cli.experiment.source import ConfigSource
 
 MOST_TRAJECTORIES = 10_000
 """Sweeps of more runs than this keep trajectories only if the configuration asks for them."""
@@ -23,6 +26,9 @@ PART_BYTES = 64 * 2**20
 """Size of the states of a part; its signals take a few times as much."""
 
 CACHED_POINTS = 1024
+
+SHAPING = frozenset({"group", "time"})
+"""The sections on which the shapes of arrays, or the sample times, depend."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,13 +104,59 @@ class Study:
 
     @cached_property
     def plan(self) -> Plan:
-        """The cut into parts."""
+        """The cut into parts, where all points have one shape; the sizes hold for any."""
         base, runs = self.base, self.base.config.ensemble.runs
         state_length = next(iter(base.loops.values())).state_length
         most = PART_BYTES // (8 * base.config.time.samples * state_length)
         wanted = max(base.engine.part_runs, self._all_runs // MANY_PARTS)
         size = base.engine.runs_at_once(min(wanted, most))
         return Plan(len(self), runs, len(base.loops), size)
+
+    # Points that differ in shape.
+
+    @cached_property
+    def shapes(self) -> list[tuple[int, ...]]:
+        """The points, those of equal shape together."""
+        keys = self.sweep.keys if self.sweep else ()
+        shaping = [index for index, key in enumerate(keys) if section_of(key) in SHAPING]
+        if self.sweep is None or not shaping:
+            return [tuple(range(len(self)))]
+        found: dict[str, list[int]] = {}
+        for point in range(len(self)):
+            values = self.sweep.values(point)
+            found.setdefault(json.dumps([values[k] for k in shaping]), []).append(point)
+        return [tuple(points) for points in found.values()]
+
+    @property
+    def is_ragged(self) -> bool:
+        """Whether the points differ in shape."""
+        return len(self.shapes) > 1
+
+    def piece(self, index: int) -> Study:
+        """The points of one shape, as a study of its own; the study itself where all have one."""
+        return self._piece(index) if self.is_ragged else self
+
+    @cached_property
+    def _piece(self) -> Callable[[int], Study]:
+        return lru_cache(maxsize=None)(self._cut)
+
+    def _cut(self, index: int) -> Study:
+        assert self.sweep is not None
+        points = self.shapes[index]
+        columns = zip(*map(self.sweep.values, points), strict=True)
+        axes = {key: list(values) for key, values in zip(self.sweep.keys, columns, strict=True)}
+        store = {"store": self.resolved["store"]}  # what is kept is decided for all together
+        source = dataclasses.replace(self.source, data=self.source.data | store)
+        sweep = Sweep([Zip(axes)], [{Zip.name: axes}])
+        piece = Study(source, sweep, self.experiment(points[0]))
+        if "plans" in self.__dict__:
+            piece.__dict__["plan"] = self.plans.plans[index]
+        return piece
+
+    @cached_property
+    def plans(self) -> Plans:
+        """The parts of all pieces."""
+        return Plans(tuple(self.piece(index).plan for index in range(len(self.shapes))))
 
     # Identity.
 
@@ -144,7 +196,7 @@ class Study:
             "source": self.source,
             "sweep": self.sweep,
             "plugins": self.base.plugins,
-            "plan": self.plan,
+            "plans": self.plans,
         }
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -153,34 +205,7 @@ class Study:
             load_plugin(Path(path), text)
         first = at_point(source, state["sweep"], 0)
         base = build(first, trust_plugins=True)
-        kept = {"sweep": state["sweep"], "plan": state["plan"]}
+        kept = {"sweep": state["sweep"], "plans": state["plans"]}
         self.__dict__.update(source=source, base=base, **kept)
-
-
-def at_point(source: ConfigSource, sweep: Sweep | None, point: int) -> ConfigSource:
-    """The configuration at a point of a sweep.
-
-    Raises
-    ------
-    ConfigError
-        If a swept key leads nowhere.
-    """
-    if sweep is None:
-        return source
-    data, overrides = source.data, dict(source.overrides)
-    for key, value in sweep.point(point).items():
-        place = source.place(("sweep", *sweep.place(point, key)))
-        path = _path(key)
-        data = with_value(data, path, value, place)
-        overrides[path] = place
-    return dataclasses.replace(source, data=data, overrides=overrides)
-
-
-def section_of(key: str) -> str:
-    """The section that a dotted key is in."""
-    return str(_path(key)[0])
-
-
-@lru_cache(maxsize=256)
-def _path(key: str) -> tuple[str | int, ...]:
-    return parse_key(key, "")
+        if not self.is_ragged:
+            self.__dict__["plan"] = self.plans.plans[0]

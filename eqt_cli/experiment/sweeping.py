@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any
 
 from eqt_cli.core.errors import ConfigError, EqtError, Problem
 from eqt_cli.ensemble.sweep import Sweep
 from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.point import at_point, section_of, without_sweep
 from eqt_cli.experiment.problems import Problems
 from eqt_cli.experiment.schema import Config
 from eqt_cli.experiment.source import ConfigSource
-from eqt_cli.experiment.study import Study, at_point, section_of
+from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.yaml_source import parse_value
 
 MOST_PROBLEMS = 20
@@ -20,14 +20,17 @@ MOST_PROBLEMS = 20
 
 FIXED = {
     "name": "names the experiment as a whole",
-    "group": "gives the points results of different shapes",
-    "time": "gives the points sample times of their own",
     "store": "decides what the one result file holds",
     "plugins": "is loaded once",
     "sweep": "is what is being read",
     "task": "gives the points laws of different kinds",
 }
 """Sections that all points share, and why."""
+
+RUNS = (
+    "ensemble.runs cannot be swept: run k starts from the same state however many there are, so "
+    "the first 50 of 200 runs are the ensemble of 50; ask for the most, and choose among them"
+)
 
 
 def add_grids(source: ConfigSource, grids: Sequence[str]) -> None:
@@ -79,9 +82,7 @@ def study(
             f"{source.place(('sweep',))}: the configuration sweeps; "
             f"use: eqt sweep {source.source.name}"
         )
-    bare = dataclasses.replace(
-        source, data={key: value for key, value in source.data.items() if key != "sweep"}
-    )
+    bare = without_sweep(source)
     if section is None or (section == [] and not sweeping):
         return Study(bare, None, build(bare, trust_plugins=trust_plugins))
     sweep = _sweep(source, section)
@@ -106,7 +107,7 @@ def _sweep(source: ConfigSource, section: Any) -> Sweep:
         if name in FIXED:
             problems.add(path, f"{name} cannot be swept: it {FIXED[name]}; run one after the other")
         elif key == "ensemble.runs":
-            problems.add(path, "ensemble.runs cannot be swept: all points have as many runs")
+            problems.add(path, RUNS)
         elif name not in Config.model_fields:
             known = [field for field in Config.model_fields if field not in FIXED]
             problems.add(path, f"unknown key '{key}'; keys are in: {', '.join(known)}")
@@ -142,4 +143,7 @@ def _unlike(experiment: Experiment, base: Experiment) -> str | None:
             f"the controllers are {labels}, and {first} at point 0; "
             "give each a `label` that stays the same"
         )
+    runs, most = experiment.config.ensemble.runs, base.config.ensemble.runs
+    if runs != most:
+        return f"ensemble.runs is {runs}, and {most} at point 0; {RUNS}"
     return None

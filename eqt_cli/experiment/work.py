@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -26,34 +27,44 @@ class Work:
 
     def __call__(self, item: int, ways: Ways) -> int:
         """Compute and save one part; returns how many of its runs failed."""
-        part = self.study.plan.part(item)
-        return self._save(item, compute_part(self.study, part, self.shared, ways))
+        index, number = self.study.plans.where(item)
+        piece = self.study.piece(index)
+        return self._save(
+            item, compute_part(piece, piece.plan.part(number), self.shared(index), ways)
+        )
 
-    def lose(self, number: int, message: str) -> int:
+    def lose(self, item: int, message: str) -> int:
         """Save a part that could not be computed; returns the number of its runs."""
-        return self._save(number, lost_part(self.study, self.study.plan.part(number), message))
+        index, number = self.study.plans.where(item)
+        piece = self.study.piece(index)
+        return self._save(item, lost_part(piece, piece.plan.part(number), message))
 
     def prepare(self) -> None:
-        """Save what all parts need, unless it is there."""
-        if not self.study.desired_varies and not self.files.reference.exists():
-            self.files.save_reference(reference_table(self.study))
+        """Save what all parts of a piece need, unless it is there."""
+        for index in range(len(self.study.shapes)):
+            piece, path = self.study.piece(index), self.files.reference(index)
+            if not piece.desired_varies and not path.exists():
+                self.files.save_reference(index, reference_table(piece))
 
     def runs_of(self, item: int) -> int:
         """The number of runs of a part."""
-        return self.study.plan.runs_of(item)
+        return self.study.plans.runs_of(item)
 
     @cached_property
-    def shared(self) -> Array | None:
-        """The states of the reference that all points share; None where each has its own."""
-        if self.study.desired_varies:
+    def shared(self) -> Callable[[int], Array | None]:
+        """The states of the reference that all points of a piece share; None where each has one."""
+        return lru_cache(maxsize=None)(self._shared)
+
+    def _shared(self, index: int) -> Array | None:
+        if self.study.piece(index).desired_varies:
             return None
-        with open_results(self.files.reference) as results:
+        with open_results(self.files.reference(index)) as results:
             return results.read(REFERENCE_STATES)[0]
 
-    def _save(self, number: int, table: Table) -> int:
+    def _save(self, item: int, table: Table) -> int:
         failed = int(np.count_nonzero(table.variables["status"].data))
         described = Table(table.variables, table.coordinates, {"digest": self.study.digest})
-        self.files.save(number, described, failed)
+        self.files.save(item, described, failed)
         return failed
 
     def __getstate__(self) -> dict[str, Any]:

@@ -109,7 +109,7 @@ def _contents(owner: Any, datasets: Mapping[str, Any], size: int) -> Contents:
     labels = {name: _scale_label(dataset, size) for name, dataset in datasets.items()}
     scales = [name for name, label in labels.items() if label]
     stored = {k: v for k, v in datasets.items() if not labels[k].startswith(PLACEHOLDER)}
-    for name, dataset in stored.items():
+    for dataset in stored.values():
         if prod(dataset.shape) and not dataset.id.get_storage_size():
             where = dataset.name[1:]
             raise Refusal(f"'{where}' has the shape {dataset.shape} and holds no data")

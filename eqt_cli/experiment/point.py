@@ -1,0 +1,82 @@
+"""One point of a sweep: its configuration, and its result; it computes nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import lru_cache
+from pathlib import Path
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.ensemble.sweep import Sweep
+from eqt_cli.experiment.source import ConfigSource, parse_key, source_of, with_value
+from eqt_cli.experiment.yaml_source import dump
+from eqt_cli.store.reader import Results, open_results
+
+
+def at_point(source: ConfigSource, sweep: Sweep | None, point: int) -> ConfigSource:
+    """The configuration at a point of a sweep.
+
+    Raises
+    ------
+    ConfigError
+        If a swept key leads nowhere.
+    """
+    if sweep is None:
+        return source
+    data, overrides = source.data, dict(source.overrides)
+    for key, value in sweep.point(point).items():
+        place = source.place(("sweep", *sweep.place(point, key)))
+        path = path_of(key)
+        data = with_value(data, path, value, place)
+        overrides[path] = place
+    return dataclasses.replace(source, data=data, overrides=overrides)
+
+
+def section_of(key: str) -> str:
+    """The section that a dotted key is in."""
+    return str(path_of(key)[0])
+
+
+@lru_cache(maxsize=256)
+def path_of(key: str) -> tuple[str | int, ...]:
+    """A dotted key as steps."""
+    return parse_key(key, "")
+
+
+def without_sweep(source: ConfigSource) -> ConfigSource:
+    """The same without its section `sweep`."""
+    data = {key: value for key, value in source.data.items() if key != "sweep"}
+    return dataclasses.replace(source, data=data)
+
+
+def open_point(path: Path, point: int | None) -> Results:
+    """Open a result, or one point of a sweep's as the result of a single experiment.
+
+    Raises
+    ------
+    ResultError
+        If there is no such result, or no such point.
+    """
+    results = open_results(path)
+    try:
+        return results if point is None else point_of(results, point)
+    except BaseException:
+        results.close()
+        raise
+
+
+def point_of(results: Results, point: int) -> Results:
+    """One point of an open sweep, with the configuration of that point."""
+    view = results.at(point)
+    attributes = {"title": f"{view.attributes['title']}, point {point}"}
+    if not results.has_groups:  # which have a configuration each
+        attributes["config"] = dump(_config_at(results, point))
+    return results.at(point, attributes)
+
+
+def _config_at(results: Results, point: int) -> dict[str, object]:
+    source = source_of(results)
+    sweep = Sweep.parse(source.data.get("sweep"), lambda path, message: None)
+    if sweep is None or len(sweep) <= point:
+        raise EqtError(f"{results.path}: its configuration has no sweep with a point {point}")
+    return at_point(without_sweep(source), sweep, point).data
