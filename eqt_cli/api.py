@@ -22,9 +22,11 @@ from eqt_cli.ensemble.executors import Executor, executors
 from eqt_cli.experiment import yaml_source
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.execute import Progress, execute
+from eqt_cli.experiment.point import open_point, point_of
 from eqt_cli.experiment.source import ConfigSource, read_config
 from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.sweeping import study
+from eqt_cli.store.layout import point_group
 from eqt_cli.store.reader import Results
 from eqt_cli.store.reader import open_results as open_arrays
 
@@ -208,15 +210,23 @@ def _executor(study: Study, workers: int) -> Executor:
 
 
 @overload
-def open_results(path: str | os.PathLike[str], kind: Literal["xarray"]) -> xarray.Dataset: ...
+def open_results(
+    path: str | os.PathLike[str], kind: Literal["xarray"], point: int | None = None
+) -> xarray.Dataset: ...
 @overload
-def open_results(path: str | os.PathLike[str], kind: Literal["arrays"]) -> Results: ...
+def open_results(
+    path: str | os.PathLike[str], kind: Literal["arrays"], point: int | None = None
+) -> Results: ...
 @overload
-def open_results(path: str | os.PathLike[str], kind: None = None) -> xarray.Dataset | Results: ...
+def open_results(
+    path: str | os.PathLike[str], kind: None = None, point: int | None = None
+) -> xarray.Dataset | Results: ...
 
 
 def open_results(
-    path: str | os.PathLike[str], kind: Literal["xarray", "arrays"] | None = None
+    path: str | os.PathLike[str],
+    kind: Literal["xarray", "arrays"] | None = None,
+    point: int | None = None,
 ) -> xarray.Dataset | Results:
     """Open a result, after checking that its file is safe to read.
 
@@ -227,6 +237,9 @@ def open_results(
     kind
         ``"xarray"`` for an `xarray.Dataset`, ``"arrays"`` for eqt's own reader, which needs nothing
         installed; if not given, the first where xarray is installed, and else the second.
+    point
+        Of a sweep, counted from 0: that one as the result of a single experiment. Without it, an
+        `xarray.Dataset` of a sweep whose points differ in shape holds what they have in common.
 
     Returns
     -------
@@ -236,25 +249,32 @@ def open_results(
     Raises
     ------
     ResultError
-        If there is no such result, or its file is damaged or not safe.
+        If there is no such result or point, or its file is damaged or not safe.
     EqtError
         If an `xarray.Dataset` is asked for and the extra ``xarray`` is not installed.
     """
     if kind not in (None, "xarray", "arrays"):
         raise EqtError(f"kind {kind!r}: expected 'xarray', 'arrays' or None")
     if kind == "arrays":
-        return open_arrays(Path(path))
+        return open_point(Path(path), point)
     if find_spec("xarray") is None or find_spec("h5netcdf") is None:
         if kind is None:
-            return open_arrays(Path(path))
+            return open_point(Path(path), point)
         raise EqtError(
             "xarray is not installed; install eqt-cli[xarray], or open with kind='arrays'"
         )
     import xarray
 
     with open_arrays(Path(path)) as checked:
-        file = checked.path
-    return xarray.open_dataset(file, engine="h5netcdf")
+        file, in_group = checked.path, checked.has_groups
+        attributes = None if point is None else dict(point_of(checked, point).attributes)
+    if point is None or attributes is None:
+        return xarray.open_dataset(file, engine="h5netcdf")
+    if in_group:
+        found = xarray.open_dataset(file, engine="h5netcdf", group=point_group(point))
+    else:
+        found = xarray.open_dataset(file, engine="h5netcdf").isel(point=point)
+    return found.assign_attrs(attributes)
 
 
 def compare(
@@ -278,7 +298,7 @@ def compare(
     windows
         Over which seconds, as ``"0:5"``.
     point
-        Position along the sweep, for a result of one.
+        Of a sweep, counted from 0.
     confidence, resamples, seed
         Of the bootstrap.
 
@@ -288,12 +308,11 @@ def compare(
         If the result has no such metric or window.
     """
     parsed = [w if isinstance(w, Window) else Window.parse(w) for w in windows]
-    with open_arrays(Path(result)) as results:
+    with open_point(Path(result), point) as results:
         return compare_results(
             results,
             metrics=metrics,
             windows=parsed,
-            point=point,
             confidence=confidence,
             resamples=resamples,
             seed=seed,

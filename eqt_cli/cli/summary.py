@@ -19,7 +19,10 @@ MOST_FAILURES = 10
 
 def print_headline(results: Results) -> None:
     """One line per controller: effort, tracking error, final errors, energy residual."""
-    horizon = float(results.coordinate("time")[-1])
+    early, whole = "", ""
+    if results.has("time"):  # which differs between the points of some sweeps
+        horizon = float(results.coordinate("time")[-1])
+        early, whole = f" 0-{min(EARLY_WINDOW, horizon):g} s", f" 0-{horizon:g} s"
     rows = [
         [
             row.controller,
@@ -32,12 +35,11 @@ def print_headline(results: Results) -> None:
         ]
         for row in headline(results)
     ]
-    early = min(EARLY_WINDOW, horizon)
     header = [
         "controller",
         "runs",
-        f"mean ‖τ‖ 0-{early:g} s",
-        f"mean ‖I−Q_E‖ 0-{horizon:g} s",
+        f"mean ‖τ‖{early or ' early'}",
+        f"mean ‖I−Q_E‖{whole}",
         "final ‖I−Q_E‖",
         "final ‖V−V_d‖",
         "energy residual",

@@ -106,6 +106,8 @@ def _sweep(source: ConfigSource, section: Any) -> Sweep:
             continue
         if name in FIXED:
             problems.add(path, f"{name} cannot be swept: it {FIXED[name]}; run one after the other")
+        elif key == "time":
+            problems.add(path, "time is swept by its keys: zip time.duration and time.samples")
         elif key == "ensemble.runs":
             problems.add(path, RUNS)
         elif name not in Config.model_fields:

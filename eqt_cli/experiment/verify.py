@@ -74,17 +74,16 @@ def verify_experiment(
 
 
 def verify_results(experiment: Experiment, results: Results, workers: int = 1) -> Verification:
-    """Check every certificate of the experiment that a result holds, on its stored runs.
+    """Check every certificate of the experiment, or the point, that a result holds.
+
+    Trajectories are those that are stored.
 
     Raises
     ------
     EqtError
         If the result is a sweep's.
     """
-    if "point" in results.dimensions:
-        raise EqtError(
-            f"{results.path}: is a sweep's; verify one of its points, as a configuration with --set"
-        )
+    results.single("one experiment is verified")
     with threadpool_limits(1):
         return _Verifier(experiment, lambda runs: None, workers).of_stored_runs(results)
 
@@ -111,7 +110,11 @@ class _Verifier:
             self._stored(results, index, label, engine)
             for index, label in enumerate(self.experiment.loops)
         ]
-        return self._verification(runs, results["desired_pose"], results["desired_velocity"])
+        if results.has("desired_pose"):
+            Qd, Vd = results["desired_pose"], results["desired_velocity"]
+        else:  # of a sweep that keeps metrics only
+            Qd, Vd = self._desired(engine)
+        return self._verification(runs, Qd, Vd)
 
     def _verification(self, runs: list[Runs], Qd: Array, Vd: Array) -> Verification:
         loops = self.experiment.loops

@@ -66,8 +66,7 @@ def ensembles(
         any is good.
     """
     for one in results:
-        if "point" in one.dimensions:
-            raise error(one, figure, "shows single experiments, and this is a sweep")
+        one.single(f"figure '{figure}' shows single experiments")
     _check_group(results, figure)
     several = len(results) > 1
     found: list[Ensemble] = []

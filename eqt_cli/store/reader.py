@@ -151,6 +151,22 @@ class Results:
         view.attributes = _Attributes(self.path, told | dict(attributes or {}))
         return view
 
+    def single(self, what: str) -> Self:
+        """This result, if it is not a sweep's; `what` says who takes no sweeps.
+
+        Raises
+        ------
+        ResultError
+            If it is one; the message says how to choose a point.
+        """
+        points = self.dimensions.get(POINT)
+        if points is not None:
+            raise ResultError(
+                f"{self.path}: {what}, and this is a sweep of {points} points; choose one of 0 to "
+                f"{points - 1} with --point, as `eqt show {self.path.parent} --table` lists them"
+            )
+        return self
+
     @property
     def has_groups(self) -> bool:
         """Whether the points differ in shape, so that each has its arrays in a group."""

@@ -70,7 +70,6 @@ def compare(
     *,
     metrics: Sequence[str] = (),
     windows: Sequence[Window] = (),
-    point: int | None = None,
     confidence: float = CONFIDENCE,
     resamples: int = RESAMPLES,
     seed: int = SEED,
@@ -80,13 +79,11 @@ def compare(
     Parameters
     ----------
     results
-        Open.
+        Open, of a single experiment or of one point of a sweep.
     metrics
         Names of measures; a choice of all there are if empty. Claims are tested on theirs anyway.
     windows
         Over which measures that have windows are taken; each its own if empty.
-    point
-        Position along the sweep, for a result of one.
     confidence
         Of every interval by itself; they do not hold all at once.
     resamples, seed
@@ -95,14 +92,13 @@ def compare(
     Raises
     ------
     EqtError
-        If a metric or window does not exist, the result holds too little, or it is a sweep and no
-        point was chosen.
+        If a metric or window does not exist, the result holds too little, or it is a sweep.
     """
     if not 0 < confidence < 1:
         raise EqtError(f"confidence {confidence:g}: expected a number between 0 and 1, as 0.95")
     if resamples < 1:
         raise EqtError(f"resamples {resamples}: expected at least 1")
-    source = Source(results, point)
+    source = Source(results)
     chosen = _chosen(source, metrics, windows)
     claimed = _claimed(source)
     wanted: dict[_Key, Measure] = {}

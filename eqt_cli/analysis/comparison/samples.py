@@ -49,24 +49,16 @@ class Source:
     Parameters
     ----------
     results
-        Open.
-    point
-        Position along the sweep, for a result of one.
+        Open, of a single experiment or of one point of a sweep.
 
     Raises
     ------
     EqtError
-        If the result is a sweep and no point was chosen, or the other way round.
+        If the result is a sweep.
     """
 
-    def __init__(self, results: Results, point: int | None = None) -> None:
-        self.results = results
-        points = results.dimensions.get("point")
-        if points is None and point is not None:
-            raise self.error("is no sweep, so it has no point to choose; leave it out")
-        if points is not None and point is None:
-            raise self.error(f"is a sweep of {points} points; choose one of 0 to {points - 1}")
-        self.point = point
+    def __init__(self, results: Results) -> None:
+        self.results = results.single("controllers are compared within one experiment")
         self.labels = [str(label) for label in results.coordinate("controller")]
         self.times: Array = results.coordinate("time")
         self.runs = results.dimensions["run"]
@@ -194,10 +186,7 @@ class Source:
         return found
 
     def _read(self, name: str, controller: int) -> Array:
-        chosen = {"point": self.point} if self.point is not None else {}
-        dims = self.results.dims(name)
-        selection = {key: value for key, value in chosen.items() if key in dims}
-        return self.results.read(name, controller=controller, **selection)
+        return self.results.read(name, controller=controller)
 
     def _stored_as(self, measure: Measure, window: Window) -> str | None:
         """The metric of the file that is this measure on this window."""
@@ -221,10 +210,7 @@ class Source:
     def _is_metric(self, name: str) -> bool:
         if name in _NO_QUANTITY or not self.results.has(name):
             return False
-        return tuple(dim for dim in self.results.dims(name) if dim != "point") == (
-            "controller",
-            "run",
-        )
+        return self.results.dims(name) == ("controller", "run")
 
     def _parts(self, measure: Measure) -> Sequence[str]:
         if not measure.parted:
