@@ -40,20 +40,22 @@ def animate(
         Path | None,
         typer.Option("--out", metavar="DIR", help="Folder; default: RESULT/figures."),
     ] = None,
+    point: options.Point = None,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Show one run: bodies against the reference frame, error and torque as they go."""
     from eqt_cli.cli.output import print_json, say
+    from eqt_cli.experiment.point import open_point
     from eqt_cli.plots.animation import gif
     from eqt_cli.plots.save import write
     from eqt_cli.report.animation import animation
-    from eqt_cli.store.reader import open_results
 
     wanted = dict.fromkeys(format or Format)
     contents = {}
-    with open_results(result) as results:
-        folder = out or results.path.parent / "figures"
+    within = Path("figures") if point is None else options.point_folder(point)
+    with open_point(result, point) as results:
+        folder = out or results.path.parent / within
         for one in wanted:
             path = folder / f"run{run}.{one}"
             if one is Format.HTML:

@@ -61,9 +61,7 @@ def compare(
     ] = None,
     table: Annotated[Table | None, typer.Option("--table", help="Print this table only.")] = None,
     format: Annotated[Format, typer.Option("--format", help="How to print it.")] = Format.TEXT,
-    point: Annotated[
-        int | None, typer.Option("--point", metavar="K", help="Point of a sweep, counted from 0.")
-    ] = None,
+    point: options.Point = None,
     confidence: Annotated[
         float, typer.Option("--confidence", help="Of every interval by itself.")
     ] = 0.95,
@@ -80,10 +78,10 @@ def compare(
     from eqt_cli.analysis.comparison import Window
     from eqt_cli.analysis.comparison import compare as compare_results
     from eqt_cli.cli.output import print_json
-    from eqt_cli.store.reader import open_results
+    from eqt_cli.experiment.point import open_point
 
     windows = [Window.parse(text) for text in window or ()]
-    with open_results(result) as results:
+    with open_point(result, point) as results:
         if list_:
             _print_metrics(results, json)
             return
@@ -91,7 +89,6 @@ def compare(
             results,
             metrics=metric or (),
             windows=windows,
-            point=point,
             confidence=confidence,
             resamples=resamples,
             seed=seed,
@@ -110,11 +107,10 @@ def _print_metrics(results: Results, json: bool) -> None:
     from eqt_cli.analysis.comparison.samples import Source
     from eqt_cli.cli.output import print_json, table
 
-    point = 0 if "point" in results.dimensions else None
     write = Plain()
     rows = [
         [measure.name, write.symbol(measure), "any" if measure.windowed else "whole run"]
-        for measure in Source(results, point).measures.values()
+        for measure in Source(results).measures.values()
     ]
     header = ["metric", "is", "window"]
     if json:

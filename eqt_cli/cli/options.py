@@ -44,6 +44,9 @@ ShardOf = Annotated[
         "--shard", metavar="I/N", help="Compute the I-th of N shares only; eqt pack joins them."
     ),
 ]
+Point = Annotated[
+    int | None, typer.Option("--point", metavar="K", help="One point of a sweep, counted from 0.")
+]
 Force = Annotated[bool, typer.Option("--force", help="Start over, removing what the folder holds.")]
 RerunFailed = Annotated[
     bool, typer.Option("--rerun-failed", help="Compute only those runs again that failed.")
@@ -52,6 +55,11 @@ TrustPlugins = Annotated[
     bool,
     typer.Option("--trust-plugins", help="Execute plugin sources stored in a result file."),
 ]
+
+
+def point_folder(*points: int) -> Path:
+    """Where in a result folder goes what is made of points of a sweep."""
+    return Path("figures") / "_".join(["point", *map(str, points)])
 
 
 def cores() -> int:

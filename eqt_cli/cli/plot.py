@@ -64,6 +64,14 @@ def plot(
             help="Draw nothing; compare the numbers with DIR/NAME.json, exit 4 if they differ.",
         ),
     ] = None,
+    point: Annotated[
+        list[int] | None,
+        typer.Option(
+            "--point",
+            metavar="K",
+            help="One point of a sweep, counted from 0; several, repeated, in one figure.",
+        ),
+    ] = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
@@ -73,21 +81,23 @@ def plot(
     from eqt_cli.cli.summary import print_headline
     from eqt_cli.cli.verification import certificates
     from eqt_cli.core.errors import EqtError
+    from eqt_cli.experiment.point import open_point
     from eqt_cli.plots import OfCertificates, figures
     from eqt_cli.plots.render import FORMATS, render
-    from eqt_cli.store.reader import open_results
 
     if len(result) > 1 and out is None and check is None:
         raise EqtError("several results have no common folder; say with --out DIR where to draw")
     with ExitStack() as stack:
-        results = [stack.enter_context(open_results(path)) for path in result]
+        chosen = [(path, one) for path in result for one in point or (None,)]
+        results = [stack.enter_context(open_point(path, one)) for path, one in chosen]
         names = figure or _default(results[0])
         if check is not None:
             if format_ or out:
                 raise EqtError("--check draws nothing; leave --format and --out out")
             _check(results, names, check, _options(option or ()), json=json)
             return
-        folder = out or results[0].path.parent / "figures"
+        within = options.point_folder(*point) if point else Path("figures")
+        folder = out or results[0].path.parent / within
         verified = any(issubclass(figures.get(name), OfCertificates) for name in names)
         rows = certificates(results[0], trust_plugins) if verified else []
         files = [

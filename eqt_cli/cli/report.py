@@ -22,6 +22,7 @@ def report(
         list[str] | None,
         typer.Option("--figure", metavar="NAME", help="Figure to show; may be repeated."),
     ] = None,
+    point: options.Point = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
 ) -> None:
@@ -29,12 +30,12 @@ def report(
     from eqt_cli.cli.output import print_json
     from eqt_cli.cli.verification import certificates
     from eqt_cli.core.errors import EqtError
+    from eqt_cli.experiment.point import open_point
     from eqt_cli.plots.save import write
     from eqt_cli.report import report as make_page
     from eqt_cli.report.figures import named
-    from eqt_cli.store.reader import open_results
 
-    with open_results(result) as results:
+    with open_point(result, point) as results:
         shown = named(figure) if figure else None
         try:
             sweeps = "point" in results.dimensions
@@ -42,7 +43,8 @@ def report(
         except EqtError as error:
             rows, unverified = [], f"The result could not be verified: {error}"
         page = make_page(results, shown, rows, unverified).encode()
-        path = out or results.path.parent / "report.html"
+        within = Path() if point is None else options.point_folder(point)
+        path = out or results.path.parent / within / "report.html"
     write({path: page})
     if json:
         print_json({"report": str(path), "bytes": len(page)})

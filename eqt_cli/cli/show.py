@@ -32,6 +32,7 @@ def show(
     format_: Annotated[
         str, typer.Option("--format", metavar="NAME", help="Of the table: csv or jsonl.")
     ] = "csv",
+    point: options.Point = None,
     json: options.Json = False,
 ) -> None:
     """Summarise a result: what was run, where, and what came out."""
@@ -44,9 +45,9 @@ def show(
 
     from eqt_cli.cli.output import print_json
     from eqt_cli.cli.tables import print_table
-    from eqt_cli.store.reader import open_results
+    from eqt_cli.experiment.point import open_point
 
-    with open_results(result) as results:
+    with open_point(result, point) as results:
         if table:
             print_table(results, format_)
         elif config:

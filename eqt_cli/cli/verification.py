@@ -20,8 +20,8 @@ def certificates(results: Results, trust_plugins: bool) -> list[Row]:
         If the result cannot be verified.
     """
     from eqt_cli.experiment.build import build
-    from eqt_cli.experiment.source import read_config
+    from eqt_cli.experiment.source import source_of
     from eqt_cli.experiment.verify import verify_results
 
-    experiment = build(read_config(results.path), trust_plugins=trust_plugins)
+    experiment = build(source_of(results), trust_plugins=trust_plugins)
     return verify_results(experiment, results, options.cores()).rows

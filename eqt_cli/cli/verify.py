@@ -28,6 +28,7 @@ def verify(
             "--runs", min=1, metavar="N", help="Runs per controller of a CONFIG; default: 20."
         ),
     ] = None,
+    point: options.Point = None,
     workers: options.Workers = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
@@ -38,9 +39,9 @@ def verify(
     from eqt_cli.cli.progress import progress
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.build import build
-    from eqt_cli.experiment.source import read_config
+    from eqt_cli.experiment.point import config_at, open_point
+    from eqt_cli.experiment.source import read_config, source_of
     from eqt_cli.experiment.verify import RUNS, verify_experiment, verify_results
-    from eqt_cli.store.reader import open_results
 
     is_result = target.suffix == ".h5" or target.is_dir()
     if is_result and (set_ or engine or runs):
@@ -48,16 +49,19 @@ def verify(
             f"{target}: a result is verified as it is; --set, --engine and --runs are for a "
             "configuration"
         )
-    overrides = [*(set_ or ()), *([f"solver.engine={engine}"] if engine else ())]
-    source = read_config(target, overrides)
-    experiment = build(source, trust_plugins=trust_plugins)
-    if source.data.get("sweep") and not is_result and not quiet:
-        say(f"{target}: verified without its sweep; choose a point of it with --set")
     workers = workers or options.cores()
     if is_result:
-        with open_results(target) as results:
+        with open_point(target, point) as results:
+            experiment = build(source_of(results), trust_plugins=trust_plugins)
             found = verify_results(experiment, results, workers)
     else:
+        overrides = [*(set_ or ()), *([f"solver.engine={engine}"] if engine else ())]
+        source = read_config(target, overrides)
+        if point is not None:
+            source = config_at(source, point)
+        experiment = build(source, trust_plugins=trust_plugins)
+        if source.data.get("sweep") and not quiet:
+            say(f"{target}: verified without its sweep; choose one of its points with --point")
         count = min(runs or RUNS, experiment.config.ensemble.runs)
         with progress(count * len(experiment.loops), quiet=quiet) as advance:
             found = verify_experiment(experiment, count, advance, workers)

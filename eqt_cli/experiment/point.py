@@ -8,6 +8,7 @@ from pathlib import Path
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.ensemble.sweep import Sweep
+from eqt_cli.experiment.problems import Problems
 from eqt_cli.experiment.source import ConfigSource, parse_key, source_of, with_value
 from eqt_cli.experiment.yaml_source import dump
 from eqt_cli.store.reader import Results, open_results
@@ -70,13 +71,25 @@ def point_of(results: Results, point: int) -> Results:
     view = results.at(point)
     attributes = {"title": f"{view.attributes['title']}, point {point}"}
     if not results.has_groups:  # which have a configuration each
-        attributes["config"] = dump(_config_at(results, point))
+        attributes["config"] = dump(config_at(source_of(results), point).data)
     return results.at(point, attributes)
 
 
-def _config_at(results: Results, point: int) -> dict[str, object]:
-    source = source_of(results)
-    sweep = Sweep.parse(source.data.get("sweep"), lambda path, message: None)
-    if sweep is None or len(sweep) <= point:
-        raise EqtError(f"{results.path}: its configuration has no sweep with a point {point}")
-    return at_point(without_sweep(source), sweep, point).data
+def config_at(source: ConfigSource, point: int) -> ConfigSource:
+    """The configuration at a point of the sweep that it describes.
+
+    Raises
+    ------
+    EqtError
+        If it sweeps nothing, or has no such point.
+    """
+    name, section = source.source.name, source.data.get("sweep")
+    if not section:
+        raise EqtError(f"{name}: sweeps nothing, so it has no point to choose; leave it out")
+    problems = Problems(source.place)
+    sweep = Sweep.parse(section, lambda path, message: problems.add(("sweep", *path), message))
+    problems.raise_if_any()
+    assert sweep is not None
+    if not 0 <= point < len(sweep):
+        raise EqtError(f"{name}: has no point {point}; choose one of 0 to {len(sweep) - 1}")
+    return at_point(without_sweep(source), sweep, point)

@@ -23,7 +23,6 @@ from eqt_cli.closed_loop import ClosedLoop, ErrorSystem
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import EqtError
 from eqt_cli.engines import Engine, Problem, Solution
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.ensemble.seeds import Stream, generator

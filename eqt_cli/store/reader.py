@@ -152,7 +152,7 @@ class Results:
         return view
 
     def single(self, what: str) -> Self:
-        """This result, if it is not a sweep's; `what` says who takes no sweeps.
+        """Give this result back, unless it is a sweep; `what` says who takes none.
 
         Raises
         ------
