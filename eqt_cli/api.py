@@ -270,11 +270,11 @@ def open_results(
         attributes = None if point is None else dict(point_of(checked, point).attributes)
     if point is None or attributes is None:
         return xarray.open_dataset(file, engine="h5netcdf")
-    if in_group:
-        found = xarray.open_dataset(file, engine="h5netcdf", group=point_group(point))
-    else:
-        found = xarray.open_dataset(file, engine="h5netcdf").isel(point=point)
-    return found.assign_attrs(attributes)
+    group = point_group(point) if in_group else None
+    opened = xarray.open_dataset(file, engine="h5netcdf", group=group)
+    found = (opened if in_group else opened.isel(point=point)).assign_attrs(attributes)
+    found.set_close(opened.close)
+    return found
 
 
 def compare(

@@ -8,8 +8,12 @@ from math import prod
 
 from eqt_cli.ensemble.executors import Executor, Ways
 from eqt_cli.experiment.compute import REFERENCE_STATES, compute_part, reference_table
-from eqt_cli.experiment.describe import Per, coordinates, quantities
+from eqt_cli.experiment.describe import Per, coordinates
+from eqt_cli.experiment.frame import Form
 from eqt_cli.experiment.study import Study
+
+MOST_PIECES = 5
+"""Of points that differ in shape, so many are measured."""
 
 TEXT_BYTES = 16
 """Of a reference to a string in HDF5."""
@@ -32,7 +36,17 @@ class Estimate:
 
 
 def estimate(study: Study, executor: Executor) -> Estimate:
-    """Compute the first part, twice if it is quick, without keeping it, and scale."""
+    """Compute the first part of a piece, without keeping it, and scale; of some pieces."""
+    plans, count = study.plans, len(study.shapes)
+    measured = sorted({k * (count - 1) // max(MOST_PIECES - 1, 1) for k in range(MOST_PIECES)})
+    parts = sum(len(plans.plans[index]) for index in measured)
+    seconds = sum(_first_part(study.piece(k)) * len(plans.plans[k]) for k in measured)
+    together = min(executor.workers, len(plans))
+    return Estimate(seconds / parts * len(plans) / together, result_size(study))
+
+
+def _first_part(study: Study) -> float:
+    """How long the first part takes, s; computed twice if that is quick."""
     shared = None
     if not study.desired_varies:
         shared = reference_table(study).variables[REFERENCE_STATES].data[0]
@@ -43,25 +57,36 @@ def estimate(study: Study, executor: Executor) -> Estimate:
         seconds = time.perf_counter() - started
         if seconds > 1.0:
             break
-    parts = len(study.plan)
-    return Estimate(seconds * parts / min(executor.workers, parts), result_size(study))
+    return seconds
 
 
 def result_size(study: Study) -> int:
     """Bytes of the variables of the result file."""
-    plan, points = study.plan, len(study)
+    if not study.is_ragged:
+        return sum(_sizes(study, single=False).values())
+    pieces = [study.piece(index) for index in range(len(study.shapes))]
+    within = sum(sum(_sizes(piece, single=True).values()) * len(piece) for piece in pieces)
+    return within + sum(_sizes(piece, single=False)[Per.RUN] for piece in pieces)
+
+
+def _sizes(study: Study, *, single: bool) -> dict[Per, int]:
+    """Bytes of each kind of variable; of a `single` point, which has all of its own, or of all."""
+    form, plan = Form(study), study.plan
     found = coordinates(study.base, study.kept)
     sizes = {name: len(variable.data) for name, variable in found.items()}
-    desired = (points if study.desired_varies else 1) if study.keeps_desired else 0
+    points = 1 if single else len(study)
     leading = {
-        Per.RUN: plan.total,
+        Per.RUN: points * plan.runs * plan.controllers,
         Per.TRAJECTORY: points * study.kept * plan.controllers,
-        Per.INITIAL: plan.entries if study.initial_varies else plan.runs,
-        Per.DESIRED: desired,
+        Per.INITIAL: (points if study.initial_varies else 1) * plan.runs,
+        Per.DESIRED: points if study.desired_varies else 1,
     }
-    return sum(
-        leading[entry.per]
-        * prod(sizes[dim] for dim in entry.dims)
-        * (entry.dtype.itemsize if entry.dtype else TEXT_BYTES)
-        for entry in quantities(study.base)
-    )
+    return {
+        per: sum(
+            leading[per]
+            * prod(sizes[dim] for dim in entry.dims)
+            * (entry.dtype.itemsize if entry.dtype else TEXT_BYTES)
+            for entry in form.of(per)
+        )
+        for per in Per
+    }

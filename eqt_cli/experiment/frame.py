@@ -158,9 +158,7 @@ def _group(file: Assembly, study: Study, point: int, form: Form) -> Assembly:
     found = form.coordinates
     group = file.group(point_group(point), _sizes(found), found, form.blanks(single=True))
     experiment = study.experiment(point)
-    plugins = {"plugins": study.resolved["plugins"]}
-    store = {"store": study.resolved["store"]}
-    config = dump(experiment.resolved | plugins | store)
+    config = dump(experiment.resolved | {"store": study.resolved["store"]})
     group.describe({"config": config, "group": experiment.group.name})
     return group
 

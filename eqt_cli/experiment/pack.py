@@ -111,12 +111,7 @@ class _Packing:
             elif entry.per is Per.INITIAL:
                 self._put_initial(entry, data, part)
             elif part.controller == 0:
-                # A point that is cut belongs to the part where it starts.
-                points = np.unique(part.points)
-                own = points * self.plan.runs >= part.start
-                if own.any():
-                    first, last = int(points[own][0]), int(points[own][-1])
-                    self.place.put(entry.name, data[own], (slice(first, last + 1),))
+                put_desired(self.place, entry.name, data, part)
         here = (self.chosen >= part.start) & (self.chosen < part.stop)
         if here.any():
             self.states[label][here] = results[CHECK_STATES]
@@ -136,6 +131,15 @@ class _Packing:
                 self.place.put(entry.name, block, (slab.points, slab.runs))
         else:
             self.place.put(entry.name, data, (slice(part.start, part.start + len(data)),))
+
+
+def put_desired(place: Place, name: str, data: Array, part: Part) -> None:
+    """Put what a part holds of references; a point that is cut belongs to where it starts."""
+    points = np.unique(part.points)
+    own = points * part.runs >= part.start
+    if own.any():
+        first, last = int(points[own][0]), int(points[own][-1])
+        place.put(name, data[own], (slice(first, last + 1),))
 
 
 def _opened(path: Path, digest: str) -> Results:

@@ -13,6 +13,7 @@ from eqt_cli.ensemble.executors import Ways
 from eqt_cli.experiment.compute import compute_alone, compute_part, read_part
 from eqt_cli.experiment.describe import Per
 from eqt_cli.experiment.frame import Form, Place, framed
+from eqt_cli.experiment.pack import put_desired
 from eqt_cli.experiment.part_files import PartFiles
 from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.work import Work
@@ -126,6 +127,8 @@ def _replace(study: Study, file: Place, number: int, new: Results) -> None:
     points, runs = np.divmod(part.start + new[ROW], plan.runs)
     found = read_part(new, form.quantities)
     for entry in form.quantities:
+        if entry.per is Per.DESIRED and entry.name in found:  # of a part that had been lost
+            put_desired(file, entry.name, found[entry.name], part)
         if entry.per not in (Per.RUN, Per.TRAJECTORY):
             continue
         kept: Array = runs < (study.kept if entry.per is Per.TRAJECTORY else plan.runs)

@@ -18,6 +18,9 @@ from eqt_cli.experiment.yaml_source import parse_value
 MOST_PROBLEMS = 20
 """Reported of a sweep; a mistake is often made at thousands of points."""
 
+MOST_GROUPS = 1000
+"""Points that differ in shape have a group each, and every group takes milliseconds to open."""
+
 FIXED = {
     "name": "names the experiment as a whole",
     "store": "decides what the one result file holds",
@@ -88,6 +91,12 @@ def study(
     sweep = _sweep(source, section)
     base = build(at_point(bare, sweep, 0), trust_plugins=trust_plugins)
     found = Study(bare, sweep, base)
+    if found.is_ragged and len(found) > MOST_GROUPS:
+        raise EqtError(
+            f"{source.place(('sweep',))}: {len(found)} points that differ in group or sample times "
+            f"are too many for one file; sweep at most {MOST_GROUPS}, or these keys one after the "
+            "other"
+        )
     _check_points(found)
     return found
 

@@ -254,20 +254,19 @@ def test_claims_on_every_run(make_result, runs, rising, verdict):
 def test_one_point_of_a_sweep(make_result):
     effort = np.arange(24.0).reshape(3, 2, 4)
     results = make_result(["a", "b"], metrics={"effort": effort}, points=3)
-    comparison = compare(results, metrics=["effort"], point=2)
+    comparison = compare(results.at(2), metrics=["effort"])
     assert [level.mean for level in comparison.levels] == [17.5, 21.5]
 
 
 def test_sweeps_need_a_point(make_result):
     results = make_result(["a"], metrics={"effort": np.ones((3, 1, 4))}, points=3)
-    with pytest.raises(EqtError, match=r"is a sweep of 3 points; choose one of 0 to 2$"):
+    with pytest.raises(EqtError) as caught:
         compare(results)
-
-
-def test_points_are_those_of_a_sweep(make_result):
-    results = make_result(["a"], metrics={"effort": [[1.0] * 6]})
-    with pytest.raises(EqtError, match=r"is no sweep, so it has no point to choose; leave it out$"):
-        compare(results, point=0)
+    assert str(caught.value) == (
+        f"{results.path}: controllers are compared within one experiment, and this is a sweep of "
+        "3 points; choose one of 0 to 2 with --point, as "
+        f"`eqt show {results.path.parent} --table` lists them"
+    )
 
 
 def test_windows_do_not_cut_what_is_of_whole_runs(make_result):

@@ -238,7 +238,9 @@ def test_a_sweep_is_left_out_and_that_is_said(eqt: Eqt, folder: Path) -> None:
     (folder / "s.yaml").write_text(swept, encoding="utf-8")
     done = eqt("verify", "s.yaml", "--json")
     assert done.code == 0
-    assert done.err == "s.yaml: verified without its sweep; choose a point of it with --set\n"
+    assert done.err == (
+        "s.yaml: verified without its sweep; choose one of its points with --point\n"
+    )
     assert json.loads(done.out)["runs"] == 6
 
 
@@ -246,4 +248,7 @@ def test_the_result_of_a_sweep_is_refused(eqt: Eqt) -> None:
     eqt("sweep", "c.yaml", "--quiet", "--grid", "gains.kd=1,2", "--out", "swept")
     done = eqt("verify", "swept")
     assert (done.code, done.out) == (2, "")
-    assert "is a sweep's; verify one of its points" in done.err
+    assert done.err == (
+        f"eqt: {Path('swept/results.h5')}: one experiment is verified, and this is a sweep of 2 "
+        "points; choose one of 0 to 1 with --point, as `eqt show swept --table` lists them\n"
+    )

@@ -1,9 +1,11 @@
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eqt_cli.ensemble.parts import Plan
+from eqt_cli.ensemble.parts import Plan, Plans
 
 PLANS = st.builds(
     Plan, points=st.integers(1, 9), runs=st.integers(1, 9), controllers=st.integers(1, 3),
@@ -44,3 +46,12 @@ def test_slabs_hold_every_kept_run_of_a_part_in_its_order(plan, kept):
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_controllers_take_turns(number):
     assert Plan(1, 10, 3, 5).part(number).controller == number
+
+
+@given(st.lists(PLANS, min_size=1, max_size=4))
+def test_parts_of_several_plans_are_numbered_through(listed):
+    plans = Plans(tuple(listed))
+    expected = [(k, n) for k, plan in enumerate(listed) for n in range(len(plan))]
+    assert [plans.where(number) for number in range(len(plans))] == expected
+    assert sum(map(plans.runs_of, range(len(plans)))) == plans.total
+    assert Plans.of_data(json.loads(json.dumps(plans.data))) == plans

@@ -450,8 +450,7 @@ def test_a_large_sweep_keeps_trajectories_only_if_asked(make):
         ),
         (
             "  - grid: {group: [SO3, SE3]}",
-            "config.yaml:11:20: sweep[0].grid.group[0]: group cannot be swept: it gives the points "
-            "results of different shapes; run one after the other",
+            "config.yaml:4:13: reference.torque: expected 6 expressions for SE3, got 3",
         ),
         (
             '  - grid: {"controllers[0]": [eqt, nog]}',

@@ -1,0 +1,201 @@
+"""`--point`: one point of a sweep as if it were the result of a single experiment."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import eqt_cli
+from eqt_cli.store.reader import open_results
+
+Eqt = Callable[..., Any]
+
+RECTANGULAR = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=0.5,1")
+RAGGED = ("--grid", "gains.kp=1,2", "--grid", "time.duration=1,2")
+POINT_3 = {
+    RECTANGULAR: ("--set", "gains.kp=2", "--set", "gains.kd=1"),
+    RAGGED: ("--set", "gains.kp=2", "--set", "time.duration=2"),
+}
+HOW = "choose one of 0 to 3 with --point, as `eqt show out --table` lists them"
+
+
+@pytest.fixture(params=POINT_3, ids=["rectangular", "ragged"])
+def grid(request: pytest.FixtureRequest, eqt: Eqt) -> tuple[str, ...]:
+    """A sweep of four points in the folder `out`."""
+    assert eqt("sweep", "c.yaml", *request.param, "--quiet", "--out", "out").code == 0
+    chosen: tuple[str, ...] = request.param
+    return chosen
+
+
+@pytest.fixture
+def alone(eqt: Eqt, grid: tuple[str, ...]) -> None:
+    """The last point by itself in the folder `alone`; c.yaml keeps its name."""
+    assert eqt("run", "c.yaml", *POINT_3[grid], "--quiet", "--out", "alone").code == 0
+
+
+@pytest.mark.usefixtures("alone")
+def test_show(eqt: Eqt) -> None:
+    """A sweep's blocks mix points, so that metrics agree within the tolerance of 1e-6 only."""
+    shown = eqt("show", "out", "--point", 3)
+    assert shown.out.startswith(f"c, point 3 on SO3  ({Path('out/results.h5')})\n")
+    assert "sizes    controller 2, run 3, time 11" in shown.out
+    config, expected = (
+        eqt("show", name, "--config", *point).out
+        for name, point in (("out", ("--point", 3)), ("alone", ()))
+    )
+    assert eqt_cli.load_experiment("alone").config == _loaded(config)
+    assert _loaded(config) == _loaded(expected)
+    header, first, *_ = eqt("show", "out", "--point", 3, "--table").out.splitlines()
+    assert header.startswith("controller,run,effort")
+    with open_results("alone") as results:
+        assert float(first.split(",")[2]) == pytest.approx(results["effort"][0, 0], rel=1e-5)
+
+
+def _loaded(text: str) -> dict[str, Any]:
+    Path("again.yaml").write_text(text, encoding="utf-8")
+    return eqt_cli.load_experiment("again.yaml").config
+
+
+@pytest.mark.usefixtures("grid")
+def test_plot_draws_points_by_themselves_and_side_by_side(eqt: Eqt) -> None:
+    done = eqt("plot", "out", "--point", 3, "--figure", "runs", "--format", "svg", "--quiet")
+    assert (done.code, done.out) == (0, f"figure   {Path('out/figures/point_3/runs.svg')}\n")
+    done = eqt("plot", "out", "--point", 0, "--point", 3, "--format", "json", "--quiet")
+    path = Path("out/figures/point_0_3/paper.json")
+    assert (done.code, done.out) == (0, f"figure   {path}\n")
+    assert "eqt, c, point 3" in path.read_text(encoding="utf-8")
+
+
+@pytest.mark.usefixtures("grid")
+def test_figures_of_single_experiments_ask_for_a_point(eqt: Eqt) -> None:
+    done = eqt("plot", "out", "--figure", "paper")
+    assert (done.code, done.err) == (
+        2,
+        f"eqt: {Path('out/results.h5')}: figure 'paper' shows single experiments, and this is a "
+        f"sweep of 4 points; {HOW}\n",
+    )
+
+
+@pytest.mark.usefixtures("grid")
+def test_figures_of_sweeps_take_none(eqt: Eqt) -> None:
+    done = eqt("plot", "out", "--figure", "sweep", "--point", 1)
+    assert (done.code, done.err) == (
+        2,
+        f"eqt: {Path('out/results.h5')}: figure 'sweep' shows sweeps, and this is a single "
+        "experiment; see `eqt sweep --help`\n",
+    )
+    assert eqt("plot", "out", "--figure", "sweep", "--format", "svg", "--quiet").code == 0
+
+
+@pytest.mark.usefixtures("grid")
+def test_compare(eqt: Eqt) -> None:
+    done = eqt("compare", "out", "--metric", "effort", "--point", 2, "--json", "--resamples", 9)
+    with open_results("out") as results:
+        expected = results["effort"][2].mean(axis=-1)
+    levels = json.loads(done.out)["levels"]
+    assert [level["mean"] for level in levels] == pytest.approx(expected, rel=1e-12)
+    done = eqt("compare", "out")
+    assert (done.code, done.err) == (
+        2,
+        f"eqt: {Path('out/results.h5')}: controllers are compared within one experiment, and this "
+        f"is a sweep of 4 points; {HOW}\n",
+    )
+
+
+@pytest.mark.usefixtures("grid")
+def test_verify_a_point_of_a_result(eqt: Eqt) -> None:
+    done = eqt("verify", "out", "--point", 3, "--json")
+    document = json.loads(done.out)
+    assert (done.code, document["runs"], document["holds"]) == (0, 6, True)
+
+
+def test_verify_a_point_of_a_sweep_that_keeps_metrics_only(eqt: Eqt) -> None:
+    """The reference differs between points, and none is stored."""
+    grid = ("--grid", "inertia=[2,1,3],[1,1,1]")
+    eqt("sweep", "c.yaml", *grid, "--set", "store.trajectories=none", "--out", "out", "--quiet")
+    assert json.loads(eqt("verify", "out", "--point", 1, "--json").out)["runs"] == 6
+
+
+def test_verify_a_point_of_a_configuration(eqt: Eqt, folder: Path) -> None:
+    with (folder / "c.yaml").open("a", encoding="utf-8") as file:
+        file.write("sweep: [{grid: {ensemble.seed: [1, 2], group: [SO3]}}]\n")
+    done = eqt("verify", "c.yaml", "--point", 1, "--json")
+    assert (done.code, done.err) == (0, "")
+    done = eqt("verify", "c.yaml", "--point", 2)
+    assert (done.code, done.err) == (2, "eqt: c.yaml: has no point 2; choose one of 0 to 1\n")
+
+
+def test_a_configuration_without_a_sweep_has_no_points(eqt: Eqt) -> None:
+    done = eqt("verify", "c.yaml", "--point", 0)
+    assert (done.code, done.err) == (
+        2,
+        "eqt: c.yaml: sweeps nothing, so it has no point to choose; leave it out\n",
+    )
+
+
+@pytest.mark.usefixtures("grid")
+def test_report_and_animate(eqt: Eqt) -> None:
+    folder = Path("out/figures/point_3")
+    done = eqt("report", "out", "--point", 3)
+    assert done.out.startswith(f"report   {folder / 'report.html'}  (")
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "c, point 3" in page
+    assert "could not be verified" not in page
+    done = eqt("animate", "out", "--point", 3, "--format", "html")
+    assert done.out.startswith(f"animation  {folder / 'run0.html'}  (")
+    done = eqt("animate", "out", "--format", "html")
+    assert (done.code, done.err) == (
+        2,
+        f"eqt: {Path('out/results.h5')}: figure 'animation' shows single experiments, and this is "
+        f"a sweep of 4 points; {HOW}\n",
+    )
+
+
+@pytest.mark.parametrize("command", ["show", "plot", "compare", "report", "animate", "verify"])
+def test_points_that_are_not_there(eqt: Eqt, command: str) -> None:
+    eqt("sweep", "c.yaml", *RAGGED, "--quiet", "--out", "out")
+    done = eqt(command, "out", "--point", 4)
+    file = Path("out/results.h5")
+    assert (done.code, done.err) == (2, f"eqt: {file}: has no point 4; choose one of 0 to 3\n")
+    eqt("run", "c.yaml", "--quiet", "--out", "single")
+    done = eqt(command, "single", "--point", 0)
+    assert (done.code, done.err) == (
+        2,
+        f"eqt: {Path('single/results.h5')}: is no sweep, so it has no point to choose; "
+        "leave it out\n",
+    )
+
+
+def test_the_summary_of_a_sweep_over_durations_names_none(eqt: Eqt) -> None:
+    eqt("sweep", "c.yaml", *RAGGED, "--quiet", "--out", "out")
+    shown = eqt("show", "out").out
+    assert "sizes    point 4, controller 2, run 3\n" in shown
+    assert "controller  runs  mean ‖τ‖ early  mean ‖I−Q_E‖  final ‖I−Q_E‖" in shown
+
+
+def test_dry_run_tells_the_size_of_groups(eqt: Eqt) -> None:
+    expected = json.loads(eqt("sweep", "c.yaml", *RAGGED, "--dry-run", "--json").out)
+    eqt("sweep", "c.yaml", *RAGGED, "--out", "out", "--quiet")
+    size = Path("out/results.h5").stat().st_size
+    # The rest of the file is structure, attributes and coordinates, of five groups.
+    assert expected["bytes"] < size < expected["bytes"] + 5 * 60_000
+
+
+@pytest.mark.usefixtures("grid")
+def test_python_opens_one_point() -> None:
+    pytest.importorskip("xarray")
+    with eqt_cli.open_results("out", "arrays", point=3) as arrays:
+        efforts, times = arrays["effort"], arrays["time"]
+        title = arrays.attributes["title"]
+    with eqt_cli.open_results("out", "xarray", point=3) as dataset:
+        assert dataset.pose.dims == ("controller", "run", "time", "row", "col")
+        np.testing.assert_array_equal(dataset.effort, efforts)
+        np.testing.assert_array_equal(dataset.time, times)
+        assert dataset.attrs["title"] == title == "c, point 3"
+    found = eqt_cli.compare("out", ["effort"], point=3, resamples=9)
+    assert found.levels[0].mean == pytest.approx(efforts[0].mean(), rel=1e-12)
