@@ -18,11 +18,13 @@ status=0
 taylor=no
 if "$python" -c 'import heyoka' 2>/dev/null; then taylor=yes; fi
 
-# experiment NAME CONFIG [OPTION...]: run it; what follows is about this one.
-experiment() {
-	name=$1
+# experiment NAME CONFIG [OPTION...], sweep NAME CONFIG [OPTION...]: run it; what follows is about it.
+experiment() { computed run "$@"; }
+sweep() { computed sweep "$@"; }
+computed() {
+	name=$2
 	result=$built/$name
-	"$eqt" run "${@:2}" --out "$result" --force --quiet >/dev/null
+	"$eqt" "$1" "${@:3}" --out "$result" --force --quiet >/dev/null
 }
 
 # numbers FIGURE...: keep or check the numbers behind the curves of these figures.
@@ -97,5 +99,10 @@ experiment attitude_manifold configs/paper.yaml --engine taylor \
 	--set time.duration=40 --set time.samples=801
 numbers paper
 picture attitude_manifold runs
+
+echo "sweep_family"
+sweep sweep_family configs/sweep_family.yaml --engine taylor
+numbers sweep
+picture sweep_family sweep
 
 exit "$status"

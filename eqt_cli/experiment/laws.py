@@ -18,12 +18,20 @@ from eqt_cli.experiment.study import Study
 LAW = "law"
 """The variable of a sweep that holds their names."""
 
+STATES = 4
+"""Random states at which torques are compared; one would do for laws that are smooth."""
+
+ROUNDING = 1e-12
+"""Of the largest torque: what sums of some tens of products in another order may differ by."""
+
 
 def law_names(study: Study) -> Array | None:
     """The names by point and controller, "" where the controller equals no law without options.
 
-    None where no swept key changes the controllers. Of each point only these are built, which takes
-    little time.
+    None where no swept key changes the controllers. Laws are equal if their structures and their
+    parameters are, or, where nothing else is swept, if they ask for the same torque: with a K_d
+    that looks alike from every frame, the frame of the damping is no difference. Of each point only
+    the laws are built, which takes little time.
     """
     sweep = study.sweep
     keys = [key for key in sweep.keys if section_of(key) == "controllers"] if sweep else []
@@ -33,6 +41,7 @@ def law_names(study: Study) -> Array | None:
     for kind in controllers.all():
         if not option_names(kind):
             known.setdefault(_identity(kind()), kind.name)
+    alike = _Torques(study) if len(keys) == len(sweep.keys) else None
     found = np.full((len(study), len(study.base.loops)), "", dtype=object)
     for point in range(len(study)):
         values = sweep.point(point)
@@ -40,8 +49,33 @@ def law_names(study: Study) -> Array | None:
         for key in keys:
             data = with_value(data, path_of(key), values[key], "")
         for index, entry in enumerate(data["controllers"]):
-            found[point, index] = known.get(_identity(_law(entry)), "")
+            law = _law(entry)
+            identity = _identity(law)
+            if identity not in known:
+                known[identity] = alike.name(law) if alike else ""
+            found[point, index] = known[identity]
     return found
+
+
+class _Torques:
+    """What the laws with a name of their own ask for at some states of an experiment."""
+
+    def __init__(self, study: Study) -> None:
+        base, random = study.base, np.random.default_rng(0)
+        loop, G = next(iter(base.loops.values())), base.group
+        Q, Qd = G.exp(random.standard_normal((2, STATES, G.dimension)))
+        V, Vd = random.standard_normal((2, STATES, G.dimension))
+        self.state = loop.tracking(0.0, loop.initial_state(Q, V, Qd, Vd))
+        fitting = (kind for kind in controllers.all() if base.config.task in kind.tasks)
+        laws = [kind() for kind in fitting if not option_names(kind)]
+        self.known = [(law.name, law.torque(self.state)) for law in laws]
+
+    def name(self, law: Controller) -> str:
+        """The first law that asks for the same torques, up to rounding; "" if there is none."""
+        asked = law.torque(self.state)
+        bound = ROUNDING * np.abs(asked).max()
+        equal = (name for name, torque in self.known if np.abs(torque - asked).max() <= bound)
+        return next(equal, "")
 
 
 def _law(entry: Any) -> Controller:

@@ -348,11 +348,28 @@ sweep:
         - {kind: family, gyroscopic: 0.5, transport: 0.5, connection: 0.5, label: a}
         - {kind: asym, label: a}
 """
-    execute(make(text), tmp_path / "out")
+    execute(make(text, "gains.kd=[1, 2, 3]"), tmp_path / "out")
     with open_results(tmp_path / "out") as results:
         assert results.dims("law") == ("point", "controller")
         assert results["law"][:, 0].tolist() == ["eqt", "nog", "gt", "", "asym"]
         assert results["law"][:, 1].tolist() == ["gt"] * 5
+
+
+@pytest.mark.parametrize(
+    ("kd", "swept", "name"),
+    [("0.5", "", "gt"), ("[1, 2, 3]", "", ""), ("0.5", "gains.kp=1,2", "")],
+    ids=["alike from every frame", "with axes of its own", "another key swept"],
+)
+def test_the_frame_of_damping_is_no_difference_where_it_changes_no_torque(
+    make, tmp_path, kd, swept, name
+):
+    """GT damps in the body frame, and this member of the family in the spatial one."""
+    law = "{kind: family, gyroscopic: 0.5, transport: 0.5, connection: 0.5, label: a}"
+    text = f"sweep: [{{zip: {{'controllers[0]': [{law}]}}}}]\n"
+    found = make(text, f"gains.kd={kd}", grids=[swept] if swept else [])
+    execute(found, tmp_path / "out")
+    with open_results(tmp_path / "out") as results:
+        assert results["law"][0, 0] == name
 
 
 def test_laws_are_not_named_where_they_stay_the_same(make, tmp_path):
