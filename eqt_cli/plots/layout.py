@@ -121,7 +121,8 @@ def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) 
     Names are a user's text.
     """
     characters = int(_CHARACTERS * (figure.get_figwidth() - 0.5))  # beside the handle
-    for columns in range(len(names), 0, -1):
+    for rows in range(1, len(names) + 1):
+        columns = -(-len(names) // rows)  # the fewest for so many rows, so that rows are full
         legend = figure.legend(
             handles, [""] * len(names), loc="outside upper center", ncols=columns
         )
