@@ -112,7 +112,7 @@ class Distributions(OfMetrics):
             axes.xaxis.set_major_locator(_even())
         if any(sample.censored for sample in samples):
             end = max(metrics.end(e) for e in metrics.shown)
-            axes.set_xlim(right=end)
+            axes.set_xlim(left=None if seen.size else 0, right=end)
             _count(axes, samples, room, boxes=self.kind == "box")
 
 

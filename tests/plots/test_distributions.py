@@ -105,6 +105,13 @@ def test_what_reaches_beyond_the_end_is_open_and_counted(unsettled):
     assert [text.get_text() for text in axes.texts] == ["0", "6", "2", "6"]
 
 
+def test_where_no_run_had_settled_the_scale_is_that_of_the_runs(so3, altered, opened):
+    never = np.full((4, 6), np.nan)
+    drawing = Distributions(metrics=["settling_time"]).draw([altered(so3, settling_time=never)])
+    assert drawing.axes[0].get_xlim() == (0, 4)
+    assert [text.get_text() for text in drawing.axes[0].texts] == ["6"] * 4
+
+
 def test_distribution_functions_end_below_1_where_runs_had_not_settled(unsettled):
     drawing = Distributions(kind="ecdf", metrics=["settling_time"]).draw([unsettled])
     (axes,) = drawing.axes
