@@ -27,15 +27,25 @@ computed() {
 	"$eqt" "$1" "${@:3}" --out "$result" --force --quiet >/dev/null
 }
 
-# numbers FIGURE...: keep or check the numbers behind the curves of these figures.
+# numbers FIGURE... [OPTION...]: keep or check the numbers behind the curves of these figures.
 numbers() {
-	local figures=() figure
-	for figure in "$@"; do figures+=(--figure "$figure"); done
+	local figures=()
+	while [ $# -gt 0 ] && [ "${1#-}" = "$1" ]; do
+		figures+=(--figure "$1")
+		shift
+	done
 	if [ "$task" = draw ]; then
-		"$eqt" plot "$result" "${figures[@]}" --format json --out "$place/numbers/$name" --quiet
+		"$eqt" plot "$result" "${figures[@]}" "$@" --format json --out "$place/numbers/$name" --quiet
 	else
-		"$eqt" plot "$result" "${figures[@]}" --check "$place/numbers/$name" || status=$?
+		"$eqt" plot "$result" "${figures[@]}" "$@" --check "$place/numbers/$name" || status=$?
 	fi
+}
+
+# numbers_of_paper: those of every figure that the paper's experiment has; of single runs, a few runs
+# show a change as well as many.
+numbers_of_paper() {
+	numbers paper torque distributions
+	numbers phase sphere --option runs=5
 }
 
 # picture FILE FIGURE [OPTION...]: draw a figure as docs/figures/FILE.png.
@@ -59,8 +69,13 @@ shrunk() {
 
 echo "The paper's figures by engine solve_ivp"
 experiment paper configs/paper.yaml
-numbers paper torque
+numbers_of_paper
 picture paper paper
+picture torque torque
+picture single_runs runs
+picture distributions distributions
+picture phase phase
+picture sphere sphere
 
 if [ "$taylor" = no ]; then
 	echo "heyoka is not installed: the other experiments are left out"
@@ -70,7 +85,7 @@ fi
 if [ "$task" = check ]; then
 	echo "The paper's figures by engine taylor"
 	experiment paper configs/paper.yaml --engine taylor
-	numbers paper torque
+	numbers_of_paper
 fi
 
 for config in se3 se2_vehicle se3_bluerov2 se23 satellite_panels; do

@@ -26,6 +26,11 @@ class Gains:
     K_d: Array
 
 
+def pose_error(G: MatrixLieGroup, Q: Array, Qd: Array) -> Array:
+    """Q_E = Q Q_d⁻¹, the error in the spatial frame, Hampsey et al. (2025), eq. (17)."""
+    return Q @ G.inverse(Qd)
+
+
 @dataclass(frozen=True)
 class Tracking:
     """What a control law reads: group, inertia, gains, time, state, desired state, errors.
@@ -75,7 +80,7 @@ class Tracking:
     @cached_property
     def Q_E(self) -> Array:
         """Q_E = Q Q_d⁻¹, Hampsey et al. (2025), eq. (17)."""
-        return self.Q @ self.G.inverse(self.Qd)
+        return pose_error(self.G, self.Q, self.Qd)
 
     @cached_property
     def V_E(self) -> Array:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.plots.ensembles import error
+from eqt_cli.plots.good_metrics import GoodMetrics
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.swept import Swept
 from eqt_cli.plots.verified import Verified
@@ -96,6 +97,23 @@ class OverTime(Figure[GoodRuns]):
     def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> GoodRuns:
         """The runs that did not fail."""
         return GoodRuns(results, self.name, self.controllers)
+
+
+@dataclass(frozen=True)
+class OfMetrics(Figure[GoodMetrics]):
+    """A figure of metrics of single runs, of one result or several; it needs no trajectories.
+
+    Attributes
+    ----------
+    metrics
+        What is shown, by names in the result; if empty, a choice of what it holds.
+    """
+
+    metrics: Sequence[str] = ()
+
+    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> GoodMetrics:
+        """The runs that did not fail, and what was measured of each."""
+        return GoodMetrics(results, self.name, self.controllers, self.metrics)
 
 
 @dataclass(frozen=True)

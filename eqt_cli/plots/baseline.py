@@ -17,6 +17,8 @@ from eqt_cli.plots.numbers import Curve
 TOLERANCE = 1e-6
 """How far a curve may lie from its baseline, over the largest value of the baseline's curve.
 
+Across as well as up: a box plot has its numbers there, and the path of a run in both directions.
+
 The bound of a run's cross-check by the other engine: 1000 times the relative tolerance 1e-9 of the
 shipped experiments. Other processors and versions of the libraries round differently, and so move
 adaptive steps, by much less; no eye sees a thousandth of a panel.
@@ -94,8 +96,19 @@ def _differences(new: Curve, old: Curve) -> Iterator[str]:
             f"{len(old.x)} over {_span(old.x)}"
         )
         return
-    tolerance = TOLERANCE * _scale(old)
-    error = _error(new, old)
+    tolerance = TOLERANCE * _scale(old.x)
+    error = _error(new.x, old.x)
+    wrong = np.flatnonzero(error > tolerance)
+    if len(wrong):
+        worst = int(np.argmax(error))
+        yield (
+            f"{_named(new)}: {len(wrong)} of {len(error)} samples lie elsewhere across; most "
+            f"number {worst + 1}: got {_place(new, worst)}, expected {_place(old, worst)} within "
+            f"{tolerance:.1e}"
+        )
+        return
+    tolerance = TOLERANCE * _scale(old.y)
+    error = _error(new.y, old.y)
     wrong = np.flatnonzero(error > tolerance)
     if len(wrong):
         worst = int(np.argmax(error))
@@ -114,7 +127,7 @@ def _named(curve: Curve) -> str:
 def _place(curve: Curve, index: int) -> str:
     """Where a sample is: ``t = 2.5 s``."""
     symbol, _, unit = curve.across.removesuffix(")").partition(" (")
-    return f"{symbol or 'x'} = {curve.x[index]:g} {unit}".rstrip()
+    return f"{symbol or 'x'} = {curve.x[index]:.{DIGITS}g} {unit}".rstrip()
 
 
 def _span(x: Array) -> str:
@@ -122,24 +135,26 @@ def _span(x: Array) -> str:
 
 
 def _comparable(new: Curve, old: Curve) -> bool:
-    """Whether both have the same samples; they differ by rounding to `DIGITS` at most."""
-    return new.x.shape == old.x.shape and np.allclose(new.x, old.x, rtol=TOLERANCE, atol=1e-12)
+    """Whether both have as many samples."""
+    return new.x.shape == old.x.shape
 
 
-def _scale(curve: Curve) -> float:
-    return float(np.max(np.abs(curve.y), initial=0.0, where=np.isfinite(curve.y)))
+def _scale(values: Array) -> float:
+    return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
 
 
-def _error(new: Curve, old: Curve) -> Array:
+def _error(new: Array, old: Array) -> Array:
     """Difference at every sample; infinite where one of the two has no number."""
-    error = np.abs(new.y - old.y)
-    gaps = np.isnan(new.y), np.isnan(old.y)
+    error = np.abs(new - old)
+    gaps = np.isnan(new), np.isnan(old)
     return np.where(gaps[0] & gaps[1], 0.0, np.where(gaps[0] | gaps[1], np.inf, error))
 
 
 def _largest(new: Curve, old: Curve) -> float:
-    error = float(np.max(_error(new, old), initial=0.0))
-    return error / _scale(old) if error else 0.0
+    """The largest difference, across or up, over the largest value in that direction."""
+    pairs = ((new.x, old.x), (new.y, old.y))
+    errors = [(float(np.max(_error(*pair), initial=0.0)), _scale(pair[1])) for pair in pairs]
+    return max(error / scale if error else 0.0 for error, scale in errors)
 
 
 def _record(curve: Curve) -> str:

@@ -1,4 +1,4 @@
-"""What several figures draw over time; it knows no single figure and no result."""
+"""How several figures draw curves and scales; it knows no single figure and no result."""
 
 from __future__ import annotations
 
@@ -9,12 +9,16 @@ from matplotlib.axes import Axes
 
 from eqt_cli.analysis.comparison.bootstrap import intervals_of_means
 from eqt_cli.core.arrays import Array
+from eqt_cli.plots.style import line_style
 
 BAND = (0.1, 0.9)
 """The quantiles over runs between which a band lies."""
 
 CONFIDENCE, RESAMPLES, SEED = 0.95, 2000, 0
 """Of bands that say how well a mean is known."""
+
+THIN = 0.35
+"""pt, the width of the line of a single run."""
 
 Bands = Literal["none", "quantiles", "bootstrap"]
 """``quantiles`` shades where most runs are, from 10 % to 90 %; ``bootstrap`` shades where the mean
@@ -45,9 +49,19 @@ def band_look(colour: str) -> dict[str, Any]:
     return {"facecolor": (colour, 0.1), "edgecolor": (colour, 0.8), "linewidth": 0.35}
 
 
-def scale_norm(axes: Axes, *, log: bool) -> None:
+def thin_line(index: int, count: int) -> dict[str, Any]:
+    """The look of one of so many single runs of the controller at this position."""
+    opacity = min(0.8, 4 / np.sqrt(count))  # few lines are seen, many make shades
+    return {"color": (line_style(index)["color"], opacity), "linewidth": THIN}
+
+
+def scale_norm(axes: Axes, *, log: bool, direction: Literal["x", "y"] = "y") -> None:
     """A scale for curves that are never negative: logarithmic if asked and possible, or from 0."""
-    if log and any(np.any(np.asarray(line.get_ydata()) > 0) for line in axes.lines):
-        axes.set_yscale("log")
+    across = direction == "x"
+    drawn = (line.get_xdata() if across else line.get_ydata() for line in axes.lines)
+    if log and any(np.any(np.asarray(values) > 0) for values in drawn):
+        axes.set(**{f"{direction}scale": "log"})
+    elif across:
+        axes.set_xlim(left=0)
     else:
         axes.set_ylim(bottom=0)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import EqtError
-from eqt_cli.groups import groups
+from eqt_cli.core.errors import ComponentError, EqtError
+from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.plots.ensembles import Ensemble, ensembles, error, names
 from eqt_cli.store.reader import Results
 
@@ -75,8 +76,13 @@ class GoodRuns:
         times: Array = ensemble.results.coordinate("time")
         return times
 
-    def values(self, signal: str, ensemble: Ensemble) -> Array:
-        """One signal of every good run of a controller, ``(runs, samples, …)``.
+    def values(self, signal: str, ensemble: Ensemble, most: int | None = None) -> Array:
+        """One signal of the good runs of a controller, ``(runs, samples, …)``.
+
+        Parameters
+        ----------
+        most
+            How many runs to read, the first ones; all if None.
 
         Raises
         ------
@@ -84,9 +90,18 @@ class GoodRuns:
             If the result does not hold the signal over time.
         """
         self._check_stored(ensemble.results, signal)
-        values = ensemble.results.read(signal, controller=ensemble.controller)
-        good: Array = values[ensemble.good]
-        return good
+        results, at = ensemble.results, ensemble.controller
+        if most is None:
+            good: Array = results.read(signal, controller=at)[ensemble.good]
+            return good
+        first = np.flatnonzero(ensemble.good)[:most]
+        return results.read(signal, controller=at, **{run_dimension(results): first})
+
+    def numbers(self, ensemble: Ensemble, most: int | None = None) -> Array:
+        """The numbers of the good runs of a controller, as `values` takes them."""
+        stored = ensemble.results.coordinate(run_dimension(ensemble.results))
+        numbers: Array = stored[ensemble.good][:most]
+        return numbers
 
     def desired(self, signal: str, ensemble: Ensemble) -> Array:
         """A signal of the reference at the sample times, ``(samples, …)``: ``torque`` for τ_d."""
@@ -107,13 +122,19 @@ class GoodRuns:
         return [end for end in suffixes if all(first.has(norm + end) for norm in _PARTED)] or [""]
 
     @cached_property
+    def group(self) -> MatrixLieGroup | None:
+        """The group of all results; None if it is of a plugin, which need not be loaded here."""
+        with suppress(ComponentError):
+            return group_named(str(self.results[0].attributes.get("group")))
+        return None
+
+    @cached_property
     def axes(self) -> list[tuple[str, str]]:
         """Name and torque unit of every algebra coordinate."""
         axes = [str(name) for name in self.results[0].coordinate("axis")]
         units = [self.unit("torque")] * len(axes)
-        group = str(self.results[0].attributes.get("group"))
-        if MIXED in units and group in groups.names():  # a plugin's group need not be loaded here
-            for part in groups.get(group)().parts:
+        if MIXED in units and self.group is not None:
+            for part in self.group.parts:
                 units[part.axes] = [part.force_unit] * len(axes[part.axes])
         return list(zip(axes, units, strict=True))
 

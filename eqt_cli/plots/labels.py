@@ -59,6 +59,11 @@ def quantity(symbol: str, unit: str) -> str:
     return rf"${symbol}$ $(\mathrm{{{upright}}})$"
 
 
+def in_words(words: str, unit: str) -> str:
+    """An axis label without a symbol: words with the unit in parentheses, as in `quantity`."""
+    return words + quantity("", unit).removeprefix("$$")
+
+
 def component(symbol: str, axis: str) -> str:
     r"""The symbol with the name of an axis as its index: ``\tau_{\omega x}`` for ``ωx``."""
     letters = " ".join(_mathematical(letter) for letter in axis if letter.isalnum())

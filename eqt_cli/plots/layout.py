@@ -1,4 +1,4 @@
-"""Sheets of panels over time, legends and remarks; it knows no signal and no controller."""
+"""Sheets of panels, legends and remarks; it knows no signal and no controller."""
 
 from __future__ import annotations
 
@@ -44,12 +44,8 @@ def sheet(
     span, unit
         The range of the time axis and its unit.
     """
-    rows = len(mosaic)
-    height = max(_LOWEST_PANEL, min(_PANEL_HEIGHTS[width], _LONGEST / rows))
-    drawing = Figure(figsize=(WIDTHS[width], height * rows))
-    nested: Any = mosaic  # Matplotlib's type for it is a recursive one
-    panels: dict[str, Axes] = drawing.subplot_mosaic(nested, empty_sentinel=EMPTY)
-    numbered = _numbered(mosaic)
+    drawing, panels = blank_sheet(width, mosaic, _PANEL_HEIGHTS[width])
+    numbered = numbered_below(mosaic)
     ticks = 3 if WIDTHS[width] / len(mosaic[0]) < _NARROW else 5
     for name, axes in panels.items():
         axes.set_xlim(*span)
@@ -60,8 +56,32 @@ def sheet(
     return drawing, panels
 
 
-def _numbered(mosaic: Mosaic) -> set[str]:
-    """The panels with numbers along the time axis: those with no panel of equal width below."""
+def blank_sheet(width: Width, mosaic: Mosaic, height: float) -> tuple[Figure, dict[str, Axes]]:
+    """A figure of panels that have nothing in common yet, and its panels by name.
+
+    Parameters
+    ----------
+    mosaic
+        The names of the panels, as in `sheet`.
+    height
+        in, of a row of panels; less where the rows would not fit a page.
+    """
+    rows = len(mosaic)
+    height = max(_LOWEST_PANEL, min(height, _LONGEST / rows))
+    drawing = Figure(figsize=(WIDTHS[width], height * rows))
+    nested: Any = mosaic  # Matplotlib's type for it is a recursive one
+    return drawing, drawing.subplot_mosaic(nested, empty_sentinel=EMPTY)
+
+
+def rows_of(names: Sequence[str], columns: int) -> Mosaic:
+    """Panels row by row, the last row filled up with empty places."""
+    rows = [list(names[start : start + columns]) for start in range(0, len(names), columns)]
+    rows[-1] += [EMPTY] * (min(columns, len(names)) - len(rows[-1]))
+    return rows
+
+
+def numbered_below(mosaic: Mosaic) -> set[str]:
+    """The panels with numbers along their lower edge: those with no panel of equal width below."""
     below: Mosaic = [*mosaic[1:], [EMPTY] * len(mosaic[0])]
     return {
         name
@@ -101,7 +121,8 @@ def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) 
     Names are a user's text.
     """
     characters = int(_CHARACTERS * (figure.get_figwidth() - 0.5))  # beside the handle
-    for columns in range(len(names), 0, -1):
+    for rows in range(1, len(names) + 1):
+        columns = -(-len(names) // rows)  # the fewest for so many rows, so that rows are full
         legend = figure.legend(
             handles, [""] * len(names), loc="outside upper center", ncols=columns
         )

@@ -5,19 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.curves import scale_norm
+from eqt_cli.plots.by_controller import mosaic, panel, panel_title
+from eqt_cli.plots.curves import THIN, scale_norm, thin_line
 from eqt_cli.plots.good_runs import GoodRuns
-from eqt_cli.plots.labels import SYMBOLS, part_name, quantity
+from eqt_cli.plots.labels import SYMBOLS, quantity
 from eqt_cli.plots.layout import (
     EMPTY,
-    Mosaic,
     add_legend,
     add_title,
     hide_scale,
@@ -25,12 +24,12 @@ from eqt_cli.plots.layout import (
     share_scale,
     sheet,
 )
-from eqt_cli.plots.style import WIDTHS, Width, line_style
+from eqt_cli.plots.style import WIDTHS, Width
 
 MOST_LINES = 200
 """Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
 
-_MEAN, _THIN = "black", 0.35
+_MEAN = "black"
 
 
 @dataclass(frozen=True)
@@ -57,53 +56,34 @@ class Runs(OverTime):
         """A row per controller and a column per part, or else controllers two by two."""
         shown = runs.shown
         parts = [""] if self.signal == "lyapunov" else runs.parts
-        mosaic = _mosaic([e.index for e in shown], parts)
-        room = WIDTHS[width] / len(mosaic[0])
-        drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"))
+        places = mosaic([e.label for e in shown], parts)
+        room = WIDTHS[width] / len(places[0])
+        drawing, panels = sheet(width, places, runs.span, runs.unit("time"))
         for part in parts:
-            share_scale(panels[_panel(e.index, part)] for e in shown)
+            share_scale(panels[panel(e.label, part)] for e in shown)
         for ensemble in shown:
             for part in parts:
-                axes, signal = panels[_panel(ensemble.index, part)], self.signal + part
+                axes, signal = panels[panel(ensemble.label, part)], self.signal + part
                 values = runs.values(signal, ensemble)
                 self._fill(axes, runs.times(ensemble), values, ensemble.index)
-                add_title(axes, _title(ensemble.title, part), room)
+                add_title(axes, panel_title(ensemble.title, part), room)
                 name_scale(axes, quantity(SYMBOLS[self.signal], runs.unit(signal)))
         for axes in panels.values():  # now that every curve of a common scale is there
             scale_norm(axes, log=self.log)
         if len(parts) == 1:
-            for _, right in (row for row in mosaic if len(row) == 2 and row[1] != EMPTY):
+            for _, right in (row for row in places if len(row) == 2 and row[1] != EMPTY):
                 hide_scale(panels[right])
         add_legend(drawing, *_legend(max(int(e.good.sum()) for e in shown)))
         return drawing
 
     def _fill(self, axes: Axes, times: Array, values: Array, index: int) -> None:
         drawn = values[:MOST_LINES]
-        opacity = min(0.8, 4 / np.sqrt(len(drawn)))  # few lines are seen, many make shades
-        colour = (line_style(index)["color"], opacity)
-        axes.plot(times, drawn.T, color=colour, linewidth=_THIN)
+        axes.plot(times, drawn.T, **thin_line(index, len(drawn)))
         axes.plot(times, values.mean(axis=0), color=_MEAN, label="mean")
 
 
-def _title(controller: str, part: str) -> str:
-    return f"{controller}, {part_name(part)}" if part else controller
-
-
-def _panel(controller: int, part: str) -> str:
-    return f"{controller}{part}"
-
-
-def _mosaic(controllers: list[int], parts: list[str]) -> Mosaic:
-    """Panels by controller and part."""
-    if len(parts) > 1 or len(controllers) == 1:
-        return [[_panel(index, part) for part in parts] for index in controllers]
-    places = [_panel(index, parts[0]) for index in controllers]
-    pairs = zip(places[::2], [*places[1::2], EMPTY], strict=False)
-    return [[left, right] for left, right in pairs]
-
-
 def _legend(runs: int) -> tuple[list[Line2D], list[str]]:
-    single = Line2D([], [], color="0.5", linewidth=2 * _THIN)
+    single = Line2D([], [], color="0.5", linewidth=2 * THIN)
     mean = Line2D([], [], color=_MEAN)
     lines = "single runs" if runs <= MOST_LINES else f"first {MOST_LINES} runs"
     return [single, mean], [lines, "mean over runs"]

@@ -74,7 +74,21 @@ DEFAULT = (
         "Components of the torque in the body frame: mean over runs, the range from the 10 % to "
         "the 90 % quantile, and the torque of the reference.",
     ),
-    Wanted("distributions"),
+    Wanted(
+        "distributions",
+        {},
+        "Metrics of single runs. Boxes: from the lower to the upper quartile, with the median; "
+        "whiskers: from the 10 % to the 90 % quantile; diamonds: means; dots: the smallest and the "
+        "largest, or every run where there are few. Runs that had not settled by their end count "
+        "as larger than all others; their number stands beside the box, which then has no mean.",
+    ),
+    Wanted(
+        "phase",
+        {"runs": 10},
+        "Single runs in the phase plane of the error: the norm of the velocity error over that of "
+        "the pose error, from a hollow dot at the start to a black one at the end. Triangles mark "
+        "half-turns, the critical points of the navigation function other than I.",
+    ),
     Wanted(
         "certificates",
         {},

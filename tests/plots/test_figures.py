@@ -12,7 +12,7 @@ from matplotlib.transforms import Bbox
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots import figures
-from eqt_cli.plots.base import OfCertificates, OfSweep
+from eqt_cli.plots.base import OfCertificates, OfSweep, OverTime
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
 from eqt_cli.plots.style import WIDTHS, house_style
@@ -24,6 +24,9 @@ NAMES = [
     name for name in figures.names() if not issubclass(figures.get(name), OfSweep | OfCertificates)
 ]
 every_figure = pytest.mark.parametrize("name", NAMES)
+every_figure_over_time = pytest.mark.parametrize(
+    "name", [name for name in NAMES if issubclass(figures.get(name), OverTime)]
+)
 every_width = pytest.mark.parametrize("width", WIDTHS)
 
 
@@ -112,7 +115,7 @@ def test_drawing_says_nothing(name, so3, opened, caplog, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-@every_figure
+@every_figure_over_time
 def test_missing_trajectories_say_what_to_do(name, so3, altered, opened):
     over_time = [v for v in opened(so3).names if "time" in opened(so3).dims(v)]
     results = altered(so3, **dict.fromkeys(over_time))
@@ -146,7 +149,7 @@ def test_failed_runs_are_counted_below_the_panels(name, so3, altered, opened):
     )
 
 
-@every_figure
+@every_figure_over_time
 def test_the_number_of_stored_runs_is_said(name, odd_names, opened):
     drawing = figures.get(name)().draw([opened(odd_names)])
     assert drawing.get_supxlabel() == "Trajectories of the first 4 of 6 runs."
@@ -166,7 +169,7 @@ def test_unknown_controllers_are_refused(name, so3, opened):
     )
 
 
-@every_figure
+@every_figure_over_time
 def test_a_single_sample_is_no_curve(name, so3, altered, opened, tmp_path):
     results = opened(so3)
     over_time = [v for v in (*results.names, "time") if "time" in results.dims(v)]

@@ -116,7 +116,12 @@ def test_a_difference_says_where_and_how_much():
         ([curve([1, 2]), curve([1], name="gt")], "curve 'gt': is not in the baseline"),
         ([curve([1, 2], up="L")], "the scale is named 'L', expected 'L (J)'"),
         ([curve([1, 2, 3])], "has 3 samples over 0 to 1, expected 2 over 0 to 0.5"),
-        ([curve([1, 2], x=np.array([0, 0.6]))], "has 2 samples over 0 to 0.6, expected 2 over 0"),
+        (
+            [curve([1, 2], x=np.array([0, 0.6]))],
+            "curve 'eqt': 1 of 2 samples lie elsewhere across; most number 2: got t = 0.6 s, "
+            "expected t = 0.5 s within 5.0e-07",
+        ),
+        ([curve([1, 2], x=np.array([0, np.nan]))], "1 of 2 samples lie elsewhere across"),
         ([curve([1, np.nan])], "1 of 2 samples differ"),
     ],
 )

@@ -1,0 +1,194 @@
+"""The figure of metrics over runs: a panel per metric, a box or a curve per controller."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.plots.base import OfMetrics
+from eqt_cli.plots.boxes import box_legend, draw_box
+from eqt_cli.plots.good_metrics import CENSORED, GoodMetrics, Sample
+from eqt_cli.plots.labels import SYMBOLS, free_text, in_words, quantity
+from eqt_cli.plots.layout import add_legend, blank_sheet, rows_of
+from eqt_cli.plots.style import WIDTHS, Width, line_style
+
+MOST_STEPS = 500
+"""Steps of a distribution function, at most: each then stands for several runs."""
+
+_COLUMNS: dict[Width, int] = {"column": 2, "page": 3}
+_NAMES: dict[Width, int] = {"column": 14, "page": 26}
+"""Characters in a line of a controller's name beside the boxes."""
+_ROW, _LINE = 0.19, 0.12
+"""in, of a box, and of a further line of its name."""
+_AROUND = 0.5
+"""in, of the numbers and the name below a panel and the room above it."""
+_CURVES: dict[Width, float] = {"column": 1.45, "page": 1.8}
+
+_BESIDE: dict[str, Any] = {
+    "xycoords": ("axes fraction", "data"),
+    "textcoords": "offset points",
+    "va": "center",
+    "fontsize": "small",
+    "annotation_clip": False,
+}
+
+_LABELS = {
+    "early_torque": ("mean {}, first 5 s", SYMBOLS["torque_norm"]),
+    "peak_torque": ("largest {}", SYMBOLS["torque_norm"]),
+    "mean_pose_error": ("mean {}", SYMBOLS["pose_error"]),
+    "final_pose_error": ("final {}", SYMBOLS["pose_error"]),
+    "final_velocity_error": ("final {}", SYMBOLS["velocity_error"]),
+}
+"""Short names of metrics, each with a symbol where its braces are."""
+
+_WORDS = {"effort": "effort", CENSORED: "settling time"}
+"""Short names without a symbol; what has neither is called by its long name."""
+
+
+@dataclass(frozen=True)
+class Distributions(OfMetrics):
+    """How metrics are distributed over runs: box plots or distribution functions.
+
+    A box holds the quartiles and the median, whiskers reach from the 10 % to the 90 % quantile, a
+    diamond is the mean; points are single runs, or the smallest and the largest where there are
+    many. Runs that had not settled by their end count as larger than all others and are given as
+    numbers; with any of them there is no mean, and a distribution function ends below 1.
+
+    Attributes
+    ----------
+    kind
+        ``box``, or ``ecdf`` for the fraction of runs up to a value.
+    log
+        A logarithmic scale.
+    """
+
+    name: ClassVar[str] = "distributions"
+
+    kind: Literal["box", "ecdf"] = "box"
+    log: bool = False
+
+    def compose(self, metrics: GoodMetrics, width: Width) -> Drawing:
+        """Two panels in a row of a column, three in one of a page."""
+        places = rows_of(metrics.metrics, _COLUMNS[width])
+        room = WIDTHS[width] / len(places[0])
+        names = [free_text(e.title, _NAMES[width]) for e in metrics.shown]
+        lines = max(name.count("\n") for name in names)
+        tall = _AROUND + len(names) * (_ROW + _LINE * lines)
+        height = tall if self.kind == "box" else _CURVES[width]
+        drawing, panels = blank_sheet(width, places, height)
+        for metric, axes in panels.items():
+            axes.set_xlabel(_label(metrics, metric, room))
+            samples = [metrics.samples[metric, e.label] for e in metrics.shown]
+            if self.kind == "box":
+                axes.set_yticks(range(len(names)), names)
+                _fill_boxes(axes, metrics, samples)
+            else:
+                _fill_steps(axes, metrics, samples)
+            self._scale(axes, metrics, samples, room)
+            axes.tick_params(labelleft=metric in [row[0] for row in places])
+        if self.kind == "box":
+            add_legend(drawing, *box_legend([int(e.good.sum()) for e in metrics.shown]))
+        else:
+            for row in places:
+                panels[row[0]].set_ylabel("fraction of runs")
+            add_legend(drawing, panels[metrics.metrics[0]].lines, [e.title for e in metrics.shown])
+        return drawing
+
+    def _scale(
+        self, axes: Axes, metrics: GoodMetrics, samples: Sequence[Sample], room: float
+    ) -> None:
+        """The scale across; where runs had not settled, it ends where they do."""
+        seen = np.concatenate([sample.seen for sample in samples])
+        if self.log and np.any(seen > 0):
+            _scale_log(axes, seen[seen > 0])
+        else:
+            axes.xaxis.set_major_locator(_even())
+        if any(sample.censored for sample in samples):
+            end = max(metrics.end(e) for e in metrics.shown)
+            axes.set_xlim(left=None if seen.size else 0, right=end)
+            _count(axes, samples, room, boxes=self.kind == "box")
+
+
+def _label(metrics: GoodMetrics, metric: str, room: float) -> str:
+    """The name of a metric with its unit, within so many inches."""
+    unit = metrics.unit(metric)
+    if metric in _LABELS:
+        words, symbol = _LABELS[metric]
+        return words.format(quantity(symbol, unit))
+    if metric in _WORDS:
+        return in_words(_WORDS[metric], unit)
+    return in_words(free_text(metrics.long_name(metric), int(18 * room)), unit)
+
+
+def _scale_log(axes: Axes, seen: Array) -> None:
+    """A logarithmic scale with numbers wherever there is room for them."""
+    axes.set_xscale("log")
+    decades = np.log10(seen.max() / seen.min())
+    if decades < 1:
+        axes.xaxis.set_major_locator(_even())
+    elif decades < 2:
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    if decades < 2:
+        axes.xaxis.set_major_formatter(FuncFormatter(_number))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+
+
+def _number(value: float, _position: int | None) -> str:
+    mantissa, _, exponent = f"{value:g}".partition("e")
+    return rf"${mantissa} \times 10^{{{int(exponent)}}}$" if exponent else mantissa
+
+
+def _even() -> MaxNLocator:
+    return MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10])
+
+
+def _fill_boxes(axes: Axes, metrics: GoodMetrics, samples: Sequence[Sample]) -> None:
+    """A box per controller, the first on top."""
+    for row, (ensemble, sample) in enumerate(zip(metrics.shown, samples, strict=True)):
+        colour = line_style(ensemble.index)["color"]
+        if sample.values.size:
+            draw_box(axes, row, sample, metrics.end(ensemble), colour, ensemble.label)
+    axes.set_ylim(len(samples) - 0.5, -0.5)
+    axes.margins(x=0.06)
+    axes.grid(visible=False, axis="y")
+    axes.tick_params(axis="y", length=0)
+
+
+def _fill_steps(axes: Axes, metrics: GoodMetrics, samples: Sequence[Sample]) -> None:
+    """The fraction of runs up to every value, of all runs with one, settled or not."""
+    for ensemble, sample in zip(metrics.shown, samples, strict=True):
+        seen = sample.seen
+        ranks = np.unique(np.linspace(1, seen.size, min(seen.size, MOST_STEPS)).round()).astype(int)
+        across = np.concatenate([seen[:1], seen[ranks - 1]])
+        up = np.concatenate([[0.0], ranks / max(sample.values.size, 1)])[: across.size]
+        if sample.censored:
+            across, up = np.append(across, metrics.end(ensemble)), np.append(up, up.max(initial=0))
+        look = line_style(ensemble.index)
+        axes.plot(across, up, drawstyle="steps-post", label=ensemble.label, **look)
+    axes.set_ylim(0, 1.03)
+    axes.margins(x=0.03)
+
+
+def _count(axes: Axes, samples: Sequence[Sample], room: float, *, boxes: bool) -> None:
+    """Say how many runs had not settled: to the right of every box, or above all curves."""
+    totals = [sample.values.size for sample in samples]
+    common = len(set(totals)) == 1
+    counts = [
+        f"{sample.censored}" if common else f"{sample.censored}/{sample.values.size}"
+        for sample in samples
+    ]
+    of = f" of {totals[0]}" if common else ""
+    if boxes:
+        for row, count in enumerate(counts):
+            axes.annotate(count, (1, row), (3, 0), **_BESIDE)
+        text = f"not settled{of}"
+    else:
+        text = f"not settled: {', '.join(counts)}{of}"
+    axes.set_title(free_text(text, int(25 * room)), loc="right", fontsize="small")
