@@ -14,9 +14,10 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfMetrics
 from eqt_cli.plots.boxes import box_legend, draw_box
-from eqt_cli.plots.good_metrics import CENSORED, GoodMetrics, Sample
-from eqt_cli.plots.labels import SYMBOLS, free_text, in_words, quantity
+from eqt_cli.plots.good_metrics import GoodMetrics, Sample
+from eqt_cli.plots.labels import free_text
 from eqt_cli.plots.layout import add_legend, blank_sheet, rows_of
+from eqt_cli.plots.metric_names import metric_label
 from eqt_cli.plots.style import WIDTHS, Width, line_style
 
 MOST_STEPS = 500
@@ -38,18 +39,6 @@ _BESIDE: dict[str, Any] = {
     "fontsize": "small",
     "annotation_clip": False,
 }
-
-_LABELS = {
-    "early_torque": ("mean {}, first 5 s", SYMBOLS["torque_norm"]),
-    "peak_torque": ("largest {}", SYMBOLS["torque_norm"]),
-    "mean_pose_error": ("mean {}", SYMBOLS["pose_error"]),
-    "final_pose_error": ("final {}", SYMBOLS["pose_error"]),
-    "final_velocity_error": ("final {}", SYMBOLS["velocity_error"]),
-}
-"""Short names of metrics, each with a symbol where its braces are."""
-
-_WORDS = {"effort": "effort", CENSORED: "settling time"}
-"""Short names without a symbol; what has neither is called by its long name."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +73,7 @@ class Distributions(OfMetrics):
         height = tall if self.kind == "box" else _CURVES[width]
         drawing, panels = blank_sheet(width, places, height)
         for metric, axes in panels.items():
-            axes.set_xlabel(_label(metrics, metric, room))
+            axes.set_xlabel(metric_label(metrics.results[0], metric, int(18 * room)))
             samples = [metrics.samples[metric, e.label] for e in metrics.shown]
             if self.kind == "box":
                 axes.set_yticks(range(len(names)), names)
@@ -114,17 +103,6 @@ class Distributions(OfMetrics):
             end = max(metrics.end(e) for e in metrics.shown)
             axes.set_xlim(left=None if seen.size else 0, right=end)
             _count(axes, samples, room, boxes=self.kind == "box")
-
-
-def _label(metrics: GoodMetrics, metric: str, room: float) -> str:
-    """The name of a metric with its unit, within so many inches."""
-    unit = metrics.unit(metric)
-    if metric in _LABELS:
-        words, symbol = _LABELS[metric]
-        return words.format(quantity(symbol, unit))
-    if metric in _WORDS:
-        return in_words(_WORDS[metric], unit)
-    return in_words(free_text(metrics.long_name(metric), int(18 * room)), unit)
 
 
 def _scale_log(axes: Axes, seen: Array) -> None:

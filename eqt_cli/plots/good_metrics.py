@@ -140,14 +140,6 @@ class GoodMetrics:
         """The last time of a controller's runs."""
         return float(ensemble.results.coordinate("time")[-1])
 
-    def unit(self, name: str) -> str:
-        """The unit of a metric."""
-        return self.results[0].units(name)
-
-    def long_name(self, name: str) -> str:
-        """A metric in words."""
-        return self.results[0].long_name(name)
-
     def notes(self) -> list[str]:
         """What a reader must know about the runs that are not shown."""
         return list(self._notes())

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
-from eqt_cli.plots.labels import free_text
 from eqt_cli.plots.layout import add_legend
+from eqt_cli.plots.metric_names import metric_label
 from eqt_cli.plots.style import WIDTHS, Width, line_style
-from eqt_cli.plots.swept import Swept, described, mean_over_runs
+from eqt_cli.plots.swept import Swept, mean_over_runs
 
 _HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4}
 
@@ -26,12 +26,15 @@ class Pareto(OfSweep):
     ----------
     cost, error
         The metrics across and up, by their names in the result.
+    log
+        Logarithmic scales.
     """
 
     name: ClassVar[str] = "pareto"
 
     cost: str = "effort"
     error: str = "mean_pose_error"
+    log: bool = False
 
     def compose(self, swept: Swept, width: Width) -> Drawing:
         """The means over the good runs of every point, and their front, for every controller."""
@@ -44,9 +47,14 @@ class Pareto(OfSweep):
             tint = {"color": style["color"], "alpha": 0.4}
             panel.scatter(cost[:, k], error[:, k], s=4, label=title, **tint)
             best = front(cost[:, k], error[:, k])
-            lines += panel.plot(cost[best, k], error[best, k], label=title, **style)
+            # Between two points of the front lies what the first of them betters.
+            steps = {"drawstyle": "steps-post", "label": title}
+            lines += panel.plot(cost[best, k], error[best, k], **steps, **style)
+        panel.margins(0.03)
+        if self.log:
+            panel.set(xscale="log", yscale="log")
         for name, set_label in ((self.cost, panel.set_xlabel), (self.error, panel.set_ylabel)):
-            set_label(free_text(described(swept.results, name), 36))
+            set_label(metric_label(swept.results, name, 36))
         add_legend(drawing, lines, swept.titles)
         return drawing
 

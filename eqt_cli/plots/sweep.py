@@ -14,8 +14,9 @@ from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.curves import BAND, band_look
 from eqt_cli.plots.labels import free_text
 from eqt_cli.plots.layout import add_legend, add_title
+from eqt_cli.plots.metric_names import metric_label
 from eqt_cli.plots.style import WIDTHS, Width, line_style
-from eqt_cli.plots.swept import Axis, Swept, described, mean_over_runs
+from eqt_cli.plots.swept import Axis, Swept, mean_over_runs
 
 _LABEL = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
@@ -47,7 +48,7 @@ class SweepFigure(OfSweep):
                 f"has room for one or two swept keys, and here are {len(axes)} ({keys}); "
                 "figure 'pareto' shows sweeps of any number"
             )
-        label = described(swept.results, self.metric)
+        label = metric_label(swept.results, self.metric, 36)
         if len(axes) == 1:
             return self._curves(swept, axes[0], values, label, width)
         return self._maps(swept, axes, values, label, width)
@@ -68,7 +69,7 @@ class SweepFigure(OfSweep):
             look = band_look(style["color"])
             panel.fill_between(axis.values[order], low, high, label=title, **look)
         _scale(panel, axis, "x")
-        panel.set_ylabel(free_text(label, 36))
+        panel.set_ylabel(label)
         add_legend(drawing, lines, swept.titles)
         return drawing
 
@@ -95,7 +96,7 @@ class SweepFigure(OfSweep):
             _levels(panel, "x", across, axes[0])
             if index == 0:
                 _levels(panel, "y", up, axes[1])
-        drawing.colorbar(image, ax=list(panels), label=free_text(label, 36))
+        drawing.colorbar(image, ax=list(panels), label=label)
         return drawing
 
 

@@ -143,12 +143,6 @@ def _levels(values: Array) -> list[int]:
     return [numbers.setdefault(value, len(numbers)) for value in values.tolist()]
 
 
-def described(results: Results, name: str) -> str:
-    """A metric in words, with its unit if it has one."""
-    unit = results.units(name)
-    return results.long_name(name) + (f" ({unit})" if unit not in ("", "1") else "")
-
-
 def mean_over_runs(values: Array) -> Array:
     """The mean over the last axis, without NaN; NaN where there is nothing else."""
     count = np.isfinite(values).sum(axis=-1)
