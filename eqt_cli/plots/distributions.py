@@ -9,15 +9,14 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfMetrics
 from eqt_cli.plots.boxes import box_legend, draw_box
 from eqt_cli.plots.good_metrics import GoodMetrics, Sample
 from eqt_cli.plots.labels import free_text
 from eqt_cli.plots.layout import add_legend, blank_sheet, rows_of
 from eqt_cli.plots.metric_names import metric_label
+from eqt_cli.plots.scales import even, scale_log
 from eqt_cli.plots.style import WIDTHS, Width, line_style
 
 MOST_STEPS = 500
@@ -96,35 +95,13 @@ class Distributions(OfMetrics):
         """The scale across; where runs had not settled, it ends where they do."""
         seen = np.concatenate([sample.seen for sample in samples])
         if self.log and np.any(seen > 0):
-            _scale_log(axes, seen[seen > 0])
+            scale_log(axes, "x", seen[seen > 0])
         else:
-            axes.xaxis.set_major_locator(_even())
+            axes.xaxis.set_major_locator(even())
         if any(sample.censored for sample in samples):
             end = max(metrics.end(e) for e in metrics.shown)
             axes.set_xlim(left=None if seen.size else 0, right=end)
             _count(axes, samples, room, boxes=self.kind == "box")
-
-
-def _scale_log(axes: Axes, seen: Array) -> None:
-    """A logarithmic scale with numbers wherever there is room for them."""
-    axes.set_xscale("log")
-    decades = np.log10(seen.max() / seen.min())
-    if decades < 1:
-        axes.xaxis.set_major_locator(_even())
-    elif decades < 2:
-        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-    if decades < 2:
-        axes.xaxis.set_major_formatter(FuncFormatter(_number))
-    axes.xaxis.set_minor_formatter(NullFormatter())
-
-
-def _number(value: float, _position: int | None) -> str:
-    mantissa, _, exponent = f"{value:g}".partition("e")
-    return rf"${mantissa} \times 10^{{{int(exponent)}}}$" if exponent else mantissa
-
-
-def _even() -> MaxNLocator:
-    return MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10])
 
 
 def _fill_boxes(axes: Axes, metrics: GoodMetrics, samples: Sequence[Sample]) -> None:

@@ -12,6 +12,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.layout import add_legend
 from eqt_cli.plots.metric_names import metric_label
+from eqt_cli.plots.scales import scale_log
 from eqt_cli.plots.style import WIDTHS, Width, line_style
 from eqt_cli.plots.swept import Swept, mean_over_runs
 
@@ -48,11 +49,12 @@ class Pareto(OfSweep):
             panel.scatter(cost[:, k], error[:, k], s=4, label=title, **tint)
             best = front(cost[:, k], error[:, k])
             # Between two points of the front lies what the first of them betters.
-            steps = {"drawstyle": "steps-post", "label": title}
-            lines += panel.plot(cost[best, k], error[best, k], **steps, **style)
+            style |= {"drawstyle": "steps-post", "label": title}
+            lines += panel.plot(cost[best, k], error[best, k], **style)
         panel.margins(0.03)
         if self.log:
-            panel.set(xscale="log", yscale="log")
+            scale_log(panel, "x", cost[cost > 0])
+            scale_log(panel, "y", error[error > 0])
         for name, set_label in ((self.cost, panel.set_xlabel), (self.error, panel.set_ylabel)):
             set_label(metric_label(swept.results, name, 36))
         add_legend(drawing, lines, swept.titles)
