@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import cached_property
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import EqtError
-from eqt_cli.groups import groups
+from eqt_cli.core.errors import ComponentError, EqtError
+from eqt_cli.groups import group_named
 from eqt_cli.plots.ensembles import Ensemble, ensembles, error, names
 from eqt_cli.store.reader import Results
 
@@ -112,9 +113,10 @@ class GoodRuns:
         axes = [str(name) for name in self.results[0].coordinate("axis")]
         units = [self.unit("torque")] * len(axes)
         group = str(self.results[0].attributes.get("group"))
-        if MIXED in units and group in groups.names():  # a plugin's group need not be loaded here
-            for part in groups.get(group)().parts:
-                units[part.axes] = [part.force_unit] * len(axes[part.axes])
+        if MIXED in units:
+            with suppress(ComponentError):  # a plugin's group need not be loaded here
+                for part in group_named(group).parts:
+                    units[part.axes] = [part.force_unit] * len(axes[part.axes])
         return list(zip(axes, units, strict=True))
 
     def notes(self) -> list[str]:

@@ -25,12 +25,12 @@ from eqt_cli.plots.layout import (
     share_scale,
     sheet,
 )
-from eqt_cli.plots.style import WIDTHS, Width, line_style
+from eqt_cli.plots.style import WIDTHS, Width, ink, line_style
 
 MOST_LINES = 200
 """Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
 
-_MEAN, _THIN = "black", 0.35
+_THIN = 0.35
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ class Runs(OverTime):
         opacity = min(0.8, 4 / np.sqrt(len(drawn)))  # few lines are seen, many make shades
         colour = (line_style(index)["color"], opacity)
         axes.plot(times, drawn.T, color=colour, linewidth=_THIN)
-        axes.plot(times, values.mean(axis=0), color=_MEAN, label="mean")
+        axes.plot(times, values.mean(axis=0), color=ink(), label="mean")
 
 
 def _title(controller: str, part: str) -> str:
@@ -103,7 +103,7 @@ def _mosaic(controllers: list[int], parts: list[str]) -> Mosaic:
 
 
 def _legend(runs: int) -> tuple[list[Line2D], list[str]]:
-    single = Line2D([], [], color="0.5", linewidth=2 * _THIN)
-    mean = Line2D([], [], color=_MEAN)
+    single = Line2D([], [], color=ink(0.5), linewidth=2 * _THIN)
+    mean = Line2D([], [], color=ink())
     lines = "single runs" if runs <= MOST_LINES else f"first {MOST_LINES} runs"
     return [single, mean], [lines, "mean over runs"]

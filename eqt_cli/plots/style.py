@@ -1,13 +1,21 @@
-"""The look of every figure: the style sheet, widths and line styles; it knows no result."""
+"""The look of every figure: the style sheets, widths and line styles; it knows no result."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from functools import cached_property
+from math import lcm
 from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib
+from matplotlib.colors import to_hex, to_rgba
+from matplotlib.font_manager import FontProperties
+
+from eqt_cli.plots import latex, sheets
+from eqt_cli.plots.sheets import Settings
 
 Width = Literal["column", "page"]
 
@@ -15,27 +23,112 @@ WIDTHS: dict[Width, float] = {"column": 3.5, "page": 7.16}
 """Widths in inches of one and of both columns of a two-column journal (IEEE's, among others)."""
 
 _SHEET = Path(__file__).with_name("eqt.mplstyle")
+_LATEX_SHEET = Path(__file__).with_name("latex.mplstyle")
 
-# Solid, dashed, dash-dotted, dotted, in units of the line width. Their number shares no factor with
-# the sheet's seven colours, so that 28 curves differ.
+_KEPT: Settings = {
+    "figure.constrained_layout.use": True,  # the legends above the panels need it
+    "figure.autolayout": False,
+    "savefig.bbox": None,  # a figure is as wide as it is said to be
+    "svg.hashsalt": "eqt",  # equal files for equal figures
+    "text.parse_math": True,  # the labels have mathematics in them
+}
+"""What no sheet changes."""
+
+# Solid, dashed, dash-dotted, dotted, in units of the line width.
 _DASHES: tuple[Any, ...] = ("-", (0, (4.5, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (1.2, 1)))
 
 
+@dataclass(frozen=True)
+class Style:
+    """The look of figures: eqt's own sheet, and what is laid over it.
+
+    Attributes
+    ----------
+    sheets
+        Matplotlib style sheets, by path or by name; later ones win.
+    tex
+        Whether LaTeX sets the text; a sheet may ask for it too, with ``text.usetex``.
+    """
+
+    sheets: tuple[str, ...] = ()
+    tex: bool = False
+
+    @cached_property
+    def settings(self) -> Settings:
+        """Matplotlib's settings where they are not the default ones.
+
+        Raises
+        ------
+        EqtError
+            If there is no such sheet, or one is wrong.
+        """
+        given: Settings = {}
+        for sheet in self.sheets:
+            given |= sheets.read(sheet)
+        settings = sheets.read_file(_SHEET)
+        usetex = self.tex or given.get("text.usetex", False)
+        if usetex:
+            settings |= sheets.read_file(_LATEX_SHEET)
+            given["text.latex.preamble"] = latex.preamble(given.get("text.latex.preamble", ""))
+        return settings | given | _KEPT | {"text.usetex": usetex}
+
+    def prepare(self, formats: tuple[str, ...] = ()) -> None:
+        """Make sure that figures can be drawn so, as files of these formats, before any is.
+
+        Raises
+        ------
+        EqtError
+            If a sheet is wrong, or LaTeX is needed and does not work.
+        """
+        with house_style(self):
+            if matplotlib.rcParams["text.usetex"]:
+                latex.require(png="png" in formats)
+
+
+HOUSE = Style()
+"""eqt's own look."""
+
+
 @contextmanager
-def house_style() -> Iterator[None]:
-    """Draw and save with the style sheet alone, whatever the user's own Matplotlib settings are."""
+def house_style(style: Style = HOUSE) -> Iterator[None]:
+    """Draw and save in a style alone, whatever the user's own Matplotlib settings are.
+
+    Raises
+    ------
+    EqtError
+        If a sheet is wrong, or LaTeX cannot set a text.
+    """
+    settings = style.settings
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(
-            matplotlib.rc_params_from_file(_SHEET, use_default_template=False)
-        )
-        yield
+        matplotlib.rcParams.update(settings)
+        with latex.explained() if settings["text.usetex"] else nullcontext():
+            yield
 
 
 def line_style(index: int) -> dict[str, Any]:
     """Colour and dashes of the curve that belongs to the controller at this position.
 
-    Dashes keep curves apart where colours do not: in greyscale, or for a colour-blind reader.
+    Dashes keep curves apart where colours do not: in greyscale, or for a colour-blind reader. They
+    are those of the sheet's property cycle, or eqt's where it has none.
     """
-    colours = matplotlib.rcParams["axes.prop_cycle"].by_key()["color"]
-    return {"color": colours[index % len(colours)], "linestyle": _DASHES[index % len(_DASHES)]}
+    cycle = list(matplotlib.rcParams["axes.prop_cycle"])
+    look = cycle[index % len(cycle)]
+    # With every turn through both, dashes move on by one: all pairs occur before one repeats.
+    turns = index // lcm(len(cycle), len(_DASHES))
+    dashes = look.get("linestyle", _DASHES[(index + turns) % len(_DASHES)])
+    return {"color": to_hex(look.get("color", ink())), "linestyle": dashes}
+
+
+def ink(share: float = 1.0) -> str:
+    """The colour of what belongs to no controller: that of text, or a tint of it on the paper."""
+    grounds = ("axes.facecolor", "figure.facecolor")
+    seen = [to_rgba(matplotlib.rcParams[key]) for key in grounds]
+    paper = next((colour for colour in seen if colour[3] > 0), (1.0, 1.0, 1.0, 1.0))
+    text = to_rgba(matplotlib.rcParams["text.color"])
+    return to_hex([share * a + (1 - share) * b for a, b in zip(text[:3], paper[:3], strict=True)])
+
+
+def size_of_type(key: str) -> float:
+    """A setting that is a size of type, such as ``legend.fontsize``, in points."""
+    return float(FontProperties(size=matplotlib.rcParams[key]).get_size_in_points())
