@@ -48,6 +48,18 @@ def plot(
     width: Annotated[
         str, typer.Option("--width", metavar="NAME", help="column (3.5 in) or page (7.16 in).")
     ] = "column",
+    style: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--style",
+            metavar="NAME_OR_FILE",
+            help="Matplotlib style sheet to lay over eqt's own; may be repeated, the last one wins.",
+        ),
+    ] = None,
+    tex: Annotated[
+        bool,
+        typer.Option("--tex", help="Let LaTeX set the text; needs latex, and dvipng for PNG."),
+    ] = False,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -72,6 +84,7 @@ def plot(
     from eqt_cli.cli.summary import print_headline
     from eqt_cli.core.errors import EqtError
     from eqt_cli.plots.render import FORMATS, render
+    from eqt_cli.plots.style import Style
     from eqt_cli.store.reader import open_results
 
     if len(result) > 1 and out is None and check is None:
@@ -80,16 +93,17 @@ def plot(
         results = [stack.enter_context(open_results(path)) for path in result]
         names = figure or _default(results[0])
         if check is not None:
-            if format_ or out:
-                raise EqtError("--check draws nothing; leave --format and --out out")
+            if format_ or out or style or tex:
+                raise EqtError("--check draws nothing; leave --format, --style, --tex and --out out")
             _check(results, names, check, _options(option or ()), json=json)
             return
         folder = out or results[0].path.parent / "figures"
+        look = Style(tuple(style or ()), tex)
         files = [
             file
             for name in names
             for file in render(
-                results, name, folder, format_ or FORMATS, width, _options(option or ())
+                results, name, folder, format_ or FORMATS, width, _options(option or ()), look
             )
         ]
         if json:

@@ -22,6 +22,8 @@ _PANEL_HEIGHTS: dict[Width, float] = {"column": 1.15, "page": 1.55}
 _LONGEST = 9.0
 """in, that the panels of a figure fill at most: a page, as long as none gets too low."""
 _LOWEST_PANEL = 0.6
+_LABEL = 8.0
+"""pt, the type of labels for which these heights are."""
 _REMARK_HEIGHT = 1.5
 """of a line of small text, over the size of its type."""
 _NARROW = 1.1
@@ -50,6 +52,7 @@ def sheet(
     """
     rows = len(mosaic)
     height = max(_LOWEST_PANEL, min(_PANEL_HEIGHTS[width], _LONGEST / rows))
+    height *= max(1.0, size_of_type("axes.labelsize") / _LABEL)  # a label is as long as a panel
     drawing = Figure(figsize=(WIDTHS[width], height * rows))
     nested: Any = mosaic  # Matplotlib's type for it is a recursive one
     panels: dict[str, Axes] = drawing.subplot_mosaic(nested, empty_sentinel=EMPTY)

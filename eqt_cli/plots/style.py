@@ -34,6 +34,9 @@ _KEPT: Settings = {
 }
 """What no sheet changes."""
 
+_GRID = 0.114
+"""The share of ink in a grid: that of eqt's own."""
+
 # Solid, dashed, dash-dotted, dotted, in units of the line width.
 _DASHES: tuple[Any, ...] = ("-", (0, (4.5, 1.5)), (0, (5, 1.2, 1, 1.2)), (0, (1.2, 1)))
 
@@ -102,6 +105,9 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
         matplotlib.rcParams.update(settings)
+        if to_hex(matplotlib.rcParams["grid.color"]) == ink():
+            # Of a sheet that shows no grid; eqt does, and it must not hide the curves.
+            matplotlib.rcParams["grid.color"] = ink(_GRID)
         with latex.explained() if settings["text.usetex"] else nullcontext():
             yield
 
