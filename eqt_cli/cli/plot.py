@@ -53,12 +53,12 @@ def plot(
         typer.Option(
             "--style",
             metavar="NAME_OR_FILE",
-            help="Matplotlib style sheet to lay over eqt's own; may be repeated, the last one wins.",
+            help="Matplotlib style sheet to lay over eqt's own; may be repeated, the last wins.",
         ),
     ] = None,
     tex: Annotated[
         bool,
-        typer.Option("--tex", help="Let LaTeX set the text; needs latex, and dvipng for PNG."),
+        typer.Option("--tex", help="Let LaTeX set the text; needs TeX Live."),
     ] = False,
     out: Annotated[
         Path | None,
@@ -94,7 +94,9 @@ def plot(
         names = figure or _default(results[0])
         if check is not None:
             if format_ or out or style or tex:
-                raise EqtError("--check draws nothing; leave --format, --style, --tex and --out out")
+                raise EqtError(
+                    "--check draws nothing; leave --format, --style, --tex and --out out"
+                )
             _check(results, names, check, _options(option or ()), json=json)
             return
         folder = out or results[0].path.parent / "figures"

@@ -207,6 +207,12 @@ def _opened(path: Path, study: Study) -> Results:
     return results
 
 
+def titles(study: Study) -> dict[str, str]:
+    """How every controller is written in figures: by its law's title unless it has a label."""
+    laws = {label: loop.controller for label, loop in study.base.loops.items()}
+    return {label: law.title if label == law.name else label for label, law in laws.items()}
+
+
 def described(
     study: Study, provenance: dict[str, Any], config: str, plugins: str
 ) -> dict[str, Any]:
@@ -217,6 +223,7 @@ def described(
         "plugins": plugins,
         "digest": study.digest,
         "group": study.base.group.name,
+        "titles": json.dumps(titles(study), ensure_ascii=False),
         "provenance": json.dumps(provenance, ensure_ascii=False),
         "source": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
     }

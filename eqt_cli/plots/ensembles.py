@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -79,7 +80,9 @@ def ensembles(
             label = labels[position]
             good = one.read("status", controller=position) == 0
             index = len(found) if several else position
-            found.append(Ensemble(one, position, index, label + end, title_of(label) + end, good))
+            found.append(
+                Ensemble(one, position, index, label + end, title_of(one, label) + end, good)
+            )
     if not any(ensemble.good.any() for ensemble in found):
         message = "has nothing to show, since every run failed; see `eqt show`"
         raise error(results[0], figure, message)
@@ -106,11 +109,16 @@ def positions(results: Sequence[Results], figure: str, chosen: Sequence[str]) ->
     ]
 
 
-def title_of(label: str) -> str:
-    """How a controller is written in figures: by its title if its label is a law's name."""
-    if label not in controllers.names():
-        return label
-    return getattr(controllers.get(label), "title", label)
+def title_of(results: Results, label: str) -> str:
+    """How a controller is written in figures: by its law's title, or by the label it was given."""
+    try:
+        titles = json.loads(str(results.attributes["titles"]))
+    except (KeyError, ValueError):  # written before there were titles in the file
+        titles = None
+    if isinstance(titles, dict):
+        return str(titles.get(label, label))
+    law = controllers.get(label) if label in controllers.names() else None
+    return str(getattr(law, "title", label))
 
 
 def names(results: Sequence[Results]) -> list[str]:

@@ -1,7 +1,7 @@
-"""Symbols, units and names as text that Matplotlib or LaTeX sets; it knows no result and no layout.
+"""Symbols, units and names as text that Matplotlib or LaTeX sets; it knows no result or layout.
 
-Labels are written in the mathematics that both have in common. What a user chose is not: where LaTeX
-sets the text (``text.usetex``), it is escaped here, and nowhere else.
+Symbols are written in the mathematics that both have in common. What a user chose is escaped for
+LaTeX here, and nowhere else, where LaTeX sets the text (``text.usetex``).
 """
 
 from __future__ import annotations

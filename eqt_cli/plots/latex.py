@@ -21,8 +21,10 @@ _PREAMBLE = r"\usepackage[T1]{fontenc}\usepackage{amsmath}"
 """Letters with accents, and < and > as they are; commands that Matplotlib has of its own."""
 _SYMBOLS = r"\usepackage{amssymb}"
 _PROBE = "eqt"
+_DVIPNG = "latex+dvipng"
 
 _REFUSED = re.compile(r"(\w+) was not able to process the following string:\s+(b?['\"].*)\n")
+_COMMAND = re.compile(r"^(?:<recently read>|l\.\d+).*(\\\w+) *$", re.MULTILINE)
 _MISSING_FILE = re.compile(r"File `([^']+)' not found")
 
 
@@ -41,14 +43,17 @@ def require(*, png: bool) -> None:
     Parameters
     ----------
     png
-        Whether PNG files are wanted, for which Matplotlib needs one program more.
+        Whether PNG files are wanted, for which some versions of Matplotlib need dvipng.
 
     Raises
     ------
     EqtError
         If a program, or a file of TeX Live, is missing, or the preamble is wrong.
     """
-    for program in ("latex", "kpsewhich", *(["dvipng"] if png else [])):
+    # Since 3.11 Matplotlib draws glyphs of TeX by itself, unless it is told not to.
+    engine = matplotlib.rcParams.get("text.latex.engine", _DVIPNG)
+    programs = ["latex", "kpsewhich", *(["dvipng"] if png and engine == _DVIPNG else [])]
+    for program in programs:
         if shutil.which(program) is None:
             use = "PNG files with text by LaTeX need" if program == "dvipng" else "LaTeX needs"
             raise EqtError(f"{use} the program '{program}', which is not found; {_INSTALL}")
@@ -95,7 +100,10 @@ def _sentence(message: str) -> str | None:
     if "cm-super" in reason:
         return f"LaTeX finds no fonts of cm-super, which Matplotlib needs; {_INSTALL}"
     if text == _PROBE:
-        return f"LaTeX stops before the first label: {reason}; see text.latex.preamble"
+        return (
+            f"LaTeX stops before the first label: {reason}; mend text.latex.preamble of the "
+            "style sheet, or install what is missing"
+        )
     return f"{program} cannot typeset '{text}': {reason}; change the text, or draw without LaTeX"
 
 
@@ -124,8 +132,8 @@ def _reason(message: str) -> str:
         if not line.strip() or line.startswith(("See ", "Type ", "<", "!")):
             break
         if line.startswith("l."):
-            if found[-1].startswith("Undefined control sequence"):
-                found.append(line.split()[-1])
             break
         found.append(line)
-    return " ".join(" ".join(found).split()).rstrip(".")
+    if found[0].startswith("Undefined control sequence"):
+        found[1:] = _COMMAND.findall(message.partition(found[0])[2])[:1]
+    return " ".join(" ".join(found).split()).replace(". \\", " \\").rstrip(".")

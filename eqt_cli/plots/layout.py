@@ -6,6 +6,7 @@ import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -28,8 +29,8 @@ _REMARK_HEIGHT = 1.5
 """of a line of small text, over the size of its type."""
 _NARROW = 1.1
 """in; a panel of less takes fewer numbers along its time axis."""
-_CHARACTERS = 2.0
-"""in a line as long as the type is large."""
+_CHARACTERS, _BY_LATEX = 2.0, 1.8
+"""in a line as long as the type is large; Computer Modern is wider than other fonts."""
 _SMALL = 0.833
 """Small type over the usual, as Matplotlib has it."""
 
@@ -157,4 +158,5 @@ def freeze(figure: Figure) -> None:
 
 def _characters(room: float, size: float) -> int:
     """How many characters of type of this size (pt) a line of so many inches holds."""
-    return int(_CHARACTERS * 72 * room / size)
+    per_size = _BY_LATEX if rcParams["text.usetex"] else _CHARACTERS
+    return int(per_size * 72 * room / size)

@@ -9,7 +9,7 @@ from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
 from string import ascii_uppercase
-from typing import Literal
+from typing import Any, Literal
 
 from matplotlib.backends.backend_pdf import PdfFile
 from matplotlib.figure import Figure as Drawing
@@ -79,17 +79,21 @@ def _steady_names_of_fonts() -> Iterator[None]:
 
     Matplotlib takes a hash of Python, which differs between processes, for the fonts of TeX.
     """
-    own = PdfFile._get_subset_prefix
+    file: Any = PdfFile
+    own = getattr(file, "_get_subset_prefix", None)
+    if own is None:  # before Matplotlib 3.10, which embeds fonts of TeX whole
+        yield
+        return
 
     def prefix(glyphs: Iterable[object]) -> str:
         digest = sha256(" ".join(sorted(map(str, glyphs))).encode()).digest()
         return "".join(ascii_uppercase[byte % 26] for byte in digest[:6]) + "+"
 
-    PdfFile._get_subset_prefix = staticmethod(prefix)
+    file._get_subset_prefix = staticmethod(prefix)
     try:
         yield
     finally:
-        PdfFile._get_subset_prefix = staticmethod(own)
+        file._get_subset_prefix = staticmethod(own)
 
 
 def _metadata(format: Format, title: str, description: str) -> dict[str, str | None]:

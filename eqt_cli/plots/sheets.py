@@ -37,6 +37,7 @@ _NOT_OF_STYLE = frozenset(
 )
 """Keys of a machine rather than of a figure, which Matplotlib too ignores in a style sheet."""
 
+_DEFAULTS: Any = matplotlib.rcParamsDefault
 _LINE = re.compile(r'(?P<content>(?:[^"#]|"[^"]*")*)(?:#.*)?')
 _CYCLE = "axes.prop_cycle"
 # What `cycler("color", ["r", "g"]) + cycler(lw=[1, 2])` is made of, and no more.
@@ -80,12 +81,12 @@ def read_file(path: Path) -> Settings:
     EqtError
         If it cannot be read, or a line is wrong; the message says which.
     """
-    settings = matplotlib.RcParams()
+    settings: Any = matplotlib.RcParams()  # by any key, and not only by those that its types list
     for place, key, value in _entries(path):
         if key in _NOT_OF_STYLE:
             continue
-        if key not in matplotlib.rcParamsDefault:
-            hint = suggestion(key, list(matplotlib.rcParamsDefault))
+        if key not in _DEFAULTS:
+            hint = suggestion(key, list(_DEFAULTS))
             raise EqtError(
                 f"{place}: Matplotlib {matplotlib.__version__} has no setting '{key}'"
                 f"{hint or '; leave it out'}"
@@ -96,15 +97,8 @@ def read_file(path: Path) -> Settings:
             settings[key] = value
         except (ValueError, TypeError) as error:
             reason = str(error).removeprefix(f"Key {key}: ").rstrip(".")
-            own = matplotlib.rcParamsDefault[key]
-            raise EqtError(
-                f"{place}: {key} cannot be '{value}': {reason}; "
-                + (
-                    "'#' begins a comment, so write colours as E2E2E2"
-                    if not value
-                    else f"Matplotlib's own value is {own!r}"
-                )
-            ) from error
+            hint = _expected(key, value)
+            raise EqtError(f"{place}: {key} cannot be '{value}': {reason}; {hint}") from error
     return dict(settings)
 
 
@@ -163,6 +157,15 @@ def _entries(path: Path) -> Iterator[tuple[str, str, str]]:
         yield place, key.strip(), value
 
 
+def _expected(key: str, value: str) -> str:
+    """What to write in place of a value that cannot be."""
+    if not value:
+        return "'#' begins a comment, so write colours as E2E2E2"
+    if key == _CYCLE:
+        return 'write cycler("color", ["0072B2", "D55E00"])'
+    return f"Matplotlib's own value is {_DEFAULTS[key]!r}"
+
+
 def _check_cycle(text: str) -> None:
     """Let cyclers of literals pass only, since Matplotlib before 3.11 evaluates them as Python.
 
@@ -178,4 +181,4 @@ def _check_cycle(text: str) -> None:
     names = {node.id for node in nodes if isinstance(node, ast.Name)}
     literal = all(isinstance(node, _OF_A_CYCLE) for node in nodes)
     if not nodes or not literal or not names <= {"cycler", "concat"}:
-        raise ValueError("expected cyclers of literal values, as cycler('color', ['r', 'g'])")
+        raise ValueError("it is no cycler of literal values")

@@ -12,8 +12,9 @@ from typing import Any, Literal
 
 import matplotlib
 from matplotlib.colors import to_hex, to_rgba
-from matplotlib.font_manager import FontProperties
+from matplotlib.font_manager import FontProperties, fontManager
 
+from eqt_cli.core.errors import EqtError
 from eqt_cli.plots import latex, sheets
 from eqt_cli.plots.sheets import Settings
 
@@ -21,6 +22,10 @@ Width = Literal["column", "page"]
 
 WIDTHS: dict[Width, float] = {"column": 3.5, "page": 7.16}
 """Widths in inches of one and of both columns of a two-column journal (IEEE's, among others)."""
+
+# By any key, and not only by those that its types list.
+_PRESENT: Any = matplotlib.rcParams
+_DEFAULTS: Any = matplotlib.rcParamsDefault
 
 _SHEET = Path(__file__).with_name("eqt.mplstyle")
 _LATEX_SHEET = Path(__file__).with_name("latex.mplstyle")
@@ -68,12 +73,14 @@ class Style:
         given: Settings = {}
         for sheet in self.sheets:
             given |= sheets.read(sheet)
-        settings = sheets.read_file(_SHEET)
-        usetex = self.tex or given.get("text.usetex", False)
-        if usetex:
-            settings |= sheets.read_file(_LATEX_SHEET)
-            given["text.latex.preamble"] = latex.preamble(given.get("text.latex.preamble", ""))
-        return settings | given | _KEPT | {"text.usetex": usetex}
+        settings = sheets.read_file(_SHEET) | given | _KEPT
+        if not (self.tex or given.get("text.usetex", False)):
+            return settings | {"text.usetex": False, "font.family": _installed(settings)}
+        # Fonts that a sheet names are Matplotlib's; those of LaTeX come by its preamble.
+        kind = {"font.family": given.get("font.family")}
+        kept = kind if kind["font.family"] in (["sans-serif"], ["monospace"]) else {}
+        preamble = latex.preamble(given.get("text.latex.preamble", ""))
+        return settings | sheets.read_file(_LATEX_SHEET) | kept | {"text.latex.preamble": preamble}
 
     def prepare(self, formats: tuple[str, ...] = ()) -> None:
         """Make sure that figures can be drawn so, as files of these formats, before any is.
@@ -84,8 +91,31 @@ class Style:
             If a sheet is wrong, or LaTeX is needed and does not work.
         """
         with house_style(self):
-            if matplotlib.rcParams["text.usetex"]:
+            if _PRESENT["text.usetex"]:
                 latex.require(png="png" in formats)
+
+
+def _installed(settings: Settings) -> list[str]:
+    """The families of `font.family` that there are; Matplotlib complains of others at every word.
+
+    Raises
+    ------
+    EqtError
+        If there is none.
+    """
+    wanted: list[str] = []
+    for family in settings["font.family"]:
+        generic = f"font.{family}"
+        own = _DEFAULTS.get(generic, [family])
+        wanted += settings.get(generic, own)
+    there = set(fontManager.get_font_names())
+    found = [family for family in wanted if family in there]
+    if not found:
+        raise EqtError(
+            f"none of the fonts that the style asks for is installed: {', '.join(wanted)}; install "
+            "one, or name another in font.family"
+        )
+    return found
 
 
 HOUSE = Style()
@@ -104,10 +134,10 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
     settings = style.settings
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        matplotlib.rcParams.update(settings)
-        if to_hex(matplotlib.rcParams["grid.color"]) == ink():
+        _PRESENT.update(settings)
+        if to_hex(_PRESENT["grid.color"]) == ink():
             # Of a sheet that shows no grid; eqt does, and it must not hide the curves.
-            matplotlib.rcParams["grid.color"] = ink(_GRID)
+            _PRESENT["grid.color"] = ink(_GRID)
         with latex.explained() if settings["text.usetex"] else nullcontext():
             yield
 
@@ -118,7 +148,7 @@ def line_style(index: int) -> dict[str, Any]:
     Dashes keep curves apart where colours do not: in greyscale, or for a colour-blind reader. They
     are those of the sheet's property cycle, or eqt's where it has none.
     """
-    cycle = list(matplotlib.rcParams["axes.prop_cycle"])
+    cycle = list(_PRESENT["axes.prop_cycle"])
     look = cycle[index % len(cycle)]
     # With every turn through both, dashes move on by one: all pairs occur before one repeats.
     turns = index // lcm(len(cycle), len(_DASHES))
@@ -129,12 +159,13 @@ def line_style(index: int) -> dict[str, Any]:
 def ink(share: float = 1.0) -> str:
     """The colour of what belongs to no controller: that of text, or a tint of it on the paper."""
     grounds = ("axes.facecolor", "figure.facecolor")
-    seen = [to_rgba(matplotlib.rcParams[key]) for key in grounds]
+    seen = [to_rgba(_PRESENT[key]) for key in grounds]
     paper = next((colour for colour in seen if colour[3] > 0), (1.0, 1.0, 1.0, 1.0))
-    text = to_rgba(matplotlib.rcParams["text.color"])
-    return to_hex([share * a + (1 - share) * b for a, b in zip(text[:3], paper[:3], strict=True)])
+    text = to_rgba(_PRESENT["text.color"])
+    red, green, blue, _ = (share * a + (1 - share) * b for a, b in zip(text, paper, strict=True))
+    return to_hex((red, green, blue))
 
 
 def size_of_type(key: str) -> float:
     """A setting that is a size of type, such as ``legend.fontsize``, in points."""
-    return float(FontProperties(size=matplotlib.rcParams[key]).get_size_in_points())
+    return float(FontProperties(size=_PRESENT[key]).get_size_in_points())

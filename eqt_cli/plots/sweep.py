@@ -19,6 +19,9 @@ from eqt_cli.plots.swept import Axis, Swept, described, mean_over_runs
 
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
 
+_LONGEST = 36
+"""Characters in a line of a label."""
+
 
 @dataclass(frozen=True)
 class SweepFigure(OfSweep):
@@ -62,7 +65,7 @@ class SweepFigure(OfSweep):
             look = band_look(style["color"])
             panel.fill_between(axis.values[order], low, high, label=title, **look)
         _scale(panel, axis, "x")
-        panel.set_ylabel(free_text(label, 36))
+        panel.set_ylabel(free_text(label, _LONGEST))
         add_legend(drawing, lines, swept.titles)
         return drawing
 
@@ -86,15 +89,16 @@ class SweepFigure(OfSweep):
             _levels(panel, "x", across, axes[0])
             if index == 0:
                 _levels(panel, "y", up, axes[1])
-        drawing.colorbar(image, ax=list(panels), label=free_text(label, 36))
+        drawing.colorbar(image, ax=list(panels), label=free_text(label, _LONGEST))
         return drawing
 
 
 def _scale(panel: Axes, axis: Axis, direction: str) -> None:
-    panel.set(**{f"{direction}label": axis.key})
+    panel.set(**{f"{direction}label": free_text(axis.key, _LONGEST)})
     if axis.ticks:
         panel.set(**{f"{direction}ticks": list(axis.ticks)})
-        panel.set(**{f"{direction}ticklabels": list(axis.ticks.values())})
+        texts = [free_text(text, _LONGEST) for text in axis.ticks.values()]
+        panel.set(**{f"{direction}ticklabels": texts})
     elif axis.logarithmic:
         panel.set(**{f"{direction}scale": "log"})
 
@@ -103,6 +107,7 @@ def _levels(panel: Axes, direction: str, levels: Array, axis: Axis) -> None:
     """Number the cells of a map; at most about six are written."""
     step = max(1, len(levels) // 6)
     shown = range(0, len(levels), step)
-    texts = [axis.ticks.get(float(levels[k]), f"{levels[k]:.3g}") for k in shown]
+    names = [axis.ticks.get(float(levels[k]), f"{levels[k]:.3g}") for k in shown]
+    texts = [free_text(name, _LONGEST) for name in names]
     panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
-    panel.set(**{f"{direction}label": axis.key})
+    panel.set(**{f"{direction}label": free_text(axis.key, _LONGEST)})

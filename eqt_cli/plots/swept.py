@@ -73,7 +73,7 @@ class Swept:
             )
         self.controllers = positions([results], figure, chosen)[0]
         labels = results.coordinate("controller")
-        self.titles = [title_of(str(labels[position])) for position in self.controllers]
+        self.titles = [title_of(results, str(labels[position])) for position in self.controllers]
 
     @cached_property
     def axes(self) -> list[Axis]:
