@@ -1,6 +1,6 @@
 """Style sheets as files: what is read, and what is said of lines that are wrong."""
 
-import matplotlib
+import matplotlib.style
 import pytest
 from cycler import cycler
 
