@@ -48,6 +48,18 @@ def plot(
     width: Annotated[
         str, typer.Option("--width", metavar="NAME", help="column (3.5 in) or page (7.16 in).")
     ] = "column",
+    style: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--style",
+            metavar="NAME_OR_FILE",
+            help="Matplotlib style sheet to lay over eqt's own; may be repeated, the last wins.",
+        ),
+    ] = None,
+    tex: Annotated[
+        bool,
+        typer.Option("--tex", help="Let LaTeX set the text; needs TeX Live."),
+    ] = False,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -84,6 +96,7 @@ def plot(
     from eqt_cli.experiment.point import open_point
     from eqt_cli.plots import OfCertificates, figures
     from eqt_cli.plots.render import FORMATS, render
+    from eqt_cli.plots.style import Style
 
     if len(result) > 1 and out is None and check is None:
         raise EqtError("several results have no common folder; say with --out DIR where to draw")
@@ -92,19 +105,29 @@ def plot(
         results = [stack.enter_context(open_point(path, one)) for path, one in chosen]
         names = figure or _default(results[0])
         if check is not None:
-            if format_ or out:
-                raise EqtError("--check draws nothing; leave --format and --out out")
+            if format_ or out or style or tex:
+                raise EqtError(
+                    "--check draws nothing; leave --format, --style, --tex and --out out"
+                )
             _check(results, names, check, _options(option or ()), json=json)
             return
         within = options.point_folder(*point) if point else Path("figures")
         folder = out or results[0].path.parent / within
         verified = any(issubclass(figures.get(name), OfCertificates) for name in names)
         rows = certificates(results[0], trust_plugins) if verified else []
+        look = Style(tuple(style or ()), tex)
         files = [
             file
             for name in names
             for file in render(
-                results, name, folder, format_ or FORMATS, width, _options(option or ()), rows
+                results,
+                name,
+                folder,
+                format_ or FORMATS,
+                width,
+                _options(option or ()),
+                style=look,
+                certificates=rows,
             )
         ]
         if json:

@@ -215,6 +215,12 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
     return found
 
 
+def titles(study: Study) -> dict[str, str]:
+    """How every controller is written in figures: by its law's title unless it has a label."""
+    laws = {label: loop.controller for label, loop in study.base.loops.items()}
+    return {label: law.title if label == law.name else label for label, law in laws.items()}
+
+
 def described(
     study: Study, provenance: dict[str, Any], config: str, plugins: str
 ) -> dict[str, Any]:
@@ -226,6 +232,7 @@ def described(
         "plugins": plugins,
         "digest": study.digest,
         "group": ", ".join(groups),
+        "titles": json.dumps(titles(study), ensure_ascii=False),
         "provenance": json.dumps(provenance, ensure_ascii=False),
         "source": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
     }

@@ -18,7 +18,7 @@ from eqt_cli.store.reader import Results
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
-    from eqt_cli.plots.style import Width
+    from eqt_cli.plots.style import Style, Width
 
 
 class Subject(Protocol):
@@ -53,6 +53,8 @@ class Figure(ABC, Generic[S]):
         self,
         results: Sequence[Results],
         width: Width = "column",
+        *,
+        style: Style | None = None,
         certificates: Sequence[Row] = (),
     ) -> Drawing:
         """Draw what `subject` takes from results, with remarks on what it leaves out.
@@ -63,19 +65,21 @@ class Figure(ABC, Generic[S]):
             Open; they may be closed afterwards.
         width
             One ``column`` of a journal (3.5 in) or the ``page`` (7.16 in).
+        style
+            The look; eqt's own if None.
         certificates
             What the verification of the results found; figures of runs and sweeps need none.
 
         Raises
         ------
         EqtError
-            If the results lack what the figure shows.
+            If the results lack what the figure shows, or it cannot be drawn in this style.
         """
         from eqt_cli.plots.layout import add_remarks, freeze
-        from eqt_cli.plots.style import house_style
+        from eqt_cli.plots.style import HOUSE, house_style
 
         shown = self.subject(results, certificates)
-        with house_style():
+        with house_style(style or HOUSE):
             drawing = self.compose(shown, width)
             add_remarks(drawing, shown.notes())
             freeze(drawing)

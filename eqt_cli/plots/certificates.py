@@ -17,14 +17,12 @@ from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.plots.base import OfCertificates
 from eqt_cli.plots.labels import notation
 from eqt_cli.plots.layout import add_legend
-from eqt_cli.plots.style import WIDTHS, Width, line_style
+from eqt_cli.plots.style import WIDTHS, Width, ink, line_style, marker
 from eqt_cli.plots.verified import Verified
 
 _ROW_HEIGHT = 0.155
-_MARKERS = "os^DvP*"
-"""Tell laws apart where colours do not; their number shares no factor with that of the dashes."""
-_NO_LAW: dict[str, Any] = {"color": "0.35", "marker": "|"}
-_BEYOND = "0.93"
+_NO_LAW, _BEYOND = 0.65, 0.07
+"""Shares of ink: of markers of no law, and of the ground beyond the bound."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +39,9 @@ class Certificates(OfCertificates):
         """Identities above trajectories, the paper's order downwards."""
         drawing = Drawing(figsize=(WIDTHS[width], 0.5 + _ROW_HEIGHT * len(found.names)))
         axes = drawing.add_subplot(label="certificates")
-        looks = {law.label: _look(law.index) for law in found.laws} | {"": _NO_LAW}
+        looks = {law.label: _look(law.index) for law in found.laws} | {
+            "": {"color": ink(_NO_LAW), "marker": "|"}
+        }
         least = _least(found)
         for height, name in enumerate(found.names):
             rows = found.rows(name)
@@ -74,7 +74,7 @@ def _least(found: Verified) -> float:
 
 
 def _look(index: int) -> dict[str, Any]:
-    return {"color": line_style(index)["color"], "marker": _MARKERS[index % len(_MARKERS)]}
+    return {"color": line_style(index)["color"], "marker": marker(index)}
 
 
 def _shifts(count: int) -> list[float]:
@@ -88,7 +88,7 @@ def _mark(axes: Axes, row: Row, height: float, least: float, look: dict[str, Any
     if row.verdict is Verdict.FAILS:
         style |= {"marker": "x", "markersize": 5, "markeredgewidth": 1.4}
     elif row.verdict is not Verdict.HOLDS:
-        style |= {"markerfacecolor": "white"}
+        style |= {"markerfacecolor": ink(0)}
     label = f"{row.name} {row.controller}".strip()
     plain: dict[str, Any] = {"markersize": 3.5, "linestyle": "", "label": label}
     axes.plot([at], [height], **(plain | style))
@@ -106,14 +106,14 @@ def _name_rows(axes: Axes, found: Verified, width: Width) -> None:
     kinds = [found.rows(name)[0].kind for name in found.names]
     for height, (kind, following) in enumerate(pairwise(kinds)):
         if kind != following:
-            axes.axhline(height + 0.5, color="black", linewidth=0.5)
+            axes.axhline(height + 0.5, color=ink(), linewidth=0.5)
 
 
 def _name_scale(axes: Axes, least: float, most: float) -> None:
     axes.set_xscale("log")
     axes.set_xlim(least / 2, 3 * most)
-    axes.axvspan(1, 3 * most, color=_BEYOND, zorder=0, label="beyond the bound")
-    axes.axvline(1, color="black", linewidth=0.8)
+    axes.axvspan(1, 3 * most, color=ink(_BEYOND), zorder=0, label="beyond the bound")
+    axes.axvline(1, color=ink(), linewidth=0.8)
     axes.grid(visible=False, axis="y")
     axes.xaxis.set_major_locator(LogLocator(numticks=6))
     axes.xaxis.set_minor_locator(NullLocator())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -78,7 +79,9 @@ def ensembles(
             label = labels[position]
             good = one.read("status", controller=position) == 0
             index = len(found) if several else position
-            found.append(Ensemble(one, position, index, label + end, title_of(label) + end, good))
+            found.append(
+                Ensemble(one, position, index, label + end, title_of(one, label) + end, good)
+            )
     if not any(ensemble.good.any() for ensemble in found):
         message = "has nothing to show, since every run failed; see `eqt show`"
         raise error(results[0], figure, message)
@@ -105,11 +108,21 @@ def positions(results: Sequence[Results], figure: str, chosen: Sequence[str]) ->
     ]
 
 
-def title_of(label: str) -> str:
-    """How a controller is written in figures: by its title if its label is a law's name."""
-    if label not in controllers.names():
-        return label
-    return getattr(controllers.get(label), "title", label)
+def title_of(results: Results, label: str) -> str:
+    """How a controller is written in figures: by its law's title, or by the label it was given."""
+    try:
+        titles = json.loads(str(results.attributes["titles"]))
+    except (KeyError, ValueError):  # written before there were titles in the file
+        titles = None
+    if isinstance(titles, dict):
+        return str(titles.get(label, label))
+    return law_title(label)
+
+
+def law_title(name: str) -> str:
+    """How a law is written in figures; its name where it is not registered here."""
+    law = controllers.get(name) if name in controllers.names() else None
+    return str(getattr(law, "title", name))
 
 
 def names(results: Sequence[Results]) -> list[str]:

@@ -15,6 +15,7 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.curves import THIN, thin_line
 from eqt_cli.plots.ensembles import Ensemble
+from eqt_cli.plots.style import ink
 
 Path = tuple[Array, Array]
 """Across and up, a number per sample each."""
@@ -23,7 +24,6 @@ _START: dict[str, Any] = {
     "linestyle": "none",
     "marker": "o",
     "markersize": 2.2,
-    "markerfacecolor": "white",
     "markeredgewidth": 0.5,
 }
 _END: dict[str, Any] = {
@@ -31,7 +31,6 @@ _END: dict[str, Any] = {
     "marker": "o",
     "markersize": 1.8,
     "markeredgewidth": 0,
-    "color": "black",
 }
 
 
@@ -66,18 +65,23 @@ def draw_paths(axes: Axes, paths: Mapping[int, Path], ensemble: Ensemble) -> Non
     look = thin_line(ensemble.index, len(paths))
     for number, (x, y) in paths.items():
         axes.plot(x, y, label=f"run {number}", **look)
-    for name, at, marker in (("start", 0, _START), ("end", -1, _END)):
+    start = _start(look["color"][0])
+    for name, at, marker in (("start", 0, start), ("end", -1, {"color": ink(), **_END})):
         across, up = (
             [coordinate[at] for coordinate in pair] for pair in zip(*paths.values(), strict=True)
         )
-        axes.plot(across, up, label=name, **({"markeredgecolor": look["color"][0]} | marker))
+        axes.plot(across, up, label=name, **marker)
+
+
+def _start(colour: Any) -> dict[str, Any]:
+    return _START | {"markeredgecolor": colour, "markerfacecolor": ink(0)}
 
 
 def path_legend(good: Sequence[int], most: int) -> dict[str, Artist]:
     """Handles by name, for controllers with so many good runs of which so many are drawn."""
     lines = "single runs" if max(good) <= most else f"first {most} runs"
     return {
-        lines: Line2D([], [], color="0.5", linewidth=2 * THIN),
-        "start": Line2D([], [], **_START, markeredgecolor="0.3"),
-        "end": Line2D([], [], **_END),
+        lines: Line2D([], [], color=ink(0.5), linewidth=2 * THIN),
+        "start": Line2D([], [], **_start(ink(0.7))),
+        "end": Line2D([], [], color=ink(), **_END),
     }

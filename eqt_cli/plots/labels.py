@@ -1,11 +1,17 @@
-"""Symbols, units and names as text that Matplotlib draws; it knows no result and no layout."""
+"""Symbols, units and names as text that Matplotlib or LaTeX sets; it knows no result or layout.
+
+Symbols are written in the mathematics that both have in common. What a user chose is escaped for
+LaTeX here, and nowhere else, where LaTeX sets the text (``text.usetex``).
+"""
 
 from __future__ import annotations
 
 import re
 import textwrap
 import unicodedata
+from itertools import groupby
 
+import matplotlib
 from matplotlib.mathtext import MathTextParser
 
 SYMBOLS = {
@@ -16,7 +22,7 @@ SYMBOLS = {
 }
 """The paper's symbol for each scalar signal, in Matplotlib's mathematical notation."""
 
-_RENAMED = {"LAMDA": r"\lambda", "OMICRON": "o"}
+_RENAMED = {"LAMDA": "LAMBDA", "OMICRON": "o"}
 """Greek letters that Unicode and TeX name differently."""
 _SYMBOL = re.compile(r"\w+_\{[^}]*\}|\w+[_^]\w+|\w+\*|\b[GLPQ]\b|[⋉→Υ]")
 """A symbol of the paper among words: with an index or a star, or a single letter."""
@@ -35,7 +41,53 @@ _COMMANDS = {
     "Υ": r"\Upsilon",
     "τ": r"\tau",
 }
+_LIKE_LATIN = dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΥΧ", "ABEZHIKMNOPTYX", strict=True))
+"""Greek capitals for which TeX has no command."""
+_SHIFTS = {"<sub>": "_", "<super>": "^"}
+"""How Unicode describes the letters of an index or an exponent."""
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
+_DOLLAR = re.compile(r"(?<!\\)\$")
+
+_IN_LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': r"\textquotedbl{}",
+    "`": r"\textasciigrave{}",
+    "'": r"'{}",  # two would be a quotation mark, as two hyphens a dash
+    ",": r",{}",
+    "-": r"-{}",
+    **{character: "\\" + character for character in "{}$&%#_"},
+}
+"""Characters that are not themselves in a text for LaTeX."""
+_MATHEMATICAL = {
+    "‖": r"\|",
+    "−": "-",
+    "·": r"\cdot",
+    "×": r"\times",
+    "±": r"\pm",
+    "∞": r"\infty",
+    "√": r"\surd",
+    "∂": r"\partial",
+    "∇": r"\nabla",
+    "∫": r"\int",
+    "∑": r"\sum",
+    "∈": r"\in",
+    "≈": r"\approx",
+    "≠": r"\neq",
+    "≤": r"\leq",
+    "≥": r"\geq",
+    "→": r"\rightarrow",
+    "←": r"\leftarrow",
+    "↔": r"\leftrightarrow",
+    "⋉": r"\ltimes",
+    "𝕀": r"\mathbb{I}",
+    "ℝ": r"\mathbb{R}",
+}
+"""Characters that LaTeX has in mathematics only, besides Greek letters and indices."""
 
 
 def quantity(symbol: str, unit: str) -> str:
@@ -65,16 +117,29 @@ def in_words(words: str, unit: str) -> str:
 
 
 def component(symbol: str, axis: str) -> str:
-    r"""The symbol with the name of an axis as its index: ``\tau_{\omega x}`` for ``ωx``."""
-    letters = " ".join(_mathematical(letter) for letter in axis if letter.isalnum())
-    return f"{symbol}_{{{letters}}}"
+    r"""The symbol with the name of an axis as its index: ``\tau_{\omega x_{1}}`` for ``ωx₁``."""
+    pieces = []
+    for shift, letters in groupby(filter(str.isalnum, axis), _shift):
+        text = " ".join(_mathematical(letter) for letter in letters)
+        pieces.append(f"{shift}{{{text}}}" if shift else text)
+    return f"{symbol}_{{{''.join(pieces)}}}"
+
+
+def _shift(letter: str) -> str:
+    """``_`` for a letter that is an index of its own, ``^`` for an exponent; nothing for others."""
+    return _SHIFTS.get(unicodedata.decomposition(letter).partition(" ")[0], "")
 
 
 def _mathematical(letter: str) -> str:
-    """A letter in mathematical notation, where Greek ones have names."""
+    """A letter in mathematical notation, where Greek ones have names; indices on the line."""
+    if _shift(letter):
+        letter = unicodedata.normalize("NFKC", letter)
     words = unicodedata.name(letter, "").split()
-    if len(words) == 4 and words[:3] == ["GREEK", "SMALL", "LETTER"]:
-        return _RENAMED.get(words[3], "\\" + words[3].lower())
+    if len(words) == 4 and words[0] == "GREEK" and words[2] == "LETTER":
+        name = _RENAMED.get(words[3], words[3])
+        if words[1] == "SMALL":
+            return name if name == "o" else "\\" + name.lower()
+        return _LIKE_LATIN.get(letter) or "\\" + name.capitalize()
     return letter
 
 
@@ -95,14 +160,24 @@ def _typeset(symbol: str) -> str:
 def free_text(name: str, characters: int) -> str:
     """What to draw for a text that a user chose, in lines of at most so many characters.
 
-    ``$…$`` is mathematics if it can be typeset, and is else shown as it is.
+    ``$…$`` is mathematics if Matplotlib can typeset it, and is else shown as it is. That holds for
+    LaTeX too, which could do much more than typeset.
     """
     shown = "".join(c if c.isprintable() else " " for c in name)
     try:
         MathTextParser("path").parse(shown)
     except ValueError:
-        shown = _literal(shown)
-    return shown if "$" in shown else textwrap.fill(shown, characters)
+        return _in_lines(shown, characters)
+    if not _DOLLAR.search(shown):
+        return _in_lines(shown.replace(r"\$", "$"), characters)
+    if not _by_latex():
+        return shown
+    # Texts and mathematics in turn.
+    pieces = enumerate(_DOLLAR.split(shown))
+    return "".join(
+        f"${_mathematics(piece)}$" if number % 2 else _literal(piece.replace(r"\$", "$"))
+        for number, piece in pieces
+    )
 
 
 def part_name(suffix: str) -> str:
@@ -110,6 +185,46 @@ def part_name(suffix: str) -> str:
     return suffix.removeprefix("_").replace("_", " ")
 
 
+def _by_latex() -> bool:
+    return bool(matplotlib.rcParams["text.usetex"])
+
+
+def _in_lines(text: str, characters: int) -> str:
+    """Text without mathematics."""
+    if "$" in text and not _by_latex():
+        return _literal(text)
+    return "\n".join(_literal(line) for line in textwrap.wrap(text, characters))
+
+
 def _literal(text: str) -> str:
-    """Text in which no dollar sign begins mathematics."""
-    return text.replace("$", r"\$")
+    """Text in which no character is a command."""
+    if not _by_latex():
+        return text.replace("$", r"\$")
+    return "".join(map(_letter_for_latex, unicodedata.normalize("NFC", text)))
+
+
+def _letter_for_latex(letter: str) -> str:
+    if letter in _IN_LATEX:
+        return _IN_LATEX[letter]
+    command = _command(letter)
+    return letter if command is None else rf"\ensuremath{{{command}}}"
+
+
+def _mathematics(text: str) -> str:
+    """Mathematics that Matplotlib knows, for LaTeX, where comments and the like must be escaped."""
+    escaped = re.sub(r"(?<!\\)[%#&]", r"\\\g<0>", text)
+    return "".join(
+        letter if (command := _command(letter)) is None else f"{{{command}}}" for letter in escaped
+    )
+
+
+def _command(letter: str) -> str | None:
+    """A letter that LaTeX has in mathematics only; None for all others."""
+    if letter in _MATHEMATICAL:
+        return _MATHEMATICAL[letter]
+    if letter.isascii():
+        return None
+    found = _mathematical(letter)
+    if shift := _shift(letter):
+        return f"{{}}{shift}{{{found}}}"
+    return found if found != letter else None

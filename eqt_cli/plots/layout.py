@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.labels import free_text, quantity
-from eqt_cli.plots.style import WIDTHS, Width
+from eqt_cli.plots.style import WIDTHS, Width, size_of_type
 
 EMPTY = "."
 """An empty place in a mosaic."""
@@ -20,12 +23,16 @@ _PANEL_HEIGHTS: dict[Width, float] = {"column": 1.15, "page": 1.55}
 _LONGEST = 9.0
 """in, that the panels of a figure fill at most: a page, as long as none gets too low."""
 _LOWEST_PANEL = 0.6
-_REMARK_HEIGHT = 0.14
-"""in, of a line of small text."""
+_LABEL = 8.0
+"""pt, the type of labels for which these heights are."""
+_REMARK_HEIGHT = 1.5
+"""of a line of small text, over the size of its type."""
 _NARROW = 1.1
 """in; a panel of less takes fewer numbers along its time axis."""
-_CHARACTERS = 18
-"""per inch, of the text of labels; small text takes a fifth less room."""
+_CHARACTERS, _BY_LATEX = 2.0, 1.8
+"""in a line as long as the type is large; Computer Modern is wider than other fonts."""
+_SMALL = 0.833
+"""Small type over the usual, as Matplotlib has it."""
 
 Mosaic = list[list[str]]
 """Names of panels, row by row."""
@@ -44,7 +51,8 @@ def sheet(
     span, unit
         The range of the time axis and its unit.
     """
-    drawing, panels = blank_sheet(width, mosaic, _PANEL_HEIGHTS[width])
+    taller = max(1.0, size_of_type("axes.labelsize") / _LABEL)  # a label is as long as a panel
+    drawing, panels = blank_sheet(width, mosaic, taller * _PANEL_HEIGHTS[width])
     numbered = numbered_below(mosaic)
     ticks = 3 if WIDTHS[width] / len(mosaic[0]) < _NARROW else 5
     for name, axes in panels.items():
@@ -112,7 +120,7 @@ def hide_scale(axes: Axes) -> None:
 
 def add_title(axes: Axes, name: str, room: float) -> None:
     """Name a panel above it, within so many inches; the name is a user's text."""
-    axes.set_title(free_text(name, int(_CHARACTERS * room)))
+    axes.set_title(free_text(name, _characters(room, size_of_type("axes.titlesize"))))
 
 
 def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) -> None:
@@ -120,7 +128,8 @@ def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) 
 
     Names are a user's text.
     """
-    characters = int(_CHARACTERS * (figure.get_figwidth() - 0.5))  # beside the handle
+    room = figure.get_figwidth() - 0.5  # beside the handle
+    characters = _characters(room, size_of_type("legend.fontsize"))
     for rows in range(1, len(names) + 1):
         columns = -(-len(names) // rows)  # the fewest for so many rows, so that rows are full
         legend = figure.legend(
@@ -139,15 +148,36 @@ def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) 
 def add_remarks(figure: Figure, remarks: Sequence[str]) -> None:
     """Print remarks below the panels, a line each; the figure grows by them."""
     if remarks:
-        characters = int(1.2 * _CHARACTERS * figure.get_figwidth())
+        size = _SMALL * size_of_type("font.size")
+        characters = _characters(figure.get_figwidth(), size)
         text = "\n".join(free_text(remark, characters) for remark in remarks)
         lines = text.count("\n") + 1
-        figure.set_figheight(figure.get_figheight() + _REMARK_HEIGHT * lines)
-        figure.supxlabel(text, x=0.01, ha="left", fontsize="small")
+        figure.set_figheight(figure.get_figheight() + _REMARK_HEIGHT * size / 72 * lines)
+        figure.supxlabel(text, x=0.01, ha="left", fontsize=size)
 
 
 def freeze(figure: Figure) -> None:
-    """Arrange the panels once and for all, so that every format shows the same picture."""
+    """Arrange the panels once and for all, so that every format shows the same picture.
+
+    Raises
+    ------
+    EqtError
+        If a style's type is so large that it leaves no room for the panels.
+    """
     figure.align_ylabels()
-    figure.draw_without_rendering()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
+        try:
+            figure.draw_without_rendering()
+        except UserWarning as warning:
+            raise EqtError(
+                f"the type of the style is too large: nothing is left of the panels in a figure of "
+                f"{figure.get_figwidth():g} in; take a wider figure or smaller type"
+            ) from warning
     figure.set_layout_engine("none")
+
+
+def _characters(room: float, size: float) -> int:
+    """How many characters of type of this size (pt) a line of so many inches holds."""
+    per_size = _BY_LATEX if rcParams["text.usetex"] else _CHARACTERS
+    return int(per_size * 72 * room / size)

@@ -13,7 +13,7 @@ from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.layout import add_legend
 from eqt_cli.plots.metric_names import metric_label
 from eqt_cli.plots.scales import scale_log
-from eqt_cli.plots.style import WIDTHS, Width, line_style
+from eqt_cli.plots.style import WIDTHS, Width, line_style, marker
 from eqt_cli.plots.swept import Swept, mean_over_runs
 
 _HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4}
@@ -46,7 +46,8 @@ class Pareto(OfSweep):
         for k, (position, title) in enumerate(zip(swept.controllers, swept.titles, strict=True)):
             style = line_style(position)
             tint = {"color": style["color"], "alpha": 0.4}
-            panel.scatter(cost[:, k], error[:, k], s=4, label=title, **tint)
+            shape = marker(position)
+            panel.scatter(cost[:, k], error[:, k], s=6, marker=shape, label=title, **tint)
             best = front(cost[:, k], error[:, k])
             # Between two points of the front lies what the first of them betters.
             style |= {"drawstyle": "steps-post", "label": title}

@@ -30,7 +30,7 @@ from eqt_cli.plots.layout import (
     name_scale,
     numbered_below,
 )
-from eqt_cli.plots.style import WIDTHS, Width
+from eqt_cli.plots.style import WIDTHS, Width, ink
 
 _HEIGHTS: dict[Width, float] = {"column": 1.35, "page": 1.75}
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
@@ -41,7 +41,6 @@ _HALF_TURN: dict[str, Any] = {
     "linestyle": "none",
     "marker": "^",
     "markersize": 4,
-    "color": "black",
     "clip_on": False,
     "zorder": 3,
 }
@@ -85,7 +84,7 @@ class Phase(OfFirstRuns):
         _hide_scales(panels, places, parts)
         handles = path_legend([int(e.good.sum()) for e in shown], self.runs)
         if marked:
-            handles["half-turns"] = Line2D([], [], **_HALF_TURN)
+            handles["half-turns"] = Line2D([], [], color=ink(), **_HALF_TURN)
         add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 

@@ -17,7 +17,7 @@ from eqt_cli.plots.baseline import Check
 from eqt_cli.plots.ensembles import names
 from eqt_cli.plots.numbers import curves
 from eqt_cli.plots.save import Format, encode, write
-from eqt_cli.plots.style import WIDTHS
+from eqt_cli.plots.style import HOUSE, WIDTHS, Style
 from eqt_cli.store.reader import Results
 
 Choice = TypeVar("Choice", bound=str)
@@ -34,6 +34,8 @@ def render(
     formats: Sequence[str] = FORMATS,
     width: str = "column",
     options: Mapping[str, Any] | None = None,
+    *,
+    style: Style = HOUSE,
     certificates: Sequence[Row] = (),
 ) -> list[Path]:
     """Draw one figure of results and write it as ``<folder>/<figure_name>.<format>``.
@@ -50,6 +52,8 @@ def render(
         One ``column`` of a journal (3.5 in) or the ``page`` (7.16 in).
     options
         The fields of the figure to set, as data from a configuration or a command line.
+    style
+        The look.
     certificates
         What the verification of the results found, for figures of it.
 
@@ -61,19 +65,22 @@ def render(
     Raises
     ------
     EqtError
-        If there is no such figure, option, format or width, the result lacks what the figure
-        shows, or the files cannot be written.
+        If there is no such figure, option, format or width, the style is wrong or needs a LaTeX
+        that does not work, the result lacks what the figure shows, or the files cannot be written.
     """
     figure = figure_from(figure_name, options or {})
     wanted = [_one_of("format", given, (*FORMATS, NUMBERS)) for given in formats]
-    drawing = figure.draw(results, _one_of("width", width, list(WIDTHS)), certificates)
+    style.prepare(tuple(wanted))
+    drawing = figure.draw(
+        results, _one_of("width", width, list(WIDTHS)), style=style, certificates=certificates
+    )
     title = f"{', '.join(names(results))}: {figure.name}"
     digests = ", ".join(str(one.attributes.get("digest", "")) for one in results)
     description = f"{summary(type(figure))} Experiment {digests}"
     files = {
         folder / f"{figure.name}.{format}": baseline.to_json(curves(drawing))
         if format == NUMBERS
-        else encode(drawing, format, title, description)
+        else encode(drawing, format, title, description, style)
         for format in wanted
     }
     write(files)

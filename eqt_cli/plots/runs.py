@@ -24,12 +24,10 @@ from eqt_cli.plots.layout import (
     share_scale,
     sheet,
 )
-from eqt_cli.plots.style import WIDTHS, Width
+from eqt_cli.plots.style import WIDTHS, Width, ink
 
 MOST_LINES = 200
 """Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
-
-_MEAN = "black"
 
 
 @dataclass(frozen=True)
@@ -79,11 +77,11 @@ class Runs(OverTime):
     def _fill(self, axes: Axes, times: Array, values: Array, index: int) -> None:
         drawn = values[:MOST_LINES]
         axes.plot(times, drawn.T, **thin_line(index, len(drawn)))
-        axes.plot(times, values.mean(axis=0), color=_MEAN, label="mean")
+        axes.plot(times, values.mean(axis=0), color=ink(), label="mean")
 
 
 def _legend(runs: int) -> tuple[list[Line2D], list[str]]:
-    single = Line2D([], [], color="0.5", linewidth=2 * THIN)
-    mean = Line2D([], [], color=_MEAN)
+    single = Line2D([], [], color=ink(0.5), linewidth=2 * THIN)
+    mean = Line2D([], [], color=ink())
     lines = "single runs" if runs <= MOST_LINES else f"first {MOST_LINES} runs"
     return [single, mean], [lines, "mean over runs"]

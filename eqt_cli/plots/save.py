@@ -3,27 +3,36 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
-from typing import Literal
+from string import ascii_uppercase
+from typing import Any, Literal
 
+from matplotlib.backends.backend_pdf import PdfFile
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli import __version__
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.style import house_style
+from eqt_cli.plots.style import HOUSE, Style, house_style
 
 Format = Literal["pdf", "svg", "png"]
 
 _MAKER = f"eqt {__version__}"
 
 
-def encode(drawing: Drawing, format: Format, title: str = "", description: str = "") -> bytes:
-    """The file's content; it holds no date and no random name."""
+def encode(
+    drawing: Drawing,
+    format: Format,
+    title: str = "",
+    description: str = "",
+    style: Style = HOUSE,
+) -> bytes:
+    """The file's content, in the style of the drawing; it holds no date and no random name."""
     buffer = BytesIO()
-    with house_style(), _quiet_font_tools():
+    with house_style(style), _quiet_font_tools(), _steady_names_of_fonts():
         drawing.savefig(buffer, format=format, metadata=_metadata(format, title, description))
     return buffer.getvalue()
 
@@ -62,6 +71,29 @@ def _quiet_font_tools() -> Iterator[None]:
         yield
     finally:
         log.setLevel(level)
+
+
+@contextmanager
+def _steady_names_of_fonts() -> Iterator[None]:
+    """Name the subsets of fonts in PDF files after their content.
+
+    Matplotlib takes a hash of Python, which differs between processes, for the fonts of TeX.
+    """
+    file: Any = PdfFile
+    own = getattr(file, "_get_subset_prefix", None)
+    if own is None:  # before Matplotlib 3.10, which embeds fonts of TeX whole
+        yield
+        return
+
+    def prefix(glyphs: Iterable[object]) -> str:
+        digest = sha256(" ".join(sorted(map(str, glyphs))).encode()).digest()
+        return "".join(ascii_uppercase[byte % 26] for byte in digest[:6]) + "+"
+
+    file._get_subset_prefix = staticmethod(prefix)
+    try:
+        yield
+    finally:
+        file._get_subset_prefix = staticmethod(own)
 
 
 def _metadata(format: Format, title: str, description: str) -> dict[str, str | None]:

@@ -21,7 +21,7 @@ from eqt_cli.plots.first_runs import OfFirstRuns, draw_paths, path_legend
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import free_text
 from eqt_cli.plots.layout import add_legend, add_title, blank_sheet
-from eqt_cli.plots.style import WIDTHS, Width
+from eqt_cli.plots.style import WIDTHS, Width, ink, size_of_type
 
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
 _AXES = "xyz"
@@ -37,14 +37,16 @@ _NUMBERED = -67.5
 """The direction of the numbers of the circles, degrees: between two rays."""
 _OUTSIDE = 1.13
 """Of the radius: where the number of the rim is."""
-_GRID: dict[str, Any] = {"color": "0.7", "linewidth": 0.4, "zorder": 0.5}
-_RIM: dict[str, Any] = {"color": "black", "linewidth": 0.6}
+_GRID: dict[str, Any] = {"linewidth": 0.4, "zorder": 0.5}
+_RIM: dict[str, Any] = {"linewidth": 0.6}
+_GRID_SHARE = 0.3
+"""Of ink."""
+_SMALL = 0.75
+"""The numbers' type over the usual."""
 _NUMBER: dict[str, Any] = {
-    "fontsize": 6,
     "ha": "center",
     "va": "center",
     "zorder": 4,
-    "bbox": {"facecolor": ("white", 0.85), "edgecolor": "none", "pad": 0.5},
 }
 
 
@@ -112,14 +114,18 @@ def _errors(runs: GoodRuns, ensemble: Ensemble, most: int) -> Array:
 
 def _draw_grid(axes: Axes, centre: int) -> None:
     """Circles, rays and what they mean."""
+    grid: dict[str, Any] = {"color": ink(_GRID_SHARE), **_GRID}
+    ground = {"facecolor": (ink(0), 0.85), "edgecolor": "none", "pad": 0.5}
+    small = _SMALL * size_of_type("font.size")
     for angle in _CIRCLES:
         radius = disc.radius(np.deg2rad(angle))
-        edge = _RIM if angle == _CIRCLES[-1] else _GRID
+        is_rim = angle == _CIRCLES[-1]
+        edge = {"color": ink(), **_RIM} if is_rim else grid
         axes.add_patch(Circle((0, 0), float(radius), fill=False, **edge))
-        x, y = np.array(_towards(_NUMBERED)) * (_OUTSIDE if edge is _RIM else radius)
-        axes.text(x, y, free_text(f"{angle}°", 9), **_NUMBER)
+        x, y = np.array(_towards(_NUMBERED)) * (_OUTSIDE if is_rim else radius)
+        axes.text(x, y, free_text(f"{angle}°", 9), fontsize=small, bbox=ground, **_NUMBER)
     ends = [_towards(angle) for angle in range(0, 360, _RAYS)]
-    axes.add_collection(LineCollection([[(0, 0), end] for end in ends], **_GRID))
+    axes.add_collection(LineCollection([[(0, 0), end] for end in ends], **grid))
     right, up = (rf"$e_{_AXES[(centre + k) % 3]}$" for k in (1, 2))
     axes.text(1.04, 0, right, ha="left", va="center", fontsize="small")
     axes.text(0, 1.04, up, ha="center", va="bottom", fontsize="small")

@@ -15,11 +15,14 @@ from eqt_cli.plots.curves import BAND, band_look
 from eqt_cli.plots.labels import free_text
 from eqt_cli.plots.layout import add_legend, add_title
 from eqt_cli.plots.metric_names import metric_label
-from eqt_cli.plots.style import WIDTHS, Width, line_style
+from eqt_cli.plots.style import WIDTHS, Width, ink, line_style
 from eqt_cli.plots.swept import Axis, Swept, mean_over_runs
 
-_LABEL = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
+_LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
+
+_LONGEST = 36
+"""Characters in a line of a label."""
 
 
 @dataclass(frozen=True)
@@ -102,16 +105,16 @@ class SweepFigure(OfSweep):
 
 def _name(panel: Axes, x: float, y: float, law: str) -> None:
     """Write a law's name at its point."""
-    panel.annotate(
-        free_text(law, 12), (x, y), ha="center", va="center", fontsize="small", bbox=_LABEL
-    )
+    box = _LABEL | {"facecolor": ink(0)}
+    panel.annotate(free_text(law, 12), (x, y), ha="center", va="center", fontsize="small", bbox=box)
 
 
 def _scale(panel: Axes, axis: Axis, direction: str) -> None:
-    panel.set(**{f"{direction}label": axis.key})
+    panel.set(**{f"{direction}label": free_text(axis.key, _LONGEST)})
     if axis.ticks:
         panel.set(**{f"{direction}ticks": list(axis.ticks)})
-        panel.set(**{f"{direction}ticklabels": list(axis.ticks.values())})
+        texts = [free_text(text, _LONGEST) for text in axis.ticks.values()]
+        panel.set(**{f"{direction}ticklabels": texts})
     elif axis.logarithmic:
         panel.set(**{f"{direction}scale": "log"})
 
@@ -121,6 +124,7 @@ def _levels(panel: Axes, direction: str, levels: Array, axis: Axis) -> None:
     step = max(1, len(levels) // 6)
     shown = range(0, len(levels), step)
     numbers = [f"{levels[k]:.3g}".replace("-", "−") for k in shown]
-    texts = [axis.ticks.get(float(levels[k]), text) for k, text in zip(shown, numbers, strict=True)]
+    names = [axis.ticks.get(float(levels[k]), text) for k, text in zip(shown, numbers, strict=True)]
+    texts = [free_text(name, _LONGEST) for name in names]
     panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
-    panel.set(**{f"{direction}label": axis.key})
+    panel.set(**{f"{direction}label": free_text(axis.key, _LONGEST)})

@@ -10,7 +10,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, suggestion
-from eqt_cli.plots.ensembles import error, positions, title_of
+from eqt_cli.plots.ensembles import error, law_title, positions, title_of
 from eqt_cli.store.reader import Results
 
 LAW = "law"
@@ -76,7 +76,7 @@ class Swept:
             )
         self.controllers = positions([results], figure, chosen)[0]
         labels = results.coordinate("controller")
-        self.titles = [title_of(str(labels[position])) for position in self.controllers]
+        self.titles = [title_of(results, str(labels[position])) for position in self.controllers]
 
     @cached_property
     def axes(self) -> list[Axis]:
@@ -125,7 +125,7 @@ class Swept:
         if not self.results.has(LAW):
             return {}
         names = self.results.read(LAW, controller=self.controllers[shown])
-        return {int(point): title_of(str(names[point])) for point in np.flatnonzero(names != "")}
+        return {int(point): law_title(str(names[point])) for point in np.flatnonzero(names != "")}
 
     def notes(self) -> list[str]:
         """What a reader must know about the runs that are not shown."""

@@ -17,12 +17,12 @@ from eqt_cli.plots.curves import BAND_NAMES, Bands, band_look, draw_band
 from eqt_cli.plots.good_runs import GoodRuns
 from eqt_cli.plots.labels import component, quantity
 from eqt_cli.plots.layout import add_legend, add_title, hide_scale, name_scale, share_scale, sheet
-from eqt_cli.plots.style import WIDTHS, Width, line_style
+from eqt_cli.plots.style import WIDTHS, Width, ink, line_style
 
 _MOST_CONTROLLERS: dict[Width, int] = {"column": 4, "page": 8}
-_DESIRED: dict[str, Any] = {"color": "black", "linewidth": 0.6, "linestyle": (0, (2, 1.5))}
-_ANY = "0.3"
-"""The grey that stands for every controller's colour in the legend."""
+_DESIRED: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.5))}
+_ANY = 0.7
+"""The share of ink in the grey that stands for every controller's colour in the legend."""
 
 
 @dataclass(frozen=True)
@@ -72,14 +72,15 @@ class Torque(OverTime):
 
     def _fill(self, axes: Axes, times: Array, values: Array, desired: Array, colour: str) -> None:
         axes.plot(times, values.mean(axis=0), color=colour, label="mean")
-        axes.plot(times, desired, label="desired", **_DESIRED)
+        axes.plot(times, desired, label="desired", color=ink(), **_DESIRED)
         draw_band(axes, times, values, self.bands, colour, "of runs")
 
     def _add_legend(self, drawing: Drawing) -> None:
+        any_colour = ink(_ANY)
         handles: dict[str, Artist] = {
-            "mean": Line2D([], [], color=_ANY),
-            r"$\tau_d$": Line2D([], [], **_DESIRED),
+            "mean": Line2D([], [], color=any_colour),
+            r"$\tau_d$": Line2D([], [], color=ink(), **_DESIRED),
         }
         if self.bands in BAND_NAMES:
-            handles[BAND_NAMES[self.bands]] = Patch(**band_look(_ANY))
+            handles[BAND_NAMES[self.bands]] = Patch(**band_look(any_colour))
         add_legend(drawing, list(handles.values()), list(handles))

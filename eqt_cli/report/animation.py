@@ -54,7 +54,7 @@ def animation(results: Results, run: int, controllers: Sequence[str] = ()) -> st
 
 def _document(shown: Motion, results: Results) -> dict[str, Any]:
     kept = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
-    styles = looks([str(label) for label in results.coordinate("controller")])
+    styles = looks(results)
     return {
         "run": shown.run,
         "times": _rounded(shown.times[kept]),

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
+from eqt_cli.plots.ensembles import title_of
 from eqt_cli.plots.style import house_style, line_style
 from eqt_cli.store.reader import Results
 
@@ -59,7 +59,7 @@ def curves(results: Results) -> Document | None:
         "runs": stored[runs].tolist(),
         "stored": len(stored),
         "samples": len(times),
-        "controllers": looks(labels),
+        "controllers": looks(results),
         "power": POWER,
         "levels": LEVELS,
         "panels": [
@@ -99,16 +99,16 @@ def quantised(values: Array) -> tuple[Array, float]:
     return codes, largest
 
 
-def looks(labels: list[str]) -> list[Document]:
+def looks(results: Results) -> list[Document]:
     """Label, title, colour and dashes of every controller, as in the figures."""
-    known = controllers.names()
+    labels = [str(label) for label in results.coordinate("controller")]
     with house_style():
         styles = [line_style(index) for index in range(len(labels))]
     return [
         {
             "label": label,
-            "title": getattr(controllers.get(label), "title", label) if label in known else label,
-            "colour": f"#{style['color'].lstrip('#')}",
+            "title": title_of(results, label),
+            "colour": style["color"],
             "dashes": [] if style["linestyle"] == "-" else list(style["linestyle"][1]),
         }
         for label, style in zip(labels, styles, strict=True)

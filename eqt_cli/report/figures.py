@@ -159,7 +159,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
 
 def _draw(results: Results, wanted: Wanted, key: str, certificates: Sequence[Row]) -> Drawn:
     figure = figure_from(wanted.name, wanted.options)
-    text = encode(figure.draw([results], "page", certificates), "svg")
+    text = encode(figure.draw([results], "page", certificates=certificates), "svg")
     caption = wanted.caption or summary(type(figure))
     svg = inlined(text, key, caption)
     if len(svg) > LARGEST:

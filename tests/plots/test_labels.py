@@ -2,6 +2,7 @@
 
 import unicodedata
 
+import matplotlib
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -38,7 +39,17 @@ def test_every_symbol_can_be_typeset():
 
 @pytest.mark.parametrize(
     ("axis", "expected"),
-    [("ωx", r"\tau_{\omega x}"), ("x_1", r"\tau_{x 1}"), ("ά", r"\tau_{ά}"), ("-", r"\tau_{}")],
+    [
+        ("ωx", r"\tau_{\omega x}"),
+        ("x_1", r"\tau_{x 1}"),
+        ("ά", r"\tau_{ά}"),
+        ("-", r"\tau_{}"),
+        ("ωx₁", r"\tau_{\omega x_{1}}"),
+        ("v3₁₀", r"\tau_{v 3_{1 0}}"),
+        ("Ω²", r"\tau_{\Omega^{2}}"),
+        ("Λ", r"\tau_{\Lambda}"),
+        ("Α", r"\tau_{A}"),
+    ],
 )
 def test_axes_are_indices(axis, expected):
     label = component(r"\tau", axis)
@@ -65,6 +76,45 @@ def test_every_greek_letter_can_be_an_axis(letter):
 )
 def test_free_text_is_mathematics_only_if_it_can_be(name, expected):
     assert free_text(name, 12) == expected
+
+
+@pytest.fixture
+def by_latex():
+    with matplotlib.rc_context({"text.usetex": True}):
+        yield
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("10–90 % of a_b & #1", r"10–90 \% of a\_b \& \#1"),
+        (r"\input{x}", r"\textbackslash{}input\{x\}"),
+        ("~^^41", r"\textasciitilde{}\textasciicircum{}\textasciicircum{}41"),
+        ("<a|b>", r"\textless{}a\textbar{}b\textgreater{}"),
+        ("a--b, `c'", r"a-{}-{}b,{} \textasciigrave{}c'{}"),
+        ('"$5"', r"\textquotedbl{}\$5\textquotedbl{}"),
+        (r"cost \$5", r"cost \$5"),
+        ("ω‖x₁", r"\ensuremath{\omega}\ensuremath{\|}x\ensuremath{{}_{1}}"),
+        ("e\u0301", "é"),
+        (r"$g = \frac{1}{2}$ & 5 %", r"$g = \frac{1}{2}$ \& 5 \%"),
+        (r"$ω \leq 1$", r"${\omega} \leq 1$"),
+        (r"$\input{x}$", r"\$\textbackslash{}input\{x\}\$"),
+        (
+            r"$\def\x{\x}\x$",
+            r"\$\textbackslash{}def\textbackslash{}x\{\textbackslash{}x\}\textbackslash{}x\$",
+        ),
+    ],
+)
+def test_latex_gets_commands_in_mathematics_only(name, expected, by_latex):
+    assert free_text(name, 60) == expected
+
+
+def test_lines_are_broken_before_they_are_escaped(by_latex):
+    assert free_text("a_b c_d e_f", 7) == "a\\_b c\\_d\ne\\_f"
+
+
+def test_odd_units_are_escaped(by_latex):
+    assert quantity("L", "%") == r"$L$ (\%)"
 
 
 @given(st.text())

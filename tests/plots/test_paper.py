@@ -6,6 +6,8 @@ from matplotlib.colors import to_rgba
 from scipy.stats import bootstrap
 
 from eqt_cli.plots.paper import Paper
+from eqt_cli.store.variables import Table, Variable
+from eqt_cli.store.writer import write
 
 SIGNALS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
 
@@ -118,6 +120,29 @@ def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(odd_names, so3
         "5 \\$\\oops\\$",
         ("a long name " * 6).strip(),
     ]
+
+
+def _legend(results):
+    return [text.get_text() for text in Paper().draw([results]).legends[0].get_texts()]
+
+
+def test_a_law_that_is_only_called_like_another_has_no_title(simulate, opened):
+    laws = [{"kind": "family", "label": "gt"}, {"kind": "gt", "label": "theirs"}, "eqt"]
+    results = opened(simulate(controllers=laws))
+    assert _legend(results) == ["gt", "theirs", "EqT"]
+
+
+@pytest.mark.parametrize("stored", [None, "{not json", "[1]"])
+def test_results_without_titles_take_those_of_laws_of_that_name(stored, so3, opened, tmp_path):
+    results = opened(so3)
+    attributes = {k: v for k, v in results.attributes.items() if k != "titles"}
+    variables, coordinates = (
+        {n: Variable(results.dims(n), results[n], {"units": results.units(n)}) for n in names}
+        for names in (results.names, results.coordinates)
+    )
+    more = {} if stored is None else {"titles": stored}
+    write(tmp_path / "old.h5", Table(variables, coordinates, attributes | more))
+    assert _legend(opened(tmp_path / "old.h5")) == ["EqT", "GT", "nog", "asym"]
 
 
 @pytest.mark.parametrize("chosen", [["nog"], ["nog", "eqt"]])

@@ -47,6 +47,25 @@ def test_every_axis_has_its_own_unit_and_scale(se3, opened):
     assert [axes.get_title() for axes in rows[0]] == ["EqT", "GT", "nog", "asym"]
 
 
+def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog):
+    product = simulate(
+        group="SO2*R1",
+        inertia=1.0,
+        gains={"kp": [1.0, 1.0], "kd": 0.5},
+        reference={"torque": ["cos(t)", "1"]},
+        initial={
+            "pose": [{"kind": "haar"}, {"kind": "exp_normal", "std": 1.0}],
+            "velocity": {"kind": "normal", "std": 1.0},
+        },
+    )
+    drawing = Torque().draw([opened(product)])
+    assert [row[0].get_ylabel() for row in _grid(drawing, 4)] == [
+        r"$\tau_{\omega_{1}}$ $(\mathrm{N\,m})$",
+        r"$\tau_{v 1_{2}}$ $(\mathrm{N})$",
+    ]
+    assert not caplog.records  # Matplotlib would say which letters its fonts lack
+
+
 def test_more_controllers_than_fit_are_refused(simulate, opened):
     labels = "abcdefghi"
     path = simulate(

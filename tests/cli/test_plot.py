@@ -1,0 +1,52 @@
+"""`eqt plot`, within this process: its styles."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Eqt = Callable[..., Any]
+
+
+@pytest.fixture
+def result(eqt: Eqt, folder: Path) -> str:
+    assert eqt("run", "c.yaml", "--out", "out", "-q").code == 0
+    return "out"
+
+
+def svg(eqt: Eqt, result: str, *options: str) -> str:
+    done = eqt("plot", result, "--format", "svg", "-q", *options)
+    assert (done.code, done.err) == (0, "")
+    return Path(result, "figures", "paper.svg").read_text(encoding="utf-8")
+
+
+def test_styles_are_laid_over_each_other(eqt: Eqt, result: str) -> None:
+    Path("mine.mplstyle").write_text("axes.facecolor: 123456\n", encoding="utf-8")
+    plain = svg(eqt, result)
+    styled = svg(eqt, result, "--style", "dark_background", "--style", "mine.mplstyle")
+    assert "#123456" not in plain
+    assert "#123456" in styled
+    assert "stroke: #ffffff" in styled  # the frames, on the other sheet's black paper
+    assert svg(eqt, result) == plain
+
+
+def test_a_wrong_style_is_one_line_on_stderr(eqt: Eqt, result: str) -> None:
+    Path("mine.mplstyle").write_text("axes.grid: perhaps\n", encoding="utf-8")
+    done = eqt("plot", result, "--style", "mine.mplstyle")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        "eqt: mine.mplstyle:1: axes.grid cannot be 'perhaps': Cannot convert 'perhaps' to bool; "
+        "Matplotlib's own value is False\n"
+    )
+    assert not Path(result, "figures").exists()
+
+
+def test_tex_needs_latex(eqt: Eqt, result: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda program: None)
+    done = eqt("plot", result, "--tex")
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith("eqt: LaTeX needs the program 'latex', which is not found; install ")

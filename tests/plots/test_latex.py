@@ -1,0 +1,223 @@
+r"""Text by LaTeX: what its failures say, and, where it is installed, that every label survives.
+
+Debian and Ubuntu have all that is needed in texlive-latex-extra, cm-super and dvipng.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import matplotlib
+import pytest
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.plots import figures, latex
+from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.render import render
+from eqt_cli.plots.save import encode
+from eqt_cli.plots.style import WIDTHS, Style, house_style
+
+TEX = Style(tex=True)
+INSTALL = (
+    "install TeX Live's packages (Debian, Ubuntu: apt-get install texlive-latex-extra cm-super "
+    "dvipng; others: tlmgr install cm-super dvipng type1cm underscore), or draw without LaTeX"
+)
+NAMES = [name for name in figures.names() if not issubclass(figures.get(name), OfSweep)]
+
+
+def _works():
+    try:
+        TEX.prepare(("pdf", "png"))
+    except EqtError as error:
+        return str(error)
+    return ""
+
+
+WHY_NOT = _works() if shutil.which("latex") else "no program 'latex'"
+with_latex = pytest.mark.skipif(bool(WHY_NOT), reason=f"needs LaTeX: {WHY_NOT}")
+
+
+def explained(message, kind=RuntimeError):
+    with pytest.raises(EqtError) as caught, house_style(TEX):
+        raise kind(message)
+    return str(caught.value)
+
+
+def refused(text, *log, program="latex"):
+    """What Matplotlib raises."""
+    quoted = repr(text.encode("unicode_escape"))
+    lines = "\n".join(["This is pdfTeX", "(./file.tex", *log, "No pages of output."])
+    return (
+        f"{program} was not able to process the following string:\n{quoted}\n\n"
+        f"Here is the full command invocation and its output:\n\n{program} file.tex\n\n{lines}\n\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("there", "formats", "said"),
+    [
+        ([], ("pdf",), "LaTeX needs the program 'latex', which is not found; "),
+        (["latex"], ("svg",), "LaTeX needs the program 'kpsewhich', which is not found; "),
+        (
+            ["latex", "kpsewhich"],
+            ("pdf", "png"),
+            "PNG files with text by LaTeX need the program 'dvipng', which is not found; ",
+        ),
+    ],
+)
+def test_missing_programs_are_named_before_anything_is_drawn(
+    there, formats, said, monkeypatch, so3, opened, tmp_path
+):
+    style = TEX
+    if "text.latex.engine" in matplotlib.rcParams:  # older versions have dvipng only
+        sheet = tmp_path / "by_dvipng.mplstyle"
+        sheet.write_text("text.latex.engine: latex+dvipng\n", encoding="utf-8")
+        style = Style((str(sheet),), tex=True)
+    monkeypatch.setattr(
+        latex.shutil, "which", lambda program: program if program in there else None
+    )
+    with pytest.raises(EqtError) as caught:
+        render([opened(so3)], "paper", tmp_path / "new", formats, style=style)
+    assert str(caught.value) == said + INSTALL
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_program_that_is_lost_later_is_named_too():
+    message = "Failed to process string with tex because latex could not be found"
+    assert explained(message) == f"LaTeX needs the program 'latex', which is not found; {INSTALL}"
+
+
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        (
+            ["! LaTeX Error: File `type1cm.sty' not found.", "", "Type X to quit"],
+            f"LaTeX finds no type1cm.sty, which Matplotlib needs; {INSTALL}",
+        ),
+        (
+            [
+                "! Package matplotlib-support Error: Missing cm-super package, required by "
+                "Matplotlib.",
+                "",
+            ],
+            f"LaTeX finds no fonts of cm-super, which Matplotlib needs; {INSTALL}",
+        ),
+        (
+            ["! Undefined control sequence.", "<recently read> \\oops ", "l.14 \\oops"],
+            "LaTeX stops before the first label: Undefined control sequence \\oops; mend "
+            "text.latex.preamble of the style sheet, or install what is missing",
+        ),
+    ],
+)
+def test_what_keeps_latex_from_working_at_all_is_said(log, said):
+    assert explained(refused("eqt", *log)) == said
+
+
+@pytest.mark.parametrize(
+    ("log", "reason"),
+    [
+        (
+            ["! Undefined control sequence.", "l.28 {\\rmfamily $a\\oops", "          b$}%"],
+            "Undefined control sequence \\oops",
+        ),
+        (
+            [
+                "! LaTeX Error: Unicode character 世 (U+4E16)",
+                "               not set up for use with LaTeX.",
+                "",
+                "See the LaTeX manual.",
+            ],
+            "Unicode character 世 (U+4E16) not set up for use with LaTeX",
+        ),
+        (["! Double superscript.", "l.28 {\\rmfamily $x^a^"], "Double superscript"),
+        (["! Missing } inserted.", "<inserted text>", "       }"], "Missing } inserted"),
+        ([], "it gives no reason"),
+    ],
+)
+def test_a_text_that_cannot_be_set_is_named_with_the_reason(log, reason):
+    assert explained(refused("τ $\\oops$", *log)) == (
+        f"latex cannot typeset 'τ $\\oops$': {reason}; change the text, or draw without LaTeX"
+    )
+
+
+def test_fonts_without_outlines_are_named():
+    message = "An associated PostScript font could not be found for TeX font 'tcrm0800' in 'x.map'"
+    assert explained(message, LookupError) == (
+        f"TeX has no outlines of its font 'tcrm0800'; {INSTALL}"
+    )
+
+
+@pytest.mark.parametrize("error", [RuntimeError("other"), KeyError("other")])
+def test_other_errors_pass(error):
+    with pytest.raises(type(error), match="other"), house_style(TEX):
+        raise error
+
+
+@with_latex
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("result", ["so3", "odd_names"])
+def test_every_figure_can_be_drawn(name, width, result, opened, request, caplog):
+    drawing = figures.get(name)().draw([opened(request.getfixturevalue(result))], width, TEX)
+    for format in ("pdf", "svg", "png"):
+        assert encode(drawing, format, style=TEX)
+    with house_style(TEX):
+        inked = drawing.get_tightbbox()
+    # Half a line width of a frame, 0.5 pt, may touch the edge.
+    assert inked.x0 >= -0.01
+    assert inked.x1 <= drawing.get_figwidth() + 0.01
+    assert not caplog.records
+
+
+@with_latex
+@pytest.mark.parametrize(
+    "label",
+    [
+        *"\\{}$&%#_^~<>|\"'`-,;:!?*()[]@",
+        "50 % of a_b & c#1 ~ {x} \\input{file} ^^41",
+        "ä ß ł ő ñ Ç “quoted” 5–9 — … ° µ ² § ½",
+        "αβγ ΓΔΩ ωx₁ v² ‖τ‖ ≤ ∞ − × · ± →",
+        r"$g = \frac{1}{2}$, 5 % & $\mathcal{L}_{\mathrm{max}}$",
+        "$5 and $\\oops$",
+        "",
+    ],
+)
+def test_every_label_can_be_set(label, simulate, opened):
+    law = {"kind": "family", "label": label or "x"}
+    results = opened(simulate(controllers=[law], ensemble={"runs": 2, "seed": 1}))
+    drawing = figures.get("paper")().draw([results], style=TEX)
+    assert encode(drawing, "pdf", style=TEX).startswith(b"%PDF")
+
+
+@with_latex
+def test_a_label_that_latex_cannot_set_is_named_without_the_log(simulate, opened):
+    law = {"kind": "family", "label": "law 世"}
+    with pytest.raises(EqtError) as caught:
+        figures.get("paper")().draw([opened(simulate(controllers=[law]))], style=TEX)
+    assert str(caught.value) == (
+        "latex cannot typeset 'law 世': Unicode character 世 (U+4E16) not set up for use with "
+        "LaTeX; change the text, or draw without LaTeX"
+    )
+
+
+@with_latex
+def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
+    code = (
+        "from pathlib import Path\n"
+        "from eqt_cli.plots.render import render\n"
+        "from eqt_cli.plots.style import Style\n"
+        "from eqt_cli.store.reader import open_results\n"
+        f"with open_results({str(so3)!r}) as results:\n"
+        "    render([results], 'paper', Path.cwd(), style=Style(tex=True))\n"
+    )
+    found = []
+    for seed in ("1", "2"):
+        folder = tmp_path / seed
+        folder.mkdir()
+        # With a cache of its own, so that LaTeX runs again.
+        changes = {"PYTHONHASHSEED": seed, "MPLCONFIGDIR": str(folder / "cache")}
+        command = [sys.executable, "-W", "error", "-c", code]
+        subprocess.run(command, cwd=folder, env={**os.environ, **changes}, check=True)
+        found.append([(folder / f"paper.{end}").read_bytes() for end in ("pdf", "svg", "png")])
+    assert found[0] == found[1]
