@@ -57,8 +57,8 @@ def test_an_exact_zero_is_left_of_all_others_and_named(so3, opened, marks):
 
 def test_verdicts_can_be_told_apart(marks):
     assert marks["rate of L gt"].get_marker() == "x"
-    assert marks["Q → Q_d eqt"].get_markerfacecolor() == "white"
-    assert marks["rate of L eqt"].get_markerfacecolor() != "white"
+    assert marks["Q → Q_d eqt"].get_markerfacecolor() == "#ffffff"
+    assert marks["rate of L eqt"].get_markerfacecolor() != "#ffffff"
 
 
 def test_remarks_say_what_the_markers_mean(so3, opened):
@@ -76,7 +76,7 @@ def test_remarks_say_what_the_markers_mean(so3, opened):
 def test_a_verified_result_fits_the_sheet(result, width, opened, request):
     results = opened(request.getfixturevalue(result))
     rows = verify_results(build(read_config(results.path)), results, 1).rows
-    drawing = Certificates().draw([results], width, rows)
+    drawing = Certificates().draw([results], width, certificates=rows)
     with house_style():
         inked = drawing.get_tightbbox()
     assert inked.x0 >= -0.01 and inked.x1 <= WIDTHS[width] + 0.01  # half a line's width

@@ -13,7 +13,7 @@ import pytest
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots import figures, latex
-from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.base import OfCertificates, OfSweep
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
 from eqt_cli.plots.style import WIDTHS, Style, house_style
@@ -23,7 +23,9 @@ INSTALL = (
     "install TeX Live's packages (Debian, Ubuntu: apt-get install texlive-latex-extra cm-super "
     "dvipng; others: tlmgr install cm-super dvipng type1cm underscore), or draw without LaTeX"
 )
-NAMES = [name for name in figures.names() if not issubclass(figures.get(name), OfSweep)]
+NAMES = [
+    name for name in figures.names() if not issubclass(figures.get(name), OfSweep | OfCertificates)
+]
 
 
 def _works():
@@ -159,7 +161,7 @@ def test_other_errors_pass(error):
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("result", ["so3", "odd_names"])
 def test_every_figure_can_be_drawn(name, width, result, opened, request, caplog):
-    drawing = figures.get(name)().draw([opened(request.getfixturevalue(result))], width, TEX)
+    drawing = figures.get(name)().draw([opened(request.getfixturevalue(result))], width, style=TEX)
     for format in ("pdf", "svg", "png"):
         assert encode(drawing, format, style=TEX)
     with house_style(TEX):
