@@ -56,7 +56,7 @@ def run_study(
     quiet: bool,
 ) -> None:
     """Execute, report on stdout, and exit as the outcome demands."""
-    from eqt_cli.cli.output import say
+    from eqt_cli.cli.output import say, warn
     from eqt_cli.cli.progress import progress
     from eqt_cli.experiment.execute import execute
 
@@ -72,6 +72,7 @@ def run_study(
                 shard=shard,
                 progress=advance,
                 resumed=advance.skip,
+                remark=warn,
             )
     except KeyboardInterrupt:
         raise _interrupted(study, out) from None

@@ -13,6 +13,11 @@ def say(message: str) -> None:
     print(message, file=sys.stderr)
 
 
+def warn(message: str) -> None:
+    """What a user should know of a result even with --quiet, on stderr."""
+    say(f"eqt: {message}")
+
+
 def print_json(document: Any) -> None:
     """One JSON document on stdout; numbers that JSON cannot hold become null."""
     print(json.dumps(_plain(document), indent=2, ensure_ascii=False))

@@ -122,12 +122,15 @@ def _print_summary(results: Results) -> None:
     import json
 
     from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
+    from eqt_cli.experiment.provenance import OTHERS, differences
 
     origin = json.loads(str(results.attributes["provenance"]))
     packages = ", ".join(f"{name} {origin[name]}" for name in ("eqt", "python", "numpy", "scipy"))
     sizes = ", ".join(f"{name} {size}" for name, size in results.dimensions.items())
     print(f"{results.attributes['title']} on {results.attributes['group']}  ({results.path})")
     print(f"run      {origin['started']} with {packages}")
+    for other in origin.get(OTHERS, ()):
+        print(f"also     {other['started']} with {differences(other, origin)}")
     print(f"digest   {str(results.attributes['digest'])[:16]}")
     print(f"sizes    {sizes}\n")
     print_headline(results)

@@ -44,6 +44,19 @@ def test_the_summary_tells_of_failed_runs(eqt: Eqt) -> None:
     assert "6 runs failed: 6 step limit" in done.err
 
 
+def test_the_summary_names_versions_of_other_sessions(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out")
+    manifest = json.loads(Path("out/manifest.json").read_text(encoding="utf-8"))
+    here = manifest["provenance"]["numpy"]
+    manifest["provenance"]["numpy"] = "1.0"
+    Path("out/manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    done = eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out", "--rerun-failed")
+    said = [line for line in done.err.splitlines() if line.startswith("eqt: out: ")]
+    assert len(said) == 1
+    lines = eqt("show", "out").out.splitlines()
+    assert re.fullmatch(rf"also     \S+ with numpy {re.escape(here)} \(not 1\.0\)", lines[2])
+
+
 def test_config_is_the_resolved_one(eqt: Eqt, result: str) -> None:
     done = eqt("show", result, "--config")
     assert done.out == Path("out/config.yaml").read_text(encoding="utf-8")
