@@ -119,7 +119,7 @@ def execute(
         if not (rerun_failed and failed):
             return Outcome(folder, True, [], study.plans.total, failed)
     with ExitStack() as locks:
-        locks.enter_context(locked(out, shared=shard is not None))
+        locks.enter_context(locked(out, shared=shard is not None, remark=remark))
         if shard:
             locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
         execution = _Execution(study, folder, executor or Serial(), progress, resumed, remark)
@@ -144,7 +144,7 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Outcome:
     if folder.is_complete(study):
         failed = int((folder.manifest or {}).get("failed", 0))
         return Outcome(folder, True, [], study.plans.total, failed)
-    with locked(out):
+    with locked(out, remark=remark):
         missing = len(study.plans) - len(folder.parts.listed())
         if missing:
             raise EqtError(

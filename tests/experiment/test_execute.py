@@ -1,5 +1,6 @@
 """What a result folder goes through: begun, interrupted, resumed, damaged, packed, patched."""
 
+import errno
 import json
 import os
 import platform
@@ -408,6 +409,23 @@ def test_a_lock_ends_with_its_process_even_if_killed(tmp_path):
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
     with locked(tmp_path):
         pass
+
+
+@POSIX
+@pytest.mark.parametrize("code", [errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS])
+@pytest.mark.parametrize("shard", [None, Shard(1, 1)])
+def test_a_disk_that_refuses_locks_is_told_of_once(make, tmp_path, monkeypatch, code, shard):
+    def refused(*_):
+        raise OSError(code, "refused")
+
+    monkeypatch.setattr("fcntl.flock", refused)
+    out, remarks = tmp_path / "out", []
+    execute(make(), out, shard=shard, remark=remarks.append)
+    assert remarks == [
+        f"{out}: its disk refuses file locks, so nothing keeps a second eqt from writing to it at "
+        "the same time: run one at a time there, or choose another disk with --out"
+    ]
+    assert holder(out) is None
 
 
 # Folders and disks that do not do as they should.
