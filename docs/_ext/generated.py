@@ -255,13 +255,13 @@ class Components(Generated):
 
     def lines(self) -> Iterable[str]:
         from eqt_cli.core.registry import summary
-        from eqt_cli.experiment.catalogue import REGISTRIES, options
+        from eqt_cli.experiment.catalogue import options, registry
 
         kind = self.arguments[0]
         if kind == "groups":
             yield from _groups()
             return
-        for component in REGISTRIES[kind].all():
+        for component in registry(kind).all():
             yield f"### {component.name}"
             yield ""
             yield escaped(summary(component))

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli import completion, options
 
 app = typer.Typer(help="Write, check and describe configurations.", no_args_is_help=True)
 
@@ -21,7 +21,13 @@ def new(
         ),
     ] = None,
     source: Annotated[
-        str, typer.Option("--from", metavar="NAME", help="Shipped configuration to start from.")
+        str,
+        typer.Option(
+            "--from",
+            metavar="NAME",
+            autocompletion=completion.shipped,
+            help="Shipped configuration to start from.",
+        ),
     ] = "paper",
 ) -> None:
     """Write a shipped configuration to a file of your own."""

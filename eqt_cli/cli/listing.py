@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
     from eqt_cli.core.registry import Registry
@@ -20,6 +20,7 @@ def list_components(
             metavar="KIND",
             help="groups, controllers, references, engines, poses, velocities, designs, executors, "
             "figures, certificates, claims or configs.",
+            autocompletion=completion.kinds,
         ),
     ] = None,
     plugin: Annotated[
@@ -32,9 +33,9 @@ def list_components(
     from eqt_cli.core.errors import EqtError, suggestion
     from eqt_cli.core.registry import load_plugin
     from eqt_cli.experiment import shipped
-    from eqt_cli.experiment.catalogue import REGISTRIES
+    from eqt_cli.experiment.catalogue import KINDS, registry
 
-    kinds = [*REGISTRIES, "configs"]
+    kinds = [*KINDS, "configs"]
     if kind is not None and kind not in kinds:
         hint = suggestion(kind, kinds) or f"; known: {', '.join(kinds)}"
         raise EqtError(f"unknown kind '{kind}'{hint}")
@@ -44,7 +45,7 @@ def list_components(
         name: (
             [{"name": config, "summary": "", "options": []} for config in shipped.names()]
             if name == "configs"
-            else _described(REGISTRIES[name])
+            else _described(registry(name))
         )
         for name in ([kind] if kind else kinds)
     }

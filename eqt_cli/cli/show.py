@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.status import Status
@@ -30,7 +30,13 @@ def show(
         bool, typer.Option("--table", help="Print every run with its metrics, one row each.")
     ] = False,
     format_: Annotated[
-        str, typer.Option("--format", metavar="NAME", help="Of the table: csv or jsonl.")
+        str,
+        typer.Option(
+            "--format",
+            metavar="NAME",
+            autocompletion=completion.words("csv", "jsonl"),
+            help="Of the table: csv or jsonl.",
+        ),
     ] = "csv",
     point: options.Point = None,
     json: options.Json = False,

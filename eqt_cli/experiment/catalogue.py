@@ -1,48 +1,48 @@
-"""Every kind of component by the name that `eqt list` gives it, and what options one takes."""
+"""Every kind of component by the name that `eqt list` gives it; importing this costs nothing."""
 
 from __future__ import annotations
 
-from dataclasses import is_dataclass
-from typing import Any
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
-from pydantic import TypeAdapter
+if TYPE_CHECKING:
+    from eqt_cli.core.registry import Registry
 
-from eqt_cli.analysis.certificates import certificates
-from eqt_cli.analysis.comparison.claims import claim_sets
-from eqt_cli.controllers import controllers
-from eqt_cli.core.registry import Registry
-from eqt_cli.engines import engines
-from eqt_cli.ensemble.designs import Design, Surroundings, designs
-from eqt_cli.ensemble.executors import executors
-from eqt_cli.ensemble.poses import pose_distributions
-from eqt_cli.ensemble.velocities import velocity_distributions
-from eqt_cli.experiment.components import option_names
-from eqt_cli.groups import groups
-from eqt_cli.plots import figures
-from eqt_cli.references import references
-
-REGISTRIES: dict[str, Registry[Any]] = {
-    "groups": groups,
-    "controllers": controllers,
-    "references": references,
-    "engines": engines,
-    "poses": pose_distributions,
-    "velocities": velocity_distributions,
-    "designs": designs,
-    "executors": executors,
-    "figures": figures,
-    "certificates": certificates,
-    "claims": claim_sets,
+KINDS = {
+    "groups": "eqt_cli.groups",
+    "controllers": "eqt_cli.controllers",
+    "references": "eqt_cli.references",
+    "engines": "eqt_cli.engines",
+    "poses": "eqt_cli.ensemble.poses",
+    "velocities": "eqt_cli.ensemble.velocities",
+    "designs": "eqt_cli.ensemble.designs",
+    "executors": "eqt_cli.ensemble.executors",
+    "figures": "eqt_cli.plots",
+    "certificates": "eqt_cli.analysis.certificates",
+    "claims": "eqt_cli.analysis.comparison.claims",
 }
-"""The registries by the plural of their kind, in the order of `eqt list`."""
+"""The packages of the components, by the plural of their kind, in the order of `eqt list`."""
 
-_ALONE = Surroundings(lambda axis: {"type": "object"}, {})
+
+def registry(kind: str) -> Registry[Any]:
+    """The registry of a kind."""
+    from eqt_cli.core.registry import registry_of
+
+    import_module(KINDS[kind])
+    return registry_of(KINDS[kind])
 
 
 def options(component: type) -> dict[str, Any]:
     """The options of a component as a JSON schema of an object; without any, no `properties`."""
+    from dataclasses import is_dataclass
+
+    from pydantic import TypeAdapter
+
+    from eqt_cli.ensemble.designs import Design, Surroundings
+    from eqt_cli.experiment.components import option_names
+
     if issubclass(component, Design):
-        return component.schema(_ALONE)
+        return component.schema(Surroundings(lambda axis: {"type": "object"}, {}))
     if not is_dataclass(component):
         return {}
     schema = TypeAdapter(component).json_schema()
