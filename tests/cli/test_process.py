@@ -99,15 +99,27 @@ def test_ctrl_c_is_130_and_the_same_command_starts_again(process: Eqt, folder: P
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes as a POSIX shell has them")
-def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (["config", "schema"], 0),
+        (["list"], 0),
+        (["run", "c.yaml"], 0),
+        (["config", "check", "c.yaml", "--json", "--set", "time.samples=1"], 2),
+    ],
+)
+def test_a_reader_that_leaves_is_no_error(folder: Path, arguments: list[str], code: int) -> None:
+    reads, writes = os.pipe()
+    os.close(reads)
     done = subprocess.run(
-        f"{sys.executable} -m eqt_cli config schema | head -n 1",
-        shell=True,
-        capture_output=True,
+        [sys.executable, "-m", "eqt_cli", *arguments],
+        stdout=writes,
+        stderr=subprocess.PIPE,
         encoding="utf-8",
         check=False,
     )
-    assert (done.stdout, done.stderr) == ("{\n", "")
+    os.close(writes)
+    assert (done.returncode, done.stderr) == (code, "")
 
 
 # Imports ----------------------------------------------------------------------------------------
