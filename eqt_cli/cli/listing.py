@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli import completion, options
+from eqt_cli.experiment.catalogue import KINDS
 
 if TYPE_CHECKING:
     from eqt_cli.core.registry import Registry
@@ -18,8 +19,7 @@ def list_components(
         str | None,
         typer.Argument(
             metavar="KIND",
-            help="groups, controllers, references, engines, poses, velocities, designs, executors, "
-            "figures, certificates, claims or configs.",
+            help=f"{', '.join(KINDS)} or configs.",
             autocompletion=completion.kinds,
         ),
     ] = None,
@@ -33,12 +33,15 @@ def list_components(
     from eqt_cli.core.errors import EqtError, suggestion
     from eqt_cli.core.registry import load_plugin
     from eqt_cli.experiment import shipped
-    from eqt_cli.experiment.catalogue import KINDS, registry
+    from eqt_cli.experiment.catalogue import registry
 
     kinds = [*KINDS, "configs"]
     if kind is not None and kind not in kinds:
         hint = suggestion(kind, kinds) or f"; known: {', '.join(kinds)}"
         raise EqtError(f"unknown kind '{kind}'{hint}")
+    if plugin:
+        for name in KINDS:
+            registry(name)  # a plugin may define any kind
     for path in plugin or ():
         load_plugin(path)
     listed = {
