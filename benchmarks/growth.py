@@ -31,6 +31,8 @@ class Growth:
         Of the process with its start, all metrics and, by taylor, error estimates, s.
     peak_memory
         Of its largest process, bytes.
+    show
+        Wall time of `eqt show` on the result, the least of three, s.
     """
 
     engine: str
@@ -38,6 +40,7 @@ class Growth:
     wall: float
     cpu: float
     peak_memory: int
+    show: float
 
 
 def growth(engine: str, runs: int) -> Growth:
@@ -61,11 +64,19 @@ def _run(engine: str, runs: int) -> Growth:
         )
         _, status, usage = os.wait4(process.pid, 0)  # what subprocess does not tell: memory
         wall = time.perf_counter() - began
-    if status:
-        raise SystemExit(f"eqt {' '.join(arguments)} failed")
+        if status:
+            raise SystemExit(f"eqt {' '.join(arguments)} failed")
+        show = min(_show(folder) for _ in range(3))
     kilobytes = 1 if sys.platform == "darwin" else 1024
     cpu = usage.ru_utime + usage.ru_stime
-    return Growth(engine, runs, wall, cpu, usage.ru_maxrss * kilobytes)
+    return Growth(engine, runs, wall, cpu, usage.ru_maxrss * kilobytes, show)
+
+
+def _show(folder: str) -> float:
+    began = time.perf_counter()
+    command = [sys.executable, "-m", "eqt_cli", "show", folder]
+    subprocess.run(command, stdout=subprocess.DEVNULL, check=True)
+    return time.perf_counter() - began
 
 
 if __name__ == "__main__":

@@ -172,7 +172,7 @@ def _commands(commands: list[Command]) -> str:
 
 def _growth(growth: list[Growth]) -> str:
     return _table(
-        ["engine", "runs", "time, s", "CPU, s", "CPU ms per run", "peak memory, MB"],
+        ["engine", "runs", "time, s", "CPU, s", "CPU ms per run", "peak memory, MB", "eqt show, s"],
         (
             [
                 each.engine,
@@ -181,6 +181,7 @@ def _growth(growth: list[Growth]) -> str:
                 f"{each.cpu:.2f}",
                 f"{1000 * each.cpu / each.runs:.2f}",
                 f"{each.peak_memory / 1e6:.0f}",
+                f"{each.show:.2f}",
             ]
             for each in growth
         ),

@@ -13,13 +13,11 @@ import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import is_dataclass
 from pathlib import Path
 from typing import Any
 
 import yaml
 from docutils import nodes
-from pydantic import TypeAdapter
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -256,39 +254,34 @@ class Components(Generated):
     required_arguments = 1
 
     def lines(self) -> Iterable[str]:
-        from eqt_cli.cli.listing import _registries
         from eqt_cli.core.registry import summary
-        from eqt_cli.experiment.components import option_names
+        from eqt_cli.experiment.catalogue import options, registry
 
         kind = self.arguments[0]
         if kind == "groups":
             yield from _groups()
             return
-        for component in _registries()[kind].all():
+        for component in registry(kind).all():
             yield f"### {component.name}"
             yield ""
             yield escaped(summary(component))
             yield ""
-            names = option_names(component) if is_dataclass(component) else []
-            if names:
-                yield from _option_table(component, names)
+            schema = {"$defs": {}, "required": [], "properties": {}} | options(component)
+            if schema["properties"]:
+                yield from _option_table(component, schema)
 
 
-def _option_table(component: type, names: list[str]) -> Iterator[str]:
-    schema = TypeAdapter(component).json_schema()
-    schema.setdefault("$defs", {})
+def _option_table(component: type, schema: dict[str, Any]) -> Iterator[str]:
     meanings = _meanings(component)
-    rows = []
-    for name in names:
-        entry, required = schema["properties"][name], schema.get("required", [])
-        rows.append(
-            [
-                code(name),
-                _kind(entry, schema),
-                _default(name, entry, required),
-                escaped(meanings.get(name, "")),
-            ]
-        )
+    rows = [
+        [
+            code(name),
+            _kind(entry, schema),
+            _default(name, entry, schema["required"]),
+            escaped(meanings.get(name) or entry.get("description", "")),
+        ]
+        for name, entry in schema["properties"].items()
+    ]
     yield from table(["option", "value", "default", "meaning"], rows)
 
 

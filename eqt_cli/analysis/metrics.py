@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.integrate import simpson, trapezoid
 
 from eqt_cli.core.arrays import Array
 
@@ -45,12 +44,14 @@ def early(times: Array) -> Array:
 
 def time_mean(times: Array, values: Array) -> Array:
     """The mean over time of ``(…, samples)``, by the trapezoidal rule."""
-    mean: Array = trapezoid(values, times, axis=-1) / (times[-1] - times[0])
+    mean: Array = np.trapezoid(values, times, axis=-1) / (times[-1] - times[0])
     return mean
 
 
 def effort(times: Array, torque_norm: Array) -> Array:
     """∫‖τ‖² dt, by Simpson's rule on the samples."""
+    from scipy.integrate import simpson  # slow to import, and what reads results does without
+
     integral: Array = simpson(torque_norm**2, x=times, axis=-1)
     return integral
 

@@ -18,6 +18,3 @@ def main() -> None:
     except KeyboardInterrupt:
         print("eqt: interrupted; run the same command again", file=sys.stderr)
         sys.exit(130)
-    except BrokenPipeError:
-        sys.stderr.close()  # whoever read our output has gone, as `head` does
-        sys.exit(0)

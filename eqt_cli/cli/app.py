@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from typing import Annotated, Any
 
 import typer
@@ -28,11 +30,18 @@ INTERRUPTED = 130
 
 
 class _Commands(TyperGroup):
-    """The commands; typer's own answer to Ctrl-C differs from version to version."""
+    """The commands; typer's own answers to signals differ from version to version."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
-            return super().invoke(ctx)
+            try:
+                return super().invoke(ctx)
+            finally:
+                sys.stdout.flush()
+        except BrokenPipeError as error:  # whoever read our output has gone, as `head` does
+            # What is left to write at the end of the process must not fail again.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            raise typer.Exit(getattr(error.__context__, "exit_code", 0)) from None
         except KeyboardInterrupt:
             say("eqt: interrupted; run the same command again")
             raise typer.Exit(INTERRUPTED) from None

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli import completion, options
+
+if TYPE_CHECKING:
+    from eqt_cli.experiment.study import Study
 
 app = typer.Typer(help="Write, check and describe configurations.", no_args_is_help=True)
 
@@ -21,7 +25,13 @@ def new(
         ),
     ] = None,
     source: Annotated[
-        str, typer.Option("--from", metavar="NAME", help="Shipped configuration to start from.")
+        str,
+        typer.Option(
+            "--from",
+            metavar="NAME",
+            autocompletion=completion.shipped,
+            help="Shipped configuration to start from.",
+        ),
     ] = "paper",
 ) -> None:
     """Write a shipped configuration to a file of your own."""
@@ -56,17 +66,31 @@ def check(
         bool, typer.Option("--resolved", help="Print it with every default written out.")
     ] = False,
     trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
 ) -> None:
     """Check a configuration without running it."""
-    from eqt_cli.cli.output import say
+    from eqt_cli.cli.output import print_json, say
+    from eqt_cli.core.errors import ConfigError
     from eqt_cli.experiment.source import read_config
     from eqt_cli.experiment.sweeping import study
     from eqt_cli.experiment.yaml_source import dump
 
-    found = study(read_config(config, set_ or ()), trust_plugins=trust_plugins)
+    try:
+        found = study(read_config(config, set_ or ()), trust_plugins=trust_plugins)
+    except ConfigError as error:
+        if not json:
+            raise
+        print_json(_document(config, [asdict(problem) for problem in error.problems]))
+        raise typer.Exit(error.exit_code) from error
     experiment = found.base
+    if resolved and json:
+        print_json(found.resolved)
+        return
     if resolved:
         print(dump(found.resolved), end="")
+        return
+    if json:
+        print_json(_document(config, [], found))
         return
     runs = experiment.config.ensemble.runs
     say(f"{config}: fine")
@@ -76,6 +100,25 @@ def check(
         + f"{len(experiment.loops)} controllers × "
         f"{runs} runs, {experiment.config.time.duration:g} s, engine {experiment.engine.name}"
     )
+
+
+def _document(
+    path: Path, problems: list[dict[str, Any]], study: Study | None = None
+) -> dict[str, Any]:
+    """What `check` finds, for programs: an editor, or continuous integration."""
+    found: dict[str, Any] = {"config": str(path), "fine": not problems, "problems": problems}
+    if study is None:
+        return found
+    config = study.base.config
+    return found | {
+        "name": study.name,
+        "group": study.base.group.name,
+        "points": len(study),
+        "controllers": list(study.base.loops),
+        "runs": config.ensemble.runs,
+        "duration": config.time.duration,
+        "engine": study.base.engine.name,
+    }
 
 
 @app.command("schema")

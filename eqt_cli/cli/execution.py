@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from eqt_cli.ensemble.executors import Executor
     from eqt_cli.experiment.execute import Outcome, Shard
     from eqt_cli.experiment.study import Study
@@ -38,7 +40,8 @@ def executor_from(
     if scheduler and name not in (None, "dask"):
         raise EqtError(f"--scheduler: is for --executor dask, got --executor {name}")
     if scheduler:
-        return executors.get("dask")(workers, scheduler)  # type: ignore[call-arg]
+        make: Callable[..., Executor] = executors.get("dask")  # the only one with a scheduler
+        return make(workers, scheduler)
     if name is None:
         name = "threads" if study.base.engine.threads else "auto"
     return executors.get(name)(workers)
@@ -56,7 +59,7 @@ def run_study(
     quiet: bool,
 ) -> None:
     """Execute, report on stdout, and exit as the outcome demands."""
-    from eqt_cli.cli.output import say
+    from eqt_cli.cli.output import say, warn
     from eqt_cli.cli.progress import progress
     from eqt_cli.experiment.execute import execute
 
@@ -72,6 +75,7 @@ def run_study(
                 shard=shard,
                 progress=advance,
                 resumed=advance.skip,
+                remark=warn,
             )
     except KeyboardInterrupt:
         raise _interrupted(study, out) from None

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli import completion, options
+from eqt_cli.experiment.catalogue import KINDS
 
 if TYPE_CHECKING:
     from eqt_cli.core.registry import Registry
@@ -18,8 +19,8 @@ def list_components(
         str | None,
         typer.Argument(
             metavar="KIND",
-            help="groups, controllers, references, engines, poses, velocities, figures, "
-            "certificates or configs.",
+            help=f"{', '.join(KINDS)} or configs.",
+            autocompletion=completion.kinds,
         ),
     ] = None,
     plugin: Annotated[
@@ -32,19 +33,22 @@ def list_components(
     from eqt_cli.core.errors import EqtError, suggestion
     from eqt_cli.core.registry import load_plugin
     from eqt_cli.experiment import shipped
+    from eqt_cli.experiment.catalogue import registry
 
-    registries = _registries()
-    kinds = [*registries, "configs"]
+    kinds = [*KINDS, "configs"]
     if kind is not None and kind not in kinds:
         hint = suggestion(kind, kinds) or f"; known: {', '.join(kinds)}"
         raise EqtError(f"unknown kind '{kind}'{hint}")
+    if plugin:
+        for name in KINDS:
+            registry(name)  # a plugin may define any kind
     for path in plugin or ():
         load_plugin(path)
     listed = {
         name: (
             [{"name": config, "summary": "", "options": []} for config in shipped.names()]
             if name == "configs"
-            else _described(registries[name])
+            else _described(registry(name))
         )
         for name in ([kind] if kind else kinds)
     }
@@ -54,39 +58,15 @@ def list_components(
         _print(listed)
 
 
-def _registries() -> dict[str, Registry[Any]]:
-    from eqt_cli.analysis.certificates import certificates
-    from eqt_cli.controllers import controllers
-    from eqt_cli.engines import engines
-    from eqt_cli.ensemble.poses import pose_distributions
-    from eqt_cli.ensemble.velocities import velocity_distributions
-    from eqt_cli.groups import groups
-    from eqt_cli.plots import figures
-    from eqt_cli.references import references
-
-    return {
-        "groups": groups,
-        "controllers": controllers,
-        "references": references,
-        "engines": engines,
-        "poses": pose_distributions,
-        "velocities": velocity_distributions,
-        "figures": figures,
-        "certificates": certificates,
-    }
-
-
 def _described(registry: Registry[Any]) -> list[dict[str, Any]]:
-    from dataclasses import is_dataclass
-
     from eqt_cli.core.registry import summary
-    from eqt_cli.experiment.components import option_names
+    from eqt_cli.experiment.catalogue import options
 
     return [
         {
             "name": component.name,
             "summary": summary(component),
-            "options": option_names(component) if is_dataclass(component) else [],
+            "options": list(options(component).get("properties", {})),
         }
         for component in registry.all()
     ]

@@ -8,11 +8,14 @@ from typing import Annotated
 
 import typer
 
+from eqt_cli.cli import completion
+
 Set = Annotated[
     list[str] | None,
     typer.Option(
         "--set",
         metavar="KEY=VALUE",
+        autocompletion=completion.settings,
         help="Override a key of the configuration, as gains.kp=2; may be repeated.",
     ),
 ]
@@ -24,13 +27,20 @@ Workers = Annotated[
     typer.Option("--workers", min=1, metavar="N", help="Most cores to use; default: all."),
 ]
 Engine = Annotated[
-    str | None, typer.Option("--engine", metavar="NAME", help="Engine, as solver.engine.")
+    str | None,
+    typer.Option(
+        "--engine",
+        metavar="NAME",
+        autocompletion=completion.names("engines"),
+        help="Engine, as solver.engine.",
+    ),
 ]
 ExecutorName = Annotated[
     str | None,
     typer.Option(
         "--executor",
         metavar="NAME",
+        autocompletion=completion.names("executors"),
         help="auto, serial, threads, local or dask; default: what suits the engine.",
     ),
 ]

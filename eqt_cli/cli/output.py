@@ -4,13 +4,20 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sys
+import textwrap
 from typing import Any
 
 
 def say(message: str) -> None:
     """A remark, on stderr."""
     print(message, file=sys.stderr)
+
+
+def warn(message: str) -> None:
+    """What a user should know of a result even with --quiet, on stderr."""
+    say(f"eqt: {message}")
 
 
 def print_json(document: Any) -> None:
@@ -30,23 +37,66 @@ def _plain(value: Any) -> Any:
 
 def table(header: list[str], rows: list[list[str]]) -> str:
     """Columns under their headings: text to the left, numbers to the right."""
-    return "\n".join(columns(header, rows))
+    head, body = columns(header, rows, room())
+    return "\n".join([*head, *body])
 
 
-def columns(header: list[str], rows: list[list[str]]) -> list[str]:
-    """The lines of `table`: headings, rule, rows."""
-    widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
+def room() -> int | None:
+    """The width of the terminal; None where stdout is none, as a program may read it."""
+    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+
+
+def columns(
+    header: list[str], rows: list[list[str]], room: int | None = None
+) -> tuple[list[str], list[str]]:
+    """The headings with a rule below, and the rows, each without a line break at its end.
+
+    What is wider than `room` gets headings of several lines, and then a last column of text that
+    is wrapped; numbers are never cut.
+    """
+    bodies = [max((len(row[i]) for row in rows), default=0) for i in range(len(header))]
     numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(header))]
+    heads = [[heading] for heading in header]
+    widths = [max(len(heading), body) for heading, body in zip(header, bodies, strict=True)]
+    if room is not None and _total(widths) > room:
+        heads = [_folded(heading, body) for heading, body in zip(header, bodies, strict=True)]
+        widths = [max(body, *map(len, head)) for head, body in zip(heads, bodies, strict=True)]
+    left = 0 if room is None else room - _total([*widths[:-1], 0])
+    if _LEAST_TEXT <= left < widths[-1] and not numeric[-1]:
+        widths[-1] = left
+        rows = [[*row[:-1], textwrap.fill(row[-1], left)] for row in rows]
 
     def line(cells: list[str]) -> str:
         padded = (
             cell.rjust(width) if right else cell.ljust(width)
             for cell, width, right in zip(cells, widths, numeric, strict=True)
         )
-        return "  ".join(padded).rstrip()
+        return _GAP.join(padded).rstrip()
 
-    rule = "  ".join("─" * width for width in widths)
-    return [line(header), rule, *map(line, rows)]
+    def lines(row: list[str]) -> str:
+        first, *more = row[-1].split("\n")
+        empty = [""] * (len(row) - 1)
+        return "\n".join([line([*row[:-1], first]), *(line([*empty, rest]) for rest in more)])
+
+    rule = _GAP.join("─" * width for width in widths)
+    height = max(map(len, heads))
+    raised = [[""] * (height - len(head)) + head for head in heads]
+    return [*map(line, map(list, zip(*raised, strict=True))), rule], [lines(row) for row in rows]
+
+
+_GAP = "  "
+_LEAST_TEXT = 24
+"""A column of text that would be narrower is left as it is."""
+
+
+def _total(widths: list[int]) -> int:
+    return sum(widths) + len(_GAP) * (len(widths) - 1)
+
+
+def _folded(heading: str, width: int) -> list[str]:
+    """A heading in lines no wider than its column, or than its longest word."""
+    longest = max(map(len, heading.split()), default=0)
+    return textwrap.wrap(heading, max(width, longest, 1)) or [""]
 
 
 def _is_number(text: str) -> bool:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
     from eqt_cli.store.reader import Results
@@ -26,7 +26,10 @@ def plot(
     figure: Annotated[
         list[str] | None,
         typer.Option(
-            "--figure", metavar="NAME", help="Figure to draw, may be repeated; default: paper."
+            "--figure",
+            metavar="NAME",
+            autocompletion=completion.names("figures"),
+            help="Figure to draw, may be repeated; default: paper.",
         ),
     ] = None,
     option: Annotated[
@@ -34,6 +37,7 @@ def plot(
         typer.Option(
             "--option",
             metavar="KEY=VALUE",
+            autocompletion=completion.figure_options,
             help="Option of the figure, as log=true; `eqt list figures` names them.",
         ),
     ] = None,
@@ -42,11 +46,18 @@ def plot(
         typer.Option(
             "--format",
             metavar="NAME",
+            autocompletion=completion.words("pdf", "svg", "png", "json"),
             help="pdf, svg, png, or json for the numbers; may be repeated; default: all pictures.",
         ),
     ] = None,
     width: Annotated[
-        str, typer.Option("--width", metavar="NAME", help="column (3.5 in) or page (7.16 in).")
+        str,
+        typer.Option(
+            "--width",
+            metavar="NAME",
+            autocompletion=completion.words("column", "page"),
+            help="column (3.5 in) or page (7.16 in).",
+        ),
     ] = "column",
     style: Annotated[
         list[str] | None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Iterator
@@ -49,7 +50,7 @@ def progress(total: int, *, quiet: bool) -> Iterator[Meter]:
     """
     if quiet:
         yield Meter(total)
-    elif sys.stderr.isatty():
+    elif sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
         bar = _Bar(total)
         try:
             yield bar

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli import completion, options
 
 
 def report(
@@ -20,7 +20,12 @@ def report(
     ] = None,
     figure: Annotated[
         list[str] | None,
-        typer.Option("--figure", metavar="NAME", help="Figure to show; may be repeated."),
+        typer.Option(
+            "--figure",
+            metavar="NAME",
+            autocompletion=completion.names("figures"),
+            help="Figure to show; may be repeated.",
+        ),
     ] = None,
     point: options.Point = None,
     trust_plugins: options.TrustPlugins = False,

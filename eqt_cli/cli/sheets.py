@@ -13,25 +13,27 @@ if TYPE_CHECKING:
     from eqt_cli.analysis.comparison.tables import Sheet
 
 _NUMBER = re.compile(r"[-+$]*\d[\d.]*( \\?%)?")
-_NOTE_WIDTH = 100
+_WIDTH = 100
+"""Of notes, at most."""
 
 
 def as_text(sheet: Sheet) -> str:
     """For a terminal: caption, columns under their headings, sections, notes."""
-    from eqt_cli.cli.output import columns
+    from eqt_cli.cli.output import columns, room
 
     titled = any(section.title for section in sheet.sections)
     indent = "  " if titled else ""
     rows = [row for section in sheet.sections for row in section.rows]
-    header, rule, *lines = columns(sheet.header, rows)
-    out = [sheet.caption, "", indent + header, indent + rule]
-    remaining = iter(lines)
+    width = room()
+    head, lines = columns(sheet.header, rows, width and width - len(indent))
+    out = [sheet.caption, "", *(indent + line for line in head)]
+    remaining = (line.replace("\n", "\n" + indent) for line in lines)
     for section in sheet.sections:
         if section.title:
             out.append(section.title)
         out += [indent + next(remaining) for _ in section.rows]
     if sheet.notes:
-        out += ["", *(textwrap.fill(note, _NOTE_WIDTH) for note in sheet.notes)]
+        out += ["", *(textwrap.fill(note, min(width or _WIDTH, _WIDTH)) for note in sheet.notes)]
     return "\n".join(out)
 
 

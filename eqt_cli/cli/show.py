@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.status import Status
@@ -30,7 +30,13 @@ def show(
         bool, typer.Option("--table", help="Print every run with its metrics, one row each.")
     ] = False,
     format_: Annotated[
-        str, typer.Option("--format", metavar="NAME", help="Of the table: csv or jsonl.")
+        str,
+        typer.Option(
+            "--format",
+            metavar="NAME",
+            autocompletion=completion.words("csv", "jsonl"),
+            help="Of the table: csv or jsonl.",
+        ),
     ] = "csv",
     point: options.Point = None,
     json: options.Json = False,
@@ -38,30 +44,24 @@ def show(
     """Summarise a result: what was run, where, and what came out."""
     from eqt_cli.experiment.status import status_of
 
-    unfinished = status_of(result)
+    asked = ((config, _config), (plugins, _plugins), (variables, _variables), (failed, _failed))
+    view = next((view for wanted, view in asked if wanted), None)
+    unfinished = None if view or table else status_of(result)
     if unfinished is not None:
         _print_status(result, unfinished, json)
         return
 
-    from eqt_cli.cli.output import print_json
     from eqt_cli.cli.tables import print_table
+    from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.point import open_point
 
+    if json and table:
+        raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
     with open_point(result, point) as results:
         if table:
             print_table(results, format_)
-        elif config:
-            print(results.attributes["config"], end="")
-        elif plugins:
-            _print_plugins(results)
-        elif json:
-            print_json(_document(results))
-        elif variables:
-            _print_variables(results)
-        elif failed:
-            _print_failed(results)
         else:
-            _print_summary(results)
+            (view or _summary)(results, json)
 
 
 def _print_status(path: Path, status: Status, json: bool) -> None:
@@ -118,16 +118,23 @@ def _units(results: Results, name: str) -> str:
     return "" if name == "message" else results.units(name)
 
 
-def _print_summary(results: Results) -> None:
+def _summary(results: Results, as_json: bool) -> None:
     import json
 
+    from eqt_cli.cli.output import print_json
     from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
+    from eqt_cli.experiment.provenance import OTHERS, differences
 
+    if as_json:
+        print_json(_document(results))
+        return
     origin = json.loads(str(results.attributes["provenance"]))
     packages = ", ".join(f"{name} {origin[name]}" for name in ("eqt", "python", "numpy", "scipy"))
     sizes = ", ".join(f"{name} {size}" for name, size in results.dimensions.items())
     print(f"{results.attributes['title']} on {results.attributes['group']}  ({results.path})")
     print(f"run      {origin['started']} with {packages}")
+    for other in origin.get(OTHERS, ()):
+        print(f"also     {other['started']} with {differences(other, origin)}")
     print(f"digest   {str(results.attributes['digest'])[:16]}")
     print(f"sizes    {sizes}\n")
     print_headline(results)
@@ -137,34 +144,66 @@ def _print_summary(results: Results) -> None:
         print_failures(results)
 
 
-def _print_variables(results: Results) -> None:
-    from eqt_cli.cli.output import table
+def _config(results: Results, as_json: bool) -> None:
+    from eqt_cli.cli.output import print_json
+    from eqt_cli.experiment import yaml_source
 
-    rows = [
-        [name, ", ".join(results.dims(name)), _units(results, name), results.long_name(name)]
+    text = str(results.attributes["config"])
+    if as_json:
+        print_json(yaml_source.load(text, "config").data)
+    else:
+        print(text, end="")
+
+
+def _variables(results: Results, as_json: bool) -> None:
+    from eqt_cli.cli.output import print_json, table
+
+    header = ["variable", "dimensions", "units", "meaning"]
+    found = [
+        (name, results.dims(name), _units(results, name), results.long_name(name))
         for name in results.names
     ]
-    print(table(["variable", "dimensions", "units", "meaning"], rows))
+    if as_json:
+        print_json([dict(zip(header, row, strict=True)) for row in found])
+    else:
+        rows = [[name, ", ".join(dims), units, meaning] for name, dims, units, meaning in found]
+        print(table(header, rows))
 
 
-def _print_failed(results: Results) -> None:
+def _failed(results: Results, as_json: bool) -> None:
     import numpy as np
 
-    from eqt_cli.cli.output import say
+    from eqt_cli.cli.output import print_json, say
     from eqt_cli.cli.summary import place_of
 
-    status, messages = results["status"], results["message"]
-    if not status.any():
+    status = results["status"]
+    messages = results["message"] if status.any() else status
+    places = [tuple(where) for where in np.argwhere(status).tolist()]
+    if as_json:
+        dims, labels = results.dims("status"), results.coordinate("controller")
+        print_json(
+            [
+                dict(zip(dims, where, strict=True))
+                | {"controller": labels[where[-2]], "status": int(status[where])}
+                | {"message": messages[where]}
+                for where in places
+            ]
+        )
+        return
+    if not places:
         say("no run failed")
-    for where in map(tuple, np.argwhere(status)):
+    for where in places:
         print(f"{place_of(results, where)}: {messages[where]}")
 
 
-def _print_plugins(results: Results) -> None:
-    from eqt_cli.cli.output import say
+def _plugins(results: Results, as_json: bool) -> None:
+    from eqt_cli.cli.output import print_json, say
     from eqt_cli.experiment import yaml_source
 
     sources = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
+    if as_json:
+        print_json(sources)
+        return
     if not sources:
         say("no plugins")
     for path, source in sources.items():

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections import Counter
 from typing import Any
 
 import numpy as np
@@ -83,12 +82,20 @@ def print_accuracy(results: Results) -> None:
 
 def print_failures(results: Results) -> None:
     """How many runs failed in which way, and the first few of them, on stderr."""
-    status, messages = results["status"], results["message"]
-    counts = Counter(Status(code).name.lower().replace("_", " ") for code in status[status != 0])
-    listed = ", ".join(f"{count} {name}" for name, count in counts.most_common())
+    status = results["status"]
+    codes, counts = np.unique(status[status != 0], return_counts=True)
+    listed = ", ".join(
+        f"{counts[i]} {Status(codes[i]).name.lower().replace('_', ' ')}"
+        for i in np.argsort(-counts, kind="stable")
+    )
     print(f"\n{np.count_nonzero(status)} runs failed: {listed}", file=sys.stderr)
-    for where in map(tuple, np.argwhere(status)[:MOST_FAILURES]):
-        print(f"  {place_of(results, where)}: {messages[where]}", file=sys.stderr)
+    first = np.argwhere(status)[:MOST_FAILURES]
+    # All messages of a million runs would take seconds: only the rows and columns of the first.
+    axes = [np.unique(first[:, axis], return_inverse=True) for axis in range(status.ndim)]
+    chosen = {dim: along for dim, (along, _) in zip(results.dims("status"), axes, strict=True)}
+    messages = results.read("message", **chosen)[tuple(position for _, position in axes)]
+    for where, message in zip(map(tuple, first), messages, strict=True):
+        print(f"  {place_of(results, where)}: {message}", file=sys.stderr)
     if np.count_nonzero(status) > MOST_FAILURES:
         print("  … `eqt show RESULT --failed` lists all", file=sys.stderr)
 

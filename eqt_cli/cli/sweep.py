@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
     from eqt_cli.ensemble.executors import Executor
@@ -24,6 +24,7 @@ def sweep(
         typer.Option(
             "--grid",
             metavar="KEY=A,B,…",
+            autocompletion=completion.settings,
             help="Add a block to the sweep, as gains.kd=0.25,0.5,1; several multiply.",
         ),
     ] = None,

@@ -19,9 +19,7 @@ def verify(
         Path, typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result.")
     ],
     set_: options.Set = None,
-    engine: Annotated[
-        str | None, typer.Option("--engine", metavar="NAME", help="Engine, as solver.engine.")
-    ] = None,
+    engine: options.Engine = None,
     runs: Annotated[
         int | None,
         typer.Option(

@@ -13,6 +13,13 @@ from eqt_cli.core.errors import ExpressionError
 from eqt_cli.core.expressions import constant
 
 
+def number_schema(above: float | None = None) -> dict[str, Any]:
+    """The JSON schema of a number, greater than `above`, or a constant expression."""
+    limit = {} if above is None else {"exclusiveMinimum": above}
+    expression = {"type": "string", "description": "a constant expression such as -pi/2"}
+    return {"anyOf": [{"type": "number", **limit}, expression]}
+
+
 @dataclass(frozen=True)
 class _FiniteReal:
     """Marks a float that may also be written as a constant expression."""
@@ -26,9 +33,7 @@ class _FiniteReal:
         return core_schema.no_info_before_validator_function(_evaluated, number)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
-        limit = {} if self.above is None else {"exclusiveMinimum": self.above}
-        expression = {"type": "string", "description": "a constant expression such as -pi/2"}
-        return {"anyOf": [{"type": "number", **limit}, expression]}
+        return number_schema(self.above)
 
 
 @dataclass(frozen=True)

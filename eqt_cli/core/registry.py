@@ -125,6 +125,11 @@ class Registry(Generic[T]):
         return added
 
 
+def registry_of(package: str) -> Registry[Any]:
+    """The registry of a package that is imported."""
+    return next(registry for registry in _registries if registry.package == package)
+
+
 def load_plugin(path: Path, source: str | None = None) -> list[str]:
     """Execute a plugin file and register every component in it.
 

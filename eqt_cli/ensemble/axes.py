@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from sys import float_info
 from typing import Any
 
 from eqt_cli.core.errors import ExpressionError, suggestion
 from eqt_cli.core.expressions import constant
-from eqt_cli.ensemble.designs.base import Note, Path
+from eqt_cli.core.numbers import number_schema
+from eqt_cli.ensemble.designs.base import Note, Path, Schema
 
 RANGE_KEYS = ("low", "high", "scale", "integer")
 CHOICE_KEYS = ("values",)
@@ -124,4 +126,68 @@ def _number(section: Mapping[str, Any], key: str, complain: Any) -> float | None
     if isinstance(value, bool) or not isinstance(value, int | float):
         complain(key, "missing; this key has no default" if value is None else "expected a number")
         return None
+    if not abs(value) <= float_info.max:
+        complain(key, "expected a finite number")
+        return None
     return float(value)
+
+
+# The same as JSON schemas -------------------------------------------------------------------------
+
+_VALUES: Schema = {"type": "array", "minItems": 1}
+_RANGE: Schema = {
+    "low": number_schema() | {"description": "The least value."},
+    "high": number_schema() | {"description": "The greatest value, more than low."},
+    "scale": {
+        "enum": ["linear", "log"],
+        "default": "linear",
+        "description": "How the values are spread; on a log scale, low is greater than 0.",
+    },
+}
+_INTEGER: Schema = {
+    "type": "boolean",
+    "default": False,
+    "description": "Whether only whole numbers are drawn.",
+}
+_COUNT: Schema = {"type": "integer", "minimum": 2, "description": "How many values."}
+
+
+def _where(key: str, value: Any, bounds: Schema) -> Schema:
+    """Where `key` has this value, the bounds named here are narrower."""
+    return {
+        "if": {"properties": {key: {"const": value}}, "required": [key]},
+        "then": {"properties": bounds},
+    }
+
+
+def _mapping(properties: Schema, required: list[str], *conditions: Schema) -> Schema:
+    return {
+        "type": "object",
+        "properties": properties,
+        "required": required,
+        "additionalProperties": False,
+        **({"allOf": list(conditions)} if conditions else {}),
+    }
+
+
+_WHOLE: Schema = {"type": ["integer", "string"]}
+_POSITIVE_LOW = _where("scale", "log", {"low": number_schema(above=0)})
+_WHOLE_BOUNDS = _where("integer", True, {"low": _WHOLE, "high": _WHOLE})
+
+LISTED: Schema = {
+    "description": "A list of values, or so many points of a range.",
+    "anyOf": [
+        _VALUES,
+        _mapping(_RANGE | {"points": _COUNT}, ["low", "high", "points"], _POSITIVE_LOW),
+    ],
+}
+"""The axes that `listed` accepts; that low is less than high, a schema cannot say."""
+
+DRAWN: Schema = {
+    "description": "A range, or values that are equally likely.",
+    "anyOf": [
+        _mapping(_RANGE | {"integer": _INTEGER}, ["low", "high"], _POSITIVE_LOW, _WHOLE_BOUNDS),
+        _mapping({"values": _VALUES}, ["values"]),
+    ],
+}
+"""The axes that `drawn` accepts."""

@@ -12,11 +12,10 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from functools import cached_property
 from itertools import accumulate
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
-import numpy as np
-
-from eqt_cli.core.arrays import Array
+if TYPE_CHECKING:
+    from eqt_cli.core.arrays import Array
 
 MANY_PARTS = 4000
 """With more parts than this, parts grow instead: each costs some milliseconds of its own."""
@@ -60,12 +59,18 @@ class Part:
     @property
     def points(self) -> Array:
         """The point of every entry."""
-        return np.arange(self.start, self.stop) // self.runs
+        return self._entries // self.runs
 
     @property
     def run_numbers(self) -> Array:
         """The run of every entry."""
-        return np.arange(self.start, self.stop) % self.runs
+        return self._entries % self.runs
+
+    @property
+    def _entries(self) -> Array:
+        import numpy as np  # `eqt show` on an unfinished folder is quick, and does without
+
+        return np.arange(self.start, self.stop)
 
     def slabs(self, kept: int | None = None) -> Iterator[Slab]:
         """The entries as rectangular blocks, at most three.

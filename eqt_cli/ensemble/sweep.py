@@ -7,7 +7,7 @@ from math import prod
 from typing import Any, ClassVar, Self
 
 from eqt_cli.core.errors import ComponentError
-from eqt_cli.ensemble.designs import Design, Note, Path, designs
+from eqt_cli.ensemble.designs import Design, Note, Path, Schema, Surroundings, designs
 
 
 class Sweep(Design):
@@ -43,6 +43,10 @@ class Sweep(Design):
                 seen[key] = index
         found = [block for block in blocks if block is not None]
         return cls(found, section) if len(found) == len(section) else None
+
+    @classmethod
+    def schema(cls, around: Surroundings) -> Schema:
+        return {"type": "array", "minItems": 1, "items": around.block}
 
     def __len__(self) -> int:
         return prod(len(block) for block in self.blocks)

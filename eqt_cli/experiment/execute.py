@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import time
+import warnings
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
@@ -18,7 +19,7 @@ from eqt_cli.experiment.folder import ResultFolder
 from eqt_cli.experiment.frame import described
 from eqt_cli.experiment.lock import LOCK, locked
 from eqt_cli.experiment.pack import BrokenPart, pack
-from eqt_cli.experiment.provenance import provenance
+from eqt_cli.experiment.provenance import OTHERS, differences, provenance, together
 from eqt_cli.experiment.rerun import patch, rerun_of
 from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.work import Work
@@ -27,6 +28,12 @@ from eqt_cli.experiment.yaml_source import dump
 RERUN = "rerun"
 
 Progress = Callable[[float], None]
+Remark = Callable[[str], None]
+
+
+def warn(remark: str) -> None:
+    """What is done with a remark where nothing else is asked for."""
+    warnings.warn(remark, stacklevel=3)
 
 
 @dataclass(frozen=True)
@@ -79,6 +86,7 @@ def execute(
     shard: Shard | None = None,
     progress: Progress = lambda runs: None,
     resumed: Progress = lambda runs: None,
+    remark: Remark = warn,
 ) -> Outcome:
     """Compute what of a study is not in its folder yet, and pack the result file.
 
@@ -96,6 +104,8 @@ def execute(
         Told how many more runs are done, in fractions.
     resumed
         Told at the start how many runs earlier sessions have done.
+    remark
+        Told what a user should know and no error is.
 
     Raises
     ------
@@ -109,10 +119,10 @@ def execute(
         if not (rerun_failed and failed):
             return Outcome(folder, True, [], study.plans.total, failed)
     with ExitStack() as locks:
-        locks.enter_context(locked(out, shared=shard is not None))
+        locks.enter_context(locked(out, shared=shard is not None, remark=remark))
         if shard:
             locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
-        execution = _Execution(study, folder, executor or Serial(), progress, resumed)
+        execution = _Execution(study, folder, executor or Serial(), progress, resumed, remark)
         if complete:
             return execution.rerun(failed)
         if rerun_failed:
@@ -122,8 +132,8 @@ def execute(
         return execution.rerun(outcome.failed) if again else outcome
 
 
-def pack_folder(study: Study, out: Path) -> Outcome:
-    """Pack the parts that shards have computed.
+def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Outcome:
+    """Pack the parts that shards have computed; `remark` is as of `execute`.
 
     Raises
     ------
@@ -134,14 +144,14 @@ def pack_folder(study: Study, out: Path) -> Outcome:
     if folder.is_complete(study):
         failed = int((folder.manifest or {}).get("failed", 0))
         return Outcome(folder, True, [], study.plans.total, failed)
-    with locked(out):
+    with locked(out, remark=remark):
         missing = len(study.plans) - len(folder.parts.listed())
         if missing:
             raise EqtError(
                 f"{out}: {missing} of {len(study.plans)} parts are missing; run every shard to its "
                 "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
             )
-        return _Execution(study, folder, Serial()).run(False, None)
+        return _Execution(study, folder, Serial(), remark=remark).run(False, None)
 
 
 class _Execution:
@@ -152,15 +162,16 @@ class _Execution:
         executor: Executor,
         progress: Progress = lambda runs: None,
         resumed: Progress = lambda runs: None,
+        remark: Remark = warn,
     ) -> None:
         self.study, self.folder, self.executor = study, folder, executor
-        self.progress, self.resumed = progress, resumed
+        self.progress, self.resumed, self.remark = progress, resumed, remark
         self.plan, self.files = study.plans, folder.parts
         self.work = Work(study, self.files)
         self.seconds: dict[str, float] = {}
 
     def run(self, force: bool, shard: Shard | None) -> Outcome:
-        manifest = self._manifest()
+        manifest = self._manifest(afresh=force or not (shard or self.files.listed()))
         removed = self.folder.claim(self.study, manifest, force)
         if shard is None:
             self.folder.tidy()
@@ -199,13 +210,18 @@ class _Execution:
         place = self.folder.path.resolve() / RERUN
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
+        manifest = self.folder.manifest or {}
+        now = provenance(self.study.source.folder)
+        earlier = manifest.get("provenance", now)
+        self._tell_versions([earlier], now)
+        origin = together(earlier, now)
         with _timed(self.seconds, "simulation"):
             again.work.prepare()
             for outcome in self.executor.outcomes(again, again.missing, self.progress):
                 self.progress(0 if outcome.failed is not None else again.runs_of(outcome.item))
         with _timed(self.seconds, "writing"):
-            still = patch(again, self.folder.results)
-        self.folder.finish((self.folder.manifest or {}) | {"failed": still})
+            still = patch(again, self.folder.results, origin)
+        self.folder.finish(manifest | {"failed": still, "provenance": origin})
         shutil.rmtree(place)
         done, total = self.plan.total - failed, self.plan.total
         return Outcome(self.folder, False, [], total, still, done, True, self.seconds)
@@ -230,9 +246,22 @@ class _Execution:
                 there = self.files.listed()
                 self._compute([n for n in range(len(self.plan)) if n not in there])
 
-    def _manifest(self) -> dict[str, Any]:
+    def _tell_versions(self, earlier: Sequence[dict[str, Any]], now: dict[str, Any]) -> None:
+        """Say that not all runs are of the same versions, if they are not."""
+        differing = (differences(session, now) for session in earlier)
+        if listed := "; or ".join(filter(None, differing)):
+            self.remark(
+                f"{self.folder.path}: some of its runs were computed with {listed}; they agree "
+                "with the new ones within tolerances, not bit for bit; --force starts over"
+            )
+
+    def _manifest(self, afresh: bool) -> dict[str, Any]:
         study, earlier = self.study, self.folder.manifest or {}
         same = earlier.get("digest") == study.digest
+        origin = provenance(study.source.folder)
+        if same and not afresh and "provenance" in earlier:
+            origin = together(origin, earlier["provenance"])
+            self._tell_versions(origin.get(OTHERS, []), origin)
         return {
             "name": study.name,
             "digest": study.digest,
@@ -241,7 +270,7 @@ class _Execution:
             "controllers": list(study.base.loops),
             "plan": self.plan.data,
             "config": study.numeric_config,
-            "provenance": provenance(study.source.folder),
+            "provenance": origin,
             "begun": earlier["begun"] if same and "begun" in earlier else _now(),
         }
 

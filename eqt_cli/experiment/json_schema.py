@@ -9,11 +9,14 @@ from pydantic import TypeAdapter
 from eqt_cli.controllers import controllers
 from eqt_cli.core.registry import Registry, summary
 from eqt_cli.engines import engines
+from eqt_cli.ensemble.designs import Surroundings, designs
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.experiment.components import option_names
 from eqt_cli.experiment.schema import Config
 from eqt_cli.experiment.solver import DEFAULT_ENGINE, Judgement
+from eqt_cli.experiment.source import parse_key
+from eqt_cli.experiment.sweeping import FIXED
 from eqt_cli.groups import groups
 from eqt_cli.references import references
 
@@ -32,6 +35,8 @@ def json_schema() -> dict[str, Any]:
     initial["velocity"] |= _any_of(velocity_distributions, shared)
     top["reference"] = _reference(top["reference"], shared)
     top["solver"] = _solver(top["solver"], shared)
+    shared["SweepBlock"] = _sweep_block(schema)
+    top["sweep"]["anyOf"][0]["items"] = {"$ref": "#/$defs/SweepBlock"}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "eqt experiment",
@@ -101,3 +106,72 @@ def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
         "properties": properties,
         "additionalProperties": False,
     }
+
+
+def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
+    """One block of a sweep: a design by name, over keys of the configuration."""
+    swept = {
+        key: {"description": meaning}
+        for key, meaning in config_keys(schema).items()
+        if parse_key(key, "")[0] not in FIXED and key != "ensemble.runs"
+    }
+    sections = "|".join(name for name in schema["properties"] if name not in FIXED)
+
+    def axes(axis: dict[str, Any]) -> dict[str, Any]:
+        return {
+            "type": "object",
+            "minProperties": 1,
+            "properties": swept,  # for completion; the pattern checks these keys as well
+            "patternProperties": {_KEY_IN.format(sections): axis},
+            "additionalProperties": False,
+        }
+
+    around = Surroundings(axes, {"$ref": "#/$defs/SweepBlock"})
+    kinds = {
+        design.name: {"description": summary(design), **design.schema(around)}
+        for design in designs.all()
+    }
+    return {
+        "type": "object",
+        "description": "One block; blocks multiply, the first one changing slowest.",
+        "properties": kinds,
+        "minProperties": 1,
+        "maxProperties": 1,
+        "additionalProperties": False,
+    }
+
+
+_KEY_IN = r"^(?!ensemble\.runs$)({})(\[[0-9]+\])*(\.[^.\[\]]+(\[[0-9]+\])*)*$"
+"""Keys such as ``gains.kp`` or ``controllers[0].label``, within these sections."""
+
+
+def config_keys(schema: dict[str, Any]) -> dict[str, str]:
+    """The keys of a configuration, as ``gains.kp`` and ``controllers[0].label``, with meanings."""
+    found: dict[str, str] = {}
+
+    def below(place: dict[str, Any], prefix: str) -> None:
+        for choice in _choices(place, schema):
+            for name, entry in choice.get("properties", {}).items():
+                key = f"{prefix}.{name}" if prefix else name
+                meaning = entry.get("description") or _resolved(entry, schema).get("description")
+                found.setdefault(key, " ".join((meaning or "").split()))
+                below(entry, key)
+        if place.get("type") == "array":
+            below(place["items"], f"{prefix}[0]")
+
+    below(schema, "")
+    return found
+
+
+def _choices(place: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """The alternatives at a place of a schema."""
+    place = _resolved(place, schema)
+    if "anyOf" not in place:
+        return [place]
+    return [found for choice in place["anyOf"] for found in _choices(choice, schema)]
+
+
+def _resolved(place: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
+    name = place.get("$ref", "").rpartition("/")[2]
+    found: dict[str, Any] = schema["$defs"][name] if name else place
+    return found

@@ -6,7 +6,8 @@ import errno
 import json
 import os
 import platform
-from collections.abc import Iterator
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,20 +15,33 @@ from typing import Any
 
 from eqt_cli.core.errors import EqtError
 
-try:
-    import fcntl
-except ImportError:  # no POSIX system: nothing keeps two writers apart there
-    fcntl = None  # type: ignore[assignment]
-
 LOCK = ".lock"
+
+if sys.platform == "win32":
+
+    def _flock(handle: int, *, shared: bool) -> None:
+        """Nothing keeps two writers apart there."""
+
+else:
+    import fcntl
+
+    def _flock(handle: int, *, shared: bool) -> None:
+        """Lock an open file, or raise at once."""
+        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
 
 
 @contextmanager
-def locked(folder: Path, *, shared: bool = False, name: str = LOCK) -> Iterator[None]:
+def locked(
+    folder: Path,
+    *,
+    shared: bool = False,
+    name: str = LOCK,
+    remark: Callable[[str], None] = lambda text: None,
+) -> Iterator[None]:
     """Keep the folder for this process until the block ends.
 
     The system itself holds the lock, so that none is left behind by a process that was killed.
-    Where a disk cannot lock, nothing is kept.
+    Where a disk refuses to lock, nothing is kept.
 
     Parameters
     ----------
@@ -35,6 +49,8 @@ def locked(folder: Path, *, shared: bool = False, name: str = LOCK) -> Iterator[
         Let others in that also ask for a share, as the shards of a job array do.
     name
         The file that is locked.
+    remark
+        Told if the disk refuses.
 
     Raises
     ------
@@ -44,12 +60,18 @@ def locked(folder: Path, *, shared: bool = False, name: str = LOCK) -> Iterator[
     path = folder / name
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        handle = _opened(path, shared)
+        handle, is_locked = _opened(path, shared)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         message = f"{folder}: cannot be used: {reason}; choose another folder with --out"
         raise EqtError(message) from error
     try:
+        if not is_locked:
+            remark(
+                f"{folder}: its disk refuses file locks, so nothing keeps a second eqt from "
+                "writing to it at the same time: run one at a time there, or choose another disk "
+                "with --out"
+            )
         if not shared:
             os.ftruncate(handle, 0)
             os.write(handle, json.dumps(_holder()).encode())
@@ -60,14 +82,17 @@ def locked(folder: Path, *, shared: bool = False, name: str = LOCK) -> Iterator[
         os.close(handle)
 
 
-def _opened(path: Path, shared: bool) -> int:
-    """The locked file; tried again where it was removed by its last owner before it was locked."""
+def _opened(path: Path, shared: bool) -> tuple[int, bool]:
+    """The open file, and whether it could be locked.
+
+    It is tried again where its last owner has removed the file before it was locked.
+    """
     while True:
         handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
         try:
-            _lock(handle, path, shared)
+            is_locked = _lock(handle, path, shared)
             if os.path.samestat(os.fstat(handle), path.stat()):
-                return handle
+                return handle, is_locked
         except FileNotFoundError:
             pass
         except BaseException:
@@ -78,15 +103,13 @@ def _opened(path: Path, shared: bool) -> int:
 
 def holder(folder: Path) -> dict[str, Any] | None:
     """Who writes to the folder now: process, host, since when; None if nobody does."""
-    if fcntl is None:
-        return None
     for path in [folder / LOCK, *folder.glob(f"{LOCK}-*")]:
         try:
             handle = os.open(path, os.O_RDONLY)
         except OSError:
             continue
         try:
-            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            _flock(handle, shared=True)
         except OSError as error:
             if error.errno in (errno.EAGAIN, errno.EACCES):
                 return _read(path) or {}
@@ -95,20 +118,20 @@ def holder(folder: Path) -> dict[str, Any] | None:
     return None
 
 
-def _lock(handle: int, path: Path, shared: bool) -> None:
-    if fcntl is None:
-        return
+def _lock(handle: int, path: Path, shared: bool) -> bool:
+    """Whether the disk could lock; an error if another process has done so."""
     try:
-        fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+        _flock(handle, shared=shared)
     except OSError as error:
         if error.errno not in (errno.EAGAIN, errno.EACCES):
-            return  # the disk cannot lock
+            return False
         other = _read(path)
         who = f" (process {other['pid']} on {other['host']})" if other else ""
         raise EqtError(
             f"{path.parent}: another eqt{who} is writing to it; wait for its end, "
             "or choose another folder with --out"
         ) from error
+    return True
 
 
 def _holder() -> dict[str, Any]:

@@ -15,6 +15,12 @@ import eqt_cli
 
 PACKAGES = ("numpy", "scipy", "h5py", "heyoka")
 
+NUMERIC = ("eqt", "numpy", "scipy", "heyoka", "machine")
+"""What may change the last bits of a number."""
+
+OTHERS = "other_sessions"
+"""Sessions that have computed a share of the runs and differ from the one described in these."""
+
 
 def provenance(folder: Path) -> dict[str, Any]:
     """What is worth knowing of this machine and moment; `folder` is where the config lies."""
@@ -29,6 +35,30 @@ def provenance(folder: Path) -> dict[str, Any]:
         "started": datetime.now(UTC).isoformat(timespec="seconds"),
         "git": _git_state(folder),
     }
+
+
+def together(origin: dict[str, Any], *others: dict[str, Any]) -> dict[str, Any]:
+    """`origin`, with those of the others that may have computed other bits than it."""
+    flat = [entry for other in others for entry in (*other.get(OTHERS, ()), other)]
+    known = {_numeric(origin): origin}
+    for entry in [*origin.get(OTHERS, ()), *flat]:
+        known.setdefault(_numeric(entry), {k: v for k, v in entry.items() if k != OTHERS})
+    _, *differing = known.values()
+    plain = {key: value for key, value in origin.items() if key != OTHERS}
+    return plain | ({OTHERS: differing} if differing else {})
+
+
+def differences(other: dict[str, Any], origin: dict[str, Any]) -> str:
+    """What a session has that this one has not, as ``numpy 2.0.0 (not 2.4.6)``."""
+    return ", ".join(
+        f"{name} {other.get(name, 'none')} (not {origin.get(name, 'none')})"
+        for name in NUMERIC
+        if other.get(name) != origin.get(name)
+    )
+
+
+def _numeric(origin: dict[str, Any]) -> tuple[Any, ...]:
+    return tuple(origin.get(name) for name in NUMERIC)
 
 
 def _version(package: str) -> str | None:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -88,7 +90,7 @@ def rerun_of(study: Study, results: Path, folder: Path) -> Rerun:
     return Rerun(Work(study, PartFiles(folder)), failed, frozenset(whole))
 
 
-def patch(rerun: Rerun, path: Path) -> int:
+def patch(rerun: Rerun, path: Path, provenance: dict[str, Any]) -> int:
     """Replace a result file by one with the new rows; returns how many runs still fail."""
     study = rerun.work.study
     with open_results(path) as old, framed(study, path) as frame:
@@ -101,7 +103,8 @@ def patch(rerun: Rerun, path: Path) -> int:
             index, number = study.plans.where(item)
             with open_results(listed.path) as new:
                 _replace(study.piece(index), frame.places[index], number, new)
-        frame.root.describe(old.attributes)
+        origin = json.dumps(provenance, ensure_ascii=False)
+        frame.root.describe({**old.attributes, "provenance": origin})
     return still
 
 

@@ -341,14 +341,9 @@ class _Reader:
             self.stop((), "this is not YAML", None)
         before, at_here = _split(text, here)
         opening = _split(text, start)[1][:1]
-        if not at_here.strip() and "flow" in context:
-            if opening in ("[", "{"):
-                self.stop((), f"the '{opening}' is never closed", _mark(start))
-            self.stop((), "a '[' or '{' is never closed", _mark(here))
         since = f" that starts at {self._place(_mark(start))}" if self._located else ""
-        if "flow" in context and opening in ("[", "{"):
-            closing, collection = ("]", "list") if opening == "[" else ("}", "mapping")
-            self.stop((), f"expected ',' or '{closing}' in the {collection}{since}", _mark(here))
+        if "flow" in context:
+            self._stop_in_brackets(before, at_here, opening, _mark(here), _mark(start), since)
         character = at_here[:1]
         if "cannot start any token" in problem or "tab" in problem.split():
             message = f"a value cannot start with {character!r}; quote it"
@@ -364,6 +359,39 @@ class _Reader:
                 message = template.format(opening=opening, character=character, since=since)
                 self.stop((), message, _mark(start if at_start else here))
         self.stop((), "this is not YAML", _mark(here))
+
+    def _stop_in_brackets(
+        self,
+        before: str,
+        after: str,
+        opening: str,
+        here: _Position,
+        start: _Position,
+        since: str,
+    ) -> None:
+        """Report what is wrong within a list or mapping in brackets, if it is known."""
+        if not after.strip():
+            if opening in ("[", "{"):
+                self.stop((), f"the '{opening}' is never closed", start)
+            self.stop((), "a '[' or '{' is never closed", here)
+        if opening == "{" and (key := _bracketed_key(before, after)):
+            quoted = f'{{"{_short(key)}": …}}'
+            at_key = here[0], here[1] - key.index("[")
+            self.stop((), f"a key with a bracket must be quoted here: {quoted}", at_key)
+        if opening in ("[", "{"):
+            closing, collection = ("]", "list") if opening == "[" else ("}", "mapping")
+            self.stop((), f"expected ',' or '{closing}' in the {collection}{since}", here)
+
+
+_LONGEST_KEY: Final = 200  # a search for the start of one takes the square of the length
+_KEY_START: Final = re.compile(r"[^\s,:\"'\[\]{}]+$")
+_KEY_REST: Final = re.compile(r"((?:\[[^\s,\[\]{}]*\][^\s,:\[\]{}]*)+)\s*:")
+
+
+def _bracketed_key(before: str, after: str) -> str | None:
+    """The key around a bracket that the parser takes for the start of a list."""
+    start, rest = _KEY_START.search(before[-_LONGEST_KEY:]), _KEY_REST.match(after[:_LONGEST_KEY])
+    return start[0] + rest[1] if start and rest else None
 
 
 _QUOTE: Final = "; quote text that starts with it"

@@ -126,7 +126,7 @@ def _provenance(results: Results) -> list[Fact]:
         origin = json.loads(str(attributes.get("provenance", "{}")))
     except ValueError:
         origin = {}
-    found = [(str(name), str(value)) for name, value in origin.items() if value is not None]
+    found = [(str(name), _words(value, origin)) for name, value in origin.items() if value]
     digest = str(attributes.get("digest", ""))
     source = str(attributes.get("source", ""))
     return [
@@ -134,3 +134,14 @@ def _provenance(results: Results) -> list[Fact]:
         *([("digest", digest)] if digest else []),
         *([("source", source)] if source else []),
     ]
+
+
+def _words(value: Any, origin: dict[str, Any]) -> str:
+    """A value of the provenance; of other sessions, what differs from this one."""
+    if not isinstance(value, list):
+        return str(value)
+    sessions = [session.items() for session in value if isinstance(session, dict)]
+    return "; ".join(
+        ", ".join(f"{name} {found}" for name, found in session if origin.get(name) != found)
+        for session in sessions
+    )

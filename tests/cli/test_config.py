@@ -94,6 +94,44 @@ def test_the_resolved_configuration_is_fine_and_resolved(eqt: Eqt) -> None:
     assert "method: DOP853\n" in once
 
 
+def test_check_as_json(eqt: Eqt) -> None:
+    done = eqt("config", "check", "c.yaml", "--json")
+    assert (done.code, done.err) == (0, "")
+    assert json.loads(done.out) == {
+        "config": "c.yaml",
+        "fine": True,
+        "problems": [],
+        "name": "c",
+        "group": "SO3",
+        "points": 1,
+        "controllers": ["eqt", "gt"],
+        "runs": 3,
+        "duration": 1.0,
+        "engine": "solve_ivp",
+    }
+
+
+def test_check_reports_everything_as_json(eqt: Eqt) -> None:
+    done = eqt("config", "check", "c.yaml", "--json", "--set", "time.samples=1")
+    assert (done.code, done.err) == (2, "")
+    assert json.loads(done.out) == {
+        "config": "c.yaml",
+        "fine": False,
+        "problems": [
+            {
+                "path": "time.samples",
+                "message": "expected a whole number of at least 2, got 1",
+                "place": "--set[0]",
+            }
+        ],
+    }
+
+
+def test_the_resolved_configuration_as_json(eqt: Eqt) -> None:
+    document = json.loads(eqt("config", "check", "c.yaml", "--resolved", "--json").out)
+    assert document["time"] == {"duration": 1.0, "samples": 11}
+
+
 def test_check_of_a_result(eqt: Eqt) -> None:
     eqt("run", "c.yaml", "--out", "out")
     done = eqt("config", "check", "out", "--resolved")

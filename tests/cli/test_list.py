@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 
 from eqt_cli.controllers import controllers
-from eqt_cli.experiment import shipped
+from eqt_cli.core import registry
+from eqt_cli.experiment import catalogue, shipped
 
 Eqt = Callable[..., Any]
 
@@ -21,8 +22,11 @@ KINDS = [
     "engines",
     "poses",
     "velocities",
+    "designs",
+    "executors",
     "figures",
     "certificates",
+    "claims",
 ]
 
 PLUGIN = '''\
@@ -59,6 +63,26 @@ def test_one_kind(eqt: Eqt) -> None:
     assert lines.index("  normal  Independent normal velocity coordinates.") + 1 == (
         lines.index("          options: std")
     )
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "options"),
+    [
+        ("designs", "sobol", ["points", "seed", "axes"]),
+        ("designs", "grid", []),  # its section is the axes
+        ("executors", "local", ["workers"]),
+        ("executors", "dask", ["workers", "scheduler"]),
+    ],
+)
+def test_options(eqt: Eqt, kind: str, name: str, options: list[str]) -> None:
+    listed = json.loads(eqt("list", kind, "--json").out)[kind]
+    assert [entry["options"] for entry in listed if entry["name"] == name] == [options]
+
+
+def test_every_registry_is_listed() -> None:
+    assert list(catalogue.KINDS) == KINDS
+    listed = {catalogue.registry(kind).kind for kind in KINDS}
+    assert {one.kind for one in registry._registries} == listed
 
 
 def test_json_is_one_document(eqt: Eqt) -> None:

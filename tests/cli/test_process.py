@@ -99,15 +99,27 @@ def test_ctrl_c_is_130_and_the_same_command_starts_again(process: Eqt, folder: P
 
 
 @pytest.mark.skipif(os.name != "posix", reason="pipes as a POSIX shell has them")
-def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("arguments", "code"),
+    [
+        (["config", "schema"], 0),
+        (["list"], 0),
+        (["run", "c.yaml"], 0),
+        (["config", "check", "c.yaml", "--json", "--set", "time.samples=1"], 2),
+    ],
+)
+def test_a_reader_that_leaves_is_no_error(folder: Path, arguments: list[str], code: int) -> None:
+    reads, writes = os.pipe()
+    os.close(reads)
     done = subprocess.run(
-        f"{sys.executable} -m eqt_cli config schema | head -n 1",
-        shell=True,
-        capture_output=True,
+        [sys.executable, "-m", "eqt_cli", *arguments],
+        stdout=writes,
+        stderr=subprocess.PIPE,
         encoding="utf-8",
         check=False,
     )
-    assert (done.stdout, done.stderr) == ("{\n", "")
+    os.close(writes)
+    assert (done.returncode, done.stderr) == (code, "")
 
 
 # Imports ----------------------------------------------------------------------------------------
@@ -133,6 +145,32 @@ def test_help_loads_nothing_heavy() -> None:
         [sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True
     )
     assert done.stdout.splitlines()[-1] == "[]"
+
+
+def loaded_by(*arguments: str) -> set[str]:
+    """The heavy packages that a command has loaded when it ends."""
+    code = (
+        "import sys, eqt_cli.cli as cli\n"
+        f"sys.argv = ['eqt', *{list(arguments)}]\n"
+        "try:\n    cli.main()\n"
+        f"finally:\n    print(*[m for m in {HEAVY} if m in sys.modules])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, encoding="utf-8")
+    return set(done.stdout.splitlines()[-1].split())
+
+
+def test_show_does_without_scipy(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--out", "out")
+    assert not {"scipy", "matplotlib", "heyoka", "xarray"} & loaded_by("show", "out")
+
+
+def test_show_on_an_unfinished_folder_does_without_numpy(folder: Path) -> None:
+    (folder / "out/parts").mkdir(parents=True)
+    plan = {"points": 1, "runs": 100, "controllers": 2, "size": 50}
+    manifest = {"plan": plan, "name": "c", "begun": "2026-01-01T00:00:00+00:00"}
+    (folder / "out/manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    (folder / "out/parts/000001.h5").touch()
+    assert not {"numpy", "scipy", "h5py", "yaml"} & loaded_by("show", "out")
 
 
 # Components of other distributions ----------------------------------------------------------------

@@ -78,6 +78,18 @@ def test_a_terminal_has_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "5/8 runs" in terminal.getvalue()
 
 
+def test_a_terminal_that_cannot_move_its_cursor_has_lines(
+    clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERM", "dumb")
+    terminal = Terminal()
+    monkeypatch.setattr(sys, "stderr", terminal)
+    with progress.progress(8, quiet=False) as advance:
+        clock.now += 2
+        advance(4)
+    assert terminal.getvalue() == "4/8 runs, 2 runs/s, 2 s left\n"
+
+
 def test_short_work_on_a_terminal_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)

@@ -44,6 +44,19 @@ def test_the_summary_tells_of_failed_runs(eqt: Eqt) -> None:
     assert "6 runs failed: 6 step limit" in done.err
 
 
+def test_the_summary_names_versions_of_other_sessions(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out")
+    manifest = json.loads(Path("out/manifest.json").read_text(encoding="utf-8"))
+    here = manifest["provenance"]["numpy"]
+    manifest["provenance"]["numpy"] = "1.0"
+    Path("out/manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    done = eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out", "--rerun-failed")
+    said = [line for line in done.err.splitlines() if line.startswith("eqt: out: ")]
+    assert len(said) == 1
+    lines = eqt("show", "out").out.splitlines()
+    assert re.fullmatch(rf"also     \S+ with numpy {re.escape(here)} \(not 1\.0\)", lines[2])
+
+
 def test_config_is_the_resolved_one(eqt: Eqt, result: str) -> None:
     done = eqt("show", result, "--config")
     assert done.out == Path("out/config.yaml").read_text(encoding="utf-8")
@@ -112,6 +125,50 @@ def test_json_is_one_document(eqt: Eqt, result: str) -> None:
         "units": "N m",
     }
     assert [row["controller"] for row in document["controllers"]] == ["eqt", "gt"]
+
+
+def test_every_part_is_json_too(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--out", "out")
+
+    def document(*options: str) -> Any:
+        done = eqt("show", "out", *options, "--json")
+        assert (done.code, done.err) == (0, "")
+        return json.loads(done.out)
+
+    assert document("--config")["inertia"] == [2.0, 1.0, 3.0]
+    assert document("--plugins") == {}
+    assert {
+        "variable": "effort",
+        "dimensions": ["controller", "run"],
+        "units": "(N m)^2 s",
+        "meaning": "control effort, integral of ||tau||^2",
+    } in document("--variables")
+    failed = document("--failed")
+    assert [(row["controller"], row["run"]) for row in failed] == [
+        (label, run) for label in ("eqt", "gt") for run in range(3)
+    ]
+    assert {row["status"] for row in failed} == {3}
+    assert all(row["message"].endswith("(solver.max_steps)") for row in failed)
+
+
+def test_a_table_is_no_json_document(eqt: Eqt, result: str) -> None:
+    done = eqt("show", result, "--table", "--json")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        "eqt: --json: a table has no such form; use --format jsonl, a document per row\n"
+    )
+
+
+@pytest.mark.parametrize("part", ["--table", "--config", "--variables", "--failed"])
+def test_parts_of_an_unfinished_result_are_not_there(eqt: Eqt, folder: Path, part: str) -> None:
+    eqt("run", "c.yaml", "--out", "out")
+    (folder / "out/results.h5").unlink()
+    assert eqt("show", "out").out.startswith("c, unfinished  (out)\n")
+    done = eqt("show", "out", part)
+    assert (done.code, done.out) == (2, "")
+    assert done.err == (
+        "eqt: out: the folder holds no results.h5; run its experiment to the end first\n"
+    )
 
 
 @pytest.mark.parametrize(

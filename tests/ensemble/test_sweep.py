@@ -1,3 +1,4 @@
+import math
 import pickle
 
 import numpy as np
@@ -167,6 +168,16 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
             [{"random": {"points": 4, "axes": {"a": {"low": 0, "high": 1, "scale": "log"}}}}],
             (0, "random", "axes", "a", "low"),
             "expected a number greater than 0 on a log scale, got 0",
+        ),
+        (
+            [{"random": {"points": 4, "axes": {"a": {"low": 0, "high": math.inf}}}}],
+            (0, "random", "axes", "a", "high"),
+            "expected a finite number",
+        ),
+        (
+            [{"random": {"points": 4, "axes": {"a": {"low": 0, "high": 10**400}}}}],
+            (0, "random", "axes", "a", "high"),
+            "expected a finite number",
         ),
         (
             [{"random": {"points": 4, "axes": {"a": {"lo": 0, "high": 1, "low": 0}}}}],

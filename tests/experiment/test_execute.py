@@ -1,5 +1,6 @@
 """What a result folder goes through: begun, interrupted, resumed, damaged, packed, patched."""
 
+import errno
 import json
 import os
 import platform
@@ -201,6 +202,108 @@ def test_a_kill_before_the_parts_are_removed_loses_nothing(make, whole, tmp_path
     assert_same(contents(out), whole)
 
 
+# Other versions.
+
+
+def pretend(out, **versions):
+    """Let the folder's last session have had other versions."""
+    path = out / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    manifest["provenance"] |= versions
+    path.write_text(json.dumps(manifest), encoding="utf-8")
+
+
+def origin_of(out):
+    manifest = json.loads((out / "manifest.json").read_text(encoding="utf-8"))
+    with open_results(out) as results:
+        assert json.loads(results.attributes["provenance"]) == manifest["provenance"]
+    return manifest["provenance"]
+
+
+@pytest.fixture
+def remarks():
+    return []
+
+
+def test_parts_of_other_versions_are_told_of_and_remembered(make, whole, tmp_path, remarks):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    pretend(out, numpy="1.0", machine="abacus")
+    execute(make(), out, remark=remarks.append)
+    assert remarks == [
+        f"{out}: some of its runs were computed with numpy 1.0 (not {np.__version__}), machine "
+        f"abacus (not {platform.machine()}); they agree with the new ones within tolerances, not "
+        "bit for bit; --force starts over"
+    ]
+    origin = origin_of(out)
+    assert origin["numpy"] == np.__version__
+    assert [session["numpy"] for session in origin["other_sessions"]] == ["1.0"]
+    assert_same(contents(out), whole)
+
+
+def test_every_session_is_remembered_once(make, tmp_path, remarks):
+    out = tmp_path / "out"
+    for version in ("1.0", "1.1", "1.0", np.__version__):
+        interrupted(make(), out, after=1) if not out.exists() else None
+        pretend(out, numpy=version)
+        with pytest.raises(KeyboardInterrupt):
+            execute(make(), out, executor=Stopping(0), remark=remarks.append)
+    execute(make(), out, remark=remarks.append)
+    assert "numpy 1.0 (not " in remarks[-1]
+    assert "; or numpy 1.1 (not " in remarks[-1]
+    assert sorted(session["numpy"] for session in origin_of(out)["other_sessions"]) == [
+        "1.0",
+        "1.1",
+    ]
+
+
+def test_a_remark_is_a_warning_in_python(make, tmp_path):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    pretend(out, scipy="1.0")
+    with pytest.warns(UserWarning, match=r"some of its runs were computed with scipy 1\.0"):
+        execute(make(), out)
+
+
+@pytest.mark.parametrize("force", [True, False])
+def test_versions_of_what_is_not_there_any_more_do_not_matter(make, tmp_path, remarks, force):
+    out = tmp_path / "out"
+    interrupted(make(), out, after=2 if force else 0)
+    pretend(out, numpy="1.0")
+    execute(make(), out, force=force, remark=remarks.append)
+    assert remarks == []
+    assert "other_sessions" not in origin_of(out)
+
+
+def test_what_affects_no_number_is_not_told(make, tmp_path, remarks):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    pretend(out, h5py="1.0", cpu_count=1000, command="eqt else")
+    execute(make(), out, remark=remarks.append)
+    assert remarks == []
+
+
+def test_failed_runs_computed_again_with_other_versions(make, tmp_path, remarks):
+    out = tmp_path / "out"
+    execute(make(), out, executor=Losing({1}))
+    pretend(out, numpy="1.0")
+    execute(make(), out, rerun_failed=True, remark=remarks.append)
+    assert [f"numpy 1.0 (not {np.__version__})" in remark for remark in remarks] == [True]
+    origin = origin_of(out)
+    assert origin["numpy"] == "1.0"  # as most of its runs
+    assert [session["numpy"] for session in origin["other_sessions"]] == [np.__version__]
+
+
+def test_packing_parts_of_shards_of_other_versions(make, tmp_path, remarks):
+    out = tmp_path / "out"
+    execute(make(), out, shard=Shard(1, 2))
+    pretend(out, numpy="1.0")
+    execute(make(), out, shard=Shard(2, 2), remark=remarks.append)
+    pack_folder(make(), out, remarks.append)
+    assert ["numpy 1.0" in remark for remark in remarks] == [True, True]
+    assert [session["numpy"] for session in origin_of(out)["other_sessions"]] == ["1.0"]
+
+
 # Workers.
 
 
@@ -306,6 +409,23 @@ def test_a_lock_ends_with_its_process_even_if_killed(tmp_path):
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
     with locked(tmp_path):
         pass
+
+
+@POSIX
+@pytest.mark.parametrize("code", [errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS])
+@pytest.mark.parametrize("shard", [None, Shard(1, 1)])
+def test_a_disk_that_refuses_locks_is_told_of_once(make, tmp_path, monkeypatch, code, shard):
+    def refused(*_):
+        raise OSError(code, "refused")
+
+    monkeypatch.setattr("fcntl.flock", refused)
+    out, remarks = tmp_path / "out", []
+    execute(make(), out, shard=shard, remark=remarks.append)
+    assert remarks == [
+        f"{out}: its disk refuses file locks, so nothing keeps a second eqt from writing to it at "
+        "the same time: run one at a time there, or choose another disk with --out"
+    ]
+    assert holder(out) is None
 
 
 # Folders and disks that do not do as they should.

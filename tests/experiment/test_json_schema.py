@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import is_dataclass
+from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -10,14 +11,18 @@ import pytest
 import yaml
 
 from eqt_cli.controllers import controllers
+from eqt_cli.core.errors import ConfigError
 from eqt_cli.core.registry import Registry
 from eqt_cli.engines import engines
+from eqt_cli.ensemble.designs import designs
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.experiment import shipped
 from eqt_cli.experiment.components import option_names
 from eqt_cli.experiment.json_schema import json_schema
 from eqt_cli.experiment.solver import Judgement
+from eqt_cli.experiment.source import ConfigSource
+from eqt_cli.experiment.sweeping import study
 from eqt_cli.experiment.yaml_source import load
 from eqt_cli.references import references
 
@@ -151,3 +156,123 @@ def test_every_engine_is_there_with_all_its_options(schema: dict[str, Any]) -> N
     assert all(is_dataclass(owner) for owner in owners)
     assert set(solver) == {"engine", *(name for owner in owners for name in option_names(owner))}
     assert solver["engine"]["enum"] == engines.names()
+
+
+# Sweeps: the schema accepts what the parser accepts -----------------------------------------------
+
+RANGE = {"low": 0.5, "high": 2}
+GOOD_BLOCKS: list[Any] = [
+    {"grid": {"gains.kp": [1]}},
+    {"grid": {"gains.kp": [1, [1, 2, 3]], "gains.kd": {**RANGE, "points": 3}}},
+    {"grid": {"gains.kp": {**RANGE, "points": 2, "scale": "log"}}},
+    {"grid": {"gains.kp": {"low": "pi/4", "high": "pi", "points": 2, "scale": "linear"}}},
+    {"grid": {"controllers[0].label": ["a"]}},
+    {"grid": {"inertia[0][0]": [0.9, 1]}},
+    {"grid": {"solver.rtol": [1e-6]}},
+    {"zip": {"gains.kp": [1, 2], "gains.kd": [1, 2]}},
+    {"zip": {"gains.kp": [1, 2], "gains.kd": {**RANGE, "points": 2}}},
+    {"random": {"points": 1, "axes": {"gains.kp": RANGE}}},
+    {"lhs": {"points": 3, "seed": 1, "axes": {"gains.kp": {**RANGE, "scale": "log"}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"low": 1, "high": 3, "integer": True}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"low": "1", "high": 3.0, "integer": True}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {**RANGE, "integer": False}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": [1, 2]}}}},
+    {"concat": [{"grid": {"gains.kp": [1]}}]},
+    {"concat": [{"grid": {"gains.kp": [1]}}, [{"zip": {"gains.kp": [2]}}]]},
+    {"concat": [{"concat": [{"grid": {"gains.kp": [1]}}]}]},
+]
+BAD_BLOCKS: list[Any] = [
+    "grid",
+    [],
+    {},
+    {"grdi": {"gains.kp": [1]}},
+    {"grid": {"gains.kp": [1]}, "zip": {"gains.kd": [1]}},
+    {"grid": None},
+    {"grid": {}},
+    {"grid": [1, 2]},
+    {"grid": {"gains.kp": []}},
+    {"grid": {"gains.kp": 1}},
+    {"grid": {"gains.kp": {}}},
+    {"grid": {"gains.kp": RANGE}},
+    {"grid": {"gains.kp": {"high": 1, "points": 2}}},
+    {"grid": {"gains.kp": {**RANGE, "points": 1}}},
+    {"grid": {"gains.kp": {**RANGE, "points": 2.5}}},
+    {"grid": {"gains.kp": {**RANGE, "points": True}}},
+    {"grid": {"gains.kp": {**RANGE, "points": "3"}}},
+    {"grid": {"gains.kp": {**RANGE, "points": 3, "scale": "lin"}}},
+    {"grid": {"gains.kp": {**RANGE, "points": 3, "integer": True}}},
+    {"grid": {"gains.kp": {"low": 0, "high": 1, "points": 3, "scale": "log"}}},
+    {"grid": {"gains.kp": {"low": False, "high": 1, "points": 3}}},
+    {"grid": {"gains.kp": {"low": [0], "high": 1, "points": 3}}},
+    {"grid": {"gains.kp": {"values": [1]}}},
+    {"grid": {"gain.kp": [1]}},
+    {"grid": {"gains..kp": [1]}},
+    {"grid": {"gains.kp[x]": [1]}},
+    {"grid": {"name": ["a", "b"]}},
+    {"grid": {"store.decimate": [1, 2]}},
+    {"grid": {"ensemble.runs": [1, 2]}},
+    {"zip": {}},
+    {"zip": {"gains.kp": "1, 2"}},
+    {"random": {"axes": {"gains.kp": RANGE}}},
+    {"random": {"points": 0, "axes": {"gains.kp": RANGE}}},
+    {"random": {"points": 4}},
+    {"random": {"points": 4, "axes": {}}},
+    {"random": {"points": 4, "axes": {"gains.kp": [1, 2]}}},
+    {"random": {"points": 4, "seed": -1, "axes": {"gains.kp": RANGE}}},
+    {"random": {"points": 4, "seed": None, "axes": {"gains.kp": RANGE}}},
+    {"random": {"points": 4, "sed": 1, "axes": {"gains.kp": RANGE}}},
+    {"lhs": {"points": 4, "axes": {"gains.kp": {**RANGE, "points": 3}}}},
+    {"lhs": {"points": 4, "axes": {"gains.kp": {**RANGE, "integer": "yes"}}}},
+    {"lhs": {"points": 4, "axes": {"gains.kp": {**RANGE, "integer": True}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": []}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": 3}}}},
+    {"sobol": {"points": 4, "axes": {"gains.kp": {"values": [1], "low": 1}}}},
+    {"concat": []},
+    {"concat": [[]]},
+    {"concat": {"grid": {"gains.kp": [1]}}},
+    {"concat": [{"grid": {"gains.kp": []}}]},
+]
+
+
+def is_accepted(block: Any) -> bool:
+    """By the parser; what a schema cannot say (the same keys twice, …) is not in the tables."""
+    data = paper(sweep=[block], controllers=[{"kind": "eqt", "label": "eqt"}])
+    try:
+        study(ConfigSource(load("{}", "paper.yaml"), data, Path()))
+    except ConfigError:
+        return False
+    return True
+
+
+@pytest.mark.parametrize("block", GOOD_BLOCKS, ids=str)
+def test_the_schema_accepts_what_the_parser_accepts(
+    validator: jsonschema.Draft202012Validator, block: Any
+) -> None:
+    assert is_accepted(block)
+    validator.validate(paper(sweep=[block]))
+
+
+@pytest.mark.parametrize("block", BAD_BLOCKS, ids=str)
+def test_the_schema_refuses_what_the_parser_refuses(
+    validator: jsonschema.Draft202012Validator, block: Any
+) -> None:
+    assert not is_accepted(block)
+    assert not validator.is_valid(paper(sweep=[block]))
+
+
+def test_every_design_is_in_the_tables() -> None:
+    assert {next(iter(block)) for block in GOOD_BLOCKS} == set(designs.names())
+
+
+@pytest.mark.parametrize("sweep", [None, []])
+def test_no_sweep_fits(validator: jsonschema.Draft202012Validator, sweep: Any) -> None:
+    validator.validate(paper() | {"sweep": sweep})
+
+
+def test_the_keys_of_an_axis_are_offered(schema: dict[str, Any]) -> None:
+    offered = schema["$defs"]["SweepBlock"]["properties"]["grid"]["properties"]
+    assert {"gains.kp", "controllers[0].gyroscopic", "initial.pose.std", "solver.rtol"} <= set(
+        offered
+    )
+    assert offered["gains.kd"]["description"].startswith("Rayleigh tensor")
+    assert not {"name", "sweep", "store.decimate", "ensemble.runs"} & set(offered)

@@ -224,6 +224,7 @@ def test_parse_value(text: str, value: object) -> None:
         ("[1, 2", "--set[0]: the '[' is never closed"),
         ("[1, 2}", "--set[0]: expected ',' or ']' in the list"),
         ("[", "--set[0]: a '[' or '{' is never closed"),
+        ("{a[0]: 1}", '--set[0]: a key with a bracket must be quoted here: {"a[0]": …}'),
         ("@x", "--set[0]: a value cannot start with '@'; quote it"),
         (
             "\x07",
@@ -348,6 +349,18 @@ def test_problems_carry_path_message_and_place() -> None:
         (
             "a: {b: 1 c: 2}",
             "c.yaml:1:11: expected ',' or '}' in the mapping that starts at c.yaml:1:4",
+        ),
+        (
+            "a: {b: 1, c[0].d: [1, 2]}",
+            'c.yaml:1:11: a key with a bracket must be quoted here: {"c[0].d": …}',
+        ),
+        (
+            "- {b:\n  {c[0][1] : 2}}",
+            'c.yaml:2:4: a key with a bracket must be quoted here: {"c[0][1]": …}',
+        ),
+        (
+            "a: {b: c[0]}",  # a value
+            "c.yaml:1:9: expected ',' or '}' in the mapping that starts at c.yaml:1:4",
         ),
         ('a: "b\nc: 1\n', 'c.yaml:1:4: the quote " is never closed'),
         ("a: 'b\n--- c'", "c.yaml:1:4: the quote ' is never closed"),

@@ -4,11 +4,31 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 Path = tuple[str | int, ...]
 Note = Callable[[Path, str], None]
 """Called with the place within the design's section, and what is wrong there."""
+
+Schema = dict[str, Any]
+"""A JSON schema."""
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """What a configuration knows of designs, and they do not: the schemas around theirs.
+
+    Attributes
+    ----------
+    axes
+        Makes the schema of one axis that of a mapping from keys to such axes.
+    block
+        The schema of one block of any design.
+    """
+
+    axes: Callable[[Schema], Schema]
+    block: Schema
 
 
 class Design(ABC):
@@ -29,6 +49,11 @@ class Design(ABC):
     @abstractmethod
     def parse(cls, section: Any, note: Note) -> Self | None:
         """The design that a section describes, or None after noting what is wrong with it."""
+
+    @classmethod
+    @abstractmethod
+    def schema(cls, around: Surroundings) -> Schema:
+        """The JSON schema of the sections that `parse` accepts, as far as one can say it."""
 
     @abstractmethod
     def __len__(self) -> int:

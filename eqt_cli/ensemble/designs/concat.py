@@ -6,7 +6,7 @@ from bisect import bisect_right
 from itertools import accumulate
 from typing import Any, ClassVar, Self
 
-from eqt_cli.ensemble.designs import Design, Note, Path
+from eqt_cli.ensemble.designs import Design, Note, Path, Schema, Surroundings
 from eqt_cli.ensemble.sweep import Sweep
 
 
@@ -50,6 +50,11 @@ class Concat(Design):
                 note((index,), f"expected the keys of the first ({', '.join(parts[0].keys)})")
                 return None
         return cls(parts, alone)
+
+    @classmethod
+    def schema(cls, around: Surroundings) -> Schema:
+        part = {"anyOf": [around.block, Sweep.schema(around)]}
+        return {"type": "array", "minItems": 1, "items": part}
 
     def __len__(self) -> int:
         return self._ends[-1]

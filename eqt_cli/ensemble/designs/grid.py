@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from math import prod
 from typing import Any, ClassVar, Self
 
-from eqt_cli.ensemble.axes import listed
-from eqt_cli.ensemble.designs.base import Design, Note, Path
+from eqt_cli.ensemble.axes import LISTED, listed
+from eqt_cli.ensemble.designs.base import Design, Note, Path, Schema, Surroundings
 
 
 class Grid(Design):
@@ -31,6 +31,10 @@ class Grid(Design):
     def parse(cls, section: Any, note: Note) -> Self | None:
         axes = axes_of(section, note)
         return None if axes is None else cls(axes, spelt_out(section))
+
+    @classmethod
+    def schema(cls, around: Surroundings) -> Schema:
+        return around.axes(LISTED)
 
     def __len__(self) -> int:
         return prod(len(values) for values in self.axes.values())

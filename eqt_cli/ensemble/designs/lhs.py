@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from scipy.stats import qmc
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.ensemble.designs.sampled import Sampled
@@ -18,5 +17,7 @@ class LatinHypercube(Sampled):
 
     def shares(self, generator: np.random.Generator) -> Array:
         """SciPy's Latin hypercube."""
+        from scipy.stats import qmc  # slow to import, and most designs do without
+
         shares: Array = qmc.LatinHypercube(len(self.axes), rng=generator).random(self.points)
         return shares

@@ -11,8 +11,8 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import suggestion
-from eqt_cli.ensemble.axes import Choices, Range, drawn
-from eqt_cli.ensemble.designs.base import Design, Note, Path
+from eqt_cli.ensemble.axes import DRAWN, Choices, Range, drawn
+from eqt_cli.ensemble.designs.base import Design, Note, Path, Schema, Surroundings
 
 KEYS = ("points", "seed", "axes")
 
@@ -65,6 +65,24 @@ class Sampled(Design):
         if points is None or seed is None or len(found) < len(axes):
             return None
         return cls(points, seed, found)
+
+    @classmethod
+    def schema(cls, around: Surroundings) -> Schema:
+        return {
+            "type": "object",
+            "properties": {
+                "points": {"type": "integer", "minimum": 1, "description": "How many."},
+                "seed": {
+                    "type": "integer",
+                    "minimum": 0,
+                    "default": 0,
+                    "description": "Of the design's own random stream.",
+                },
+                "axes": around.axes(DRAWN) | {"description": "What is drawn, by key."},
+            },
+            "required": ["points", "axes"],
+            "additionalProperties": False,
+        }
 
     def __len__(self) -> int:
         return self.points

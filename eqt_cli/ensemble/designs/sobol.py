@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from scipy.stats import qmc
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.ensemble.designs.sampled import Sampled
@@ -18,6 +17,8 @@ class Sobol(Sampled):
 
     def shares(self, generator: np.random.Generator) -> Array:
         """The first points of SciPy's sequence, scrambled by the seed."""
+        from scipy.stats import qmc  # slow to import, and most designs do without
+
         # By powers of 2, for which alone SciPy does not warn; what is too many is cut off.
         sequence = qmc.Sobol(len(self.axes), rng=generator)
         shares: Array = sequence.random_base2((self.points - 1).bit_length())[: self.points]

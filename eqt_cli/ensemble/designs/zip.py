@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
-from eqt_cli.ensemble.designs.base import Design, Note, Path
+from eqt_cli.ensemble.axes import LISTED
+from eqt_cli.ensemble.designs.base import Design, Note, Path, Schema, Surroundings
 from eqt_cli.ensemble.designs.grid import axes_of, spelt_out
 
 
@@ -29,6 +30,10 @@ class Zip(Design):
                 note((key,), f"expected {len(axes[first])} values as {first}, got {len(values)}")
                 return None
         return cls(axes, spelt_out(section))
+
+    @classmethod
+    def schema(cls, around: Surroundings) -> Schema:
+        return around.axes(LISTED)
 
     def __len__(self) -> int:
         return len(self.axes[self.keys[0]])

@@ -1,0 +1,123 @@
+"""What a shell completes at Tab."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eqt_cli.cli import completion
+from eqt_cli.cli.tables import FORMATS
+from eqt_cli.core.registry import summary
+from eqt_cli.experiment import shipped
+from eqt_cli.experiment.catalogue import KINDS, registry
+from eqt_cli.experiment.components import option_names
+from eqt_cli.experiment.json_schema import config_keys, json_schema
+from eqt_cli.plots import figures
+from eqt_cli.plots.render import FORMATS as PICTURES
+
+Eqt = Callable[..., Any]
+Complete = Callable[[str], list[str]]
+
+
+@pytest.fixture
+def complete(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> Complete:
+    """What bash is offered for the last word of a line."""
+
+    def offered(line: str) -> list[str]:
+        monkeypatch.setenv("_EQT_COMPLETE", "complete_bash")
+        monkeypatch.setenv("COMP_WORDS", line)
+        monkeypatch.setenv("COMP_CWORD", str(len(line.split(" ")) - 1))
+        done = eqt()
+        assert done.err == ""
+        found: list[str] = done.out.split()
+        return found
+
+    return offered
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("eqt pl", ["plot"]),
+        ("eqt run c.yaml --exe", ["--executor"]),
+        ("eqt run c.yaml --executor l", ["local"]),
+        ("eqt run c.yaml --engine t", ["taylor"]),
+        ("eqt verify c.yaml --engine s", ["solve_ivp"]),
+        ("eqt run c.yaml --set gains.k", ["gains.kp=", "gains.kd="]),
+        ("eqt sweep c.yaml --grid controllers[0].gy", ["controllers[0].gyroscopic="]),
+        ("eqt config check c.yaml --set solver.max_s", ["solver.max_steps="]),
+        ("eqt plot out --figure pap", ["paper"]),
+        ("eqt report out --figure tor", ["torque"]),
+        ("eqt plot out --figure paper --option lo", ["log="]),
+        ("eqt plot out --width p", ["page"]),
+        ("eqt list con", ["controllers", "configs"]),
+        ("eqt config new --from pap", ["paper"]),
+        ("eqt show out --table --format j", ["jsonl"]),
+        ("eqt run no", []),  # the shell then completes file names
+    ],
+)
+def test_names_and_keys(complete: Complete, line: str, expected: list[str]) -> None:
+    assert complete(line) == expected
+
+
+def test_the_keys_of_the_given_configuration(complete: Complete, folder: Path) -> None:
+    text = (folder / "c.yaml").read_text(encoding="utf-8")
+    laws = "controllers: [eqt, {kind: gt, label: other}]"
+    (folder / "c.yaml").write_text(text.replace("controllers: [eqt, gt]", laws), encoding="utf-8")
+    assert "controllers[1].label=" in complete("eqt run c.yaml --set controllers[1]")
+
+
+@pytest.mark.parametrize("text", ["a: [", "\xff", "- 1"])
+def test_a_broken_configuration_does_not_disturb(
+    complete: Complete, folder: Path, text: str
+) -> None:
+    (folder / "c.yaml").write_bytes(text.encode("latin-1"))
+    assert complete("eqt run c.yaml --set gains.kp") == ["gains.kp="]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_names_in_the_sources_are_those_of_the_registry(kind: str) -> None:
+    expected = {component.name: summary(component) for component in registry(kind).all()}
+    assert dict(completion.names(kind)("")) == expected
+
+
+def test_the_keys_in_the_sources_are_those_of_the_schema() -> None:
+    found = completion._all_keys(None)
+    expected = config_keys(json_schema())
+    # Where the schema goes deeper than the sources tell without being imported.
+    deeper = {"inertia.initial", "inertia.factor", "inertia.matrix"}
+    deeper |= {"initial.pose.position.std", "initial.pose.velocity.std"}
+    assert set(found) == set(expected) - deeper
+    assert {key: text for key, text in found.items() if text} == {
+        key: expected[key] for key, text in found.items() if text
+    }
+
+
+def test_the_options_in_the_sources_are_those_of_the_figures(complete: Complete) -> None:
+    for figure in figures.all():
+        offered = complete(f"eqt plot out --figure {figure.name} --option ")
+        assert offered == [f"{name}=" for name in option_names(figure)]
+
+
+def test_words_are_what_is_accepted(complete: Complete) -> None:
+    assert complete("eqt show out --format ") == list(FORMATS)
+    assert complete("eqt plot out --format ") == [*PICTURES, "json"]
+    assert complete("eqt list ") == [*KINDS, "configs"]
+    assert complete("eqt config new --from ") == shipped.names()
+
+
+def test_nothing_heavy_is_loaded() -> None:
+    code = (
+        "import sys\nfrom eqt_cli.cli import completion\n"
+        "assert completion._all_keys(None) and completion.names('figures')('')\n"
+        "print([m for m in ('numpy', 'pydantic', 'h5py', 'matplotlib') if m in sys.modules])\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True
+    )
+    assert done.stdout == "[]\n"
