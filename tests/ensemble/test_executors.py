@@ -1,6 +1,8 @@
 import signal
+import socket
 import sys
 import time
+from contextlib import suppress
 from importlib.util import find_spec
 
 import pytest
@@ -95,6 +97,17 @@ def test_an_item_that_loses_its_worker_again_and_again_is_given_up(name, task, t
     assert sorted(found, key=lambda o: o.item) == [Outcome(2, 0), Outcome(13, None)]
     assert len(list((tmp_path / "done").glob("13-*"))) == MOST_TRIES
     assert sum(seen) == 10  # of the good item alone
+
+
+@pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra dask")
+def test_a_cluster_starts_beside_another(task):
+    """The other one has taken the port where Dask's schedulers show themselves."""
+    with socket.socket() as other:
+        with suppress(OSError):  # there is another one indeed
+            other.bind(("", 8787))
+            other.listen()
+        found = list(executors.get("dask")(1).outcomes(task, [2], lambda amount: None))
+    assert found == [Outcome(2, 0)]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -99,7 +99,7 @@ class Dask(Executor):
                     n_workers=self.workers,
                     threads_per_worker=1,
                     processes=True,
-                    dashboard_address=None,
+                    dashboard_address="127.0.0.1:0",  # some port is opened; any, and for us only
                     silence_logs=logging.CRITICAL,
                 )
             except RuntimeError as error:
