@@ -22,7 +22,7 @@ from eqt_cli.plots.verified import Verified
 
 _ROW_HEIGHT = 0.155
 _NO_LAW, _BEYOND = 0.65, 0.07
-"""Shares of ink: of markers of no law, and of the ground beyond the bound."""
+"""Shares of ink: of markers of no law, and, transparent, of the ground beyond the bound."""
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,8 @@ def _name_rows(axes: Axes, found: Verified, width: Width) -> None:
 def _name_scale(axes: Axes, least: float, most: float) -> None:
     axes.set_xscale("log")
     axes.set_xlim(least / 2, 3 * most)
-    axes.axvspan(1, 3 * most, color=ink(_BEYOND), zorder=0, label="beyond the bound")
+    shade: dict[str, Any] = {"color": ink(), "alpha": _BEYOND, "linewidth": 0, "zorder": 0}
+    axes.axvspan(1, 3 * most, label="beyond the bound", **shade)
     axes.axvline(1, color=ink(), linewidth=0.8)
     axes.grid(visible=False, axis="y")
     axes.xaxis.set_major_locator(LogLocator(numticks=6))

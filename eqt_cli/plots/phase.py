@@ -125,7 +125,7 @@ def _mark_half_turns(column: Sequence[Axes], group: MatrixLieGroup | None, part:
     errors = [error for error in errors if error <= column[0].get_xlim()[1]]
     for axes in column:
         for error in errors:
-            axes.plot([error], [0], transform=axes.get_xaxis_transform(), **_HALF_TURN)
+            axes.plot([error], [0], transform=axes.get_xaxis_transform(), color=ink(), **_HALF_TURN)
     return bool(errors)
 
 

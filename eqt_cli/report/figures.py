@@ -21,6 +21,7 @@ LARGEST = 700_000
 
 _SVG, _XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
+_GREY = re.compile(r"#([0-9a-f]{2})\1\1")
 _REFERENCE = re.compile(r"url\(#([^)]+)\)")
 
 
@@ -86,7 +87,7 @@ DEFAULT = (
         "phase",
         {"runs": 10},
         "Single runs in the phase plane of the error: the norm of the velocity error over that of "
-        "the pose error, from a hollow dot at the start to a black one at the end. Triangles mark "
+        "the pose error, from a hollow dot at the start to a filled one at the end. Triangles mark "
         "half-turns, the critical points of the navigation function other than I.",
     ),
     Wanted(
@@ -221,3 +222,7 @@ def _declarations(style: str) -> Iterator[str]:
             value = "var(--grid, #e2e2e2)"
         if name:
             yield f"{name}: {value}"
+        if grey := _GREY.fullmatch(value):
+            # As much of the ink, whatever its colour; browsers from before 2023 keep the grey.
+            share = round(100 * (1 - int(grey[1], 16) / 255))
+            yield f"{name}: color-mix(in srgb, currentColor {share}%, transparent)"

@@ -15,7 +15,7 @@ FILE = b"""<?xml version="1.0"?>
  <metadata><x/></metadata><!-- <script>alert(1)</script> -->
  <defs><path id="a" d="M 1.23456789 2"/></defs>
  <use xlink:href="#a" transform="scale(0.015625)" style="fill: #000000; stroke:#ffffff"/>
- <rect clip-path="url(#b)" style="fill: #ffffff"/><clipPath id="b"/>
+ <rect clip-path="url(#b)" style="fill: #ffffff; stroke: #404040"/><clipPath id="b"/>
 </svg>"""
 
 
@@ -31,8 +31,12 @@ def test_identifiers_are_unique_in_the_page(svg):
 
 def test_ink_is_that_of_the_text(svg):
     assert "fill: currentColor; stroke: #ffffff" in svg
-    assert 'style="fill: none"' in svg
+    assert 'style="fill: none; stroke: #404040;' in svg
     assert svg.startswith("<svg") and 'fill="currentColor"' in svg.partition(">")[0]
+
+
+def test_greys_are_shares_of_that_ink(svg):
+    assert "stroke: #404040; stroke: color-mix(in srgb, currentColor 75%, transparent)" in svg
 
 
 def test_coordinates_are_rounded_but_scales_are_not(svg):
