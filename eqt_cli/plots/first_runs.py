@@ -55,7 +55,7 @@ class OfFirstRuns(OverTime):
 
 
 def draw_paths(axes: Axes, paths: Mapping[int, Path], ensemble: Ensemble) -> None:
-    """Thin lines, a hollow dot at each start and a black one at each end.
+    """Thin lines, a hollow dot at each start and a filled one at each end.
 
     Parameters
     ----------
