@@ -166,9 +166,11 @@ def config_keys(schema: dict[str, Any]) -> dict[str, str]:
 def _choices(place: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:
     """The alternatives at a place of a schema."""
     place = _resolved(place, schema)
-    if "anyOf" not in place:
+    # Where a reference has a description beside it, pydantic 2.8 wraps it into an `allOf`.
+    choices = place.get("anyOf") or place.get("allOf")
+    if not choices or "properties" in place:
         return [place]
-    return [found for choice in place["anyOf"] for found in _choices(choice, schema)]
+    return [found for choice in choices for found in _choices(choice, schema)]
 
 
 def _resolved(place: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
