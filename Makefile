@@ -96,14 +96,14 @@ endef
 $(VENV)/.stamp-base: pyproject.toml
 	$(call venv,$(VENV),$(PYTHONS))
 	@echo "Installing eqt into $(VENV)"
-	@$(BIN)/$(PIP) install --only-binary heyoka --editable '.[taylor]' \
+	@$(BIN)/$(PIP) install --only-binary heyoka --editable '.[taylor,xarray]' \
 		|| { echo "The taylor extra cannot be installed here; trying without it" >&2; \
-		     $(BIN)/$(PIP) install --editable .; }
+		     $(BIN)/$(PIP) install --editable '.[xarray]'; }
 	@touch $@
 
 $(VENV)/.stamp-dev: $(VENV)/.stamp-base
 	@echo "Installing the development tools into $(VENV)"
-	@$(BIN)/$(PIP) install --group dev --editable '.[dask,xarray]'
+	@$(BIN)/$(PIP) install --group dev --editable '.[dask]'
 	@touch $@
 
 $(VENV)/.stamp-docs: $(VENV)/.stamp-base
