@@ -57,7 +57,7 @@ ShardOf = Annotated[
 Point = Annotated[
     int | None, typer.Option("--point", metavar="K", help="One point of a sweep, counted from 0.")
 ]
-Force = Annotated[bool, typer.Option("--force", help="Start over, removing what the folder holds.")]
+Force = Annotated[bool, typer.Option("--force", help="Start over, removing what eqt wrote there.")]
 RerunFailed = Annotated[
     bool, typer.Option("--rerun-failed", help="Compute only those runs again that failed.")
 ]

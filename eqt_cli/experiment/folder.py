@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.marks import is_eqts
 from eqt_cli.experiment.listing import MANIFEST, PARTS, RESULTS
 from eqt_cli.experiment.part_files import PartFiles
 from eqt_cli.experiment.study import Study
@@ -119,9 +120,8 @@ class ResultFolder:
             )
         if other is None and not force:
             return []
-        for entry in there:
-            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
-        return [str(entry) for entry in there] if force else []
+        removed = [path for entry in there for path in _removed(entry)]
+        return [str(path) for path in removed] if force else []
 
     def _copy_plugins(self, study: Study) -> list[str]:
         """Keep the sources, so that the folder runs again wherever it is; returns their paths."""
@@ -132,6 +132,26 @@ class ResultFolder:
             _write(self.path / copy, text)
             copies.append(copy)
         return copies
+
+
+def _removed(entry: Path) -> list[Path]:
+    """Remove one of eqt's own entries, but nothing that others put there; returns what is gone.
+
+    People keep drawings of their own among the figures, and may have replaced the report. All other
+    entries are eqt's as a whole.
+    """
+    if entry.name not in (FIGURES, REPORT):
+        shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+        return [entry]
+    within = sorted(entry.rglob("*"), reverse=True) if entry.is_dir() else []
+    files = [path for path in [*within, entry] if path.is_symlink() or not path.is_dir()]
+    ours = [path for path in files if not path.is_symlink() and is_eqts(path)]
+    for path in ours:
+        path.unlink()
+    for folder in [path for path in [*within, entry] if path.is_dir() and not path.is_symlink()]:
+        if not any(folder.iterdir()):
+            folder.rmdir()
+    return ours[::-1] if entry.exists() else [entry]
 
 
 _ABSENT = object()
