@@ -38,7 +38,12 @@ def animate(
     ] = 8.0,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder; default: RESULT/figures."),
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            parser=options.folder,
+            help="Folder; default: RESULT/figures.",
+        ),
     ] = None,
     point: options.Point = None,
     json: options.Json = False,

@@ -76,6 +76,7 @@ def plot(
         typer.Option(
             "--out",
             metavar="DIR",
+            parser=options.folder,
             help="Folder of the figures; default: RESULT/figures. Several results need it.",
         ),
     ] = None,

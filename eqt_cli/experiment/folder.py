@@ -21,6 +21,9 @@ from eqt_cli.experiment.yaml_source import dotted, dump
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
 _OURS = (RESULTS, PARTS, FIGURES, PLUGINS, REPORT, CONFIG, MANIFEST)
 
+MOST_NAMES = 3
+"""Of other results in a folder, in a message."""
+
 
 @dataclass(frozen=True)
 class ResultFolder:
@@ -103,6 +106,11 @@ class ResultFolder:
                 f"{self.path}: holds {there[0].name} that eqt did not write; "
                 "choose another folder with --out"
             )
+        if not there and (others := _results_in(self.path)):
+            raise EqtError(
+                f"{self.path}: is the folder of other results: {', '.join(others)}; give this one "
+                f"a folder of its own with --out, such as {self.path / study.name}"
+            )
         other = manifest if manifest and manifest["digest"] != study.digest else None
         begun = bool(self.parts.listed())
         precious = begun or self.results.exists() or (self.path / FIGURES).exists()
@@ -132,6 +140,12 @@ class ResultFolder:
             _write(self.path / copy, text)
             copies.append(copy)
         return copies
+
+
+def _results_in(folder: Path) -> list[str]:
+    """The names of the results that a folder holds in folders of their own; the first few."""
+    found = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST}"))
+    return [*found[:MOST_NAMES], "…"] if len(found) > MOST_NAMES else found
 
 
 def _removed(entry: Path) -> list[Path]:

@@ -148,6 +148,19 @@ def test_force_removes_no_drawing_or_page_of_others(run: Run) -> None:
     ]
 
 
+def test_the_folder_of_other_results_takes_none_itself(run: Run) -> None:
+    run()
+    for name in ("a", "b", "c", "d"):
+        Path("results", name).mkdir(parents=True)
+        Path("results", name, "manifest.json").write_bytes(contents()["manifest.json"])
+    for force in (False, True):
+        assert refusal(run, out="results", force=force) == (
+            "results: is the folder of other results: a, b, c, …; give this one a folder of its "
+            f"own with --out, such as {Path('results/c')}"
+        )
+    assert not Path("results/results.h5").exists()
+
+
 def test_force_runs_the_same_experiment_again(run: Run) -> None:
     run()
     before = contents()["results.h5"]
