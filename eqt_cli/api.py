@@ -180,7 +180,7 @@ def run(
     out
         The result folder; ``results/<name>`` if not given.
     force
-        Start over, removing what the folder holds.
+        Start over, removing what eqt wrote there.
     workers
         Cores to use. More than one may start processes, for which a script needs the usual
         ``if __name__ == "__main__":``.

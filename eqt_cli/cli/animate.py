@@ -38,7 +38,12 @@ def animate(
     ] = 8.0,
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="DIR", help="Folder; default: RESULT/figures."),
+        typer.Option(
+            "--out",
+            metavar="DIR",
+            parser=options.folder,
+            help="Folder; default: RESULT/figures.",
+        ),
     ] = None,
     point: options.Point = None,
     json: options.Json = False,
@@ -48,7 +53,7 @@ def animate(
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.experiment.point import open_point
     from eqt_cli.plots.animation import gif
-    from eqt_cli.plots.save import write
+    from eqt_cli.plots.save import check_targets, write
     from eqt_cli.report.animation import animation
 
     wanted = dict.fromkeys(format or Format)
@@ -56,8 +61,9 @@ def animate(
     within = Path("figures") if point is None else options.point_folder(point)
     with open_point(result, point) as results:
         folder = out or results.path.parent / within
-        for one in wanted:
-            path = folder / f"run{run}.{one}"
+        paths = {one: folder / f"run{run}.{one}" for one in wanted}
+        check_targets(paths.values())
+        for one, path in paths.items():
             if one is Format.HTML:
                 contents[path] = animation(results, run, controller or ()).encode()
             else:

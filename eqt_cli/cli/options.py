@@ -10,6 +10,22 @@ import typer
 
 from eqt_cli.cli import completion
 
+
+def folder(text: str) -> Path:
+    """A folder that is given by name; an empty name, as of an unset variable, is a mistake.
+
+    Raises
+    ------
+    EqtError
+        If it is empty.
+    """
+    if not text.strip():
+        from eqt_cli.core.errors import EqtError
+
+        raise EqtError("--out: expected the name of a folder, got ''")
+    return Path(text)
+
+
 Set = Annotated[
     list[str] | None,
     typer.Option(
@@ -19,7 +35,9 @@ Set = Annotated[
         help="Override a key of the configuration, as gains.kp=2; may be repeated.",
     ),
 ]
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Result folder.")]
+Out = Annotated[
+    Path | None, typer.Option("--out", metavar="DIR", parser=folder, help="Result folder.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results only.")]
 Workers = Annotated[
@@ -57,7 +75,7 @@ ShardOf = Annotated[
 Point = Annotated[
     int | None, typer.Option("--point", metavar="K", help="One point of a sweep, counted from 0.")
 ]
-Force = Annotated[bool, typer.Option("--force", help="Start over, removing what the folder holds.")]
+Force = Annotated[bool, typer.Option("--force", help="Start over, removing what eqt wrote there.")]
 RerunFailed = Annotated[
     bool, typer.Option("--rerun-failed", help="Compute only those runs again that failed.")
 ]

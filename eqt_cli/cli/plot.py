@@ -76,6 +76,7 @@ def plot(
         typer.Option(
             "--out",
             metavar="DIR",
+            parser=options.folder,
             help="Folder of the figures; default: RESULT/figures. Several results need it.",
         ),
     ] = None,
@@ -100,13 +101,14 @@ def plot(
     quiet: options.Quiet = False,
 ) -> None:
     """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
-    from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.output import print_json, say
     from eqt_cli.cli.summary import print_headline
     from eqt_cli.cli.verification import certificates
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.point import open_point
     from eqt_cli.plots import OfCertificates, figures
     from eqt_cli.plots.render import FORMATS, render
+    from eqt_cli.plots.save import check_targets
     from eqt_cli.plots.style import Style
 
     if len(result) > 1 and out is None and check is None:
@@ -124,7 +126,11 @@ def plot(
             return
         within = options.point_folder(*point) if point else Path("figures")
         folder = out or results[0].path.parent / within
+        formats = format_ or FORMATS
+        check_targets(folder / f"{name}.{one}" for name in names for one in formats)
         verified = any(issubclass(figures.get(name), OfCertificates) for name in names)
+        if verified and not quiet:
+            say("checking the paper's statements on the result takes some seconds")
         rows = certificates(results[0], trust_plugins) if verified else []
         look = Style(tuple(style or ()), tex)
         files = [
@@ -134,7 +140,7 @@ def plot(
                 results,
                 name,
                 folder,
-                format_ or FORMATS,
+                formats,
                 width,
                 _options(option or ()),
                 style=look,

@@ -32,24 +32,26 @@ def report(
     json: options.Json = False,
 ) -> None:
     """Write one self-contained HTML page: figures, comparison, certificates, every run."""
-    from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.output import print_json, say
     from eqt_cli.cli.verification import certificates
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.point import open_point
-    from eqt_cli.plots.save import write
+    from eqt_cli.plots.save import check_targets, write
     from eqt_cli.report import report as make_page
     from eqt_cli.report.figures import named
 
     with open_point(result, point) as results:
+        within = Path() if point is None else options.point_folder(point)
+        path = out or results.path.parent / within / "report.html"
+        check_targets([path])
         shown = named(figure) if figure else None
+        say("checking the paper's statements and drawing the figures takes some seconds")
         try:
             sweeps = "point" in results.dimensions
             rows, unverified = [] if sweeps else certificates(results, trust_plugins), ""
         except EqtError as error:
             rows, unverified = [], f"The result could not be verified: {error}"
         page = make_page(results, shown, rows, unverified).encode()
-        within = Path() if point is None else options.point_folder(point)
-        path = out or results.path.parent / within / "report.html"
     write({path: page})
     if json:
         print_json({"report": str(path), "bytes": len(page)})

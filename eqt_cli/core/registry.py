@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import importlib.util
 import inspect
+import linecache
 import pkgutil
 import sys
 from collections.abc import Iterator
@@ -22,6 +23,9 @@ from typing import Any, Generic, TypeVar
 from eqt_cli.core.errors import ComponentError, suggestion
 
 T = TypeVar("T")
+
+_PLUGIN = "eqt_plugin_"
+"""How the names of the modules of plugins begin."""
 
 _registries: list[Registry] = []  # type: ignore[type-arg]  # registries of different bases
 _loaded_plugins: dict[str, ModuleType] = {}
@@ -153,6 +157,9 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
         raise ComponentError(f"plugin {path}: cannot be read: {reason.lower()}") from error
     digest = sha256(text.encode()).hexdigest()
     module = _loaded_plugins.get(digest) or _executed(path, text, digest)
+    # Messages quote its lines, also where the text is not that of the file, or there is none.
+    name = str(module.__file__)
+    linecache.cache[name] = len(text), None, text.splitlines(keepends=True), name
     added = [
         f"{registry.kind} '{name}'"
         for registry in _registries
@@ -168,7 +175,7 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
 
 
 def _executed(path: Path, text: str, digest: str) -> ModuleType:
-    module = ModuleType(f"eqt_plugin_{digest[:12]}")
+    module = ModuleType(f"{_PLUGIN}{digest[:12]}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # dataclasses look their module up there
     try:
@@ -176,6 +183,18 @@ def _executed(path: Path, text: str, digest: str) -> ModuleType:
     except Exception as error:
         raise ComponentError(f"plugin {path}: {type(error).__name__}: {error}") from error
     return module
+
+
+def is_foreign(module: str) -> bool:
+    """Whether a module of this name is a plugin, or of a distribution that declares components."""
+    return module.startswith(_PLUGIN) or module.partition(".")[0] in _foreign_packages()
+
+
+@lru_cache(maxsize=1)
+def _foreign_packages() -> frozenset[str]:
+    groups = {registry.entry_point_group for registry in _registries}
+    found = (point.value for group in groups for point in _entry_points().select(group=group))
+    return frozenset(value.partition(":")[0].partition(".")[0] for value in found)
 
 
 @lru_cache(maxsize=1)

@@ -18,6 +18,7 @@ from pydantic import TypeAdapter, ValidationError
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.blame import blamed
 from eqt_cli.core.errors import ComponentError
 from eqt_cli.core.registry import Registry
 from eqt_cli.engines import Engine
@@ -29,6 +30,7 @@ from eqt_cli.experiment.gains import gains_from
 from eqt_cli.experiment.inertia import inertia_from
 from eqt_cli.experiment.motion import motion_from
 from eqt_cli.experiment.plugins import load_plugins
+from eqt_cli.experiment.probe import probe
 from eqt_cli.experiment.problems import Path as KeyPath
 from eqt_cli.experiment.problems import Problems
 from eqt_cli.experiment.schema import Config, GainsSection, Section
@@ -97,6 +99,7 @@ class Experiment:
         return sha256(text.encode()).hexdigest()
 
 
+@blamed()
 def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     """Check a configuration and make an experiment of it.
 
@@ -109,6 +112,8 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     ------
     ConfigError
         With every problem, each at its place in the file.
+    ComponentError
+        If a component of the user's own fails while it is made.
     """
     problems = Problems(source.place)
     plugins = load_plugins(source, trust_plugins, problems)
@@ -150,6 +155,9 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         label: ClosedLoop(group, inertia, gains, motion.reference, law)
         for label, law in laws.items()
     }
+    seed = config.ensemble.seed
+    probe(loops, poses, velocities, motion.pose, motion.velocity, seed, problems)
+    problems.raise_if_any()
     return Experiment(
         config,
         complete,

@@ -95,7 +95,7 @@ def execute(
     executor
         Who computes the parts; default: this process.
     force
-        Start over, removing what the folder holds.
+        Start over, removing what eqt wrote there.
     rerun_failed
         Compute those runs again that failed, each by itself.
     shard

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.marks import is_eqts
 from eqt_cli.experiment.listing import MANIFEST, PARTS, RESULTS
 from eqt_cli.experiment.part_files import PartFiles
 from eqt_cli.experiment.study import Study
@@ -19,6 +20,9 @@ from eqt_cli.experiment.yaml_source import dotted, dump
 
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
 _OURS = (RESULTS, PARTS, FIGURES, PLUGINS, REPORT, CONFIG, MANIFEST)
+
+MOST_NAMES = 3
+"""Of other results in a folder, in a message."""
 
 
 @dataclass(frozen=True)
@@ -102,6 +106,11 @@ class ResultFolder:
                 f"{self.path}: holds {there[0].name} that eqt did not write; "
                 "choose another folder with --out"
             )
+        if not there and (others := _results_in(self.path)):
+            raise EqtError(
+                f"{self.path}: is the folder of other results: {', '.join(others)}; give this one "
+                f"a folder of its own with --out, such as {self.path / study.name}"
+            )
         other = manifest if manifest and manifest["digest"] != study.digest else None
         begun = bool(self.parts.listed())
         precious = begun or self.results.exists() or (self.path / FIGURES).exists()
@@ -119,9 +128,8 @@ class ResultFolder:
             )
         if other is None and not force:
             return []
-        for entry in there:
-            shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
-        return [str(entry) for entry in there] if force else []
+        removed = [path for entry in there for path in _removed(entry)]
+        return [str(path) for path in removed] if force else []
 
     def _copy_plugins(self, study: Study) -> list[str]:
         """Keep the sources, so that the folder runs again wherever it is; returns their paths."""
@@ -132,6 +140,32 @@ class ResultFolder:
             _write(self.path / copy, text)
             copies.append(copy)
         return copies
+
+
+def _results_in(folder: Path) -> list[str]:
+    """The names of the results that a folder holds in folders of their own; the first few."""
+    found = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST}"))
+    return [*found[:MOST_NAMES], "…"] if len(found) > MOST_NAMES else found
+
+
+def _removed(entry: Path) -> list[Path]:
+    """Remove one of eqt's own entries, but nothing that others put there; returns what is gone.
+
+    People keep drawings of their own among the figures, and may have replaced the report. All other
+    entries are eqt's as a whole.
+    """
+    if entry.name not in (FIGURES, REPORT):
+        shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
+        return [entry]
+    within = sorted(entry.rglob("*"), reverse=True) if entry.is_dir() else []
+    files = [path for path in [*within, entry] if path.is_symlink() or not path.is_dir()]
+    ours = [path for path in files if not path.is_symlink() and is_eqts(path)]
+    for path in ours:
+        path.unlink()
+    for folder in [path for path in [*within, entry] if path.is_dir() and not path.is_symlink()]:
+        if not any(folder.iterdir()):
+            folder.rmdir()
+    return ours[::-1] if entry.exists() else [entry]
 
 
 _ABSENT = object()

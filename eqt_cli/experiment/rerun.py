@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.blame import blamed
 from eqt_cli.engines import Status
 from eqt_cli.ensemble.executors import Ways
 from eqt_cli.experiment.compute import compute_alone, compute_part, read_part
@@ -45,6 +46,7 @@ class Rerun:
     failed: dict[int, list[int]]
     whole: frozenset[int]
 
+    @blamed()
     def __call__(self, item: int, ways: Ways) -> int:
         rows = np.array(self.failed[item])
         index, number = self.work.study.plans.where(item)

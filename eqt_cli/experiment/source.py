@@ -48,8 +48,6 @@ def read_config(path: Path, overrides: Sequence[str] = ()) -> ConfigSource:
     else:
         source = yaml_source.load(_text(path), str(path))
         config = ConfigSource(source, source.data, path.parent)
-    if config.data.get("name") is None:
-        config.data = config.data | {"name": _name(path)}
     problems: list[Problem] = []
     for index, override in enumerate(overrides):
         try:
@@ -58,6 +56,8 @@ def read_config(path: Path, overrides: Sequence[str] = ()) -> ConfigSource:
             problems += error.problems
     if problems:
         raise ConfigError(problems)
+    if config.data.get("name") is None:
+        config.data = config.data | {"name": _name(path)}
     return config
 
 

@@ -23,6 +23,7 @@ from eqt_cli.closed_loop import ClosedLoop, ErrorSystem
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.blame import blamed
 from eqt_cli.engines import Engine, Problem, Solution
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.ensemble.seeds import Stream, generator
@@ -61,6 +62,7 @@ class Verification:
         return [row for row in self.rows if row.verdict is Verdict.FAILS]
 
 
+@blamed()
 def verify_experiment(
     experiment: Experiment,
     runs: int = RUNS,
@@ -72,6 +74,7 @@ def verify_experiment(
         return _Verifier(experiment, progress, workers).of_new_runs(runs)
 
 
+@blamed()
 def verify_results(experiment: Experiment, results: Results, workers: int = 1) -> Verification:
     """Check every certificate of the experiment, or the point, that a result holds.
 

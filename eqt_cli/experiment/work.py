@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.blame import blamed
 from eqt_cli.ensemble.executors import Ways
 from eqt_cli.experiment.compute import REFERENCE_STATES, compute_part, lost_part, reference_table
 from eqt_cli.experiment.part_files import PartFiles
@@ -25,6 +26,7 @@ class Work:
     study: Study
     files: PartFiles
 
+    @blamed()
     def __call__(self, item: int, ways: Ways) -> int:
         """Compute and save one part; returns how many of its runs failed."""
         index, number = self.study.plans.where(item)
@@ -39,6 +41,7 @@ class Work:
         piece = self.study.piece(index)
         return self._save(item, lost_part(piece, piece.plan.part(number), message))
 
+    @blamed()
     def prepare(self) -> None:
         """Save what all parts of a piece need, unless it is there."""
         for index in range(len(self.study.shapes)):

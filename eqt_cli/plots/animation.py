@@ -15,6 +15,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
+from eqt_cli import __version__
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.curves import scale_norm
 from eqt_cli.plots.labels import SYMBOLS, quantity
@@ -89,6 +90,7 @@ def _encoded(pictures: Sequence[Image.Image], milliseconds: float) -> bytes:
         duration=max(20, 10 * round(milliseconds / 10)),
         loop=0,
         optimize=True,
+        comment=f"eqt {__version__}".encode(),
     )
     return buffer.getvalue()
 

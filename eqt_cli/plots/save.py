@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from hashlib import sha256
@@ -16,6 +17,7 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli import __version__
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.marks import is_eqts
 from eqt_cli.plots.style import HOUSE, Style, house_style
 
 Format = Literal["pdf", "svg", "png"]
@@ -37,28 +39,57 @@ def encode(
     return buffer.getvalue()
 
 
+def check_targets(paths: Iterable[Path]) -> None:
+    """Refuse to write where it would fail, or replace what is not eqt's; for before the work.
+
+    Raises
+    ------
+    EqtError
+        If one of them is a folder or a file that eqt did not write, or its folder is none.
+    """
+    for path in paths:
+        try:
+            if path.is_dir():
+                example = path / "report.html"
+                raise EqtError(f"{path}: is a folder; expected a file, such as {example}")
+            if path.exists() and not is_eqts(path):
+                raise EqtError(
+                    f"{path}: exists, and is no figure or page that eqt wrote; choose another "
+                    "place with --out"
+                )
+            folder = next(parent for parent in path.absolute().parents if parent.exists())
+        except OSError as error:
+            raise _refused(path, (error.strerror or str(error)).lower()) from error
+        if not folder.is_dir():
+            raise _refused(path, "not a directory")
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise _refused(path, "permission denied")
+
+
 def write(contents: Mapping[Path, bytes]) -> None:
     """Write files, each in one step that either happens or does not; folders are made.
 
     Raises
     ------
     EqtError
-        If a folder or file cannot be written.
+        If a folder or file cannot be written, or would replace what eqt did not write.
     """
+    check_targets(contents)
     for path, content in contents.items():
-        temporary = path.with_name(path.name + ".tmp")
+        temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             temporary.write_bytes(content)
             temporary.replace(path)
         except OSError as error:
-            reason = (error.strerror or str(error)).lower()
-            raise EqtError(
-                f"{path}: cannot be written: {reason}; choose another folder with --out"
-            ) from error
+            raise _refused(path, (error.strerror or str(error)).lower()) from error
         finally:
             with suppress(OSError):
                 temporary.unlink(missing_ok=True)
+
+
+def _refused(path: Path, reason: str) -> EqtError:
+    return EqtError(f"{path}: cannot be written: {reason}; choose another folder with --out")
 
 
 @contextmanager

@@ -132,6 +132,20 @@ def test_it_writes_to_results_by_the_name(eqt: Eqt, folder: Path) -> None:
     assert (folder / "results/other/results.h5").is_file()
 
 
+def test_an_empty_name_is_that_of_the_file(eqt: Eqt, folder: Path) -> None:
+    assert eqt("run", "c.yaml", "--set", "name=", "--quiet").code == 0
+    assert [path.name for path in (folder / "results").iterdir()] == ["c"]
+
+
+@pytest.mark.parametrize("command", ["run", "sweep", "plot", "animate"])
+def test_an_empty_folder_name_is_no_folder(eqt: Eqt, folder: Path, command: str) -> None:
+    before = list(folder.iterdir())
+    done = eqt(command, "c.yaml", "--out", "")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == "eqt: --out: expected the name of a folder, got ''\n"
+    assert list(folder.iterdir()) == before
+
+
 def test_out_is_the_result_folder_itself(eqt: Eqt, folder: Path) -> None:
     eqt("run", "c.yaml", "--out", "deep/er")
     assert (folder / "deep/er/results.h5").is_file()

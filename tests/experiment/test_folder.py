@@ -16,6 +16,8 @@ from eqt_cli.experiment.source import read_config
 
 Run = Callable[..., Outcome]
 
+OWN_FIGURE = b"%PDF-1.4\n<< /Creator (eqt 0.0.1) >>"
+
 
 def contents(folder: str = "out") -> dict[str, bytes]:
     return {
@@ -113,13 +115,50 @@ def test_another_number_of_controllers_is_shown_as_a_whole(run: Run) -> None:
 def test_force_replaces_and_says_what_it_removed(run: Run) -> None:
     run()
     Path("out/figures").mkdir()
-    Path("out/figures/paper.pdf").write_text("old", encoding="utf-8")
+    Path("out/figures/paper.pdf").write_bytes(OWN_FIGURE)
     Path("out/notes.txt").write_text("mine", encoding="utf-8")
     outcome = run("time.duration=2", force=True)
     assert outcome.removed == [
         f"out{os.sep}{name}" for name in ("results.h5", "figures", "config.yaml", "manifest.json")
     ]
     assert list(contents()) == ["config.yaml", "manifest.json", "notes.txt", "results.h5"]
+
+
+def test_force_removes_no_drawing_or_page_of_others(run: Run) -> None:
+    run()
+    Path("out/figures/point_3").mkdir(parents=True)
+    Path("out/figures/empty").mkdir()
+    Path("out/figures/paper.pdf").write_bytes(OWN_FIGURE)
+    Path("out/figures/point_3/paper.pdf").write_bytes(OWN_FIGURE)
+    for name in ("figures/mine.pdf", "figures/paper.svg", "report.html"):
+        Path("out", name).write_text("mine", encoding="utf-8")
+    outcome = run("time.duration=2", force=True)
+    assert [Path(path).as_posix() for path in outcome.removed] == [
+        "out/results.h5",
+        "out/figures/paper.pdf",
+        "out/figures/point_3/paper.pdf",
+        "out/config.yaml",
+        "out/manifest.json",
+    ]
+    kept = ["figures/mine.pdf", "figures/paper.svg", "report.html"]
+    assert [contents()[str(Path(name))] for name in kept] == [b"mine"] * 3
+    assert [path.name for path in sorted(Path("out/figures").iterdir())] == [
+        "mine.pdf",
+        "paper.svg",
+    ]
+
+
+def test_the_folder_of_other_results_takes_none_itself(run: Run) -> None:
+    run()
+    for name in ("a", "b", "c", "d"):
+        Path("results", name).mkdir(parents=True)
+        Path("results", name, "manifest.json").write_bytes(contents()["manifest.json"])
+    for force in (False, True):
+        assert refusal(run, out="results", force=force) == (
+            "results: is the folder of other results: a, b, c, …; give this one a folder of its "
+            f"own with --out, such as {Path('results/c')}"
+        )
+    assert not Path("results/results.h5").exists()
 
 
 def test_force_runs_the_same_experiment_again(run: Run) -> None:

@@ -6,6 +6,7 @@ import pytest
 from PIL import Image
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.marks import is_eqts
 from eqt_cli.plots.paper import Paper
 from eqt_cli.plots.render import figure_from, render
 from eqt_cli.plots.save import encode, write
@@ -53,17 +54,37 @@ def test_a_file_that_cannot_be_replaced_stays_and_nothing_is_left_behind(tmp_pat
     blocked = tmp_path / "paper.pdf"
     blocked.mkdir()
     (blocked / "inside").write_text("")
-    with pytest.raises(EqtError, match=r"paper\.pdf: cannot be written: "):
+    with pytest.raises(EqtError) as caught:
         write({blocked: b"new"})
+    assert str(caught.value) == (
+        f"{blocked}: is a folder; expected a file, such as {blocked / 'report.html'}"
+    )
     assert list(tmp_path.iterdir()) == [blocked]
 
 
 def test_files_are_replaced(tmp_path):
     path = tmp_path / "paper.pdf"
-    path.write_bytes(b"old")
+    path.write_bytes(b"%PDF-1.4\n<< /Creator (eqt 0.0.1) >>")
     write({path: b"new"})
     assert path.read_bytes() == b"new"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_files_of_others_are_not_replaced(tmp_path):
+    path = tmp_path / "paper.pdf"
+    path.write_bytes(b"%PDF-1.4\n<< /Creator (TeX) >>")
+    with pytest.raises(EqtError) as caught:
+        write({path: b"new"})
+    assert str(caught.value) == (
+        f"{path}: exists, and is no figure or page that eqt wrote; choose another place with --out"
+    )
+    assert b"TeX" in path.read_bytes()
+
+
+@pytest.mark.parametrize("format", ["pdf", "svg", "png", "json"])
+def test_figures_are_known_as_eqts(so3, opened, tmp_path, format):
+    (path,) = render([opened(so3)], "paper", tmp_path, [format], "column")
+    assert is_eqts(path)
 
 
 def test_nothing_is_written_when_the_figure_cannot_be_drawn(so3, altered, tmp_path):

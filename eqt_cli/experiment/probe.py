@@ -1,0 +1,161 @@
+"""Evaluates a closed loop once, at the start of its first run, before any run is begun.
+
+Components of eqt's own are tested; those of a user are found wrong here, and not by an engine in
+the midst of a run. It knows no engine.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.signals import compute
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.blame import described, place_of, place_of_function
+from eqt_cli.core.errors import EqtError
+from eqt_cli.core.registry import is_foreign
+from eqt_cli.ensemble.initial import draw_initial_states
+from eqt_cli.ensemble.poses import PoseDistribution
+from eqt_cli.ensemble.velocities import VelocityDistribution
+from eqt_cli.experiment.problems import Path, Problems
+
+WHEN = "at the start of run 0"
+
+
+class _Wrong(Exception):
+    """Something was noted, and what depends on it is skipped; it never leaves this module."""
+
+
+def probe(
+    loops: Mapping[str, ClosedLoop],
+    poses: PoseDistribution,
+    velocities: VelocityDistribution,
+    Qd: Array,
+    Vd: Array,
+    seed: int,
+    problems: Problems,
+) -> None:
+    """Note what components of the user's raise, or return in a shape that does not fit."""
+    parts = [part for loop in loops.values() for part in _parts(loop)]
+    if not any(is_foreign(type(part).__module__) for part in [*parts, poses, velocities]):
+        return
+    first = next(iter(loops.values()))
+    try:
+        with _noting(("initial",), "the initial states", problems):
+            Q, V = draw_initial_states(
+                first.group, poses, velocities, Qd=Qd, Vd=Vd, seed=seed, runs=[0]
+            )
+            state = first.initial_state(Q, V, Qd, Vd)[0]
+        _probe_reference(first, state, problems)
+    except _Wrong:
+        return
+    for index, loop in enumerate(loops.values()):
+        try:
+            _probe_law(loop, state, ("controllers", index), problems)
+        except _Wrong:
+            continue
+
+
+def _parts(loop: ClosedLoop) -> tuple[object, ...]:
+    return loop.group, loop.reference, loop.controller
+
+
+def _suspect(part: Any, path: Path, kind: str, loop: ClosedLoop) -> tuple[Path, str]:
+    """Where to look and at what: at the group of the user's, where the part itself is eqt's."""
+    if not is_foreign(type(part).__module__) and is_foreign(type(loop.group).__module__):
+        return ("group",), f"group '{loop.group.name}'"
+    return path, f"{kind} '{part.name}'"
+
+
+def _probe_reference(loop: ClosedLoop, state: Array, problems: Problems) -> None:
+    path, name = _suspect(loop.reference, ("reference",), "reference", loop)
+    states = _repeated(loop, state)[:, 0]
+    with _noting(path, name, problems):
+        torque = loop.tracking(0.0, states).tau_d
+    function = type(loop.reference).driving_torque
+    axes = (loop.group.dimension,)
+    _fitting(torque, states, axes, path, name, function, problems)
+
+
+def _probe_law(loop: ClosedLoop, state: Array, path: Path, problems: Problems) -> None:
+    """The law as engines call it, on runs at one time, and as it is measured, on all samples."""
+    law = loop.controller
+    path, name = _suspect(law, path, "controller", loop)
+    whole = _repeated(loop, state)
+    for t, states in ((0.0, whole[:, 0]), (np.zeros(whole.shape[1]), whole)):
+        with _noting(path, name, problems):
+            s = loop.tracking(t, states)
+            torque, dissipation = law.torque(s), law.dissipation(s)
+        axes = (loop.group.dimension,)
+        _fitting(torque, states, axes, path, name, type(law).torque, problems, exact=True)
+        if dissipation is not None:
+            _fitting(dissipation, states, (), path, name, type(law).dissipation, problems)
+    with _noting(path, name, problems):
+        loop.vector_field(0.0, whole[:, 0])
+        compute(loop, np.zeros(whole.shape[1]), whole)
+
+
+def _repeated(loop: ClosedLoop, state: Array) -> Array:
+    """The state for some runs and samples, as many of each as nothing else in the loop has."""
+    m = loop.group.dimension
+    return np.broadcast_to(state, (m + 2, m + 3, len(state))).copy()
+
+
+def _fitting(
+    value: Any,
+    states: Array,
+    axes: tuple[int, ...],
+    path: Path,
+    name: str,
+    function: Any,
+    problems: Problems,
+    *,
+    exact: bool = False,
+) -> None:
+    """Note where a function returns no numbers, or not for every run, sample and axis.
+
+    What is the same for all runs or samples may lack their axes, unless it is to be `exact`.
+    """
+    problem = _unfit(value, states.shape[:-1], axes, exact)
+    if problem:
+        place = f"{place_of_function(function)}: {function.__name__}"
+        problems.add(path, f"{name} is wrong {WHEN}: {place} returns {problem}")
+        raise _Wrong
+
+
+def _unfit(value: Any, leading: tuple[int, ...], axes: tuple[int, ...], exact: bool) -> str | None:
+    if not isinstance(value, np.ndarray | np.generic | float | int):
+        return f"{'None' if value is None else type(value).__name__}; expected an array"
+    found, kind = np.shape(value), np.asarray(value).dtype
+    if kind.kind not in "fiu":
+        return f"an array of {kind}; expected real numbers"
+    shape = (*leading, *axes)
+    try:
+        spread = np.broadcast_shapes(found, shape) == shape
+        fits = found == shape if exact else spread and found[len(found) - len(axes) :] == axes
+    except ValueError:
+        fits = False
+    counts = " of ".join(f"{n} {w}" for n, w in zip(leading, ("runs", "samples"), strict=False))
+    return None if fits else f"an array of shape {found} for {counts}; expected {shape}"
+
+
+@contextmanager
+def _noting(path: Path, name: str, problems: Problems) -> Iterator[None]:
+    """Note an exception, with the line of the user's component where it was raised."""
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    except EqtError as error:
+        problems.add(path, str(error))
+        raise _Wrong from error
+    except Exception as error:
+        place = place_of(error)
+        at = f" at {place}" if place else ""
+        problems.add(path, f"{name} fails {WHEN}: {described(error)}{at}")
+        raise _Wrong from error

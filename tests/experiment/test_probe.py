@@ -1,0 +1,160 @@
+"""Mistakes in a user's components are found when the configuration is checked, with their line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from eqt_cli.core.errors import ComponentError
+from eqt_cli.experiment.execute import Outcome
+
+Run = Callable[..., Outcome]
+Message = Callable[..., str]
+
+LAW = """\
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from eqt_cli.controllers import Controller
+
+
+@dataclass(frozen=True)
+class Law(Controller):
+    name: ClassVar[str] = "own"
+    title: ClassVar[str] = "Own"
+
+    def torque(self, s):
+        return BODY
+
+    def dissipation(self, s):
+        return LOSS
+"""
+REFERENCE = """\
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.references import Reference
+
+
+@dataclass(frozen=True)
+class Own(Reference):
+    name: ClassVar[str] = "own"
+
+    def driving_torque(self, G, inertia, t, Pd):
+        return BODY
+"""
+GROUP = """\
+from typing import ClassVar
+
+from eqt_cli.groups.so3 import SO3
+
+
+class Own(SO3):
+    name: ClassVar[str] = "Own"
+
+    def hat(self, v):
+        return BODY
+"""
+ENGINES = ("solve_ivp", "taylor")
+
+
+def law(body: str, loss: str = "None") -> dict[str, str]:
+    Path("own.py").write_text(LAW.replace("BODY", body).replace("LOSS", loss), encoding="utf-8")
+    return {"plugins": "[own.py]", "controllers": "[eqt, own]"}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("1 / 0", "fails at the start of run 0: ZeroDivisionError: division by zero"),
+        (
+            "s.tau_dd",
+            "fails at the start of run 0: "
+            "AttributeError: 'Tracking' object has no attribute 'tau_dd'",
+        ),
+        (
+            "-s.V * np.sin(s.t)",
+            "fails at the start of run 0: ValueError: "
+            "operands could not be broadcast together with shapes (5,6,3) (6,)",
+        ),
+    ],
+)
+def test_a_law_that_raises(message: Message, engine: str, body: str, said: str) -> None:
+    text = message(f"solver.engine={engine}", **law(body))
+    where, _, rest = text.partition(": controllers[1]: ")
+    assert where.startswith("c.yaml:")
+    assert rest == f"controller 'own' {said} at own.py:14: return {body}"
+
+
+@pytest.mark.parametrize(
+    ("body", "found"),
+    [
+        ("None", "None; expected an array"),
+        ("s.V[..., :2]", "an array of shape (5, 2) for 5 runs; expected (5, 3)"),
+        ("np.array([0.0, 0.0, 1.0])", "an array of shape (3,) for 5 runs; expected (5, 3)"),
+        ("s.V * 1j", "an array of complex128; expected real numbers"),
+        ("s.V if s.V.ndim == 2 else s.V[0]", None),
+    ],
+)
+def test_a_law_of_another_shape(message: Message, body: str, found: str | None) -> None:
+    found = found or ("an array of shape (6, 3) for 5 runs of 6 samples; expected (5, 6, 3)")
+    assert message(**law(body)).partition(": controllers[1]: ")[2] == (
+        f"controller 'own' is wrong at the start of run 0: own.py:13: torque returns {found}"
+    )
+
+
+def test_a_dissipation_of_another_shape(message: Message) -> None:
+    assert message(**law("-s.V", "s.V")).partition(": controllers[1]: ")[2] == (
+        "controller 'own' is wrong at the start of run 0: own.py:16: dissipation returns an array "
+        "of shape (5, 3) for 5 runs; expected (5,)"
+    )
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        (
+            "Pd.foo",
+            "fails at the start of run 0: AttributeError: 'numpy.ndarray' object has no attribute "
+            "'foo' at own.py:12: return Pd.foo",
+        ),
+        (
+            "Pd[..., :1]",
+            "is wrong at the start of run 0: own.py:11: driving_torque returns an array of shape "
+            "(5, 1) for 5 runs; expected (5, 3)",
+        ),
+    ],
+)
+def test_a_reference(message: Message, body: str, said: str) -> None:
+    Path("own.py").write_text(REFERENCE.replace("BODY", body), encoding="utf-8")
+    text = message(plugins="[own.py]", reference="{kind: own}")
+    assert text.partition(": reference: ")[2] == f"reference 'own' {said}"
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        ("v.foo", "AttributeError: 'numpy.ndarray' object has no attribute 'foo' at own.py:10: "),
+        ("v", "ValueError: matmul: "),
+    ],
+)
+def test_a_group(message: Message, body: str, said: str) -> None:
+    Path("own.py").write_text(GROUP.replace("BODY", body), encoding="utf-8")
+    text = message(plugins="[own.py]", group="Own", controllers="[eqt]")
+    found = text.partition(": group: ")[2]
+    assert found.startswith(f"group 'Own' fails at the start of run 0: {said}")
+
+
+def test_a_law_that_fails_later_is_named_too(run: Run) -> None:
+    body = "-s.V if np.max(s.t) < 0.5 else 1 / 0"
+    with pytest.raises(ComponentError) as caught:
+        run("solver.engine=solve_ivp", **law(body))
+    assert str(caught.value) == (f"ZeroDivisionError: division by zero at own.py:14: return {body}")
+
+
+def test_a_law_that_is_right(run: Run) -> None:
+    assert run(**law("-s.V", "0.0")).failed == 0
