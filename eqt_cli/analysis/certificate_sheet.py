@@ -51,7 +51,7 @@ def certificate_sheet(rows: Sequence[Row]) -> Sheet | None:
 
 
 def tally(rows: Sequence[Row]) -> str:
-    """How many identities and trajectory rows end in which way: ``41 hold, 2 undecided, 0 fail``."""
+    """How many identities and trajectory rows end how: ``41 hold, 2 undecided, 0 fail``."""
     counts = Counter(row.verdict for row in rows if row.kind != "hypothesis")
     others = [f"{count} {v}" for v, count in counts.items() if v not in (_HOLDS, _FAILS)]
     return ", ".join([f"{counts[_HOLDS]} hold", *sorted(others), f"{counts[_FAILS]} fail"])

@@ -88,6 +88,7 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
                 "runs": plan.total,
                 "first": first,
                 "seconds": expected.seconds,
+                "workers": expected.workers,
                 "bytes": expected.size,
             }
         )
@@ -98,5 +99,6 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     if len(study) > FIRST_POINTS:
         print("  …")
     kept = f"{study.kept} trajectories each" if study.kept else "metrics only"
-    print(f"time     about {duration(expected.seconds)} with {executor.workers} workers")
+    workers = "1 worker" if expected.workers == 1 else f"{expected.workers} workers"
+    print(f"time     about {duration(expected.seconds)} with {workers}")
     print(f"size     {size(expected.size)}, {kept}")
