@@ -42,11 +42,11 @@ def estimate(study: Study, executor: Executor) -> Estimate:
     """Compute the first part of a piece, without keeping it, and scale; of some pieces."""
     plans, count = study.plans, len(study.shapes)
     measured = sorted({k * (count - 1) // max(MOST_PIECES - 1, 1) for k in range(MOST_PIECES)})
-    threads = executor.threads_for(len(plans))
+    threads = executor.threads_for(len(plans)) if study.base.engine.threads else 1
     runs = sum(plans.plans[index].total for index in measured)
     seconds = sum(_run(study.piece(k), threads) * plans.plans[k].total for k in measured)
     parts, each = len(plans), seconds / runs * plans.total / len(plans)
-    workers = max(executor.at_once(parts, each), min(threads, executor.workers))
+    workers = executor.at_once(parts, each) * threads
     return Estimate(executor.wall_time(parts, each), workers, result_size(study))
 
 

@@ -43,6 +43,15 @@ def test_dry_run_stores_nothing(eqt: Eqt) -> None:
     assert not Path("results").exists()
 
 
+@pytest.mark.parametrize("executor", ["auto", "serial"])
+def test_dry_run_counts_the_workers_that_will_work(eqt: Eqt, executor: str) -> None:
+    chosen = ("--workers", 2, "--executor", executor)
+    done = eqt("sweep", "c.yaml", *GRID, "--dry-run", *chosen)
+    assert done.out.splitlines()[7].endswith(" s with 1 worker")  # two parts of less than a second
+    document = json.loads(eqt("sweep", "c.yaml", *GRID, "--dry-run", "--json", *chosen).out)
+    assert document["workers"] == 1
+
+
 def test_dry_run_tells_the_size_of_the_data(eqt: Eqt) -> None:
     expected = json.loads(eqt("sweep", "c.yaml", *GRID, "--dry-run", "--json").out)
     assert (expected["points"], expected["runs"], len(expected["first"])) == (6, 36, 5)

@@ -89,7 +89,7 @@ def test_a_configuration(eqt: Eqt) -> None:
     assert set(rule) == {"─", " "}
     assert first.startswith("eq. (1)  ") and first.endswith("  holds")
     assert "Morse-Bott" in blocks[2]
-    assert done.out.splitlines()[-1].endswith(" 0 fail, 6 runs with engine solve_ivp")
+    assert done.out.splitlines()[-2].endswith(" 0 fail, 6 runs with engine solve_ivp")
 
 
 def test_json_is_one_document(eqt: Eqt) -> None:
