@@ -101,7 +101,6 @@ def plot(
 ) -> None:
     """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
     from eqt_cli.cli.output import print_json
-    from eqt_cli.cli.summary import print_headline
     from eqt_cli.cli.verification import certificates
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.point import open_point
@@ -144,10 +143,6 @@ def plot(
         if json:
             print_json({"figures": list(map(str, files))})
             return
-        if not quiet:
-            for one in results:
-                print_headline(one)
-                print()
     for file in files:
         print(f"figure   {file}")
 

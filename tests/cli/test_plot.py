@@ -50,3 +50,8 @@ def test_tex_needs_latex(eqt: Eqt, result: str, monkeypatch: pytest.MonkeyPatch)
     done = eqt("plot", result, "--tex")
     assert (done.code, done.out) == (2, "")
     assert done.err.startswith("eqt: LaTeX needs the program 'latex', which is not found; install ")
+
+
+def test_what_is_printed_is_the_files(eqt: Eqt, result: str) -> None:
+    done = eqt("plot", result, "--format", "svg")
+    assert (done.out, done.err) == (f"figure   {Path('out/figures/paper.svg')}\n", "")
