@@ -64,16 +64,18 @@ def settings(ctx: typer.Context, incomplete: str) -> Completions:
 
 
 def figure_options(ctx: typer.Context, incomplete: str) -> Completions:
-    """Completes ``KEY=``, an option of the figures that are asked for, or of any."""
+    """Completes ``KEY=``, an option of the figures that are asked for, or of any; and of one."""
     classes = _classes(KINDS["figures"])
     wanted = ctx.params.get("figure") or _names(KINDS["figures"])
     found = [
-        option
+        (str(_name(node)), option)
         for node in classes.values()
         if _name(node) in wanted
         for option in _fields(node, classes)
     ]
-    return _starting(incomplete, {f"{option}=": "" for option in found})
+    plain = {f"{option}=": "" for _, option in found}
+    dotted = {f"{name}.{option}=": "" for name, option in found} if "." in incomplete else {}
+    return _starting(incomplete, plain | dotted)
 
 
 def _starting(incomplete: str, known: dict[str, str]) -> Completions:
