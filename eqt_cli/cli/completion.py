@@ -55,6 +55,11 @@ def words(*known: str) -> Callable[[str], Completions]:
     return lambda incomplete: _starting(incomplete, dict.fromkeys(known, ""))
 
 
+def keys(incomplete: str) -> Completions:
+    """Completes a key of any configuration."""
+    return _starting(incomplete, _all_keys(None))
+
+
 def settings(ctx: typer.Context, incomplete: str) -> Completions:
     """Completes ``KEY=``, a key of any configuration or of the one that is given."""
     # What is not parsed yet, as the line ends in an option without its value, is in `args`.
