@@ -122,17 +122,18 @@ class Configuration(Generated):
 
     def lines(self) -> Iterable[str]:
         from eqt_cli.experiment.json_schema import json_schema
+        from eqt_cli.experiment.keys import default_of, described, value_of
 
         schema = json_schema()
         required = schema["required"]
         for key, entry in schema["properties"].items():
             yield f"## {key}"
             yield ""
-            default = _default(key, entry, required)
+            default = default_of(key, entry, required)
             words = f"default {default}" if default.startswith("`") else default
-            yield f"{_kind(entry, schema).capitalize()}; {words}."
+            yield f"{value_of(entry, schema).capitalize()}; {words}."
             yield ""
-            yield escaped(_described(entry, schema))
+            yield escaped(described(entry, schema))
             yield ""
             yield from _members(entry, schema)
             yield from _kinds(entry, schema)
@@ -140,20 +141,22 @@ class Configuration(Generated):
 
 def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """The keys of a mapping, or of each mapping that an entry may be."""
-    for option in _options(entry, schema):
+    from eqt_cli.experiment.keys import choices, default_of, described, resolved, value_of
+
+    for option in choices(entry, schema):
         if "properties" not in option:
             continue
         kind = option["properties"].get("kind", {}).get("const")
         if kind:
             continue  # a component; these have a page of their own
-        if option is not _resolved(entry, schema):
+        if option is not resolved(entry, schema):
             yield escaped(option.get("description", "").partition("\n")[0])
         rows = [
             [
                 code(name),
-                _kind(inner, schema),
-                _default(name, inner, option.get("required", [])),
-                escaped(_described(inner, schema)),
+                value_of(inner, schema),
+                default_of(name, inner, option.get("required", [])),
+                escaped(described(inner, schema)),
             ]
             for name, inner in option["properties"].items()
         ]
@@ -162,87 +165,23 @@ def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
 
 def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """Which components an entry, or each of its items or members, may be."""
+    from eqt_cli.experiment.keys import choices, resolved
+
     inner = [
         entry,
         entry.get("items", {}),
-        *_resolved(entry, schema).get("properties", {}).values(),
+        *resolved(entry, schema).get("properties", {}).values(),
     ]
     names = [
         option["properties"]["kind"]["const"]
         for value in inner
-        for option in _options(value, schema)
+        for option in choices(value, schema)
         if "const" in option.get("properties", {}).get("kind", {})
     ]
     if names:
         listed = ", ".join(map(code, dict.fromkeys(names)))
         yield f"Kinds: {listed}; their options are among the [components](components.md)."
         yield ""
-
-
-def _resolved(entry: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
-    name = entry.get("$ref", "").rpartition("/")[2]
-    found: dict[str, Any] = schema["$defs"][name] if name else entry
-    return found
-
-
-def _options(entry: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:
-    entry = _resolved(entry, schema)
-    choices = entry.get("anyOf") or entry.get("oneOf")
-    if not choices:
-        return [entry]
-    return [found for choice in choices for found in _options(choice, schema)]
-
-
-def _described(entry: dict[str, Any], schema: dict[str, Any]) -> str:
-    text = entry.get("description") or _resolved(entry, schema).get("description", "")
-    return str(text).partition("\n\n")[0]
-
-
-def _default(key: str, entry: dict[str, Any], required: list[str]) -> str:
-    if key in required:
-        return "required"
-    default = entry.get("default")
-    return "optional" if default in (None, {}, []) else code(_plain(default))
-
-
-def _plain(value: Any) -> Any:
-    return yaml.safe_dump(value, default_flow_style=True).strip().removesuffix("\n...")
-
-
-def _kind(entry: dict[str, Any], schema: dict[str, Any]) -> str:
-    """What a value may be, in words."""
-    words = dict.fromkeys(_word(option, schema) for option in _options(entry, schema))
-    words.pop("null", None)
-    if "number" in words:
-        words.pop("constant", None)
-    if set(words) == {"number", "text"}:
-        words = {"expression": None}
-    names = list(words) or ["anything"]
-    return names[0] if len(names) == 1 else ", ".join(names[:-1]) + " or " + names[-1]
-
-
-def _word(option: dict[str, Any], schema: dict[str, Any]) -> str:
-    if "enum" in option:
-        return ", ".join(map(code, option["enum"]))
-    if "const" in option:
-        return code(option["const"])
-    kind = option.get("type")
-    if kind == "array":
-        inner = _kind(option.get("items", {}), schema)
-        return {
-            "number": "list",
-            "list": "matrix",
-            "list of expressions": "matrix of expressions",
-        }.get(inner, f"list of {_plural(inner)}")
-    if kind == "string" and "constant expression" in option.get("description", ""):
-        return "constant"
-    words = {"object": "mapping", "integer": "whole number", "boolean": "`true`, `false`"}
-    named = {"string": "text", "number": "number", "null": "null", None: "anything"}
-    return (words | named)[kind]
-
-
-def _plural(words: str) -> str:
-    return re.sub(r"(number|list|mapping|expression)\b", r"\1s", words)
 
 
 # Components ---------------------------------------------------------------------------------------
@@ -272,34 +211,20 @@ class Components(Generated):
 
 
 def _option_table(component: type, schema: dict[str, Any]) -> Iterator[str]:
-    meanings = _meanings(component)
+    from eqt_cli.core.registry import meanings
+    from eqt_cli.experiment.keys import default_of, value_of
+
+    said = meanings(component)
     rows = [
         [
             code(name),
-            _kind(entry, schema),
-            _default(name, entry, schema["required"]),
-            escaped(meanings.get(name) or entry.get("description", "")),
+            value_of(entry, schema),
+            default_of(name, entry, schema["required"]),
+            escaped(said.get(name) or entry.get("description", "")),
         ]
         for name, entry in schema["properties"].items()
     ]
     yield from table(["option", "value", "default", "meaning"], rows)
-
-
-def _meanings(component: type) -> dict[str, str]:
-    """What the docstrings of a class and its bases say of each attribute."""
-    found: dict[str, str] = {}
-    for owner in reversed(component.__mro__):
-        section = re.search(
-            r"Attributes\n-+\n(.*?)(?:\n\n\S|\Z)", inspect.cleandoc(owner.__doc__ or ""), re.DOTALL
-        )
-        for names, text in re.findall(
-            r"^(\S[^\n]*)\n((?:    [^\n]*\n?|\n)+)",
-            section.group(1) + "\n" if section else "",
-            re.M,
-        ):
-            for name in names.partition(" : ")[0].split(", "):
-                found[name] = " ".join(text.split())
-    return found
 
 
 def _groups() -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 from eqt_cli.analysis.certificates import Row, Verdict
@@ -12,6 +13,19 @@ _KINDS = {
     "trajectory": "Trajectories, over the runs: error or change, tolerance",
     "hypothesis": "Hypotheses: what the theorems assume",
 }
+_HOLDS, _FAILS = Verdict.HOLDS, Verdict.FAILS
+_LEGEND = {
+    Verdict.UNDECIDED: "the numbers at hand neither confirm nor refute it",
+    Verdict.UNCLAIMED: "the paper does not say so of this law",
+    Verdict.MORSE_BOTT: "the critical points form manifolds, so the paper's Morse condition is "
+    "met only across them",
+    Verdict.GROWING: "the largest value over the second half of the horizon exceeds the first's, "
+    "so that a bound is in doubt",
+    Verdict.VIOLATED: "the theorems do not cover this experiment",
+    Verdict.UNKNOWN: "what is at hand does not tell",
+}
+"""What the verdicts other than holds and FAILS mean."""
+
 _HEADER = ["statement", "what", "law", "measured", "bound", "verdict", "remark"]
 
 
@@ -24,16 +38,32 @@ def certificate_sheet(rows: Sequence[Row]) -> Sheet | None:
     sections = [section for section in sections if section.rows]
     if not sections:
         return None
-    judged = [row for row in rows if row.kind != "hypothesis"]
-    holding = sum(row.verdict is Verdict.HOLDS for row in judged)
-    failing = sum(row.verdict is Verdict.FAILS for row in judged)
+    doubts = doubtful(rows)
+    assumed = f"; of the hypotheses {'; '.join(doubts)}" if doubts else ""
+    occurring = {row.verdict for row in rows}
     return Sheet(
         "certificates",
-        f"The paper's statements, checked on this experiment: {holding} of {len(judged)} hold, "
-        f"{failing} fail",
+        f"The paper's statements, checked on this experiment: {tally(rows)}{assumed}",
         _HEADER,
         sections,
+        [f"{verdict}: {meaning}." for verdict, meaning in _LEGEND.items() if verdict in occurring],
     )
+
+
+def tally(rows: Sequence[Row]) -> str:
+    """How many identities and trajectory rows end how: ``41 hold, 2 undecided, 0 fail``."""
+    counts = Counter(row.verdict for row in rows if row.kind != "hypothesis")
+    others = [f"{count} {v}" for v, count in counts.items() if v not in (_HOLDS, _FAILS)]
+    return ", ".join([f"{counts[_HOLDS]} hold", *sorted(others), f"{counts[_FAILS]} fail"])
+
+
+def doubtful(rows: Sequence[Row]) -> list[str]:
+    """The hypotheses that are violated or seem to be: ``growing: Q_d is bounded``."""
+    return [
+        f"{row.verdict}: {row.name}{f' ({row.controller})' if row.controller else ''}"
+        for row in rows
+        if row.kind == "hypothesis" and row.verdict in (Verdict.VIOLATED, Verdict.GROWING)
+    ]
 
 
 def _cells(row: Row) -> list[str]:

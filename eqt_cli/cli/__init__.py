@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import sys
+
+FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
+"""What a full disk, or a quota, answers."""
 
 
 def main() -> None:
@@ -18,3 +23,11 @@ def main() -> None:
     except KeyboardInterrupt:
         print("eqt: interrupted; run the same command again", file=sys.stderr)
         sys.exit(130)
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        # All files are written where their names are known; what is left is stdout.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        reason = str(error.strerror).lower()
+        print(f"eqt: standard output: cannot be written: {reason}", file=sys.stderr)
+        sys.exit(EqtError.exit_code)

@@ -13,6 +13,7 @@ from eqt_cli.cli import options
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
+    from eqt_cli.analysis.comparison.measures import Measure
     from eqt_cli.store.reader import Results
 
 
@@ -109,7 +110,7 @@ def _print_metrics(results: Results, json: bool) -> None:
 
     write = Plain()
     rows = [
-        [measure.name, write.symbol(measure), "any" if measure.windowed else "whole run"]
+        [measure.name, write.symbol(measure), _windows(measure)]
         for measure in Source(results).measures.values()
     ]
     header = ["metric", "is", "window"]
@@ -117,6 +118,15 @@ def _print_metrics(results: Results, json: bool) -> None:
         print_json([dict(zip(header, row, strict=True)) for row in rows])
     else:
         print(table(header, rows))
+
+
+def _windows(measure: Measure) -> str:
+    """The windows that a measure can be taken over."""
+    from eqt_cli.analysis.comparison.windows import WHOLE
+
+    if measure.windowed:
+        return "any"
+    return "whole run" if measure.only == WHOLE else f"{measure.only} s"
 
 
 def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None:

@@ -55,6 +55,11 @@ def words(*known: str) -> Callable[[str], Completions]:
     return lambda incomplete: _starting(incomplete, dict.fromkeys(known, ""))
 
 
+def keys(incomplete: str) -> Completions:
+    """Completes a key of any configuration."""
+    return _starting(incomplete, _all_keys(None))
+
+
 def settings(ctx: typer.Context, incomplete: str) -> Completions:
     """Completes ``KEY=``, a key of any configuration or of the one that is given."""
     # What is not parsed yet, as the line ends in an option without its value, is in `args`.
@@ -64,16 +69,18 @@ def settings(ctx: typer.Context, incomplete: str) -> Completions:
 
 
 def figure_options(ctx: typer.Context, incomplete: str) -> Completions:
-    """Completes ``KEY=``, an option of the figures that are asked for, or of any."""
+    """Completes ``KEY=``, an option of the figures that are asked for, or of any; and of one."""
     classes = _classes(KINDS["figures"])
     wanted = ctx.params.get("figure") or _names(KINDS["figures"])
     found = [
-        option
+        (str(_name(node)), option)
         for node in classes.values()
         if _name(node) in wanted
         for option in _fields(node, classes)
     ]
-    return _starting(incomplete, {f"{option}=": "" for option in found})
+    plain = {f"{option}=": "" for _, option in found}
+    dotted = {f"{name}.{option}=": "" for name, option in found} if "." in incomplete else {}
+    return _starting(incomplete, plain | dotted)
 
 
 def _starting(incomplete: str, known: dict[str, str]) -> Completions:

@@ -121,6 +121,37 @@ def _document(
     }
 
 
+@app.command("keys")
+def keys(
+    key: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="KEY",
+            autocompletion=completion.keys,
+            help="A key, as gains.kp, or a section, as gains; default: all.",
+        ),
+    ] = None,
+    json: options.Json = False,
+) -> None:
+    """Describe the keys of a configuration: value, default, meaning."""
+    from eqt_cli.cli.output import print_json, table
+    from eqt_cli.experiment.json_schema import json_schema
+    from eqt_cli.experiment.keys import keys_of, within
+
+    found = keys_of(json_schema())
+    if key is not None:
+        found = within(found, key)
+    if json:
+        print_json([{field: _bare(text) for field, text in asdict(each).items()} for each in found])
+        return
+    rows = [[_bare(text) for text in asdict(each).values()] for each in found]
+    print(table(["key", "value", "default", "meaning"], rows))
+
+
+def _bare(text: str) -> str:
+    return text.replace("`", "")
+
+
 @app.command("schema")
 def schema() -> None:
     """Print the JSON schema of configurations, for completion and checks in editors."""

@@ -38,7 +38,8 @@ def plot(
             "--option",
             metavar="KEY=VALUE",
             autocompletion=completion.figure_options,
-            help="Option of the figure, as log=true; `eqt list figures` names them.",
+            help="Option of the figures that have it, as log=true, or of one, as paper.log=true; "
+            "`eqt list figures` names them.",
         ),
     ] = None,
     format_: Annotated[
@@ -102,7 +103,6 @@ def plot(
 ) -> None:
     """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
     from eqt_cli.cli.output import print_json, say
-    from eqt_cli.cli.summary import print_headline
     from eqt_cli.cli.verification import certificates
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.point import open_point
@@ -117,12 +117,13 @@ def plot(
         chosen = [(path, one) for path in result for one in point or (None,)]
         results = [stack.enter_context(open_point(path, one)) for path, one in chosen]
         names = figure or _default(results[0])
+        given = _options(names, option or ())
         if check is not None:
             if format_ or out or style or tex:
                 raise EqtError(
                     "--check draws nothing; leave --format, --style, --tex and --out out"
                 )
-            _check(results, names, check, _options(option or ()), json=json)
+            _check(results, names, check, given, json=json)
             return
         within = options.point_folder(*point) if point else Path("figures")
         folder = out or results[0].path.parent / within
@@ -142,7 +143,7 @@ def plot(
                 folder,
                 formats,
                 width,
-                _options(option or ()),
+                given[name],
                 style=look,
                 certificates=rows,
             )
@@ -150,10 +151,6 @@ def plot(
         if json:
             print_json({"figures": list(map(str, files))})
             return
-        if not quiet:
-            for one in results:
-                print_headline(one)
-                print()
     for file in files:
         print(f"figure   {file}")
 
@@ -162,7 +159,7 @@ def _check(
     results: Sequence[Results],
     names: list[str],
     folder: Path,
-    options: dict[str, Any],
+    options: dict[str, dict[str, Any]],
     *,
     json: bool,
 ) -> None:
@@ -173,7 +170,7 @@ def _check(
     from eqt_cli.plots.baseline import TOLERANCE
     from eqt_cli.plots.render import check
 
-    found = {name: check(results, name, folder, options) for name in names}
+    found = {name: check(results, name, folder, options[name]) for name in names}
     if json:
         checks = {name: asdict(one) for name, one in found.items()}
         checked = [str(one.path) for one in results]
@@ -199,15 +196,29 @@ def _default(results: Results) -> list[str]:
     return ["sweep", "pareto"] if 1 <= len(Swept(results, "sweep").axes) <= 2 else ["pareto"]
 
 
-def _options(given: tuple[str, ...] | list[str]) -> dict[str, Any]:
-    """``KEY=VALUE`` pairs, values as in a configuration."""
-    from eqt_cli.core.errors import EqtError
+def _options(names: Sequence[str], given: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """What ``KEY=VALUE`` and ``FIGURE.KEY=VALUE`` set of each figure."""
+    from eqt_cli.core.errors import EqtError, suggestion
     from eqt_cli.experiment.yaml_source import parse_value
+    from eqt_cli.plots.render import options_of
 
-    found = {}
+    known = {name: options_of(name) for name in names}
+    found: dict[str, dict[str, Any]] = {name: {} for name in names}
     for index, text in enumerate(given):
-        key, equals, value = text.partition("=")
+        place = f"--option[{index}]"
+        left, equals, right = text.partition("=")
         if not equals:
-            raise EqtError(f"--option[{index}]: expected KEY=VALUE, got '{text}'")
-        found[key.strip()] = parse_value(value, f"--option[{index}]")
+            raise EqtError(f"{place}: expected KEY=VALUE, got '{text}'")
+        figure, _, key = left.strip().rpartition(".")
+        value = parse_value(right, place)
+        if figure and figure not in known:
+            hint = suggestion(figure, known) or f"; drawn are: {', '.join(known)}"
+            raise EqtError(f"{place}: figure '{figure}' is not drawn{hint}")
+        takers = [figure] if figure else [name for name in known if key in known[name]]
+        if not takers and len(known) > 1:
+            keys = list(dict.fromkeys(option for options in known.values() for option in options))
+            hint = suggestion(key, keys) or f"; they have: {', '.join(keys)}"
+            raise EqtError(f"{place}: none of {', '.join(known)} has an option '{key}'{hint}")
+        for name in takers or known:
+            found[name][key] = value
     return found

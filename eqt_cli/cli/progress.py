@@ -8,18 +8,23 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from eqt_cli.cli.output import duration
+
 SHOW_AFTER = 1.0
 """s; shorter work shows nothing."""
 
 LINE_EVERY = 5.0
 """s between plain lines."""
 
+GUESS_AFTER = 0.02
+"""Of all runs; what fewer of them say of the time that is left may be wrong by far."""
+
 
 class Meter:
     """Counts runs; without more, it shows nothing."""
 
-    def __init__(self, total: int) -> None:
-        self.total, self.done, self.found = total, 0.0, 0.0
+    def __init__(self, total: int, what: str = "runs") -> None:
+        self.total, self.what, self.done, self.found = total, what, 0.0, 0.0
         self.started = time.monotonic()
 
     def __call__(self, runs: float) -> None:
@@ -38,43 +43,57 @@ class Meter:
         """Runs per second."""
         return (self.done - self.found) / max(time.monotonic() - self.started, 1e-9)
 
+    @property
+    def speed(self) -> str:
+        """The rate in words; slow work has a decimal."""
+        return f"{self.rate:.{1 if self.rate < 10 else 0}f} {self.what.split()[0]}/s"
+
+    @property
+    def left(self) -> str:
+        """The time that is left; empty where too little is done to tell."""
+        remaining = max(self.total - self.done, 0.0)
+        if self.done - self.found < GUESS_AFTER * (self.total - self.found):
+            return ""
+        seconds = remaining / max(self.rate, 1e-9)
+        return (f"{seconds:.0f} s" if seconds < 120 else duration(seconds)) + " left"
+
     def show(self) -> None:
         """Show how far it is, if it is time."""
 
 
 @contextmanager
-def progress(total: int, *, quiet: bool) -> Iterator[Meter]:
-    """Show how many of `total` runs are done, with rate and remaining time.
+def progress(total: int, *, quiet: bool, what: str = "runs") -> Iterator[Meter]:
+    """Show how many of `total` runs, or what else it is, are done, with rate and remaining time.
 
     Yields what is to be called with the number of further runs, in fractions.
     """
     if quiet:
         yield Meter(total)
     elif sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
-        bar = _Bar(total)
+        bar = _Bar(total, what)
         try:
             yield bar
         finally:
             bar.bar.stop()
     else:
-        yield _Lines(total)
+        yield _Lines(total, what)
 
 
 class _Bar(Meter):
-    def __init__(self, total: int) -> None:
-        super().__init__(total)
+    def __init__(self, total: int, what: str) -> None:
+        super().__init__(total, what)
         from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.progress import BarColumn, Progress, TextColumn
 
         self.bar = Progress(
-            TextColumn("{task.completed:.0f}/{task.total:.0f} runs"),
+            TextColumn("{task.completed:.0f}/{task.total:.0f} {task.description}"),
             BarColumn(),
             TextColumn("{task.fields[rate]}"),
-            TimeRemainingColumn(),
+            TextColumn("{task.fields[left]}"),
             console=Console(stderr=True),
             transient=True,
         )
-        self.task = self.bar.add_task("", total=total, rate="")
+        self.task = self.bar.add_task(what, total=total, rate="", left="")
         self.shown = False
 
     def show(self) -> None:
@@ -82,12 +101,12 @@ class _Bar(Meter):
         if not self.shown and time.monotonic() > self.started + SHOW_AFTER:
             self.bar.start()
             self.shown = True
-        self.bar.update(self.task, completed=self.done, rate=f"{self.rate:.0f} runs/s")
+        self.bar.update(self.task, completed=self.done, rate=self.speed, left=self.left)
 
 
 class _Lines(Meter):
-    def __init__(self, total: int) -> None:
-        super().__init__(total)
+    def __init__(self, total: int, what: str) -> None:
+        super().__init__(total, what)
         self.next_line = self.started + SHOW_AFTER
 
     def show(self) -> None:
@@ -96,9 +115,5 @@ class _Lines(Meter):
         if now < self.next_line or self.done < self.found + 1:
             return
         self.next_line = now + LINE_EVERY
-        left = (self.total - self.done) / self.rate
-        print(
-            f"{self.done:.0f}/{self.total} runs, {self.rate:.0f} runs/s, {left:.0f} s left",
-            file=sys.stderr,
-            flush=True,
-        )
+        told = [f"{self.done:.0f}/{self.total} {self.what}", self.speed, self.left]
+        print(", ".join(filter(None, told)), file=sys.stderr, flush=True)

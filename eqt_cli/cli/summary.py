@@ -14,6 +14,10 @@ from eqt_cli.engines import Status
 from eqt_cli.store.reader import Results
 
 MOST_FAILURES = 10
+"""Different messages shown of failed runs."""
+
+MOST_READ = 500
+"""Failed runs whose messages are looked at."""
 
 
 def print_headline(results: Results) -> None:
@@ -68,6 +72,9 @@ def print_accuracy(results: Results) -> None:
     check = cross_check(results)
     if check is None:
         return
+    if np.isnan(check["difference"]):
+        print("cross-check: nothing to compare, since its runs failed")
+        return
     print(
         f"cross-check: {check['runs']} runs per controller by {check['method']}, "
         f"largest difference {check['difference']:.1e} (bound {check['bound']:.0e})"
@@ -81,7 +88,7 @@ def print_accuracy(results: Results) -> None:
 
 
 def print_failures(results: Results) -> None:
-    """How many runs failed in which way, and the first few of them, on stderr."""
+    """How many runs failed in which way, and in what words, the first of each, on stderr."""
     status = results["status"]
     codes, counts = np.unique(status[status != 0], return_counts=True)
     listed = ", ".join(
@@ -89,15 +96,23 @@ def print_failures(results: Results) -> None:
         for i in np.argsort(-counts, kind="stable")
     )
     print(f"\n{np.count_nonzero(status)} runs failed: {listed}", file=sys.stderr)
-    first = np.argwhere(status)[:MOST_FAILURES]
+    first = np.argwhere(status)[:MOST_READ]
     # All messages of a million runs would take seconds: only the rows and columns of the first.
     axes = [np.unique(first[:, axis], return_inverse=True) for axis in range(status.ndim)]
     chosen = {dim: along for dim, (along, _) in zip(results.dims("status"), axes, strict=True)}
     messages = results.read("message", **chosen)[tuple(position for _, position in axes)]
+    places: dict[str, list[tuple[int, ...]]] = {}
     for where, message in zip(map(tuple, first), messages, strict=True):
-        print(f"  {place_of(results, where)}: {message}", file=sys.stderr)
-    if np.count_nonzero(status) > MOST_FAILURES:
-        print("  … `eqt show RESULT --failed` lists all", file=sys.stderr)
+        places.setdefault(str(message), []).append(where)
+    for message, found in list(places.items())[:MOST_FAILURES]:
+        others = f" and {len(found) - 1} more" if len(found) > 1 else ""
+        print(f"  {place_of(results, found[0])}{others}: {message}", file=sys.stderr)
+    total = np.count_nonzero(status)
+    if total > min(len(places), MOST_FAILURES):
+        those = f"of the first {MOST_READ}; " if total > MOST_READ else ""
+        cut = "… " if len(places) > MOST_FAILURES else ""
+        how = f"`eqt show {results.path.parent} --failed` lists all"
+        print(f"  {cut}{those}{how}", file=sys.stderr)
 
 
 def place_of(results: Results, where: tuple[int, ...]) -> str:

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
 FIRST_POINTS = 5
 """Shown by --dry-run."""
 
+MOST_CHECKED = 1000
+"""By --dry-run; checking a point takes about a millisecond."""
+
 
 def sweep(
     config: Annotated[Path, typer.Argument(help="YAML configuration, or a result to run again.")],
@@ -50,15 +53,26 @@ def sweep(
     Run it again after an interruption: it continues.
     """
     from eqt_cli.cli.execution import executor_from, run_study, shard_from
+    from eqt_cli.cli.output import say
+    from eqt_cli.cli.progress import progress
     from eqt_cli.experiment.source import read_config
     from eqt_cli.experiment.sweeping import add_grids, study
 
     overrides = [*(set_ or ()), *([f"solver.engine={engine}"] if engine else ())]
     source = read_config(config, overrides)
     add_grids(source, grid or ())
-    found = study(source, sweeping=True, trust_plugins=trust_plugins)
+    found = study(
+        source,
+        sweeping=True,
+        trust_plugins=trust_plugins,
+        most_checked=MOST_CHECKED if dry_run else None,
+        watch=lambda points: progress(points, quiet=quiet, what="points checked"),
+    )
     chosen = executor_from(found, executor, workers, scheduler)
     if dry_run:
+        if len(found) > MOST_CHECKED and not quiet:
+            checked = f"{MOST_CHECKED} of its {len(found)} points were checked"
+            say(f"{config}: {checked}; a run checks all")
         _print_plan(found, chosen, json)
         return
     run_study(
@@ -88,6 +102,7 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
                 "runs": plan.total,
                 "first": first,
                 "seconds": expected.seconds,
+                "workers": expected.workers,
                 "bytes": expected.size,
             }
         )
@@ -98,5 +113,6 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     if len(study) > FIRST_POINTS:
         print("  …")
     kept = f"{study.kept} trajectories each" if study.kept else "metrics only"
-    print(f"time     about {duration(expected.seconds)} with {executor.workers} workers")
+    workers = "1 worker" if expected.workers == 1 else f"{expected.workers} workers"
+    print(f"time     about {duration(expected.seconds)} with {workers}")
     print(f"size     {size(expected.size)}, {kept}")

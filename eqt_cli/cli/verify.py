@@ -101,17 +101,17 @@ def _document(
 
 
 def _print(experiment: Experiment, found: Verification) -> None:
-    from eqt_cli.analysis.certificate_sheet import certificate_sheet
+    from eqt_cli.analysis.certificate_sheet import certificate_sheet, doubtful, tally
     from eqt_cli.cli.output import table
 
     if (sheet := certificate_sheet(found.rows)) is not None:
         for section in sheet.sections:
             print(f"{section.title}\n{table(sheet.header, section.rows)}\n")
+        if sheet.notes:
+            print("\n".join(sheet.notes), end="\n\n")
     counted = f"{found.runs} runs with engine {experiment.engine.name}"
-    judged = [row for row in found.rows if row.kind != "hypothesis"]
-    holding = sum(row.verdict == "holds" for row in judged)
-    print(
-        f"{experiment.name} on {experiment.group.name}: {holding} of {len(judged)} hold, {counted}"
-    )
+    print(f"{experiment.name} on {experiment.group.name}: {tally(found.rows)}, {counted}")
+    for doubt in doubtful(found.rows):
+        print(f"hypothesis {doubt}")
     for cause in _causes(found):
         print(cause)

@@ -11,6 +11,7 @@ import importlib.util
 import inspect
 import linecache
 import pkgutil
+import re
 import sys
 from collections.abc import Iterator
 from functools import cached_property, lru_cache
@@ -210,3 +211,20 @@ def _name(component: type) -> str:
 def summary(component: type) -> str:
     """The first line of a component's docstring, as `eqt list` shows it."""
     return (inspect.getdoc(component) or "").partition("\n")[0]
+
+
+def meanings(component: type) -> dict[str, str]:
+    """What the docstrings of a class and its bases say of each attribute."""
+    found: dict[str, str] = {}
+    for owner in reversed(component.__mro__):
+        section = re.search(
+            r"Attributes\n-+\n(.*?)(?:\n\n\S|\Z)", inspect.cleandoc(owner.__doc__ or ""), re.DOTALL
+        )
+        for names, text in re.findall(
+            r"^(\S[^\n]*)\n((?:    [^\n]*\n?|\n)+)",
+            section.group(1) + "\n" if section else "",
+            re.M,
+        ):
+            for name in names.partition(" : ")[0].split(", "):
+                found[name] = " ".join(text.split())
+    return found

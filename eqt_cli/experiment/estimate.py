@@ -27,11 +27,14 @@ class Estimate:
     ----------
     seconds
         Wall time, s.
+    workers
+        How many of them will be at work.
     size
         Of the result file, bytes.
     """
 
     seconds: float
+    workers: int
     size: int
 
 
@@ -39,25 +42,27 @@ def estimate(study: Study, executor: Executor) -> Estimate:
     """Compute the first part of a piece, without keeping it, and scale; of some pieces."""
     plans, count = study.plans, len(study.shapes)
     measured = sorted({k * (count - 1) // max(MOST_PIECES - 1, 1) for k in range(MOST_PIECES)})
-    parts = sum(len(plans.plans[index]) for index in measured)
-    seconds = sum(_first_part(study.piece(k)) * len(plans.plans[k]) for k in measured)
-    together = min(executor.workers, len(plans))
-    return Estimate(seconds / parts * len(plans) / together, result_size(study))
+    threads = executor.threads_for(len(plans)) if study.base.engine.threads else 1
+    runs = sum(plans.plans[index].total for index in measured)
+    seconds = sum(_run(study.piece(k), threads) * plans.plans[k].total for k in measured)
+    parts, each = len(plans), seconds / runs * plans.total / len(plans)
+    workers = executor.at_once(parts, each) * threads
+    return Estimate(executor.wall_time(parts, each), workers, result_size(study))
 
 
-def _first_part(study: Study) -> float:
-    """How long the first part takes, s; computed twice if that is quick."""
+def _run(study: Study, threads: int) -> float:
+    """How long a run of the first part takes, s; computed twice if that is quick."""
     shared = None
     if not study.desired_varies:
         shared = reference_table(study).variables[REFERENCE_STATES].data[0]
     seconds = 0.0
     for _ in range(2):  # the first time may include a compilation
         started = time.perf_counter()
-        compute_part(study, study.plan.part(0), shared, Ways())
+        compute_part(study, study.plan.part(0), shared, Ways(threads=threads))
         seconds = time.perf_counter() - started
         if seconds > 1.0:
             break
-    return seconds
+    return seconds / len(study.plan.part(0))
 
 
 def result_size(study: Study) -> int:

@@ -234,5 +234,5 @@ def described(
         "group": ", ".join(groups),
         "titles": json.dumps(titles(study), ensure_ascii=False),
         "provenance": json.dumps(provenance, ensure_ascii=False),
-        "source": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
+        "references": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
     }

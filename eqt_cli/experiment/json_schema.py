@@ -7,18 +7,23 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from eqt_cli.controllers import controllers
-from eqt_cli.core.registry import Registry, summary
+from eqt_cli.core.registry import Registry, meanings, summary
 from eqt_cli.engines import engines
 from eqt_cli.ensemble.designs import Surroundings, designs
 from eqt_cli.ensemble.poses import pose_distributions
+from eqt_cli.ensemble.spread import Spread
 from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.experiment.components import option_names
+from eqt_cli.experiment.keys import keys_of
 from eqt_cli.experiment.schema import Config
 from eqt_cli.experiment.solver import DEFAULT_ENGINE, Judgement
 from eqt_cli.experiment.source import parse_key
 from eqt_cli.experiment.sweeping import FIXED
 from eqt_cli.groups import groups
 from eqt_cli.references import references
+
+KIND = "Which component it is; the others of its keys are options of this one."
+LABEL = {"type": "string", "description": "The name of the law in tables and figures; its kind."}
 
 
 def json_schema() -> dict[str, Any]:
@@ -27,9 +32,11 @@ def json_schema() -> dict[str, Any]:
     shared: dict[str, Any] = schema["$defs"]
     top = schema["properties"]
     top["group"]["examples"] = [name for kind in groups.all() for name in kind.examples()]
-    top["controllers"]["items"] = _any_of(controllers, shared, extra={"label": {"type": "string"}})
+    top["controllers"]["items"] = _any_of(controllers, shared, extra={"label": LABEL})
     initial = shared["InitialSection"]["properties"]
     shared["PoseDistribution"] = _any_of(pose_distributions, shared)
+    for name, meaning in meanings(Spread).items():
+        shared[Spread.__name__]["properties"][name]["description"] = meaning
     one = {"$ref": "#/$defs/PoseDistribution"}
     initial["pose"] |= {"anyOf": [one, {"type": "array", "items": one}]}
     initial["velocity"] |= _any_of(velocity_distributions, shared)
@@ -64,7 +71,8 @@ def _any_of(
 
 def _mapping(component: type, shared: dict[str, Any], extra: dict[str, Any]) -> dict[str, Any]:
     options = _options(component, shared)
-    kind = {"const": component.name}  # type: ignore[attr-defined]  # registered, so it has one
+    name = component.name  # type: ignore[attr-defined]  # registered, so it has one
+    kind = {"const": name, "description": KIND}
     return {
         "type": "object",
         "description": summary(component),
@@ -78,14 +86,22 @@ def _options(component: type, shared: dict[str, Any]) -> dict[str, Any]:
     """The object schema of a component's options; what it refers to goes to `shared`."""
     schema = TypeAdapter(component).json_schema()
     shared |= schema.pop("$defs", {})
-    properties = {name: schema["properties"][name] for name in option_names(component)}
+    said = meanings(component)
+    properties = {
+        name: ({"description": said[name]} if name in said else {}) | schema["properties"][name]
+        for name in option_names(component)
+    }
     required = [name for name in schema.get("required", []) if name in properties]
     return {"properties": properties, "required": required}
 
 
 def _reference(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
-    anything: dict[str, Any] = {}
-    common = {"pose": anything, "velocity": anything}
+    common = {
+        "pose": {
+            "description": "Q_d(0): identity, a matrix, or rotation and translations by name."
+        },
+        "velocity": {"description": "V_d(0): a list in the body frame, or parts by name."},
+    }
     kinds = [_mapping(component, shared, common) for component in references.all()]
     for kind in kinds:
         if kind["properties"]["kind"]["const"] == "torque":  # what a section without `kind` is
@@ -95,11 +111,19 @@ def _reference(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any
 
 def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
     properties: dict[str, Any] = {
-        "engine": {"enum": engines.names(), "type": "string", "default": DEFAULT_ENGINE}
+        "engine": {
+            "description": "What integrates the equations (`eqt list engines`).",
+            "enum": engines.names(),
+            "type": "string",
+            "default": DEFAULT_ENGINE,
+        },
+        **_options(Judgement, shared)["properties"],
     }
-    owners: list[type] = [Judgement, *engines.all()]
-    for owner in owners:
-        properties |= _options(owner, shared)["properties"]
+    by_key: dict[str, dict[str, dict[str, Any]]] = {}
+    for engine in engines.all():
+        for name, option in _options(engine, shared)["properties"].items():
+            by_key.setdefault(name, {})[engine.name] = option
+    properties |= {name: _of_engines(options) for name, options in by_key.items()}
     return {
         "type": "object",
         "description": section["description"],
@@ -108,12 +132,26 @@ def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
     }
 
 
+def _of_engines(options: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """A key that some engines have, with what each of them means by it, and its default there."""
+    found = dict(next(iter(options.values())))
+    differing = len({str(option.get("default")) for option in options.values()}) > 1
+    if differing:
+        del found["default"]
+    texts = [
+        f"{engine}: {option.get('description', '')}"
+        + (f" Default: {option['default']}." if differing and "default" in option else "")
+        for engine, option in options.items()
+    ]
+    return found | {"description": " ".join(texts)}
+
+
 def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
     """One block of a sweep: a design by name, over keys of the configuration."""
     swept = {
-        key: {"description": meaning}
-        for key, meaning in config_keys(schema).items()
-        if parse_key(key, "")[0] not in FIXED and key != "ensemble.runs"
+        each.key: {"description": each.meaning}
+        for each in keys_of(schema)
+        if parse_key(each.key, "")[0] not in FIXED and each.key != "ensemble.runs"
     }
     sections = "|".join(name for name in schema["properties"] if name not in FIXED)
 
@@ -143,37 +181,3 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
 
 _KEY_IN = r"^(?!ensemble\.runs$)({})(\[[0-9]+\])*(\.[^.\[\]]+(\[[0-9]+\])*)*$"
 """Keys such as ``gains.kp`` or ``controllers[0].label``, within these sections."""
-
-
-def config_keys(schema: dict[str, Any]) -> dict[str, str]:
-    """The keys of a configuration, as ``gains.kp`` and ``controllers[0].label``, with meanings."""
-    found: dict[str, str] = {}
-
-    def below(place: dict[str, Any], prefix: str) -> None:
-        for choice in _choices(place, schema):
-            for name, entry in choice.get("properties", {}).items():
-                key = f"{prefix}.{name}" if prefix else name
-                meaning = entry.get("description") or _resolved(entry, schema).get("description")
-                found.setdefault(key, " ".join((meaning or "").split()))
-                below(entry, key)
-        if place.get("type") == "array":
-            below(place["items"], f"{prefix}[0]")
-
-    below(schema, "")
-    return found
-
-
-def _choices(place: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:
-    """The alternatives at a place of a schema."""
-    place = _resolved(place, schema)
-    # Where a reference has a description beside it, pydantic 2.8 wraps it into an `allOf`.
-    choices = place.get("anyOf") or place.get("allOf")
-    if not choices or "properties" in place:
-        return [place]
-    return [found for choice in choices for found in _choices(choice, schema)]
-
-
-def _resolved(place: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
-    name = place.get("$ref", "").rpartition("/")[2]
-    found: dict[str, Any] = schema["$defs"][name] if name else place
-    return found

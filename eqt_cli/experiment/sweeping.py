@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 from eqt_cli.core.errors import ConfigError, EqtError, Problem
@@ -36,6 +37,14 @@ RUNS = (
 )
 
 
+Watch = Callable[[int], AbstractContextManager[Callable[[float], None]]]
+
+
+def unwatched(total: int) -> AbstractContextManager[Callable[[float], None]]:
+    """Nobody is told."""
+    return nullcontext(lambda amount: None)
+
+
 def add_grids(source: ConfigSource, grids: Sequence[str]) -> None:
     """Append ``gains.kd=0.25,0.5,1`` from the command line as blocks of the sweep.
 
@@ -58,7 +67,12 @@ def add_grids(source: ConfigSource, grids: Sequence[str]) -> None:
 
 
 def study(
-    source: ConfigSource, *, sweeping: bool | None = None, trust_plugins: bool = False
+    source: ConfigSource,
+    *,
+    sweeping: bool | None = None,
+    trust_plugins: bool = False,
+    most_checked: int | None = None,
+    watch: Watch = unwatched,
 ) -> Study:
     """Check a configuration and everything that its sweep makes of it.
 
@@ -68,6 +82,10 @@ def study(
         Whether there must be a sweep (True), must be none (False), or may be one (None).
     trust_plugins
         Execute plugin sources that are stored in a result file.
+    most_checked
+        Check so many points at most, spread over all; None checks every one.
+    watch
+        Told how many points there are to check, and then that some more are.
 
     Raises
     ------
@@ -97,8 +115,16 @@ def study(
             f"are too many for one file; sweep at most {MOST_GROUPS}, or these keys one after the "
             "other"
         )
-    _check_points(found)
+    with watch(len(found)) as advance:
+        _check_points(found, spread(len(found), most_checked), advance)
     return found
+
+
+def spread(count: int, most: int | None) -> Sequence[int]:
+    """`most` of so many points, from the first to the last; all if there are no more."""
+    if most is None or count <= most:
+        return range(count)
+    return [k * (count - 1) // (most - 1) for k in range(most)]
 
 
 def _sweep(source: ConfigSource, section: Any) -> Sweep:
@@ -126,10 +152,11 @@ def _sweep(source: ConfigSource, section: Any) -> Sweep:
     return sweep
 
 
-def _check_points(found: Study) -> None:
-    """Build every point; a value that is wrong at many of them is reported once."""
+def _check_points(found: Study, points: Sequence[int], advance: Callable[[float], None]) -> None:
+    """Build points; a value that is wrong at many of them is reported once."""
     problems: dict[Problem, None] = {}
-    for point in range(1, len(found)):
+    for point in points:
+        advance(len(found) / len(points))
         try:
             experiment = found.experiment(point)
         except ConfigError as error:

@@ -111,6 +111,17 @@ def check(
     return baseline.compare(curves(figure.draw(results)), expected)
 
 
+def options_of(name: str) -> list[str]:
+    """The options of a figure.
+
+    Raises
+    ------
+    ComponentError
+        If there is no such figure.
+    """
+    return [field.name for field in fields(figures.get(name)) if field.init]
+
+
 def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
     """The figure of this name with these options.
 
@@ -122,7 +133,7 @@ def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
     from pydantic import TypeAdapter, ValidationError  # slow to import, and often not needed
 
     component = figures.get(name)
-    known = [field.name for field in fields(component) if field.init]
+    known = options_of(name)
     for option in options:
         if option not in known:
             hint = suggestion(option, known) or f"; it has: {', '.join(known)}"

@@ -128,11 +128,12 @@ def _provenance(results: Results) -> list[Fact]:
         origin = {}
     found = [(str(name), _words(value, origin)) for name, value in origin.items() if value]
     digest = str(attributes.get("digest", ""))
-    source = str(attributes.get("source", ""))
+    # "source" in results of the first versions.
+    theory = str(attributes.get("references", attributes.get("source", "")))
     return [
         *found,
         *([("digest", digest)] if digest else []),
-        *([("source", source)] if source else []),
+        *([("theory", theory)] if theory else []),
     ]
 
 

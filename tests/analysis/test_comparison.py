@@ -274,7 +274,7 @@ def test_windows_do_not_cut_what_is_of_whole_runs(make_result):
     comparison = compare(results, metrics=["settling_time"], windows=[Window(0, 5)])
     assert comparison.levels[0].samples.window == Window(0, 20)
     assert comparison.missing[0] == (
-        "Windows do not apply to settling_time, which is a number of a whole run."
+        "Windows do not apply to settling_time, which has a window of its own."
     )
 
 

@@ -64,7 +64,8 @@ def test_tables_in_the_terminal(compared):
         "eqt − nog",
         "eqt − asym",
     ]
-    assert "Claims of Hampsey et al. (2025), section 7, at 60 runs per controller" in lines
+    asked = "Claims of Hampsey et al. (2025), section 7, asked of this experiment"
+    assert f"{asked}, at 60 runs per controller" in lines
 
 
 def test_against_chooses_pairs(invoke, paper_result):
@@ -130,3 +131,26 @@ def test_intervals_narrow_with_confidence(invoke, paper_result):
 def test_confidence_is_a_share(invoke, paper_result):
     done = invoke("compare", paper_result, "--confidence", "95", code=2)
     assert done.stderr == "eqt: confidence 95: expected a number between 0 and 1, as 0.95\n"
+
+
+def test_a_claim_about_controllers_that_are_not_there_says_so(eqt, folder):
+    eqt("run", "c.yaml", "--quiet")
+    out = eqt("compare", "results/c", "--table", "claims").out
+    says = "“All four of these controls are stabilising” (here without nog, asym)"
+    assert says in out.splitlines()
+
+
+def test_a_window_beyond_the_end_is_cut_with_a_remark(eqt, folder):
+    eqt("run", "c.yaml", "--quiet")
+    done = eqt("compare", "results/c", "--window", "0:50", "-m", "mean_torque")
+    assert done.code == 0
+    assert "Window 0:50 is cut to 0:" in done.err and " s.\n" in done.err
+
+
+def test_the_window_of_a_stored_metric_is_its_own(invoke, paper_result):
+    out = invoke("compare", paper_result, "--json", "-m", "early_torque").stdout
+    row = json.loads(out)["levels"][0]
+    assert (row["metric"], row["window_start"], row["window_stop"]) == ("early_torque", 0, 5)
+    listed = json.loads(invoke("compare", paper_result, "--list", "--json").stdout)
+    windows = {row["metric"]: row["window"] for row in listed}
+    assert (windows["early_torque"], windows["energy_residual"]) == ("0:5 s", "whole run")

@@ -16,7 +16,8 @@ from eqt_cli.core.registry import summary
 from eqt_cli.experiment import shipped
 from eqt_cli.experiment.catalogue import KINDS, registry
 from eqt_cli.experiment.components import option_names
-from eqt_cli.experiment.json_schema import config_keys, json_schema
+from eqt_cli.experiment.json_schema import json_schema
+from eqt_cli.experiment.keys import keys_of
 from eqt_cli.plots import figures
 from eqt_cli.plots.render import FORMATS as PICTURES
 
@@ -88,7 +89,7 @@ def test_the_names_in_the_sources_are_those_of_the_registry(kind: str) -> None:
 
 def test_the_keys_in_the_sources_are_those_of_the_schema() -> None:
     found = completion._all_keys(None)
-    expected = config_keys(json_schema())
+    expected = {each.key: each.meaning for each in keys_of(json_schema())}
     # Where the schema goes deeper than the sources tell without being imported.
     deeper = {"inertia.initial", "inertia.factor", "inertia.matrix"}
     deeper |= {"initial.pose.position.std", "initial.pose.velocity.std"}

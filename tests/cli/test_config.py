@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -145,3 +146,53 @@ def test_schema_is_one_document(eqt: Eqt) -> None:
     done = eqt("config", "schema")
     assert (done.code, done.err) == (0, "")
     assert json.loads(done.out) == json_schema()
+
+
+# Keys -------------------------------------------------------------------------------------------
+
+
+def test_keys_of_a_section(eqt: Eqt) -> None:
+    done = eqt("config", "keys", "time")
+    assert (done.code, done.err) == (0, "")
+    header, _, *rows = done.out.splitlines()
+    assert header.split() == ["key", "value", "default", "meaning"]
+    assert [re.split("  +", row) for row in rows] == [
+        ["time", "mapping", "required", "The horizon and its samples."],
+        ["time.duration", "number", "required", "Length of the horizon, s."],
+        ["time.samples", "whole number", "401", "Number of sample times."],
+    ]
+
+
+def test_a_key_of_any_controller(eqt: Eqt) -> None:
+    [found] = json.loads(eqt("config", "keys", "controllers[3].gyroscopic", "--json").out)
+    assert found == {
+        "key": "controllers[0].gyroscopic",
+        "value": "number",
+        "default": found["default"],
+        "meaning": "g, the weight of −ad*_Ṽ 𝕀V_d.",
+    }
+
+
+def test_every_key_has_a_meaning_and_both_engines_theirs(eqt: Eqt) -> None:
+    found = {each["key"]: each for each in json.loads(eqt("config", "keys", "--json").out)}
+    assert [key for key, each in found.items() if not each["meaning"]] == []
+    assert found["solver.tol"]["meaning"] == "taylor: Tolerance of a step. Default: rtol / 10."
+    assert found["solver.max_steps"]["meaning"] == (
+        "solve_ivp: Most evaluations of the vector field that a block may take. "
+        "Default: 1000000. taylor: Most steps that a run may take. Default: 100000."
+    )
+    assert found["solver.code"]["value"] == "auto, full or compact"
+
+
+@pytest.mark.parametrize(
+    ("key", "hint"),
+    [
+        ("kp", "; did you mean 'gains.kp'?"),
+        ("solver.rtoll", "; did you mean 'solver.rtol'?"),
+        ("xyzzy", "; known are: name, task, group, "),
+    ],
+)
+def test_no_such_key(eqt: Eqt, key: str, hint: str) -> None:
+    done = eqt("config", "keys", key)
+    assert (done.code, done.out) == (2, "")
+    assert done.err.startswith(f"eqt: no key '{key}' in a configuration{hint}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -50,3 +51,46 @@ def test_tex_needs_latex(eqt: Eqt, result: str, monkeypatch: pytest.MonkeyPatch)
     done = eqt("plot", result, "--tex")
     assert (done.code, done.out) == (2, "")
     assert done.err.startswith("eqt: LaTeX needs the program 'latex', which is not found; install ")
+
+
+def test_what_is_printed_is_the_files(eqt: Eqt, result: str) -> None:
+    done = eqt("plot", result, "--format", "svg")
+    assert (done.out, done.err) == (f"figure   {Path('out/figures/paper.svg')}\n", "")
+
+
+BOTH = ("--figure", "paper", "--figure", "torque", "--format", "json")
+
+
+def test_options_go_to_the_figures_that_have_them(eqt: Eqt, result: str) -> None:
+    def curves(*options: str) -> list[int]:
+        """How many curves each of the figures has."""
+        assert eqt("plot", result, *BOTH, *options).code == 0
+        files = (Path(result, "figures", f"{name}.json") for name in ("paper", "torque"))
+        return [len(json.loads(file.read_text(encoding="utf-8"))) for file in files]
+
+    paper, torque = curves("--option", "log=true")  # torque has none
+    both = curves("--option", "controllers=[eqt]")
+    assert both[0] < paper
+    assert both[1] < torque
+    assert curves("--option", "paper.controllers=[eqt]") == [both[0], torque]
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ("lgo=true", "none of paper, torque has an option 'lgo'; did you mean 'log'?"),
+        ("x=1", "none of paper, torque has an option 'x'; they have: controllers, log, bands"),
+        ("papr.log=true", "figure 'papr' is not drawn; did you mean 'paper'?"),
+        ("sweep.metric=effort", "figure 'sweep' is not drawn; drawn are: paper, torque"),
+        ("log", "expected KEY=VALUE, got 'log'"),
+    ],
+)
+def test_an_option_that_no_figure_has(eqt: Eqt, result: str, option: str, said: str) -> None:
+    done = eqt("plot", result, *BOTH, "--option", option)
+    assert (done.code, done.err.strip()) == (2, f"eqt: --option[0]: {said}")
+
+
+def test_an_option_of_one_figure_is_refused_by_it(eqt: Eqt, result: str) -> None:
+    done = eqt("plot", result, *BOTH, "--option", "torque.log=true")
+    assert done.code == 2
+    assert done.err.startswith("eqt: figure 'torque' has no option 'log'; ")

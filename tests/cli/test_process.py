@@ -291,3 +291,20 @@ def test_a_broken_entry_point(
     environment = install(folder, {"controllers": name}, module)
     done = process("list", "controllers", **environment)
     assert (done.code, done.out, done.err) == (2, "", f"eqt: {said}\n")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="has no device that is always full")
+@pytest.mark.parametrize("arguments", [["list", "--json"], ["config", "new", "-"], ["--help"]])
+def test_a_full_disk_behind_stdout_is_one_line(folder: Path, arguments: list[str]) -> None:
+    with Path("/dev/full").open("wb") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "eqt_cli", *arguments],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            encoding="utf-8",
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (
+        2,
+        "eqt: standard output: cannot be written: no space left on device\n",
+    )

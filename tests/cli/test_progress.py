@@ -48,6 +48,21 @@ def test_lines_tell_rate_and_remaining_time(
     ]
 
 
+def test_a_guess_waits_for_more_than_the_first_runs(
+    clock: Clock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress.progress(100_000, quiet=False, what="points checked") as advance:
+        for second, points in ((2.0, 8), (10.0, 1992), (20.0, 97_999.999), (30.0, 0.002)):
+            clock.now = 100.0 + second
+            advance(points)
+    assert capsys.readouterr().err.splitlines() == [
+        "8/100000 points checked, 4.0 points/s",
+        "2000/100000 points checked, 200 points/s, 8.2 min left",
+        "100000/100000 points checked, 5000 points/s, 0 s left",
+        "100000/100000 points checked, 3333 points/s, 0 s left",
+    ]
+
+
 def test_short_work_shows_nothing(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
     with progress.progress(8, quiet=False) as advance:
         clock.now += 0.9
@@ -87,7 +102,7 @@ def test_a_terminal_that_cannot_move_its_cursor_has_lines(
     with progress.progress(8, quiet=False) as advance:
         clock.now += 2
         advance(4)
-    assert terminal.getvalue() == "4/8 runs, 2 runs/s, 2 s left\n"
+    assert terminal.getvalue() == "4/8 runs, 2.0 runs/s, 2 s left\n"
 
 
 def test_short_work_on_a_terminal_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -280,6 +280,20 @@ def test_failed_runs_end_with_3(eqt: Eqt, plugins: None) -> None:
     assert all(" t = 0.0" in row for row in rows)
 
 
+def test_equal_messages_of_failed_runs_are_one_line(eqt: Eqt, folder: Path) -> None:
+    law = ESCAPE.replace("20 * s.V_tilde**3", "s.V_tilde * float('nan')")
+    (folder / "nowhere.py").write_text(law.replace("escape", "nowhere"), encoding="utf-8")
+    nowhere = ("--set", "plugins=[nowhere.py]", "--set", "controllers=[nowhere]")
+    done = eqt("run", "c.yaml", *nowhere, *CHECKED)
+    assert done.code == 3
+    assert done.err.strip().splitlines() == [
+        "3 runs failed: 3 non finite",
+        "  nowhere run 0 and 2 more: t = 0 s: the vector field is not finite",
+        f"  `eqt show {Path('results/c')} --failed` lists all",
+    ]
+    assert "\ncross-check: nothing to compare, since its runs failed\n" in done.out
+
+
 def test_failed_runs_are_remembered(eqt: Eqt, plugins: None) -> None:
     eqt("run", "c.yaml", *FAILING)
     done = eqt("run", "c.yaml", *FAILING)
@@ -291,8 +305,17 @@ def test_many_failed_runs_are_cut_short(eqt: Eqt) -> None:
     done = eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--set", "ensemble.runs=6")
     rows = done.err.strip().splitlines()
     assert rows[0] == "12 runs failed: 12 step limit"
+    # A run of one controller and of the other start alike, and fail alike.
+    assert len(rows) == 1 + 6 + 1
+    assert all(" and 1 more: t = " in row for row in rows[1:7])
+    assert rows[-1] == f"  `eqt show {Path('results/c')} --failed` lists all"
+
+
+def test_many_different_messages_are_cut(eqt: Eqt) -> None:
+    done = eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--set", "ensemble.runs=12")
+    rows = done.err.strip().splitlines()
     assert len(rows) == 1 + 10 + 1
-    assert rows[-1] == "  … `eqt show RESULT --failed` lists all"
+    assert rows[-1] == f"  … `eqt show {Path('results/c')} --failed` lists all"
 
 
 def test_a_check_that_fails_ends_with_4(eqt: Eqt, plugins: None) -> None:

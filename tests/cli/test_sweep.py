@@ -43,6 +43,25 @@ def test_dry_run_stores_nothing(eqt: Eqt) -> None:
     assert not Path("results").exists()
 
 
+def test_dry_run_of_very_many_points_checks_some(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eqt_cli.cli.sweep.MOST_CHECKED", 3)
+    done = eqt("sweep", "c.yaml", *GRID, "--dry-run")
+    assert done.err == "c.yaml: 3 of its 6 points were checked; a run checks all\n"
+    assert eqt("sweep", "c.yaml", *GRID, "--dry-run", "--quiet").err == ""
+    # The first, one between, and the last.
+    wrong = ("--grid", "gains.kp=1,2,3,4,5,-1")
+    assert eqt("sweep", "c.yaml", *wrong, "--dry-run").code == 2
+
+
+@pytest.mark.parametrize("executor", ["auto", "serial"])
+def test_dry_run_counts_the_workers_that_will_work(eqt: Eqt, executor: str) -> None:
+    chosen = ("--workers", 2, "--executor", executor)
+    done = eqt("sweep", "c.yaml", *GRID, "--dry-run", *chosen)
+    assert done.out.splitlines()[7].endswith(" s with 1 worker")  # two parts of less than a second
+    document = json.loads(eqt("sweep", "c.yaml", *GRID, "--dry-run", "--json", *chosen).out)
+    assert document["workers"] == 1
+
+
 def test_dry_run_tells_the_size_of_the_data(eqt: Eqt) -> None:
     expected = json.loads(eqt("sweep", "c.yaml", *GRID, "--dry-run", "--json").out)
     assert (expected["points"], expected["runs"], len(expected["first"])) == (6, 36, 5)

@@ -81,6 +81,7 @@ def test_a_configuration(eqt: Eqt) -> None:
         "Identities",
         "Trajectories",
         "Hypotheses",
+        "undecided",
         "c on SO3",
     ]
     header, rule, first, *_ = blocks[0].splitlines()[1:]
@@ -88,7 +89,7 @@ def test_a_configuration(eqt: Eqt) -> None:
     assert set(rule) == {"─", " "}
     assert first.startswith("eq. (1)  ") and first.endswith("  holds")
     assert "Morse-Bott" in blocks[2]
-    assert done.out.splitlines()[-1].endswith(" hold, 6 runs with engine solve_ivp")
+    assert done.out.splitlines()[-2].endswith(" 0 fail, 6 runs with engine solve_ivp")
 
 
 def test_json_is_one_document(eqt: Eqt) -> None:
@@ -224,6 +225,23 @@ def test_a_plugin_may_bring_a_certificate(eqt: Eqt) -> None:
 def test_runs_bounds_what_is_integrated(eqt: Eqt) -> None:
     assert json.loads(eqt("verify", "c.yaml", "--json", "--runs", 1).out)["runs"] == 2
     assert json.loads(eqt("verify", "c.yaml", "--json", "--runs", 99).out)["runs"] == 6
+
+
+def test_hypotheses_in_doubt_stand_in_the_summary(eqt: Eqt) -> None:
+    off_plane = "controllers=[{kind: family, label: off, transport: 0.2}]"
+    torque = 'reference={torque: ["exp(t)", "0", "0"]}'
+    done = eqt("verify", "c.yaml", "--set", off_plane, "--set", torque)
+    assert done.code == 0
+    summary, *doubts = done.out.splitlines()[-3:]
+    assert "hold, " in summary and " unclaimed, 0 fail, 3 runs" in summary
+    assert doubts == [
+        "hypothesis growing: V_d is bounded",
+        "hypothesis violated: the law is covered (off)",
+    ]
+    legend = done.out.split("\n\n")[3].splitlines()
+    assert "violated: the theorems do not cover this experiment." in legend
+    assert "unclaimed: the paper does not say so of this law." in legend
+    assert not any(line.startswith("unknown:") for line in legend)
 
 
 def test_a_configuration_with_mistakes_ends_with_2(eqt: Eqt) -> None:

@@ -166,3 +166,26 @@ def test_dask_that_is_missing_is_named(task, monkeypatch):
     assert str(caught.value) == (
         "executor dask needs Dask.distributed: pip install 'eqt-cli[dask]'"
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "items", "each", "at_once", "seconds"),
+    [
+        ("serial", 4, 10.0, 1, 40.0),
+        ("threads", 4, 10.0, 3, 20.0),
+        ("local", 4, 10.0, 3, 20.0),
+        ("auto", 4, 1.0, 1, 4.0),  # not worth starting processes for
+        ("auto", 2, 10.0, 1, 20.0),  # the second is the last
+        ("auto", 5, 10.0, 3, 30.0),  # the first, and then four by three
+    ],
+)
+def test_expected_time(name, items, each, at_once, seconds):
+    executor = executors.get(name)(3)
+    assert executor.at_once(items, each) == at_once
+    assert executor.wall_time(items, each) == seconds
+
+
+def test_threads_share_what_items_leave():
+    assert executors.get("threads")(8).threads_for(3) == 2
+    assert executors.get("serial")(8).threads_for(3) == 8
+    assert executors.get("local")(8).threads_for(3) == 1

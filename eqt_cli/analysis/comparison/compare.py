@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from eqt_cli.analysis.comparison.claims import AtMost, Less, claim_sets
 from eqt_cli.analysis.comparison.measures import Measure
@@ -126,7 +127,7 @@ def compare(
         levels=[level for level in found.levels if _key(level.samples) in shown],
         pairs=[pair for pair in found.pairs if _key(pair.samples) in shown],
         judgements=_judgements(source, samples, found.pairs, confidence),
-        missing=[*_uncut(chosen, windows), *_missing(source)],
+        missing=[*_clipped(source, windows), *_uncut(chosen, windows), *_missing(source)],
         confidence=confidence,
         resamples=found.resamples,
         seed=seed,
@@ -149,7 +150,7 @@ def _chosen(
         if measure.windowed:
             over = [w for w in windows or (WHOLE,) if metrics or source.covers(measure, w)]
         else:
-            over = [WHOLE]
+            over = [measure.only]
         chosen += [(measure, window) for window in over]
     return chosen
 
@@ -187,6 +188,8 @@ def _judgements(
 
     rows = []
     for origin, claim in applicable(claim_sets.all(), list(kinds)):
+        about = dict.fromkeys(kind for row in claim.rows for kind in row.kinds)
+        absent = tuple(kind for kind in about if kind not in kinds)
         for row in claim.rows:
             if not set(row.kinds) <= set(kinds):
                 continue
@@ -196,12 +199,13 @@ def _judgements(
                 label = kinds[row.kind]
                 some = samples[row.measure, WHOLE.within(source.times)]
                 index = source.labels.index(label)
-                rows.append(judge_at_most(origin, claim.says, row, some, index, label, confidence))
+                judged = judge_at_most(origin, claim.says, row, some, index, label, confidence)
+                rows.append(replace(judged, absent=absent))
                 continue
             for measure, window in measured_by(source, row):
                 key = measure.name, window.within(source.times)
                 pair = pair_of(key, kinds[row.lesser], kinds[row.greater])
-                rows.append(judge_less(origin, claim.says, pair))
+                rows.append(replace(judge_less(origin, claim.says, pair), absent=absent))
     return rows
 
 
@@ -210,8 +214,18 @@ def _uncut(chosen: Sequence[tuple[Measure, Window]], windows: Sequence[Window]) 
     names = [measure.name for measure, _ in chosen if not measure.windowed] if windows else []
     if not names:
         return []
-    verb = "are numbers" if len(names) > 1 else "is a number"
-    return [f"Windows do not apply to {', '.join(names)}, which {verb} of a whole run."]
+    verb = "have windows of their own" if len(names) > 1 else "has a window of its own"
+    return [f"Windows do not apply to {', '.join(names)}, which {verb}."]
+
+
+def _clipped(source: Source, windows: Sequence[Window]) -> list[str]:
+    """Which of the chosen windows reach beyond the end of the runs."""
+    shorter = [(window, window.within(source.times)) for window in windows]
+    return [
+        f"Window {window} is cut to {cut}, since the runs last {cut.stop:g} s."
+        for window, cut in shorter
+        if math.isfinite(window.stop) and cut.stop < window.stop
+    ]
 
 
 def _missing(source: Source) -> list[str]:

@@ -50,6 +50,8 @@ class Measure:
         It has a value on any window, and not only on the whole horizon.
     by_default
         The windows on which it is compared unless the user chooses.
+    only
+        The window of a measure that has just one.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Measure:
     censored_at_horizon: bool = False
     windowed: bool = True
     by_default: tuple[Window, ...] = ()
+    only: Window = WHOLE
 
     def part(self, suffix: str) -> Measure:
         """The same of one part of the norm: ``_rotation``."""
@@ -81,8 +84,18 @@ class Measure:
 def stored_measure(name: str, long_name: str) -> Measure:
     """A measure that is nothing but a metric of the result file."""
     text = long_name.replace("_", r"\_").replace("||", r"$\|$")
+    same = (window for measure in MEASURES for stored, window in measure.stored if stored == name)
+    only = next(same, WHOLE)
     return Measure(
-        name, long_name, rf"\text{{{text}}}", (), "{}", None, ((name, WHOLE),), windowed=False
+        name,
+        long_name,
+        rf"\text{{{text}}}",
+        (),
+        "{}",
+        None,
+        ((name, only),),
+        windowed=False,
+        only=only,
     )
 
 

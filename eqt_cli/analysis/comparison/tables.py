@@ -172,10 +172,16 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
 def _claims(comparison: Comparison, write: Notation) -> Sheet:
     sections = []
     for says, found in groupby(comparison.judgements, key=lambda judgement: judgement.says):
-        rows = [_claim_row(judgement, write) for judgement in found]
-        sections.append(Section(write.text(f"“{says}”"), rows))
+        judgements = list(found)
+        rows = [_claim_row(judgement, write) for judgement in judgements]
+        absent = ", ".join(judgements[0].absent)
+        without = f" (here without {absent})" if absent else ""
+        sections.append(Section(write.text(f"“{says}”{without}"), rows))
     sources = dict.fromkeys(judgement.source for judgement in comparison.judgements)
-    caption = f"Claims of {write.text('; '.join(sources))}, at {_runs_each(comparison)}"
+    caption = (
+        f"Claims of {write.text('; '.join(sources))}, asked of this experiment, at "
+        f"{_runs_each(comparison)}"
+    )
     header = ["measured", "window", "found", "verdict", "runs to decide"]
     notes = [
         "Differences below 0 support a claim: supported, when the whole interval lies below 0; not "

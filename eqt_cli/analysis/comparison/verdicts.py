@@ -47,6 +47,8 @@ class Judgement:
         For the number of runs at hand.
     runs_to_decide
         Runs that would decide, if all stays as measured; None where no number would.
+    absent
+        Kinds of controllers that the sentence is also about and that are not there.
     """
 
     source: str
@@ -60,6 +62,7 @@ class Judgement:
     held: int = 0
     runs: int = 0
     low: float = float("nan")
+    absent: tuple[str, ...] = ()
 
 
 def applicable(sets: Sequence[type[ClaimSet]], kinds: Sequence[str]) -> Iterator[tuple[str, Claim]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -61,6 +62,18 @@ class Executor(ABC):
 
     name: ClassVar[str]
     workers: int = 1
+
+    def at_once(self, items: int, each: float) -> int:
+        """How many of so many items it does at a time, where one takes `each` s."""
+        return min(self.workers, items)
+
+    def threads_for(self, items: int) -> int:
+        """The most threads that one of so many items may use."""
+        return 1
+
+    def wall_time(self, items: int, each: float) -> float:
+        """How long so many items take, s, where one takes `each` s."""
+        return math.ceil(items / max(self.at_once(items, each), 1)) * each
 
     @abstractmethod
     def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:

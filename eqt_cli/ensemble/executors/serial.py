@@ -17,8 +17,16 @@ class Serial(Executor):
 
     name: ClassVar[str] = "serial"
 
+    def at_once(self, items: int, each: float) -> int:
+        """One."""
+        return 1
+
+    def threads_for(self, items: int) -> int:
+        """All of them."""
+        return self.workers
+
     def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
-        ways = Ways(progress, self.workers)
+        ways = Ways(progress, self.threads_for(len(items)))
         for item in items:
             with threadpool_limits(1):  # results must not depend on how a library splits a product
                 failed = task(item, ways)

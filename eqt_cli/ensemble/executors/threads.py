@@ -19,6 +19,10 @@ class Threads(Executor):
 
     name: ClassVar[str] = "threads"
 
+    def threads_for(self, items: int) -> int:
+        """What is left where there are fewer items than workers."""
+        return max(1, self.workers // min(self.workers, max(items, 1)))
+
     def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
         if not items:
             return
@@ -29,7 +33,7 @@ class Threads(Executor):
                 progress(amount)
 
         at_once = min(self.workers, len(items))
-        ways = Ways(report, max(1, self.workers // at_once))
+        ways = Ways(report, self.threads_for(len(items)))
         with threadpool_limits(1), ThreadPoolExecutor(at_once) as pool:
             futures = {pool.submit(task, item, ways): item for item in items}
             try:
