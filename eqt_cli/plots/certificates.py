@@ -64,7 +64,7 @@ def _all(found: Verified) -> list[Row]:
 def _ratio(row: Row) -> float:
     """What was measured over the bound; 0 where both are."""
     assert row.measured is not None and row.bound is not None
-    return abs(row.measured) / row.bound
+    return abs(row.measured) / row.bound if row.measured else 0.0
 
 
 def _least(found: Verified) -> float:
