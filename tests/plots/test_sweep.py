@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.pareto import Pareto, front
+from eqt_cli.plots.scales import FEW, number_values
 from eqt_cli.plots.sweep import SweepFigure
 from eqt_cli.plots.swept import Swept
 
@@ -32,6 +34,42 @@ def test_one_key_gives_curves_of_means_with_bands(swept):
         expected = results["effort"][:, controller].mean(axis=-1)
         np.testing.assert_allclose(line.get_ydata(), expected, rtol=1e-14)
     assert len(panel.collections) == 2
+
+
+def test_few_values_are_the_ticks_and_no_marker_is_cut(swept):
+    (panel,) = SweepFigure().draw([swept(ONE)]).axes
+    assert [text.get_text() for text in panel.get_xticklabels()] == ["0.25", "0.5", "1", "2"]
+    assert panel.get_xticks(minor=True).size == 0
+    low, high = panel.get_xlim()
+    assert low < 0.25 and high > 2
+
+
+def test_controllers_have_markers_of_their_own_which_hide_no_other(swept):
+    (panel,) = SweepFigure().draw([swept(ONE)]).axes
+    assert [line.get_marker() for line in panel.lines] == ["o", "s"]
+    assert {line.get_markerfacecolor() for line in panel.lines} == {"none"}
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ([0.1, 0.11, 5], ["0.1", "", "5"]),
+        ([-1, 0, 1], [r"$\mathdefault{-1}$", "0", "1"]),
+        ([1e-5, 1], [r"$1 \times 10^{-5}$", "1"]),
+    ],
+)
+def test_values_are_written_where_there_is_room(values, texts):
+    axes = Figure().add_subplot()
+    number_values(axes, np.array(values, dtype=float), 3.0)
+    assert [text.get_text() for text in axes.get_xticklabels()] == texts
+    assert list(axes.get_xticks()) == values
+
+
+def test_many_values_get_round_numbers():
+    axes = Figure().add_subplot()
+    values = np.linspace(0.123, 1, FEW + 1)
+    number_values(axes, values, 3.0)
+    assert values[0] not in axes.get_xticks()
 
 
 def test_two_keys_give_a_map_per_controller_on_one_scale(swept):
