@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -24,6 +24,8 @@ _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
 
 _LONGEST = 36
 """Characters in a line of a label."""
+_POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
+"""Hollow markers, so that all are seen where curves coincide."""
 _MARGIN = 0.03
 """of the width, so that markers at the ends are whole."""
 _BESIDE = 0.6
@@ -71,13 +73,17 @@ class SweepFigure(OfSweep):
             style = line_style(position)
             mean = mean_over_runs(found)
             # Hollow, so that of curves that coincide all markers are seen.
-            points = {"marker": marker(position), "markersize": 4.5, "markerfacecolor": "none"}
+            points: dict[str, Any] = {
+                "marker": marker(position),
+                "markersize": 4.5,
+                "markerfacecolor": "none",
+            }
             lines += panel.plot(axis.values[order], mean, label=title, **points, **style)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
             low, high = np.nanquantile(found, BAND, axis=-1)
-            look = band_look(style["color"])
-            panel.fill_between(axis.values[order], low, high, label=title, **look)
+            band = band_look(style["color"])
+            panel.fill_between(axis.values[order], low, high, label=title, **band)
         panel.margins(x=_MARGIN)
         _scale(panel, axis, WIDTHS[width] - _BESIDE)
         panel.set_ylabel(label)
