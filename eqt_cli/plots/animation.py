@@ -142,7 +142,7 @@ class _Body:
     def __init__(self, axes: Axes, shown: Motion, index: int) -> None:
         self.motion, self.index, self.length = shown, index, shown.length
         ensemble = shown.ensembles[index]
-        self.colour = line_style(ensemble.index)["color"]
+        self.colour = line_style(ensemble.look)["color"]
         low, high = flat(shown.places).min(axis=0), flat(shown.places).max(axis=0)
         middle, reach = (low + high) / 2, float((high - low).max() / 2) + _MARGIN * shown.length
         axes.set_xlim(middle[0] - reach, middle[0] + reach)
@@ -209,7 +209,7 @@ class _Curves:
 
     def __init__(self, axes: Axes, shown: Motion, values: Array, name: str, unit: str) -> None:
         self.times, self.values = shown.times, values
-        looks = [line_style(ensemble.index) for ensemble in shown.ensembles]
+        looks = [line_style(ensemble.look) for ensemble in shown.ensembles]
         for look, curve in zip(looks, values, strict=True):
             axes.plot(self.times, curve, color=(look["color"], 0.25), linewidth=0.6)
         self.lines = [axes.plot([], [], **look)[0] for look in looks]

@@ -39,7 +39,7 @@ class Certificates(OfCertificates):
         """Identities above trajectories, the paper's order downwards."""
         drawing = Drawing(figsize=(WIDTHS[width], 0.5 + _ROW_HEIGHT * len(found.names)))
         axes = drawing.add_subplot(label="certificates")
-        looks = {law.label: _look(law.index) for law in found.laws} | {
+        looks = {law.label: _look(law.controller) for law in found.laws} | {
             "": {"color": ink(_NO_LAW), "marker": "|"}
         }
         least = _least(found)
@@ -64,7 +64,7 @@ def _all(found: Verified) -> list[Row]:
 def _ratio(row: Row) -> float:
     """What was measured over the bound; 0 where both are."""
     assert row.measured is not None and row.bound is not None
-    return abs(row.measured) / row.bound
+    return abs(row.measured) / row.bound if row.measured else 0.0
 
 
 def _least(found: Verified) -> float:

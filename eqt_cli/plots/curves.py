@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 
 from eqt_cli.analysis.comparison.bootstrap import intervals_of_means
 from eqt_cli.core.arrays import Array
+from eqt_cli.plots.look import Look
 from eqt_cli.plots.style import line_style
 
 BAND = (0.1, 0.9)
@@ -49,10 +50,10 @@ def band_look(colour: str) -> dict[str, Any]:
     return {"facecolor": (colour, 0.1), "edgecolor": (colour, 0.8), "linewidth": 0.35}
 
 
-def thin_line(index: int, count: int) -> dict[str, Any]:
-    """The look of one of so many single runs of the controller at this position."""
+def thin_line(look: Look, count: int) -> dict[str, Any]:
+    """The line style of one of so many single runs of a controller of this look."""
     opacity = min(0.8, 4 / np.sqrt(count))  # few lines are seen, many make shades
-    return {"color": (line_style(index)["color"], opacity), "linewidth": THIN}
+    return {"color": (line_style(look)["color"], opacity), "linewidth": THIN}
 
 
 def scale_norm(axes: Axes, *, log: bool, direction: Literal["x", "y"] = "y") -> None:

@@ -107,7 +107,7 @@ class Distributions(OfMetrics):
 def _fill_boxes(axes: Axes, metrics: GoodMetrics, samples: Sequence[Sample]) -> None:
     """A box per controller, the first on top."""
     for row, (ensemble, sample) in enumerate(zip(metrics.shown, samples, strict=True)):
-        colour = line_style(ensemble.index)["color"]
+        colour = line_style(ensemble.look)["color"]
         if sample.values.size:
             draw_box(axes, row, sample, metrics.end(ensemble), colour, ensemble.label)
     axes.set_ylim(len(samples) - 0.5, -0.5)
@@ -125,7 +125,7 @@ def _fill_steps(axes: Axes, metrics: GoodMetrics, samples: Sequence[Sample]) -> 
         up = np.concatenate([[0.0], ranks / max(sample.values.size, 1)])[: across.size]
         if sample.censored:
             across, up = np.append(across, metrics.end(ensemble)), np.append(up, up.max(initial=0))
-        look = line_style(ensemble.index)
+        look = line_style(ensemble.look)
         axes.plot(across, up, drawstyle="steps-post", label=ensemble.label, **look)
     axes.set_ylim(0, 1.03)
     axes.margins(x=0.03)

@@ -11,6 +11,7 @@ import numpy as np
 from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.plots.look import Look
 from eqt_cli.store.reader import Results
 
 
@@ -24,9 +25,9 @@ class Ensemble:
         The result that holds them.
     controller
         The controller's position there.
-    index
-        The number on which its line style depends: its position, or, among several results, its
-        place in the figure.
+    look
+        On what its line style depends: its position; among several results, its law for the colour
+        and the result for the dashes, or the result for both where there is one law.
     label, title
         Its name in the result and in figures; both name the result too where there are several.
     good : (runs,)
@@ -35,7 +36,7 @@ class Ensemble:
 
     results: Results
     controller: int
-    index: int
+    look: Look
     label: str
     title: str
     good: Array
@@ -70,17 +71,25 @@ def ensembles(
         one.single(f"figure '{figure}' shows single experiments")
     _check_group(results, figure)
     several = len(results) > 1
+    laws = list(dict.fromkeys(label for one in results for label in _labels(one)))
+    kept_by_result = positions(results, figure, chosen)
+    shown = {
+        _labels(one)[k] for one, kept in zip(results, kept_by_result, strict=True) for k in kept
+    }
     found: list[Ensemble] = []
-    for one, name, kept in zip(
-        results, names(results), positions(results, figure, chosen), strict=True
+    for number, (one, name, kept) in enumerate(
+        zip(results, names(results), kept_by_result, strict=True)
     ):
         labels, end = _labels(one), f", {name}" if several else ""
         for position in kept:
             label = labels[position]
             good = one.read("status", controller=position) == 0
-            index = len(found) if several else position
+            look = Look(position)
+            if several:
+                pairs = (len(laws), len(results)) if len(shown) > 1 else (0, 0)
+                look = Look(len(found), (laws.index(label), number), pairs)
             found.append(
-                Ensemble(one, position, index, label + end, title_of(one, label) + end, good)
+                Ensemble(one, position, look, label + end, title_of(one, label) + end, good)
             )
     if not any(ensemble.good.any() for ensemble in found):
         message = "has nothing to show, since every run failed; see `eqt show`"

@@ -62,7 +62,7 @@ def draw_paths(axes: Axes, paths: Mapping[int, Path], ensemble: Ensemble) -> Non
     paths
         By the number of the run; a gap where they are NaN, but not at their ends.
     """
-    look = thin_line(ensemble.index, len(paths))
+    look = thin_line(ensemble.look, len(paths))
     for number, (x, y) in paths.items():
         axes.plot(x, y, label=f"run {number}", **look)
     start = _start(look["color"][0])

@@ -164,12 +164,12 @@ def free_text(name: str, characters: int) -> str:
     LaTeX too, which could do much more than typeset.
     """
     shown = "".join(c if c.isprintable() else " " for c in name)
+    if not _DOLLAR.search(shown):  # and never parsed, which warns of letters that its font lacks
+        return _in_lines(shown.replace(r"\$", "$"), characters)
     try:
         MathTextParser("path").parse(shown)
     except ValueError:
         return _in_lines(shown, characters)
-    if not _DOLLAR.search(shown):
-        return _in_lines(shown.replace(r"\$", "$"), characters)
     if not _by_latex():
         return shown
     # Texts and mathematics in turn.

@@ -58,7 +58,7 @@ class Paper(OverTime):
     def _fill(self, axes: Axes, signal: str, runs: GoodRuns) -> None:
         for ensemble in runs.shown:
             values = runs.values(signal, ensemble)
-            look = line_style(ensemble.index)
+            look = line_style(ensemble.look)
             times = runs.times(ensemble)
             axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
             draw_band(axes, times, values, self.bands, look["color"], ensemble.label)

@@ -6,10 +6,13 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.callouts import name_points
+from eqt_cli.plots.labels import free_text
 from eqt_cli.plots.layout import add_legend
 from eqt_cli.plots.metric_names import metric_label
 from eqt_cli.plots.scales import scale_log
@@ -17,11 +20,19 @@ from eqt_cli.plots.style import WIDTHS, Width, line_style, marker
 from eqt_cli.plots.swept import Swept, mean_over_runs
 
 _HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4}
+_PALE = 0.45
+
+MOST_NAMED = 16
+"""Points on fronts that are named on a page; more would hide each other."""
+_LONGEST, _ALONG = 40, 25
+"""Characters in a line of a name, and points on a step that names keep clear of."""
 
 
 @dataclass(frozen=True)
 class Pareto(OfSweep):
     """Every point of a sweep by two metrics, less being better, and the front that none betters.
+
+    On a page, few points of fronts carry the values of the swept keys.
 
     Attributes
     ----------
@@ -42,16 +53,16 @@ class Pareto(OfSweep):
         cost, error = (mean_over_runs(swept.metric(name)) for name in (self.cost, self.error))
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panel = drawing.add_subplot()
-        lines = []
+        lines, fronts = [], []
         for k, (position, title) in enumerate(zip(swept.controllers, swept.titles, strict=True)):
-            style = line_style(position)
-            tint = {"color": style["color"], "alpha": 0.4}
-            shape = marker(position)
-            panel.scatter(cost[:, k], error[:, k], s=6, marker=shape, label=title, **tint)
-            best = front(cost[:, k], error[:, k])
+            look = line_style(position) | {"marker": marker(position), "label": title}
+            x, y = cost[:, k], error[:, k]
+            pale = {"color": look["color"], "alpha": _PALE, "linewidths": 0}
+            panel.scatter(x, y, s=16, marker=look["marker"], label=title, **pale)
+            best = front(x, y)
             # Between two points of the front lies what the first of them betters.
-            style |= {"drawstyle": "steps-post", "label": title}
-            lines += panel.plot(cost[best, k], error[best, k], **style)
+            lines += panel.plot(x[best], y[best], drawstyle="steps-post", markersize=4.5, **look)
+            fronts.append(best)
         panel.margins(0.03)
         if self.log:
             scale_log(panel, "x", cost[cost > 0])
@@ -59,7 +70,29 @@ class Pareto(OfSweep):
         for name, set_label in ((self.cost, panel.set_xlabel), (self.error, panel.set_ylabel)):
             set_label(metric_label(swept.results, name, 36))
         add_legend(drawing, lines, swept.titles)
+        if width == "page" and sum(map(len, fronts)) <= MOST_NAMED:
+            _name_fronts(panel, swept, fronts, cost, error)
         return drawing
+
+
+def _name_fronts(panel: Axes, swept: Swept, fronts: list[Array], cost: Array, error: Array) -> None:
+    """Write the swept values beside the points of the fronts."""
+    points, texts, colours, corners = [], [], [], [np.column_stack([cost.ravel(), error.ravel()])]
+    for k, (best, position) in enumerate(zip(fronts, swept.controllers, strict=True)):
+        x, y = cost[best, k], error[best, k]
+        points.append(np.column_stack([x, y]))
+        texts += [free_text(swept.point_name(int(point)), _LONGEST) for point in best]
+        colours += [line_style(position)["color"]] * len(best)
+        corners += [steps(x, y)]
+    name_points(panel, np.concatenate(points), texts, colours, np.concatenate(corners))
+
+
+def steps(x: Array, y: Array) -> Array:
+    """Points along the steps between points, ``(any, 2)``."""
+    share = np.linspace(0, 1, _ALONG)[:, None]
+    across = np.stack([x[:-1] + share * np.diff(x), y[:-1] + 0 * share], axis=-1)
+    down = np.stack([x[1:] + 0 * share, y[:-1] + share * np.diff(y)], axis=-1)
+    return np.concatenate([across, down]).reshape(-1, 2)
 
 
 def front(cost: Array, error: Array) -> Array:

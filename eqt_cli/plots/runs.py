@@ -24,6 +24,7 @@ from eqt_cli.plots.layout import (
     share_scale,
     sheet,
 )
+from eqt_cli.plots.look import Look
 from eqt_cli.plots.style import WIDTHS, Width, ink
 
 MOST_LINES = 200
@@ -63,7 +64,7 @@ class Runs(OverTime):
             for part in parts:
                 axes, signal = panels[panel(ensemble.label, part)], self.signal + part
                 values = runs.values(signal, ensemble)
-                self._fill(axes, runs.times(ensemble), values, ensemble.index)
+                self._fill(axes, runs.times(ensemble), values, ensemble.look)
                 add_title(axes, panel_title(ensemble.title, part), room)
                 name_scale(axes, quantity(SYMBOLS[self.signal], runs.unit(signal)))
         for axes in panels.values():  # now that every curve of a common scale is there
@@ -74,9 +75,9 @@ class Runs(OverTime):
         add_legend(drawing, *_legend(max(int(e.good.sum()) for e in shown)))
         return drawing
 
-    def _fill(self, axes: Axes, times: Array, values: Array, index: int) -> None:
+    def _fill(self, axes: Axes, times: Array, values: Array, look: Look) -> None:
         drawn = values[:MOST_LINES]
-        axes.plot(times, drawn.T, **thin_line(index, len(drawn)))
+        axes.plot(times, drawn.T, **thin_line(look, len(drawn)))
         axes.plot(times, values.mean(axis=0), color=ink(), label="mean")
 
 

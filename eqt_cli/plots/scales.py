@@ -6,11 +6,16 @@ from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
 
 from eqt_cli.core.arrays import Array
 
 Direction = Literal["x", "y"]
+
+FEW = 12
+"""Values, at most, that are written below a scale instead of round numbers."""
+_LETTER, _BETWEEN = 0.055, 0.12
+"""in, of a figure in a number, and between two numbers."""
 
 
 def even() -> MaxNLocator:
@@ -32,6 +37,32 @@ def scale_log(axes: Axes, direction: Direction, seen: Array) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def _number(value: float, _position: int | None) -> str:
-    mantissa, _, exponent = f"{value:g}".partition("e")
-    return rf"${mantissa} \times 10^{{{int(exponent)}}}$" if exponent else mantissa
+def number_values(axes: Axes, values: Array, room: float) -> None:
+    """Number the scale across at few values, those that fit into so many inches; else as usual.
+
+    The scale is linear or logarithmic already.
+    """
+    levels = np.unique(values)
+    log = axes.get_xscale() == "log"
+    if len(levels) > FEW:
+        if log:
+            scale_log(axes, "x", levels)
+        return
+    places = np.log(levels) if log else levels
+    places = (places - places[0]) / (np.ptp(places) or 1.0) * room
+    texts, end = [], -np.inf
+    for place, level in zip(places, levels, strict=True):
+        number = f"{level:.4g}"
+        half = _LETTER * len(number) / 2
+        fits = place - half >= end
+        texts.append(_number(level) if fits else "")
+        end = place + half + _BETWEEN if fits else end
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xticks(levels, texts)
+
+
+def _number(value: float, _position: int | None = None) -> str:
+    mantissa, _, exponent = f"{value:.4g}".partition("e")
+    if exponent:
+        return rf"${mantissa} \times 10^{{{int(exponent)}}}$"
+    return rf"$\mathdefault{{{mantissa}}}$" if value < 0 else mantissa

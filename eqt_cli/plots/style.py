@@ -16,6 +16,7 @@ from matplotlib.font_manager import FontProperties, fontManager
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots import latex, sheets
+from eqt_cli.plots.look import Look
 from eqt_cli.plots.sheets import Settings
 
 Width = Literal["column", "page"]
@@ -144,18 +145,29 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
             yield
 
 
-def line_style(index: int) -> dict[str, Any]:
-    """Colour and dashes of the curve that belongs to the controller at this position.
+def line_style(look: int | Look) -> dict[str, Any]:
+    """Colour and dashes of a curve, for example of the one of the controller at this position.
 
     Dashes keep curves apart where colours do not: in greyscale, or for a colour-blind reader. They
-    are those of the sheet's property cycle, or eqt's where it has none.
+    are those of the sheet's property cycle, or eqt's where it has none. A pair is heeded where
+    there are as many colours and dashes as the figure needs: no two curves look the same.
     """
+    index = look if isinstance(look, int) else look.index
     cycle = list(_PRESENT["axes.prop_cycle"])
-    look = cycle[index % len(cycle)]
+    if isinstance(look, Look) and _has_pairs(cycle, look.pairs):
+        colour, dashes = look.pair
+        return {"color": to_hex(cycle[colour]["color"]), "linestyle": _DASHES[dashes]}
+    own = cycle[index % len(cycle)]
     # With every turn through both, dashes move on by one: all pairs occur before one repeats.
     turns = index // lcm(len(cycle), len(_DASHES))
-    dashes = look.get("linestyle", _DASHES[(index + turns) % len(_DASHES)])
-    return {"color": to_hex(look.get("color", ink())), "linestyle": dashes}
+    dashes = own.get("linestyle", _DASHES[(index + turns) % len(_DASHES)])
+    return {"color": to_hex(own.get("color", ink())), "linestyle": dashes}
+
+
+def _has_pairs(cycle: list[dict[str, Any]], needed: tuple[int, int]) -> bool:
+    colours, dashes = needed
+    free = "linestyle" not in cycle[0] and "color" in cycle[0]
+    return free and 0 < colours <= len(cycle) and dashes <= len(_DASHES)
 
 
 def marker(index: int) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,7 +15,8 @@ from eqt_cli.plots.curves import BAND, band_look
 from eqt_cli.plots.labels import free_text
 from eqt_cli.plots.layout import add_legend, add_title
 from eqt_cli.plots.metric_names import metric_label
-from eqt_cli.plots.style import WIDTHS, Width, ink, line_style
+from eqt_cli.plots.scales import number_values
+from eqt_cli.plots.style import WIDTHS, Width, ink, line_style, marker
 from eqt_cli.plots.swept import Axis, Swept, mean_over_runs
 
 _LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
@@ -23,6 +24,12 @@ _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
 
 _LONGEST = 36
 """Characters in a line of a label."""
+_POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
+"""Hollow markers, so that all are seen where curves coincide."""
+_MARGIN = 0.03
+"""of the width, so that markers at the ends are whole."""
+_BESIDE = 0.6
+"""in, that the scale up and the margins take of the width."""
 
 
 @dataclass(frozen=True)
@@ -65,13 +72,20 @@ class SweepFigure(OfSweep):
             found = values[order, k]
             style = line_style(position)
             mean = mean_over_runs(found)
-            lines += panel.plot(axis.values[order], mean, marker=".", label=title, **style)
+            # Hollow, so that of curves that coincide all markers are seen.
+            points: dict[str, Any] = {
+                "marker": marker(position),
+                "markersize": 4.5,
+                "markerfacecolor": "none",
+            }
+            lines += panel.plot(axis.values[order], mean, label=title, **points, **style)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
             low, high = np.nanquantile(found, BAND, axis=-1)
-            look = band_look(style["color"])
-            panel.fill_between(axis.values[order], low, high, label=title, **look)
-        _scale(panel, axis, "x")
+            band = band_look(style["color"])
+            panel.fill_between(axis.values[order], low, high, label=title, **band)
+        panel.margins(x=_MARGIN)
+        _scale(panel, axis, WIDTHS[width] - _BESIDE)
         panel.set_ylabel(label)
         add_legend(drawing, lines, swept.titles)
         return drawing
@@ -109,14 +123,16 @@ def _name(panel: Axes, x: float, y: float, law: str) -> None:
     panel.annotate(free_text(law, 12), (x, y), ha="center", va="center", fontsize="small", bbox=box)
 
 
-def _scale(panel: Axes, axis: Axis, direction: str) -> None:
-    panel.set(**{f"{direction}label": free_text(axis.key, _LONGEST)})
+def _scale(panel: Axes, axis: Axis, room: float) -> None:
+    """Name the scale across and what is at it, within so many inches."""
+    panel.set_xlabel(free_text(axis.key, _LONGEST))
     if axis.ticks:
-        panel.set(**{f"{direction}ticks": list(axis.ticks)})
         texts = [free_text(text, _LONGEST) for text in axis.ticks.values()]
-        panel.set(**{f"{direction}ticklabels": texts})
-    elif axis.logarithmic:
-        panel.set(**{f"{direction}scale": "log"})
+        panel.set_xticks(list(axis.ticks), texts)
+        return
+    if axis.logarithmic:
+        panel.set_xscale("log")
+    number_values(panel, axis.values, room)
 
 
 def _levels(panel: Axes, direction: str, levels: Array, axis: Axis) -> None:

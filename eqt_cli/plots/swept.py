@@ -44,6 +44,11 @@ class Axis:
             return False
         return bool(np.ptp(np.diff(np.log(levels))) / np.log(levels[-1] / levels[0]) < 1e-6)
 
+    def at(self, point: int) -> str:
+        """The value at a point, as text."""
+        value = float(self.values[point])
+        return self.ticks.get(value) or f"{value:.4g}".replace("-", "−")
+
 
 class Swept:
     """A sweep's metrics over the good runs of every point.
@@ -126,6 +131,14 @@ class Swept:
             return {}
         names = self.results.read(LAW, controller=self.controllers[shown])
         return {int(point): law_title(str(names[point])) for point in np.flatnonzero(names != "")}
+
+    def point_name(self, point: int) -> str:
+        """What is swept at a point: ``kp 2, kd 0.5``."""
+        keys = [axis.key.rpartition(".")[2] for axis in self.axes]
+        named = keys if len(set(keys)) == len(keys) else [axis.key for axis in self.axes]
+        return ", ".join(
+            f"{key} {axis.at(point)}" for key, axis in zip(named, self.axes, strict=True)
+        )
 
     def notes(self) -> list[str]:
         """What a reader must know about the runs that are not shown."""

@@ -62,7 +62,7 @@ class Torque(OverTime):
                 hide_scale(axes)
         for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):
             add_title(column[0], ensemble.title, WIDTHS[width] / len(shown))
-            colour = line_style(ensemble.index)["color"]
+            colour = line_style(ensemble.look)["color"]
             times, values = runs.times(ensemble), runs.values("torque", ensemble)
             desired = runs.desired("torque", ensemble)
             for k, axes in enumerate(column):

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.plots.ensembles import Ensemble, ensembles, error
+from eqt_cli.plots.labels import notation
 from eqt_cli.store.reader import Results
 
 _DECIDED = (Verdict.HOLDS, Verdict.FAILS)
@@ -44,7 +45,7 @@ class Verified:
         self.laws: list[Ensemble] = ensembles([results], figure, chosen)
         labels = ["", *(law.label for law in self.laws)]
         judged = [row for row in rows if row.kind != "hypothesis" and row.controller in labels]
-        self._shown = [row for row in judged if row.measured is not None and row.bound]
+        self._shown = [row for row in judged if _has_place(row)]
         self._left_out = [row for row in judged if row not in self._shown]
         if not self._shown:
             raise error(results, figure, "finds no certificate to show; see `eqt verify`")
@@ -66,4 +67,11 @@ class Verified:
             yield "Crosses: fails."
         for row in self._left_out:
             law = f" ({row.controller})" if row.controller else ""
-            yield f"{row.name}{law}: {row.verdict}."
+            yield f"{notation(row.name)}{law}: {row.verdict}."
+
+
+def _has_place(row: Row) -> bool:
+    """Whether it has a ratio of measured to bound; 0 over 0, an exact equality, counts as 0."""
+    if row.measured is None or row.bound is None:
+        return False
+    return row.bound != 0 or row.measured == 0

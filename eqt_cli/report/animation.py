@@ -58,7 +58,7 @@ def _document(shown: Motion, results: Results) -> dict[str, Any]:
     return {
         "run": shown.run,
         "times": _rounded(shown.times[kept]),
-        "controllers": [styles[ensemble.index] for ensemble in shown.ensembles],
+        "controllers": [styles[ensemble.controller] for ensemble in shown.ensembles],
         "bodies": [
             _course(Course(shown.body.rotation[c], shown.body.position[c]), kept, shown)
             for c in range(len(shown.ensembles))

@@ -1,5 +1,6 @@
 """The figure of certificates: every number at its place, every verdict to be seen."""
 
+import matplotlib
 import pytest
 
 from eqt_cli.analysis.certificates import Row, Verdict
@@ -55,6 +56,15 @@ def test_an_exact_zero_is_left_of_all_others_and_named(so3, opened, marks):
     assert labels[at] == "$0$"
 
 
+def test_equal_sides_that_allow_no_error_are_an_exact_zero(so3, opened):
+    exact = row("rate of Ad_{Q_d⁻¹}", measured=0.0, bound=0.0)
+    drawing = Certificates().draw([opened(so3)], certificates=[*ROWS, exact])
+    (axes,) = drawing.axes
+    at = {line.get_label(): line.get_xdata()[0] for line in axes.lines}
+    assert at[exact.name] == at["decrease of L eqt"]
+    assert drawing.get_supxlabel() == "Hollow markers: undecided.\nCrosses: fails."
+
+
 def test_verdicts_can_be_told_apart(marks):
     assert marks["rate of L gt"].get_marker() == "x"
     assert marks["Q → Q_d eqt"].get_markerfacecolor() == "#ffffff"
@@ -62,12 +72,12 @@ def test_verdicts_can_be_told_apart(marks):
 
 
 def test_remarks_say_what_the_markers_mean(so3, opened):
-    undecidable = row("error dynamics", "eqt", None, None, Verdict.UNDECIDED)
+    undecidable = row("rate of Ad_{Q_d⁻¹}", "eqt", None, None, Verdict.UNDECIDED)
     drawing = Certificates().draw([opened(so3)], certificates=[*ROWS, undecidable])
     assert drawing.get_supxlabel().splitlines() == [
         "Hollow markers: undecided.",
         "Crosses: fails.",
-        "error dynamics (eqt): undecided.",
+        r"rate of $\mathrm{Ad}_{Q_d^{-1}}$ (eqt): undecided.",
     ]
 
 
@@ -78,6 +88,7 @@ def test_a_verified_result_fits_the_sheet(result, width, opened, request):
     rows = verify_results(build(read_config(results.path)), results, 1).rows
     drawing = Certificates().draw([results], width, certificates=rows)
     with house_style():
+        drawing.set_dpi(matplotlib.rcParams["savefig.dpi"])  # hinting depends on it
         inked = drawing.get_tightbbox()
     assert inked.x0 >= -0.01 and inked.x1 <= WIDTHS[width] + 0.01  # half a line's width
     assert encode(drawing, "pdf") == encode(drawing, "pdf")

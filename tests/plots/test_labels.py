@@ -78,6 +78,11 @@ def test_free_text_is_mathematics_only_if_it_can_be(name, expected):
     assert free_text(name, 12) == expected
 
 
+def test_letters_that_mathematics_lacks_are_no_matter_in_words(caplog):
+    assert free_text("Q_d⁻¹: 𝕀_t", 12) == "Q_d⁻¹: 𝕀_t"
+    assert not caplog.records
+
+
 @pytest.fixture
 def by_latex():
     with matplotlib.rc_context({"text.usetex": True}):

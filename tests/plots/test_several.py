@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.ensembles import names
+from eqt_cli.plots.ensembles import ensembles, names
 from eqt_cli.plots.paper import Paper
 from eqt_cli.plots.runs import Runs
+from eqt_cli.plots.style import house_style, line_style
 from eqt_cli.plots.sweep import SweepFigure
 from eqt_cli.plots.torque import Torque
 
@@ -41,7 +42,26 @@ def test_the_legend_names_controller_and_result(so3, stiff, opened):
     assert texts == ["EqT, small", "EqT, stiff"]
 
 
-def test_all_curves_look_different(so3, stiff, opened):
+def test_a_law_has_its_colour_in_every_result_and_a_result_its_dashes(so3, stiff, opened):
+    lines = Paper().draw([opened(so3), opened(stiff)]).axes[0].lines
+    looks = {line.get_label(): (line.get_color(), str(line.get_linestyle())) for line in lines}
+    eqt, gt = looks["eqt, small"], looks["gt, small"]
+    assert looks["eqt, stiff"][0] == eqt[0] and looks["gt, stiff"][0] == gt[0] != eqt[0]
+    assert looks["eqt, stiff"][1] == looks["gt, stiff"][1] != eqt[1] == gt[1]
+
+
+def test_curves_of_more_results_than_dashes_look_different(so3, tmp_path, opened):
+    paths = [tmp_path / str(number) / "results.h5" for number in range(5)]
+    for path in paths:
+        path.parent.mkdir()
+        shutil.copy(so3, path)
+    shown = ensembles([opened(path) for path in paths], "paper")
+    with house_style():
+        looks = {str(line_style(ensemble.look)) for ensemble in shown}
+    assert len(looks) == 20
+
+
+def test_all_curves_of_one_law_differ_in_colour_and_dashes(so3, stiff, opened):
     lines = Paper(controllers=["eqt"]).draw([opened(so3), opened(stiff)]).axes[0].lines
     assert len({line.get_color() for line in lines}) == 2
     assert len({str(line.get_linestyle()) for line in lines}) == 2

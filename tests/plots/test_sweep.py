@@ -2,14 +2,19 @@
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.callouts import name_points
 from eqt_cli.plots.pareto import Pareto, front
+from eqt_cli.plots.scales import FEW, number_values
 from eqt_cli.plots.sweep import SweepFigure
 from eqt_cli.plots.swept import Swept
 
 ONE = [{"grid": {"gains.kd": [0.25, 0.5, 1, 2]}}]
 TWO = [{"grid": {"gains.kp": [1, 2, 4]}}, {"grid": {"inertia": [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]}}]
+BOTH = [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}]
 LINKED = [{"zip": {"gains.kd": [0.5, 1], "gains.kp": [1, 2]}}]
 
 
@@ -32,6 +37,42 @@ def test_one_key_gives_curves_of_means_with_bands(swept):
         expected = results["effort"][:, controller].mean(axis=-1)
         np.testing.assert_allclose(line.get_ydata(), expected, rtol=1e-14)
     assert len(panel.collections) == 2
+
+
+def test_few_values_are_the_ticks_and_no_marker_is_cut(swept):
+    (panel,) = SweepFigure().draw([swept(ONE)]).axes
+    assert [text.get_text() for text in panel.get_xticklabels()] == ["0.25", "0.5", "1", "2"]
+    assert panel.get_xticks(minor=True).size == 0
+    low, high = panel.get_xlim()
+    assert low < 0.25 and high > 2
+
+
+def test_controllers_have_markers_of_their_own_which_hide_no_other(swept):
+    (panel,) = SweepFigure().draw([swept(ONE)]).axes
+    assert [line.get_marker() for line in panel.lines] == ["o", "s"]
+    assert {line.get_markerfacecolor() for line in panel.lines} == {"none"}
+
+
+@pytest.mark.parametrize(
+    ("values", "texts"),
+    [
+        ([0.1, 0.11, 5], ["0.1", "", "5"]),
+        ([-1, 0, 1], [r"$\mathdefault{-1}$", "0", "1"]),
+        ([1e-5, 1], [r"$1 \times 10^{-5}$", "1"]),
+    ],
+)
+def test_values_are_written_where_there_is_room(values, texts):
+    axes = Figure().add_subplot()
+    number_values(axes, np.array(values, dtype=float), 3.0)
+    assert [text.get_text() for text in axes.get_xticklabels()] == texts
+    assert list(axes.get_xticks()) == values
+
+
+def test_many_values_get_round_numbers():
+    axes = Figure().add_subplot()
+    values = np.linspace(0.123, 1, FEW + 1)
+    number_values(axes, values, 3.0)
+    assert values[0] not in axes.get_xticks()
 
 
 def test_two_keys_give_a_map_per_controller_on_one_scale(swept):
@@ -58,6 +99,41 @@ def test_pareto_shows_every_point_and_the_front(swept):
     cost = results["effort"].mean(axis=-1)
     np.testing.assert_allclose(panel.collections[0].get_offsets()[:, 0], cost[:, 0], rtol=1e-14)
     assert len(panel.lines) == 2
+
+
+def test_points_of_few_fronts_carry_what_was_swept(swept):
+    results = swept(BOTH)
+    assert not Pareto().draw([results]).axes[0].texts
+    drawing = Pareto().draw([results], "page")
+    (panel,) = drawing.axes
+    cost, error = (results[name].mean(axis=-1) for name in ("effort", "mean_pose_error"))
+    names = [f"kd {kd}, kp {kp}" for kd in ("0.5", "1") for kp in ("1", "2")]
+    found = {(text.get_text(), *np.round(text.xy, 12)) for text in panel.texts}
+    assert found and found <= {
+        (names[point], *np.round((cost[point, k], error[point, k]), 12))
+        for k in range(2)
+        for point in front(cost[:, k], error[:, k])
+    }
+
+
+def test_names_of_points_hide_nothing():
+    drawing = Figure(figsize=(7, 3))
+    axes = drawing.add_subplot()
+    points = np.array([[0.5, 0.5], [0.51, 0.5], [0.5, 0.52]])
+    axes.plot(*points.T, "o")
+    name_points(axes, points, ["one", "two", "three"], ["k"] * 3, points)
+    boxes = [Text.get_window_extent(text) for text in axes.texts]
+    assert len(boxes) == 3
+    for box in boxes:
+        assert box.count_overlaps(boxes) == 1  # itself
+        assert not any(box.contains(*place) for place in axes.transData.transform(points))
+
+
+def test_a_point_without_room_has_no_name():
+    axes = Figure(figsize=(1, 1)).add_subplot()
+    everywhere = np.stack(np.meshgrid(*[np.linspace(0, 1, 30)] * 2), axis=-1).reshape(-1, 2)
+    name_points(axes, everywhere[:1], ["name"], ["k"], everywhere)
+    assert not axes.texts
 
 
 def test_the_front_is_what_none_betters():

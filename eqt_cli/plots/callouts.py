@@ -1,0 +1,94 @@
+"""Short texts beside points, placed where they hide nothing; it knows no figure and no result."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
+
+from eqt_cli.core.arrays import Array
+
+_DISTANCES = (5.0, 10.0, 16.0, 25.0, 36.0, 50.0, 70.0)
+"""pt, from a point to its text, in the order in which they are tried."""
+_DIRECTIONS = ((-1, -1), (1, 1), (1, 0), (1, -1), (-1, 0), (-1, 1), (0, -1), (0, 1))
+"""Down to the left first: no other point is there where less is better."""
+_AROUND = 2.5
+"""pt, that a text keeps from what is drawn."""
+_ALONG = 20
+"""Places on a leader that no text may hide."""
+_LEADER: dict[str, Any] = {"arrowstyle": "-", "linewidth": 0.4, "shrinkA": 0, "shrinkB": 2}
+_ACROSS, _UP = ("right", "center", "left"), ("top", "center", "bottom")
+
+
+def name_points(
+    axes: Axes, points: Array, texts: Sequence[str], colours: Sequence[str], drawn: Array
+) -> None:
+    """Write a text beside every point; one for which there is no room is left out.
+
+    Scales and legends must be there already, since the room depends on them.
+
+    Parameters
+    ----------
+    points : (points, 2)
+        Where the texts belong.
+    drawn : (any, 2)
+        What no text may hide.
+    """
+    assert isinstance(axes.figure, Figure)
+    axes.figure.draw_without_rendering()  # which arranges the panels
+    places = axes.transData.transform(drawn)
+    taken = [_around(axes, place) for place in places[np.isfinite(places).all(axis=1)]]
+    names: list[Bbox] = []
+    for point, text, colour in zip(points, texts, colours, strict=True):
+        found = _place(axes, point, text, colour, taken, names)
+        if found is not None:
+            names.append(found[0])
+            taken += found
+
+
+def _place(
+    axes: Axes, point: Array, text: str, colour: str, taken: list[Bbox], names: list[Bbox]
+) -> list[Bbox] | None:
+    """Write one text where it fits; the room that it takes, and then that of its leader."""
+    for distance in _DISTANCES:
+        for right, up in _DIRECTIONS:
+            offset = np.array([right, up]) * distance / np.hypot(right, up)
+            written = axes.annotate(
+                text,
+                (float(point[0]), float(point[1])),
+                xytext=(float(offset[0]), float(offset[1])),
+                textcoords="offset points",
+                ha=_ACROSS[right + 1],
+                va=_UP[up + 1],
+                fontsize="small",
+                color=colour,
+                arrowprops=_LEADER | {"color": colour} if distance > _DISTANCES[0] else None,
+            )
+            written.get_window_extent()  # which moves the text to its place
+            box = Text.get_window_extent(written)  # without its leader
+            start, end = (
+                axes.transData.transform(point),
+                np.array([box.x0 + box.x1, box.y0 + box.y1]) / 2,
+            )
+            leader = [_around(axes, place) for place in np.linspace(start, end, _ALONG)]
+            crosses = any(part.count_overlaps(names) for part in leader)
+            if not (box.count_overlaps(taken) or crosses) and _within(axes, box):
+                return [box, *leader]
+            written.remove()
+    return None
+
+
+def _around(axes: Axes, place: Array) -> Bbox:
+    reach = _AROUND / 72 * axes.figure.dpi
+    return Bbox([place - reach, place + reach])
+
+
+def _within(axes: Axes, box: Bbox) -> bool:
+    room, reach = axes.bbox, _AROUND / 72 * axes.figure.dpi
+    inner = room.x0 + reach <= box.x0 and box.x1 <= room.x1 - reach
+    return bool(inner and room.y0 + reach <= box.y0 and box.y1 <= room.y1 - reach)
