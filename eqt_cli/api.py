@@ -147,13 +147,17 @@ def load_experiment(
     EqtError
         If there is no such file.
     """
+    if overrides is not None and not isinstance(overrides, Mapping):
+        raise EqtError(
+            f"overrides: expected values by key, as {{'gains.kp': 2}}, got {overrides!r}"
+        )
     keys = list(overrides or {})
     given = [f"{key}={_flow(value)}" for key, value in (overrides or {}).items()]
     try:
         if isinstance(config, Mapping):
             source = _from_mapping(config, given)
         else:
-            source = read_config(Path(config), given)
+            source = read_config(_path("config", config), given)
         source.overrides = {path: _named(place, keys) for path, place in source.overrides.items()}
         return LoadedExperiment(study(source, trust_plugins=trust_plugins))
     except ConfigError as error:
@@ -196,7 +200,11 @@ def run(
     loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
     folder = Path("results") / loaded.name if out is None else Path(out)
     executor = _executor(loaded.study, workers)
-    outcome = execute(loaded.study, folder, executor=executor, force=force, progress=progress)
+    try:
+        outcome = execute(loaded.study, folder, executor=executor, force=force, progress=progress)
+    except EqtError as error:
+        error.args = (_in_python(str(error)),)
+        raise
     return StoredResult(
         outcome.folder.path, outcome.runs, outcome.failed, outcome.was_complete, outcome.seconds
     )
@@ -307,8 +315,12 @@ def compare(
     EqtError
         If the result has no such metric or window.
     """
-    parsed = [w if isinstance(w, Window) else Window.parse(w) for w in windows]
-    with open_point(Path(result), point) as results:
+    if isinstance(metrics, str):
+        raise EqtError(f"metrics: expected a list of names, as [{metrics!r}], got {metrics!r}")
+    if isinstance(windows, str | Window):
+        raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
+    parsed = [_window(window) for window in windows]
+    with open_point(_path("result", result), point) as results:
         return compare_results(
             results,
             metrics=metrics,
@@ -317,6 +329,27 @@ def compare(
             resamples=resamples,
             seed=seed,
         )
+
+
+def _path(name: str, given: Any) -> Path:
+    try:
+        return Path(given)
+    except TypeError:
+        expected = "a path" if name == "result" else "a path or a mapping"
+        raise EqtError(f"{name}: expected {expected}, got {given!r}") from None
+
+
+def _window(given: Any) -> Window:
+    if isinstance(given, Window):
+        return given
+    if isinstance(given, str):
+        return Window.parse(given)
+    raise EqtError(f"windows: expected text such as '0:5', or a Window, got {given!r}")
+
+
+def _in_python(message: str) -> str:
+    """A message of the command line with the arguments of `run` for its options."""
+    return message.replace("--out", "out=…").replace("--force", "force=True")
 
 
 def _from_mapping(config: Mapping[str, Any], overrides: Sequence[str]) -> ConfigSource:

@@ -146,6 +146,43 @@ def test_compare_takes_windows_as_text(result):
     assert [level.samples.window.stop for level in comparison.levels] == [0.5] * 4
 
 
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (
+            lambda result: eqt_cli.load_experiment(result, "gains.kp=2"),
+            "overrides: expected values by key, as {'gains.kp': 2}, got 'gains.kp=2'",
+        ),
+        (lambda _: eqt_cli.load_experiment(5), "config: expected a path or a mapping, got 5"),
+        (lambda _: eqt_cli.compare(5), "result: expected a path, got 5"),
+        (
+            lambda result: eqt_cli.compare(result, windows=[(0, 5)]),
+            "windows: expected text such as '0:5', or a Window, got (0, 5)",
+        ),
+        (
+            lambda result: eqt_cli.compare(result, windows="0:5"),
+            "windows: expected a list of windows, as ['0:5'], got '0:5'",
+        ),
+        (
+            lambda result: eqt_cli.compare(result, metrics="effort"),
+            "metrics: expected a list of names, as ['effort'], got 'effort'",
+        ),
+    ],
+)
+def test_arguments_of_another_kind(result, call, said):
+    with pytest.raises(EqtError) as caught:
+        call(result)
+    assert str(caught.value) == said
+
+
+def test_what_to_do_is_said_in_python(result):
+    with pytest.raises(EqtError) as caught:
+        eqt_cli.run(eqt_cli.load_experiment(result, {"gains.kp": 7}), result)
+    assert str(caught.value).endswith(
+        "\nchoose another folder with out=…, or replace it with force=True"
+    )
+
+
 def test_tutorial_runs_as_it_stands(tmp_path):
     for name in ("configs", "examples"):
         shutil.copytree(ROOT / name, tmp_path / name)

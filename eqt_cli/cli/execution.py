@@ -187,4 +187,7 @@ def _print_summary(outcome: Outcome) -> None:
     over = "" if points is None else f"{points} points, "
     print(f"{over}{outcome.runs} runs{took}")
     print(f"results  {outcome.folder.results}")
-    print(f"next     eqt plot {outcome.folder.path}")
+    if outcome.failed < outcome.runs:
+        print(f"next     eqt plot {outcome.folder.path}")
+    else:
+        print(f"next     eqt show {outcome.folder.path} --failed")

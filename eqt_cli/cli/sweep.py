@@ -90,8 +90,10 @@ def sweep(
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     from eqt_cli.cli.output import duration, print_json, size
     from eqt_cli.experiment.estimate import estimate
+    from eqt_cli.experiment.room import check_memory
 
     assert study.sweep is not None
+    check_memory(study)
     expected = estimate(study, executor)
     first = [study.sweep.point(k) for k in range(min(FIRST_POINTS, len(study)))]
     plan = study.plan

@@ -21,6 +21,7 @@ from eqt_cli.experiment.lock import LOCK, locked
 from eqt_cli.experiment.pack import BrokenPart, pack
 from eqt_cli.experiment.provenance import OTHERS, differences, provenance, together
 from eqt_cli.experiment.rerun import patch, rerun_of
+from eqt_cli.experiment.room import check_room
 from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.work import Work
 from eqt_cli.experiment.yaml_source import dump
@@ -118,6 +119,7 @@ def execute(
         failed = int((folder.manifest or {}).get("failed", 0))
         if not (rerun_failed and failed):
             return Outcome(folder, True, [], study.plans.total, failed)
+    check_room(study, out)
     with ExitStack() as locks:
         locks.enter_context(locked(out, shared=shard is not None, remark=remark))
         if shard:

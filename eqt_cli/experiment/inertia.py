@@ -18,6 +18,18 @@ from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, InertiaLaw, Pres
 INSTANTS = 1001
 """How many instants of the horizon a time-varying inertia is checked at."""
 
+SUSPECT = 0.1
+"""Eigenvalues this small, over the largest, are looked at between the instants, too."""
+
+DIP = 0.9
+"""A minimum is this far below a neighbour; ripples of rounding are not."""
+
+SINGULAR = 1e-12
+"""An eigenvalue this small, over those nearby, is zero; rounding leaves less of a zero."""
+
+OFFSETS, REFINEMENTS = np.linspace(-1.0, 1.0, 41), 8
+"""A finer grid, and how often there is one, each 20 times as fine: at last 4e-11 of an interval."""
+
 IDENTITY_TOLERANCE = 1e-12
 """Largest deviation of S(0) from the identity: rounding of the expressions."""
 
@@ -108,17 +120,55 @@ def _starts_at_identity(law: FactoredInertia, problems: Problems) -> bool:
 
 def _definite(law: InertiaLaw, horizon: float, problems: Problems) -> bool:
     times = np.linspace(0.0, horizon, INSTANTS)
-    with np.errstate(all="ignore"):
-        found = law.matrix_at(times)
-        matrices = np.broadcast_to(found, (INSTANTS, *found.shape[-2:]))
-    for t, matrix in zip(times, matrices, strict=True):
+    wrong = _first_wrong(law, times) or _singular_between(law, times)
+    if wrong:
+        problems.add(("inertia",), wrong)
+    return wrong is None
+
+
+def _first_wrong(law: InertiaLaw, times: Array) -> str | None:
+    """What is wrong with the inertia at the first of some instants at which something is."""
+    for t, matrix in zip(times, _matrices(law, times), strict=True):
         if not np.isfinite(matrix).all():
             i, j = np.argwhere(~np.isfinite(matrix))[0]
             got = f"got [{i}][{j}] = {matrix[i, j]:g}"
-            problems.add(("inertia",), f"at t = {t:g} s: expected finite entries, {got}")
-            return False
+            return f"at t = {t:g} s: expected finite entries, {got}"
         wrong = tensors.asymmetry(matrix) or tensors.indefiniteness(matrix)
         if wrong:
-            problems.add(("inertia",), f"at t = {t:g} s: {wrong}")
-            return False
-    return True
+            return f"at t = {t:g} s: {wrong}"
+    return None
+
+
+def _singular_between(law: InertiaLaw, times: Array) -> str | None:
+    """Where the inertia is singular between instants of a grid at all of which it is definite.
+
+    S* 𝕀_0 S is nowhere negative, and zero only for the instants at which S is singular. Each local
+    minimum of the smallest eigenvalue is searched on ever finer grids.
+    """
+    eigenvalues = np.linalg.eigvalsh(_matrices(law, times))
+    smallest, largest = eigenvalues[:, 0], eigenvalues[:, -1]
+    before, after = np.r_[smallest[1], smallest[:-1]], np.r_[smallest[1:], smallest[-2]]
+    low = (smallest <= before) & (smallest <= after) & (smallest < SUSPECT * largest.max())
+    low &= smallest < DIP * np.maximum(before, after)
+    centre, reach = times[low], float(times[1] - times[0])
+    scale = np.maximum(np.r_[0.0, largest[:-1]], np.r_[largest[1:], 0.0])[low]
+    found = smallest[low]
+    for _ in range(REFINEMENTS):
+        finer = np.clip(centre[:, None] + reach * OFFSETS, times[0], times[-1])
+        matrices = _matrices(law, finer.ravel())
+        finite = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
+        values = np.linalg.eigvalsh(np.where(finite, matrices, 0.0))[:, 0].reshape(finer.shape)
+        best = np.arange(len(finer)), values.argmin(axis=1)
+        centre, found = finer[best], values[best]
+        reach *= OFFSETS[1] - OFFSETS[0]
+    singular = np.flatnonzero(found <= SINGULAR * scale)
+    if not len(singular):
+        return None
+    t = centre[singular[0]]
+    return f"at t = {t:.6g} s: expected a positive definite matrix, got the eigenvalue 0"
+
+
+def _matrices(law: InertiaLaw, times: Array) -> Array:
+    with np.errstate(all="ignore"):
+        found = law.matrix_at(times)
+    return np.broadcast_to(found, (len(times), *found.shape[-2:]))

@@ -16,6 +16,9 @@ from eqt_cli.store.reader import Results, open_results
 
 KeyPath = tuple[str | int, ...]
 
+_STORED = "[config]"
+"""Behind the name of a result file: the place is in the configuration that it holds."""
+
 
 @dataclass
 class ConfigSource:
@@ -26,6 +29,11 @@ class ConfigSource:
     folder: Path
     overrides: dict[KeyPath, str] = field(default_factory=dict)
     stored_plugins: dict[str, str] | None = None
+
+    @property
+    def path(self) -> str:
+        """The file, as a command takes it."""
+        return self.source.name.removesuffix(_STORED)
 
     def place(self, path: KeyPath) -> str:
         """``file:line:column``, or ``--set[0]`` for what an override gave."""
@@ -89,7 +97,7 @@ def source_of(results: Results) -> ConfigSource:
     """The configuration inside an open result, with the plugins that it was run with."""
     text = str(results.attributes["config"])
     plugins = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
-    source = yaml_source.load(text, f"{results.path}[config]")
+    source = yaml_source.load(text, f"{results.path}{_STORED}")
     return ConfigSource(source, source.data, results.path.parent, stored_plugins=plugins)
 
 

@@ -96,12 +96,11 @@ def study(
     if sweeping is True and not section:
         raise EqtError(
             f"{source.source.name}: sweeps nothing; add a `sweep` section or --grid KEY=A,B, "
-            f"or use: eqt run {source.source.name}"
+            f"or use: eqt run {source.path}"
         )
     if sweeping is False and section:
         raise EqtError(
-            f"{source.place(('sweep',))}: the configuration sweeps; "
-            f"use: eqt sweep {source.source.name}"
+            f"{source.place(('sweep',))}: the configuration sweeps; use: eqt sweep {source.path}"
         )
     bare = without_sweep(source)
     if section is None or (section == [] and not sweeping):

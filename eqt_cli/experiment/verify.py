@@ -149,11 +149,6 @@ class _Verifier:
     ) -> Runs:
         good = solution.status == 0
         states = solution.states[good]
-        signals = compute(loop, self.times, states)
-        L = signals["lyapunov"]
-        residual = energy_residual(L, signals["energy_balance"])
-        if loop.controller.dissipation(loop.tracking(self.times[0], problem.states[:1])) is None:
-            residual = np.full_like(residual, np.nan)
         few = min(ERROR_SYSTEM_RUNS, len(states))
         return Runs(
             label=label,
@@ -161,14 +156,29 @@ class _Verifier:
             rtol=engine.rtol,
             threshold=self.experiment.config.settling_threshold,
             times=self.times,
-            lyapunov=L,
-            energy_residual=residual,
-            group_drift=loop.group.drift(signals["pose"]).max(axis=-1),
-            final_pose_error=signals["pose_error"][:, -1],
-            final_velocity_error=signals["velocity_error"][:, -1],
+            **self._signals(loop, problem, states),
             error_system=self._error_system(loop, states[:few], engine),
             failed=int(np.count_nonzero(~good)),
         )
+
+    def _signals(self, loop: ClosedLoop, problem: Problem, states: Array) -> dict[str, Array]:
+        """What is judged of the good runs; where there are none, no law is asked."""
+        if not len(states):
+            names = ("energy_residual", "group_drift", "final_pose_error", "final_velocity_error")
+            none = {name: np.empty(0) for name in names}
+            return none | {"lyapunov": np.empty((0, len(self.times)))}
+        signals = compute(loop, self.times, states)
+        L = signals["lyapunov"]
+        residual = energy_residual(L, signals["energy_balance"])
+        if loop.controller.dissipation(loop.tracking(self.times[0], problem.states[:1])) is None:
+            residual = np.full_like(residual, np.nan)
+        return {
+            "lyapunov": L,
+            "energy_residual": residual,
+            "group_drift": loop.group.drift(signals["pose"]).max(axis=-1),
+            "final_pose_error": signals["pose_error"][:, -1],
+            "final_velocity_error": signals["velocity_error"][:, -1],
+        }
 
     def _stored(self, results: Results, index: int, label: str, engine: Engine) -> Runs:
         loop = self.experiment.loops[label]

@@ -43,14 +43,20 @@ def run_table(results: Results) -> Document:
     order = np.argwhere(np.ones_like(status))
     order = order[np.argsort(status[tuple(order.T)] == 0, kind="stable")][:MOST_ROWS]
     order = order[np.lexsort(order.T[::-1])]
-    values = np.stack([results[name] for name in names], axis=-1)
+    # No name is left where every run failed.
+    values = np.moveaxis(np.array([results[name] for name in names]), 0, -1) if names else None
     messages = results["message"] if results.has("message") else None
     return {
         "item": "run",
         "columns": [{"name": COLUMNS[name], "unit": unit_of(results, name)} for name in names],
         "controllers": labels,
         "rows": [
-            [int(c), int(r), _meaning(int(status[c, r])), *map(plain, values[c, r])]
+            [
+                int(c),
+                int(r),
+                _meaning(int(status[c, r])),
+                *map(plain, () if values is None else values[c, r]),
+            ]
             for c, r in order
         ],
         "messages": {

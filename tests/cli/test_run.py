@@ -301,6 +301,15 @@ def test_failed_runs_are_remembered(eqt: Eqt, plugins: None) -> None:
     assert "3 runs failed" in done.err
 
 
+def test_where_nothing_succeeded_the_failures_are_what_is_next(eqt: Eqt) -> None:
+    failing = ("--set", "solver.max_steps=20")
+    assert eqt("run", "c.yaml", *failing).out.endswith("next     eqt show results/c --failed\n")
+    assert eqt("show", "results/c", "--failed").out.count("step limit") == 6
+    assert eqt("report", "results/c").code == 0
+    page = Path("results/c/report.html").read_text(encoding="utf-8")
+    assert "figure &#39;paper&#39; has nothing to show, since every run failed" in page
+
+
 def test_many_failed_runs_are_cut_short(eqt: Eqt) -> None:
     done = eqt("run", "c.yaml", "--set", "solver.max_steps=20", "--set", "ensemble.runs=6")
     rows = done.err.strip().splitlines()

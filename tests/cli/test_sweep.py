@@ -85,6 +85,15 @@ def test_run_and_sweep_name_each_other(eqt: Eqt) -> None:
     assert done.err == ("eqt: c.yaml:10:1: the configuration sweeps; use: eqt sweep c.yaml\n")
 
 
+def test_the_result_of_a_sweep_is_swept_again(eqt: Eqt) -> None:
+    assert eqt("sweep", "c.yaml", "--grid", "gains.kd=1,2", "--out", "swept", "--quiet").code == 0
+    done = eqt("run", "swept")
+    result = Path("swept/results.h5")
+    assert done.code == 2
+    assert done.err.endswith(f": the configuration sweeps; use: eqt sweep {result}\n")
+    assert done.err.startswith(f"eqt: {result}[config]:")
+
+
 @pytest.mark.parametrize("text", ["gains.kp", "=1", "gains.kp="])
 def test_a_grid_that_is_none(eqt: Eqt, text: str) -> None:
     done = eqt("sweep", "c.yaml", "--grid", text)

@@ -197,6 +197,16 @@ def test_failed_runs_end_with_3(eqt: Eqt) -> None:
     assert row(document, "energy balance", "escape")["verdict"] == "undecided"
 
 
+def test_a_law_of_which_every_run_fails_is_not_asked_about_none(eqt: Eqt) -> None:
+    text = ESCAPE.replace("20 * s.V_tilde**3", "s.V.reshape(len(s.V), -1).reshape(s.V.shape) / 0.0")
+    Path("nan.py").write_text(text, encoding="utf-8")
+    done = eqt(
+        "verify", "c.yaml", "--set", "plugins=[nan.py]", "--set", "controllers=[eqt, escape]"
+    )
+    assert (done.code, done.err) == (3, "")
+    assert done.out.endswith("some runs failed\n")
+
+
 def test_a_hypothesis_never_fails(eqt: Eqt) -> None:
     off_plane = "controllers=[{kind: family, label: off, transport: 0.2}]"
     done = eqt("verify", "c.yaml", "--json", "--set", off_plane)

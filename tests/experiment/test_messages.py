@@ -588,6 +588,20 @@ def test_a_wrong_shape(message: Message, section: str, value: str | None, said: 
             "c.yaml:2:1: inertia: at t = 1 s: expected a positive definite matrix, got "
             "eigenvalues 0, 1, 1",
         ),
+        *(
+            (
+                "inertia",
+                text,
+                "c.yaml:2:1: inertia: at t = 0.732345 s: expected a positive definite matrix, got "
+                "the eigenvalue 0",
+            )
+            for text in (  # between two instants of the grid
+                "{initial: 1, factor: [['1 - t/0.732345', 0, 0], [0, 1, 0], [0, 0, 1]]}",
+                "{initial: 1, factor: [['1 - t/0.732345', 0, 0], [0, '1 - t/0.732345', 0], "
+                "[0, 0, '1 - t/0.732345']]}",
+                "{matrix: [['(1 - t/0.732345)**2', 0, 0], [0, 1, 0], [0, 0, 1]]}",
+            )
+        ),
         (
             "inertia",
             "{matrix: [[1, t, 0], [0, 1, 0], [0, 0, 1]]}",
