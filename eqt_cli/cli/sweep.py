@@ -21,7 +21,9 @@ MOST_CHECKED = 1000
 
 
 def sweep(
-    config: Annotated[Path, typer.Argument(help="YAML configuration, or a result to run again.")],
+    config: Annotated[
+        Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")
+    ],
     grid: Annotated[
         list[str] | None,
         typer.Option(
@@ -33,7 +35,9 @@ def sweep(
     ] = None,
     dry_run: Annotated[
         bool,
-        typer.Option("--dry-run", help="Print points, expected time and size; store nothing."),
+        typer.Option(
+            "--dry-run", metavar="", help="Print points, expected time and size; store nothing."
+        ),
     ] = False,
     out: options.Out = None,
     set_: options.Set = None,
