@@ -62,8 +62,7 @@ def sweep(
     from eqt_cli.experiment.source import read_config
     from eqt_cli.experiment.sweeping import add_grids, study
 
-    overrides = [*(set_ or ()), *([f"solver.engine={engine}"] if engine else ())]
-    source = read_config(config, overrides)
+    source = read_config(config, set_ or (), engine)
     add_grids(source, grid or ())
     found = study(
         source,
