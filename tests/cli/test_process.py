@@ -92,7 +92,8 @@ def test_ctrl_c_is_130_and_the_same_command_starts_again(process: Eqt, folder: P
     last = err.splitlines()[-1]
     assert re.fullmatch(
         r"eqt: interrupted; \d+ of 2000000 runs are kept in results/c"
-        r"( \(whole parts of \d+ are\))?: run the same command again to continue, or with --force to start over",
+        r"( \(whole parts of \d+ are\))?: "
+        r"run the same command again to continue, or with --force to start over",
         last,
     ), last
     assert process("run", "c.yaml").code == 0

@@ -118,7 +118,7 @@ def test_a_run_tells_how_far_it_is(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(progress, "LINE_EVERY", 0.0)
     done = eqt("run", "c.yaml", "--set", "solver.block=1")
     lines = done.err.splitlines()
-    assert all(re.fullmatch(r"\d/6 runs, \d+ runs/s, \d+ s left", line) for line in lines)
+    assert all(re.fullmatch(r"\d/6 runs, [\d.]+ runs/s, \d+ s left", line) for line in lines)
     assert lines[-1].startswith("6/6 runs, ")
     assert "runs/s" not in done.out
 
