@@ -13,12 +13,15 @@ FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 def main() -> None:
     """Run the command line and exit; the only place where errors become exit codes."""
     from eqt_cli.cli.app import app
+    from eqt_cli.cli.output import print_error
     from eqt_cli.core.errors import EqtError
 
     try:
         app()
     except EqtError as error:
         print(f"eqt: {error}" if "\n" not in str(error) else f"eqt:\n{error}", file=sys.stderr)
+        if "--json" in sys.argv:  # stdout is then one document, whatever happens
+            print_error(error)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
         print("eqt: interrupted; run the same command again", file=sys.stderr)

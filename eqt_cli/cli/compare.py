@@ -71,16 +71,20 @@ def compare(
     ] = 9999,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap.")] = 0,
     list_: Annotated[
-        bool, typer.Option("--list", help="List what this result can be compared by.")
+        bool, typer.Option("--list", metavar="", help="List what this result can be compared by.")
     ] = False,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Compare controllers run by run, with intervals, and test what the paper claims."""
     from eqt_cli.analysis.comparison import Window
     from eqt_cli.analysis.comparison import compare as compare_results
-    from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.output import print_json, say
+    from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.point import open_point
 
+    if json and format is not Format.TEXT:
+        raise EqtError("--json prints one document for all tables; leave --format out")
     windows = [Window.parse(text) for text in window or ()]
     with open_point(result, point) as results:
         if list_:
@@ -99,8 +103,10 @@ def compare(
         print_json(_document(comparison, result))
     elif format is Format.CSV:
         _print_csv(comparison, table or Table.PAIRS)
+        if table is None and not quiet:
+            say("these are the pairs; --table controllers and --table claims print the others")
     else:
-        _print_sheets(comparison, table, against or (), format)
+        _print_sheets(comparison, table, against or (), format, quiet=quiet)
 
 
 def _print_metrics(results: Results, json: bool) -> None:
@@ -176,7 +182,12 @@ def _print_csv(comparison: Comparison, table: Table) -> None:
 
 
 def _print_sheets(
-    comparison: Comparison, table: Table | None, against: list[str] | tuple[()], format: Format
+    comparison: Comparison,
+    table: Table | None,
+    against: list[str] | tuple[()],
+    format: Format,
+    *,
+    quiet: bool,
 ) -> None:
     from eqt_cli.analysis.comparison.notation import Latex, Plain
     from eqt_cli.analysis.comparison.tables import sheets
@@ -189,6 +200,8 @@ def _print_sheets(
     made = sheets(comparison, notation, chosen)
     shown = [made[name] for name in ([table] if table else made) if name in made]
     print("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
+    if quiet:
+        return
     for sentence in comparison.missing:
         say(textwrap.fill(sentence, 100))
     if not shown:

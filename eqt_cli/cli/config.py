@@ -33,6 +33,7 @@ def new(
             help="Shipped configuration to start from.",
         ),
     ] = "paper",
+    quiet: options.Quiet = False,
 ) -> None:
     """Write a shipped configuration to a file of your own."""
     from eqt_cli.cli.output import say
@@ -45,15 +46,17 @@ def new(
         return
     file = file or Path(f"{source}.yaml")
     try:
+        file.parent.mkdir(parents=True, exist_ok=True)
         with file.open("x", encoding="utf-8") as stream:
             stream.write(text)
-    except FileExistsError:
-        raise EqtError(f"{file}: exists already; give another name, or remove it") from None
     except OSError as error:
+        if file.exists():
+            raise EqtError(f"{file}: exists already; give another name, or remove it") from None
         reason = (error.strerror or str(error)).lower()
         raise EqtError(f"{file}: cannot be written: {reason}") from error
     print(file)
-    say(f"next: eqt run {file}")
+    if not quiet:
+        say(f"next: eqt run {file}")
 
 
 @app.command("check")
@@ -63,10 +66,12 @@ def check(
     ],
     set_: options.Set = None,
     resolved: Annotated[
-        bool, typer.Option("--resolved", help="Print it with every default written out.")
+        bool,
+        typer.Option("--resolved", metavar="", help="Print it with every default written out."),
     ] = False,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
+    quiet: options.Quiet = False,
 ) -> None:
     """Check a configuration without running it."""
     from eqt_cli.cli.output import print_json, say
@@ -93,7 +98,8 @@ def check(
         print_json(_document(config, [], found))
         return
     runs = experiment.config.ensemble.runs
-    say(f"{config}: fine")
+    if not quiet:
+        say(f"{config}: fine")
     print(
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")

@@ -98,8 +98,9 @@ def _interrupted(study: Study, out: Path) -> Exception:
 
     parts = ResultFolder(out).parts.listed()
     done = sum(study.plans.runs_of(number) for number in parts if number < len(study.plans))
+    whole = f" (whole parts of {study.plans.runs_of(0)} are)" if not done else ""
     return InterruptedRun(
-        f"interrupted; {done} of {study.plans.total} runs are kept in {out}: "
+        f"interrupted; {done} of {study.plans.total} runs are kept in {out}{whole}: "
         "run the same command again to continue, or with --force to start over"
     )
 

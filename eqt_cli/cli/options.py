@@ -38,8 +38,8 @@ Set = Annotated[
 Out = Annotated[
     Path | None, typer.Option("--out", metavar="DIR", parser=folder, help="Result folder.")
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON document.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print results only.")]
+Json = Annotated[bool, typer.Option("--json", metavar="", help="Print one JSON document.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", metavar="", help="Print results only.")]
 Workers = Annotated[
     int | None,
     typer.Option("--workers", min=1, metavar="N", help="Most cores to use; default: all."),
@@ -75,13 +75,18 @@ ShardOf = Annotated[
 Point = Annotated[
     int | None, typer.Option("--point", metavar="K", help="One point of a sweep, counted from 0.")
 ]
-Force = Annotated[bool, typer.Option("--force", help="Start over, removing what eqt wrote there.")]
+Force = Annotated[
+    bool, typer.Option("--force", metavar="", help="Start over, removing what eqt wrote there.")
+]
 RerunFailed = Annotated[
-    bool, typer.Option("--rerun-failed", help="Compute only those runs again that failed.")
+    bool,
+    typer.Option("--rerun-failed", metavar="", help="Compute only those runs again that failed."),
 ]
 TrustPlugins = Annotated[
     bool,
-    typer.Option("--trust-plugins", help="Execute plugin sources stored in a result file."),
+    typer.Option(
+        "--trust-plugins", metavar="", help="Execute plugin sources stored in a result file."
+    ),
 ]
 
 

@@ -7,7 +7,11 @@ import math
 import shutil
 import sys
 import textwrap
-from typing import Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from eqt_cli.core.errors import EqtError
 
 
 def say(message: str) -> None:
@@ -23,6 +27,12 @@ def warn(message: str) -> None:
 def print_json(document: Any) -> None:
     """One JSON document on stdout; numbers that JSON cannot hold become null."""
     print(json.dumps(_plain(document), indent=2, ensure_ascii=False))
+
+
+def print_error(error: EqtError) -> None:
+    """What went wrong as one JSON document, with the place of every problem that has one."""
+    problems = [asdict(problem) for problem in getattr(error, "problems", ())]
+    print_json({"error": str(error), "exit_code": error.exit_code, "problems": problems})
 
 
 def _plain(value: Any) -> Any:

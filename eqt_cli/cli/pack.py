@@ -11,7 +11,9 @@ from eqt_cli.cli import options
 
 
 def pack(
-    folder: Annotated[Path, typer.Argument(help="Result folder that all shards wrote to.")],
+    folder: Annotated[
+        Path, typer.Argument(metavar="FOLDER", help="Result folder that all shards wrote to.")
+    ],
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
 ) -> None:

@@ -19,7 +19,7 @@ def plot(
     result: Annotated[
         list[Path],
         typer.Argument(
-            metavar="RESULT...",
+            metavar="RESULT",
             help="Result folder, or its results.h5; several are drawn in one figure.",
         ),
     ],
@@ -70,7 +70,7 @@ def plot(
     ] = None,
     tex: Annotated[
         bool,
-        typer.Option("--tex", help="Let LaTeX set the text; needs TeX Live."),
+        typer.Option("--tex", metavar="", help="Let LaTeX set the text; needs TeX Live."),
     ] = False,
     out: Annotated[
         Path | None,

@@ -35,8 +35,7 @@ def run(
     from eqt_cli.experiment.source import read_config
     from eqt_cli.experiment.sweeping import study
 
-    overrides = [*(set_ or ()), *([f"solver.engine={engine}"] if engine else ())]
-    source = read_config(config, overrides)
+    source = read_config(config, set_ or (), engine)
     found = study(source, sweeping=False, trust_plugins=trust_plugins)
     run_study(
         found,

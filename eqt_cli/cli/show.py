@@ -19,31 +19,39 @@ def show(
         Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
     ],
     config: Annotated[
-        bool, typer.Option("--config", help="Print the resolved configuration.")
+        bool, typer.Option("--config", metavar="", help="Print the resolved configuration.")
     ] = False,
     plugins: Annotated[
-        bool, typer.Option("--plugins", help="Print the stored plugin sources.")
+        bool, typer.Option("--plugins", metavar="", help="Print the stored plugin sources.")
     ] = False,
-    variables: Annotated[bool, typer.Option("--variables", help="List the variables.")] = False,
-    failed: Annotated[bool, typer.Option("--failed", help="List every failed run.")] = False,
+    variables: Annotated[
+        bool, typer.Option("--variables", metavar="", help="List the variables.")
+    ] = False,
+    failed: Annotated[
+        bool, typer.Option("--failed", metavar="", help="List every failed run.")
+    ] = False,
     table: Annotated[
-        bool, typer.Option("--table", help="Print every run with its metrics, one row each.")
+        bool,
+        typer.Option("--table", metavar="", help="Print every run with its metrics, one row each."),
     ] = False,
     format_: Annotated[
-        str,
+        str | None,
         typer.Option(
             "--format",
             metavar="NAME",
             autocompletion=completion.words("csv", "jsonl"),
-            help="Of the table: csv or jsonl.",
+            help="Of the table: csv or jsonl; default: csv.",
         ),
-    ] = "csv",
+    ] = None,
     point: options.Point = None,
     json: options.Json = False,
 ) -> None:
     """Summarise a result: what was run, where, and what came out."""
+    from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.status import status_of
 
+    if format_ and not table:
+        raise EqtError("--format: is of --table; --json prints the rest for programs")
     asked = ((config, _config), (plugins, _plugins), (variables, _variables), (failed, _failed))
     view = next((view for wanted, view in asked if wanted), None)
     unfinished = None if view or table else status_of(result)
@@ -52,14 +60,13 @@ def show(
         return
 
     from eqt_cli.cli.tables import print_table
-    from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.point import open_point
 
     if json and table:
         raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
     with open_point(result, point) as results:
         if table:
-            print_table(results, format_)
+            print_table(results, format_ or "csv")
         else:
             (view or _summary)(results, json)
 

@@ -21,7 +21,9 @@ MOST_CHECKED = 1000
 
 
 def sweep(
-    config: Annotated[Path, typer.Argument(help="YAML configuration, or a result to run again.")],
+    config: Annotated[
+        Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")
+    ],
     grid: Annotated[
         list[str] | None,
         typer.Option(
@@ -33,7 +35,9 @@ def sweep(
     ] = None,
     dry_run: Annotated[
         bool,
-        typer.Option("--dry-run", help="Print points, expected time and size; store nothing."),
+        typer.Option(
+            "--dry-run", metavar="", help="Print points, expected time and size; store nothing."
+        ),
     ] = False,
     out: options.Out = None,
     set_: options.Set = None,
@@ -58,8 +62,7 @@ def sweep(
     from eqt_cli.experiment.source import read_config
     from eqt_cli.experiment.sweeping import add_grids, study
 
-    overrides = [*(set_ or ()), *([f"solver.engine={engine}"] if engine else ())]
-    source = read_config(config, overrides)
+    source = read_config(config, set_ or (), engine)
     add_grids(source, grid or ())
     found = study(
         source,

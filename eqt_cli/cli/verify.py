@@ -53,8 +53,7 @@ def verify(
             experiment = build(source_of(results), trust_plugins=trust_plugins)
             found = verify_results(experiment, results, workers)
     else:
-        overrides = [*(set_ or ()), *([f"solver.engine={engine}"] if engine else ())]
-        source = read_config(target, overrides)
+        source = read_config(target, set_ or (), engine)
         if point is not None:
             source = config_at(source, point)
         experiment = build(source, trust_plugins=trust_plugins)

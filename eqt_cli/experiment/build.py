@@ -180,7 +180,7 @@ def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
         return {name: getattr(config, name) for name in Config.model_fields}
     except ValidationError as error:
         data = deepcopy(data)
-        for path, message in problems_of(error, data, _known_keys):
+        for path, message in problems_of(error, data, _known_keys, _elsewhere):
             problems.add(path, message)
             if message.startswith(UNKNOWN_KEY):
                 _remove(data, path)  # the rest of its section can still be judged
@@ -222,9 +222,18 @@ def _known_keys(path: KeyPath) -> dict[str, str]:
         models = [model for annotation in annotations for model in _sections_in(annotation)]
     return {
         name: " ".join((field.description or "").split()).removesuffix(".")
+        + "".join(f", as {name}: {example}" for example in field.examples or ())
         for model in models
         for name, field in model.model_fields.items()
     }
+
+
+def _elsewhere(path: KeyPath) -> str | None:
+    """The section's key that is written without its section: ``gains.kp`` for ``kp``."""
+    if len(path) != 1:
+        return None
+    found = (name for name in Config.model_fields if path[0] in _known_keys((name,)))
+    return next((f"{name}.{path[0]}" for name in found), None)
 
 
 def _sections_in(annotation: Any) -> list[type[Section]]:

@@ -162,7 +162,7 @@ class Config(Section):
     """The configuration space: SO3, SE3, … (`eqt list groups`)."""
     inertia: InertiaValue
     """Inertia tensor 𝕀: scalar, diagonal, m×m matrix, or varying in time."""
-    gains: GainsSection
+    gains: GainsSection = Field(examples=["{kp: 1, kd: 1}"])
     """Gains of the control laws."""
     reference: dict[str, Any] | None = None
     """The desired trajectory: `kind` (default torque), its options, `pose` and `velocity`."""
@@ -174,7 +174,7 @@ class Config(Section):
     """Where the runs start."""
     ensemble: EnsembleSection = Field(default_factory=EnsembleSection)
     """How many runs."""
-    time: TimeSection
+    time: TimeSection = Field(examples=["{duration: 20}"])
     """The horizon and its samples."""
     solver: dict[str, Any] = Field(default_factory=dict)
     """`engine` and its options (`eqt list engines`)."""

@@ -10,9 +10,13 @@ from typing import Any
 
 from eqt_cli.core.errors import ConfigError, EqtError, Problem
 from eqt_cli.experiment import yaml_source
+from eqt_cli.experiment.listing import RESULTS
 from eqt_cli.experiment.translate import shown
 from eqt_cli.experiment.yaml_source import Source, dotted
 from eqt_cli.store.reader import Results, open_results
+
+_MOST_FILES = 5
+"""Named in a message."""
 
 KeyPath = tuple[str | int, ...]
 
@@ -43,23 +47,38 @@ class ConfigSource:
         return self.source.key_place(path)
 
 
-def read_config(path: Path, overrides: Sequence[str] = ()) -> ConfigSource:
+def read_config(
+    path: Path, overrides: Sequence[str] = (), engine: str | None = None
+) -> ConfigSource:
     """Read a YAML file, or the configuration inside a result file or folder, and apply overrides.
+
+    Parameters
+    ----------
+    overrides
+        ``KEY=VALUE``, as given with ``--set``.
+    engine
+        As given with ``--engine``.
 
     Raises
     ------
     ConfigError
         For what cannot be read as YAML, and for overrides that do not parse.
     """
+    if path.is_dir() and not (path / RESULTS).exists() and (there := sorted(path.glob("*.yaml"))):
+        listed = ", ".join(map(str, there[:_MOST_FILES])) + (", …" if there[_MOST_FILES:] else "")
+        raise EqtError(f"{path}: is a folder without a result; give one of its files: {listed}")
     if path.suffix == ".h5" or path.is_dir():
         config = _from_result(path)
     else:
         source = yaml_source.load(_text(path), str(path))
         config = ConfigSource(source, source.data, path.parent)
     problems: list[Problem] = []
-    for index, override in enumerate(overrides):
+    places = [(f"--set[{index}]", override) for index, override in enumerate(overrides)]
+    if engine is not None:
+        places.append(("--engine", f"solver.engine={engine}"))
+    for place, override in places:
         try:
-            _apply(config, override, f"--set[{index}]")
+            _apply(config, override, place)
         except ConfigError as error:
             problems += error.problems
     if problems:

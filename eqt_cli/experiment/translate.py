@@ -40,7 +40,10 @@ _EXPECTED = {
 
 
 def problems_of(
-    error: ValidationError, data: Any, known: Callable[[Path], Mapping[str, str]]
+    error: ValidationError,
+    data: Any,
+    known: Callable[[Path], Mapping[str, str]],
+    elsewhere: Callable[[Path], str | None] = lambda path: None,
 ) -> list[tuple[Path, str]]:
     """(path, message) for each error, at the path that the user wrote.
 
@@ -50,6 +53,8 @@ def problems_of(
         What pydantic found in `data`.
     known
         The keys that a mapping at a path may have, for suggestions, with their meanings.
+    elsewhere
+        Where a key belongs that is unknown at a path, if that is clear.
     """
     messages: dict[Path, str] = {}
     expected: dict[Path, list[str]] = {}
@@ -57,7 +62,7 @@ def problems_of(
         kind, context = detail["type"], detail.get("ctx", {})
         path = _written(detail["loc"], data, missing=kind == "missing")
         if kind in ("extra_forbidden", "unexpected_keyword_argument"):
-            messages[path] = _unknown(str(path[-1]), known(path[:-1]))
+            messages[path] = _unknown(str(path[-1]), known(path[:-1]), elsewhere(path))
         elif kind == "missing":
             meaning = known(path[:-1]).get(str(path[-1]))
             messages[path] = f"missing; expected: {meaning}" if meaning else MISSING
@@ -71,8 +76,11 @@ def problems_of(
         if path not in messages and not any(
             _below(other, path) for other in [*expected, *messages]
         ):
-            words = _listed(list(dict.fromkeys(alternatives)))
-            messages[path] = f"expected {words}, got {shown(_at(path, data))}"
+            words, value = _listed(list(dict.fromkeys(alternatives))), _at(path, data)
+            alone = len(path) == 1 and isinstance(value, str)
+            if alone and words == _EXPECTED["list_type"]:
+                words += f", as [{value}]"
+            messages[path] = f"expected {words}, got {shown(value)}"
     return list(messages.items())
 
 
@@ -100,7 +108,9 @@ def _listed(alternatives: list[str]) -> str:
     return f"{', '.join(first).replace(' or ', ', ')} or {last}" if first else last
 
 
-def _unknown(key: str, known: Mapping[str, str]) -> str:
+def _unknown(key: str, known: Mapping[str, str], deeper: str | None) -> str:
+    if deeper:
+        return f"{UNKNOWN_KEY}; did you mean '{deeper}'?"
     others = [name for name in known if name != key]  # of a union, `key` may be known elsewhere
     return UNKNOWN_KEY + (suggestion(key, others) or f"; known here: {', '.join(others)}")
 

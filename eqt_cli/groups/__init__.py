@@ -21,7 +21,10 @@ def group_named(name: str) -> MatrixLieGroup:
             return group
     known = [example for kind in groups.all() for example in kind.examples()]
     hint = suggestion(name, known)
-    raise ComponentError(f"unknown group '{name}'{hint or ';'} known: {', '.join(known)}")
+    simple = [example for example in known if "*" not in example]
+    products = [example for example in known if example not in simple]
+    listed = ", ".join(simple) + f" and products such as {products[0]}" * bool(products)
+    raise ComponentError(f"unknown group '{name}'{hint or ';'} known: {listed}")
 
 
 __all__ = ["MatrixLieGroup", "Part", "group_named", "groups"]

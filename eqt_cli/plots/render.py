@@ -145,6 +145,7 @@ def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
         detail = error.errors(include_url=False)[0]
         wrong = str(detail["loc"][0])
         expected = detail["msg"].removeprefix("Input should be ")
+        expected = "true or false" if detail["type"].startswith("bool") else expected
         raise EqtError(
             f"figure '{name}', option '{wrong}': got {options[wrong]!r}; expected {expected}"
         ) from error
@@ -155,4 +156,5 @@ def _one_of(what: str, given: str, known: Sequence[Choice]) -> Choice:
     for word in known:
         if word == given:
             return word
-    raise EqtError(f"unknown {what} '{given}'{suggestion(given, known)}; known: {', '.join(known)}")
+    hint = suggestion(given, known) or ";"
+    raise EqtError(f"unknown {what} '{given}'{hint} known: {', '.join(known)}")

@@ -154,3 +154,23 @@ def test_the_window_of_a_stored_metric_is_its_own(invoke, paper_result):
     listed = json.loads(invoke("compare", paper_result, "--list", "--json").stdout)
     windows = {row["metric"]: row["window"] for row in listed}
     assert (windows["early_torque"], windows["energy_residual"]) == ("0:5 s", "whole run")
+
+
+def test_one_form_is_printed(eqt, folder):
+    eqt("run", "c.yaml", "--quiet")
+    done = eqt("compare", "results/c", "--format", "csv", "--json")
+    assert (done.code, done.err) == (
+        2,
+        "eqt: --json prints one document for all tables; leave --format out\n",
+    )
+
+
+def test_csv_is_of_one_table_and_says_so(eqt, folder):
+    eqt("run", "c.yaml", "--quiet")
+    done = eqt("compare", "results/c", "--format", "csv")
+    assert done.out.startswith("metric,")
+    assert done.err == (
+        "these are the pairs; --table controllers and --table claims print the others\n"
+    )
+    assert eqt("compare", "results/c", "--format", "csv", "-q").err == ""
+    assert eqt("compare", "results/c", "-q").err == ""

@@ -41,8 +41,8 @@ def test_new_to_stdout(eqt: Eqt, folder: Path) -> None:
     [
         (["c.yaml"], "eqt: c.yaml: exists already; give another name, or remove it\n"),
         (
-            ["no/c.yaml"],
-            f"eqt: {Path('no/c.yaml')}: cannot be written: no such file or directory\n",
+            ["c.yaml/c.yaml"],
+            f"eqt: {Path('c.yaml/c.yaml')}: cannot be written: file exists\n",
         ),
         (["--from", "papre"], "eqt: unknown configuration 'papre'; did you mean 'paper'?\n"),
         (
@@ -196,3 +196,19 @@ def test_no_such_key(eqt: Eqt, key: str, hint: str) -> None:
     done = eqt("config", "keys", key)
     assert (done.code, done.out) == (2, "")
     assert done.err.startswith(f"eqt: no key '{key}' in a configuration{hint}")
+
+
+def test_new_makes_the_folder_and_can_be_quiet(eqt: Eqt, folder: Path) -> None:
+    done = eqt("config", "new", "deep/er/mine.yaml", "-q")
+    assert (done.code, done.out, done.err) == (0, f"{Path('deep/er/mine.yaml')}\n", "")
+    assert Path("deep/er/mine.yaml").is_file()
+
+
+def test_errors_are_a_document_with_json(eqt: Eqt) -> None:
+    done = eqt("run", "c.yaml", "--json", "--set", "gains.kq=2")
+    assert done.code == 2
+    document = json.loads(done.out)
+    assert done.err == f"eqt: {document['error']}\n"
+    assert document["exit_code"] == 2
+    [problem] = document["problems"]
+    assert (problem["path"], problem["place"]) == ("gains.kq", "--set[0]")

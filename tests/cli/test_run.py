@@ -224,7 +224,7 @@ def test_a_wrong_configuration(eqt: Eqt, folder: Path) -> None:
     text = (folder / "c.yaml").read_text(encoding="utf-8")
     wrong = text.replace("[2, 1, 3]", "[[1, 2, 3], [4, 5, 6]]").replace("kd: 0.5", "kd: 0")
     (folder / "c.yaml").write_text(wrong, encoding="utf-8")
-    done = eqt("run", "c.yaml", "--json")
+    done = eqt("run", "c.yaml")
     assert (done.code, done.out) == (2, "")
     assert done.err == (
         "eqt:\n"
@@ -242,11 +242,11 @@ def test_a_wrong_configuration(eqt: Eqt, folder: Path) -> None:
             "no.yaml: does not exist; give a YAML file, which `eqt config new` writes, or a result",
         ),
         (["no.h5"], "no.h5: does not exist; give a result folder or its results.h5"),
-        (["."], ".: the folder holds no results.h5; run its experiment to the end first"),
+        (["."], ".: is a folder without a result; give one of its files: c.yaml"),
         (["c.yaml", "--set", "gains.kp"], "--set[0]: expected KEY=VALUE, got 'gains.kp'"),
         (
             ["c.yaml", "--engine", "solveivp"],
-            "--set[0]: solver.engine: unknown engine 'solveivp'; did you mean 'solve_ivp'?",
+            "--engine: solver.engine: unknown engine 'solveivp'; did you mean 'solve_ivp'?",
         ),
     ],
 )

@@ -153,7 +153,7 @@ def test_every_part_is_json_too(eqt: Eqt) -> None:
 
 def test_a_table_is_no_json_document(eqt: Eqt, result: str) -> None:
     done = eqt("show", result, "--table", "--json")
-    assert (done.code, done.out) == (2, "")
+    assert (done.code, json.loads(done.out)["exit_code"]) == (2, 2)
     assert done.err == (
         "eqt: --json: a table has no such form; use --format jsonl, a document per row\n"
     )
@@ -185,3 +185,10 @@ def test_parts_of_an_unfinished_result_are_not_there(eqt: Eqt, folder: Path, par
 def test_what_is_no_result(eqt: Eqt, path: str, said: str) -> None:
     done = eqt("show", path)
     assert (done.code, done.out, done.err) == (2, "", said)
+
+
+def test_a_format_is_of_the_table(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--quiet")
+    done = eqt("show", "results/c", "--format", "csv")
+    assert (done.code, done.out) == (2, "")
+    assert done.err == "eqt: --format: is of --table; --json prints the rest for programs\n"

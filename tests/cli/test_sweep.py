@@ -152,3 +152,11 @@ def test_an_unknown_format_of_the_table(eqt: Eqt) -> None:
         2,
         "eqt: --format: unknown format 'cvs'; did you mean 'csv'?\n",
     )
+
+
+def test_a_value_that_is_given_twice(eqt: Eqt) -> None:
+    done = eqt("sweep", "c.yaml", "--grid", "gains.kp=0.5,1,0.50")
+    assert done.code == 2
+    assert done.err == (
+        "eqt: --grid[0]: sweep[0].grid.gains.kp[2]: 0.5 is there already; give every value once\n"
+    )

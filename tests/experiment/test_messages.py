@@ -16,7 +16,6 @@ from eqt_cli.core.registry import Registry
 from eqt_cli.engines import engines
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.velocities import velocity_distributions
-from eqt_cli.groups import groups
 from eqt_cli.references import references
 
 Message = Callable[..., str]
@@ -111,6 +110,11 @@ def names(registry: Registry[Any]) -> str:
             "c.yaml:6:41: initial.pose.position.sdt: unknown key; did you mean 'std'?",
         ),
         (
+            "kp",
+            "2",
+            "c.yaml:10:1: kp: unknown key; did you mean 'gains.kp'?",
+        ),
+        (
             "inertia",
             "{matrix: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], initial: 1}",
             "c.yaml:2:54: inertia.initial: unknown key; known here: factor, matrix",
@@ -139,7 +143,8 @@ def test_an_unknown_key(message: Message, section: str, value: str | None, said:
         (
             "gains",
             None,
-            "c.yaml:1:1: gains: missing; expected: Gains of the control laws",
+            "c.yaml:1:1: gains: missing; expected: Gains of the control laws, "
+            "as gains: {kp: 1, kd: 1}",
         ),
         (
             "controllers",
@@ -150,7 +155,8 @@ def test_an_unknown_key(message: Message, section: str, value: str | None, said:
         (
             "time",
             None,
-            "c.yaml:1:1: time: missing; expected: The horizon and its samples",
+            "c.yaml:1:1: time: missing; expected: The horizon and its samples, "
+            "as time: {duration: 20}",
         ),
         (
             "reference",
@@ -252,7 +258,7 @@ def test_a_missing_key(message: Message, section: str, value: str | None, said: 
         (
             "reference",
             '{torque: "cos(t)"}',
-            "c.yaml:4:13: reference.torque: expected a list, got 'cos(t)'",
+            "c.yaml:4:13: reference.torque: expected a list, as [cos(t)], got 'cos(t)'",
         ),
         (
             "reference",
@@ -288,7 +294,7 @@ def test_a_missing_key(message: Message, section: str, value: str | None, said: 
         (
             "controllers",
             "eqt",
-            "c.yaml:5:1: controllers: expected a list, got 'eqt'",
+            "c.yaml:5:1: controllers: expected a list, as [eqt], got 'eqt'",
         ),
         (
             "controllers",
@@ -886,7 +892,7 @@ def test_a_trap_of_yaml(message: Message, section: str, value: str | None, said:
             "c.yaml:2:1: inertia: expected 6 diagonal entries for SO3*R3, got 3\n"
             "c.yaml:4:13: reference.torque: expected 6 expressions for SO3*R3, got 3\n"
             "c.yaml:6:17: initial.pose.kind: haar needs a group of rotations; SO3*R3 takes "
-            "exp_normal",
+            "exp_normal, or a list of 2, one per factor",
         ),
     ],
 )
@@ -956,7 +962,7 @@ def test_an_unknown_component(
 
 
 def test_an_unknown_group(message: Message) -> None:
-    known = ", ".join(name for kind in groups.all() for name in kind.examples())
+    known = "R1, R3, SE2, SE23, SE3, SO2, SO3 and products such as SO3*R3"
     assert message(group="SO4") == (
         f"c.yaml:1:1: group: unknown group 'SO4'; did you mean 'SO3'? known: {known}"
     )

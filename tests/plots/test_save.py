@@ -113,7 +113,7 @@ def test_options_come_as_data():
             "figure 'paper', option 'bands': got 'some'; "
             "expected 'none', 'quantiles' or 'bootstrap'",
         ),
-        ("paper", {"log": 1}, "figure 'paper', option 'log': got 1; expected a valid boolean"),
+        ("paper", {"log": 1}, "figure 'paper', option 'log': got 1; expected true or false"),
         (
             "paper",
             {"controllers": "eqt"},
@@ -134,5 +134,5 @@ def test_unknown_formats_and_widths_are_explained(so3, opened, tmp_path):
     with pytest.raises(EqtError) as caught:
         render([opened(so3)], "paper", tmp_path, ["pdf"], "columns")
     assert (
-        str(caught.value) == "unknown width 'columns'; did you mean 'column'?; known: column, page"
+        str(caught.value) == "unknown width 'columns'; did you mean 'column'? known: column, page"
     )

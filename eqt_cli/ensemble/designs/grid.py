@@ -30,7 +30,11 @@ class Grid(Design):
     @classmethod
     def parse(cls, section: Any, note: Note) -> Self | None:
         axes = axes_of(section, note)
-        return None if axes is None else cls(axes, spelt_out(section))
+        if axes is None:
+            return None
+        spelt = spelt_out(section)
+        twice = [key for key in spelt if _repeated(axes[key], key, note)]
+        return None if twice else cls(axes, spelt)
 
     @classmethod
     def schema(cls, around: Surroundings) -> Schema:
@@ -51,6 +55,17 @@ class Grid(Design):
         for key, values in reversed(self.axes.items()):
             point, indices[key] = divmod(point, len(values))
         return indices
+
+
+def _repeated(values: list[Any], key: str, note: Note) -> bool:
+    """Whether a value of an axis is there a second time, which would make equal points."""
+    seen: dict[str, Any] = {}
+    for index, value in enumerate(values):
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if seen.setdefault(repr(float(value) if number else value), index) != index:
+            note((key, index), f"{value} is there already; give every value once")
+            return True
+    return False
 
 
 def axes_of(section: Any, note: Note) -> dict[str, list[Any]] | None:

@@ -12,6 +12,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.ensemble.spread import Spread
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.groups.product import ProductGroup
 
 
 @dataclass(frozen=True)
@@ -80,7 +81,10 @@ class RotationDistribution(PoseDistribution):
     def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
         """A group without rotations, or a column that it does not have."""
         if not isinstance(G, EuclideanGroup) or not G.rotations:
-            return [("kind", f"{self.name} needs a group of rotations; {G.name} takes exp_normal")]
+            takes = f"{G.name} takes exp_normal"
+            if isinstance(G, ProductGroup):
+                takes += f", or a list of {len(G.factors)}, one per factor"
+            return [("kind", f"{self.name} needs a group of rotations; {takes}")]
         found = []
         for column in ("position", "velocity"):
             spread: Spread | None = getattr(self, column)
