@@ -32,7 +32,7 @@ def report(
     json: options.Json = False,
 ) -> None:
     """Write one self-contained HTML page: figures, comparison, certificates, every run."""
-    from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.output import print_json, say
     from eqt_cli.cli.verification import certificates
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.point import open_point
@@ -47,6 +47,7 @@ def report(
             rows, unverified = [] if sweeps else certificates(results, trust_plugins), ""
         except EqtError as error:
             rows, unverified = [], f"The result could not be verified: {error}"
+            say(f"the page has no certificates; {unverified[0].lower()}{unverified[1:]}")
         page = make_page(results, shown, rows, unverified).encode()
         within = Path() if point is None else options.point_folder(point)
         path = out or results.path.parent / within / "report.html"

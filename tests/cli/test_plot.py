@@ -50,3 +50,15 @@ def test_tex_needs_latex(eqt: Eqt, result: str, monkeypatch: pytest.MonkeyPatch)
     done = eqt("plot", result, "--tex")
     assert (done.code, done.out) == (2, "")
     assert done.err.startswith("eqt: LaTeX needs the program 'latex', which is not found; install ")
+
+
+def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt: Eqt) -> None:
+    grid = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=1,2", "--grid", "ensemble.seed=1,2")
+    eqt("sweep", "c.yaml", *grid, "--out", "out")
+    done = eqt("plot", "out", "--format", "svg")
+    assert done.err == (
+        "figure 'sweep' has room for two swept keys, and here are 3 (gains.kp, gains.kd, "
+        "ensemble.seed); drawn is 'pareto', and --point draws single points\n"
+    )
+    assert done.out.endswith(f"figure   {Path('out/figures/pareto.svg')}\n")
+    assert eqt("plot", "out", "--format", "svg", "-q").err == ""
