@@ -127,8 +127,9 @@ def motion(results: Results, run: int, controllers: Sequence[str] = ()) -> Motio
     moving = next((part for part in parts if part.pose_unit == "m"), None)
     if turning is None and moving is None:
         raise EqtError(
-            f"{results.path}: a pose of {results.attributes.get('group')} is neither a rotation nor "
-            "a place in metres, so no body can be shown; `eqt plot --figure runs` draws its runs"
+            f"{results.path}: a pose of {results.attributes.get('group')} is neither a rotation "
+            "nor a place in metres, so no body can be shown; `eqt plot --figure runs` draws its "
+            "runs"
         )
     at = {run_dimension(results): stored.index(run)}
     end = f"_{turning.name}" if turning and results.has(f"pose_error_{turning.name}") else ""

@@ -47,8 +47,8 @@ def test_group_without_a_body_to_show(results, monkeypatch):
     with pytest.raises(EqtError) as caught:
         motion(results, 0)
     assert str(caught.value) == (
-        f"{results.path}: a pose of SO3 is neither a rotation nor a place in metres, so no body can "
-        "be shown; `eqt plot --figure runs` draws its runs"
+        f"{results.path}: a pose of SO3 is neither a rotation nor a place in metres, so no body "
+        "can be shown; `eqt plot --figure runs` draws its runs"
     )
 
 
