@@ -8,6 +8,9 @@ In notebooks and scripts::
     result = eqt_cli.run(experiment)
     data = eqt_cli.open_results(result)  # an xarray Dataset
     eqt_cli.compare(result, metrics=["mean_torque"], windows=["0:5"])
+    eqt_cli.verify(result).failures
+    eqt_cli.plot(result, "paper", options={"log": True})
+    eqt_cli.write_report(result)
 """
 
 from __future__ import annotations
@@ -21,7 +24,10 @@ if TYPE_CHECKING:
         compare,
         load_experiment,
         open_results,
+        plot,
         run,
+        verify,
+        write_report,
     )
 
 __version__ = "0.1.0"
@@ -33,7 +39,10 @@ __all__ = [
     "compare",
     "load_experiment",
     "open_results",
+    "plot",
     "run",
+    "verify",
+    "write_report",
 ]
 
 

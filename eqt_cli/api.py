@@ -1,4 +1,4 @@
-"""What notebooks and scripts use: load, run, open, compare; it must not know the command line.
+"""What notebooks and scripts call, from loading to drawing; it must not know the command line.
 
 Everything here is also an attribute of `eqt_cli` itself.
 """
@@ -8,24 +8,27 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, overload
 
+from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
 from eqt_cli.analysis.comparison.compare import CONFIDENCE, RESAMPLES, SEED
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.ensemble.executors import Executor, executors
 from eqt_cli.experiment import yaml_source
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.execute import Progress, execute
 from eqt_cli.experiment.point import open_point, point_of
-from eqt_cli.experiment.source import ConfigSource, read_config
+from eqt_cli.experiment.source import ConfigSource, read_config, source_of
 from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.sweeping import study
+from eqt_cli.experiment.verify import RUNS, Verification, verify_experiment, verify_results
 from eqt_cli.store.layout import point_group
 from eqt_cli.store.reader import Results
 from eqt_cli.store.reader import open_results as open_arrays
@@ -35,6 +38,9 @@ if TYPE_CHECKING:
 
 Configuration = str | os.PathLike[str] | Mapping[str, Any]
 """A YAML file, a result whose configuration to use, or the configuration itself."""
+
+ResultPath = str | os.PathLike[str]
+"""A result folder, or the file in it; a `StoredResult` is one."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +82,9 @@ class LoadedExperiment:
 
     def __repr__(self) -> str:
         runs = self.experiment.config.ensemble.runs
+        points = f"{len(self.study)} points, each with " if self.study.sweep else ""
         return (
-            f"<experiment {self.name} on {self.experiment.group.name}: {runs} runs of "
+            f"<experiment {self.name} on {self.experiment.group.name}: {points}{runs} runs of "
             f"{', '.join(self.controllers)}>"
         )
 
@@ -329,6 +336,186 @@ def compare(
             resamples=resamples,
             seed=seed,
         )
+
+
+def plot(
+    result: ResultPath | Sequence[ResultPath],
+    figure: str = "paper",
+    out: str | os.PathLike[str] | None = None,
+    *,
+    formats: Sequence[str] = ("pdf", "svg", "png"),
+    width: str = "column",
+    options: Mapping[str, Any] | None = None,
+    style: Sequence[str] = (),
+    tex: bool = False,
+    point: int | None = None,
+    trust_plugins: bool = False,
+) -> list[Path]:
+    """Draw a figure of a result, or one of several, and write it as files.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it; several to draw them in one figure.
+    figure
+        Its name, as ``eqt list figures`` shows them.
+    out
+        The folder; ``figures`` in that of the first result if not given.
+    formats
+        ``pdf``, ``svg``, ``png``, or ``json`` for the numbers.
+    width
+        ``column`` (3.5 in) or ``page`` (7.16 in).
+    options
+        Of the figure, as ``{"log": True}``.
+    style
+        Matplotlib style sheets to lay over eqt's own.
+    tex
+        Let LaTeX set the text.
+    point
+        Of a sweep, counted from 0.
+    trust_plugins
+        Execute plugin sources that are stored in the result, where the figure shows certificates.
+
+    Returns
+    -------
+    list of Path
+        The files, one per format.
+
+    Raises
+    ------
+    EqtError
+        If there is no such result, figure or option, or the result lacks what it shows.
+    """
+    from eqt_cli.plots import OfCertificates, figures
+    from eqt_cli.plots.render import render
+    from eqt_cli.plots.style import Style
+
+    paths = [result] if isinstance(result, (str, os.PathLike)) else list(result)
+    if not paths:
+        raise EqtError("result: expected a result or several, got none")
+    with ExitStack() as stack:
+        opened = [stack.enter_context(open_point(Path(path), point)) for path in paths]
+        shown = issubclass(figures.get(figure), OfCertificates)
+        rows = _verified(opened[0], trust_plugins, 1).rows if shown else []
+        within = Path("figures") if point is None else Path("figures") / f"point_{point}"
+        folder = opened[0].path.parent / within if out is None else Path(out)
+        look = Style(tuple(style), tex)
+        return render(
+            opened, figure, folder, formats, width, options, style=look, certificates=rows
+        )
+
+
+def write_report(
+    result: ResultPath,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    figures: Sequence[str] = (),
+    point: int | None = None,
+    trust_plugins: bool = False,
+    workers: int = 1,
+) -> Path:
+    """Write a result as one HTML page that needs no network: figures, comparison, certificates.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    out
+        The page; ``report.html`` in the result folder if not given.
+    figures
+        Names of those to show; a choice if empty.
+    point
+        Of a sweep, counted from 0.
+    trust_plugins
+        Execute plugin sources that are stored in the result; without, a result with plugins gets a
+        page without certificates, which says so.
+    workers
+        Cores to use.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    EqtError
+        If there is no such result or figure, or the page cannot be written.
+    """
+    from eqt_cli.plots.save import write
+    from eqt_cli.report import report
+    from eqt_cli.report.figures import named
+
+    with open_point(Path(result), point) as opened:
+        wanted = named(figures) if figures else None
+        rows: list[Row] = []
+        unverified = ""
+        if "point" not in opened.dimensions:
+            try:
+                rows = _verified(opened, trust_plugins, workers).rows
+            except EqtError as error:
+                unverified = f"The result could not be verified: {error}"
+        page = report(opened, wanted, rows, unverified)
+        within = Path() if point is None else Path("figures") / f"point_{point}"
+        path = opened.path.parent / within / "report.html" if out is None else Path(out)
+    write({path: page.encode()})
+    return path
+
+
+def verify(
+    target: LoadedExperiment | Configuration,
+    *,
+    runs: int | None = None,
+    point: int | None = None,
+    trust_plugins: bool = False,
+    workers: int = 1,
+) -> Verification:
+    """Check the paper's statements on an experiment or on the runs of a result.
+
+    Parameters
+    ----------
+    target
+        From `load_experiment`, or what that takes. Of a result folder or file, the stored runs are
+        judged; of all else, new ones.
+    runs
+        New runs per controller, at most those of the experiment; 20 if not given.
+    point
+        Of a sweep, counted from 0; the first of an experiment if not given.
+    trust_plugins
+        Execute plugin sources that are stored in a result file.
+    workers
+        Cores to use.
+
+    Returns
+    -------
+    Verification
+        Its ``rows`` have a verdict each; ``failures`` are those that refute a statement.
+
+    Raises
+    ------
+    EqtError
+        If the target cannot be read, or is a sweep's result and no point is given.
+    """
+    if not isinstance(target, (LoadedExperiment, Mapping)):
+        path = Path(target)
+        if path.suffix == ".h5" or path.is_dir():
+            if runs is not None:
+                raise EqtError(f"{path}: a result is verified as it is; leave runs out")
+            with open_point(path, point) as opened:
+                return _verified(opened, trust_plugins, workers)
+    if not isinstance(target, LoadedExperiment):
+        target = load_experiment(target, trust_plugins=trust_plugins)
+    if not 0 <= (point or 0) < len(target.study):
+        raise EqtError(f"point: expected one of 0 to {len(target.study) - 1}, got {point}")
+    experiment = target.study.experiment(point or 0)
+    count = min(runs or RUNS, experiment.config.ensemble.runs)
+    return verify_experiment(experiment, count, workers=workers)
+
+
+def _verified(results: Results, trust_plugins: bool, workers: int) -> Verification:
+    """What the verification of an open result finds."""
+    experiment = build(source_of(results), trust_plugins=trust_plugins)
+    return verify_results(experiment, results, workers)
 
 
 def _path(name: str, given: Any) -> Path:

@@ -11,7 +11,7 @@ import pytest
 
 import eqt_cli
 from eqt_cli import api
-from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.core.errors import ConfigError, EqtError, ResultError
 from eqt_cli.store.reader import Results
 
 ROOT = Path(__file__).parents[1]
@@ -196,3 +196,76 @@ def test_tutorial_runs_as_it_stands(tmp_path):
     assert done.returncode == 0, done.stderr
     assert "mean_torque, eqt − gt: -" in done.stdout
     assert "kd = 1.0: final attitude error of eqt" in done.stdout
+
+
+def test_a_sweep_says_how_many_points_it_has():
+    sweep = [{"grid": {"gains.kd": [1, 2, 3]}}]
+    loaded = eqt_cli.load_experiment(PAPER, {**FEW, "sweep": sweep})
+    assert (
+        repr(loaded)
+        == "<experiment paper on SO3: 3 points, each with 3 runs of eqt, gt, nog, asym>"
+    )
+
+
+def test_figures_are_drawn_into_the_result_folder(result):
+    files = eqt_cli.plot(result, "paper", formats=["svg", "json"], options={"log": True})
+    assert files == [result.path / "figures" / name for name in ("paper.svg", "paper.json")]
+    assert all(file.exists() for file in files)
+
+
+def test_figures_of_several_results_and_of_certificates(result, tmp_path):
+    both = eqt_cli.plot([result, str(result.path)], out=tmp_path, formats=["svg"])
+    assert both == [tmp_path / "paper.svg"]
+    assert eqt_cli.plot(result, "certificates", tmp_path, formats=["svg"])[0].exists()
+    with pytest.raises(EqtError) as caught:
+        eqt_cli.plot([])
+    assert str(caught.value) == "result: expected a result or several, got none"
+
+
+def test_reports_are_written_into_the_result_folder(result, tmp_path):
+    assert eqt_cli.write_report(result) == result.path / "report.html"
+    page = eqt_cli.write_report(result, tmp_path / "page.html", figures=["torque"])
+    assert "could not be verified" not in page.read_text(encoding="utf-8")
+
+
+def test_results_and_experiments_are_verified(result):
+    found = eqt_cli.verify(result)
+    assert (found.runs, found.failures) == (12, [])
+    anew = eqt_cli.verify(eqt_cli.load_experiment(PAPER, FEW), runs=2)
+    assert (anew.runs, anew.failures) == (8, [])
+
+
+def test_what_verify_refuses(result):
+    with pytest.raises(EqtError) as caught:
+        eqt_cli.verify(result, runs=2)
+    assert str(caught.value) == f"{result.path}: a result is verified as it is; leave runs out"
+    with pytest.raises(EqtError) as caught:
+        eqt_cli.verify(eqt_cli.load_experiment(PAPER, FEW), point=1)
+    assert str(caught.value) == "point: expected one of 0 to 0, got 1"
+
+
+def test_controllers_are_selected_by_label(result):
+    with eqt_cli.open_results(result, "arrays") as data:
+        assert np.array_equal(data.read("effort", controller="gt"), data["effort"][1])
+        chosen = data.read("effort", controller=["asym", "eqt"])
+        assert np.array_equal(chosen, data["effort"][[3, 0]])
+        with pytest.raises(ResultError) as caught:
+            data.read("effort", controller="gtt")
+        assert (
+            str(caught.value)
+            == f"{data.path}: 'effort': controller: has no 'gtt'; did you mean 'gt'?"
+        )
+        with pytest.raises(ResultError) as caught:
+            data.read("effort", run="first")
+        assert str(caught.value) == (
+            f"{data.path}: 'effort': run: has no labels, so 'first' selects nothing; use positions"
+        )
+
+
+def test_open_results_describe_themselves(result):
+    with eqt_cli.open_results(result, "arrays") as data:
+        text = repr(data)
+    assert text.startswith(
+        f"<results {data.path}: {len(data.names)} variables over controller 4, run 3"
+    )
+    assert repr(data) == text.removesuffix(">") + ", closed>"

@@ -85,6 +85,23 @@ def energy_residual(lyapunov: Array, balance: Array) -> Array:
     return residual / np.maximum(initial[:, 0], ENERGY_SCALE)
 
 
+def unit_in(pattern: str, unit: str) -> str:
+    """The unit of what is computed from a signal: ``({})^2 s`` of N m is (N m)^2 s, of N N^2 s.
+
+    Parameters
+    ----------
+    pattern
+        With ``{}`` for the signal's unit, if it depends on it.
+    unit
+        The signal's; ``mixed`` gives ``mixed``, and 1 is left out of squares.
+    """
+    if unit == "mixed" and "{}" in pattern:
+        return unit
+    if unit == "1":
+        pattern = pattern.removeprefix("({})^2 ")
+    return (pattern.replace("({})", "{}") if unit.isalpha() else pattern).format(unit)
+
+
 METRICS = (
     Metric(
         "effort",

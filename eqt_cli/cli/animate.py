@@ -10,6 +10,11 @@ import typer
 
 from eqt_cli.cli import options
 
+AS_PLUGIN = (
+    "the result holds plugins, which are executed only on request; read them with `eqt show "
+    "--plugins`, then add --trust-plugins"
+)
+
 
 class Format(StrEnum):
     """Files that are written."""
@@ -46,13 +51,18 @@ def animate(
         ),
     ] = None,
     point: options.Point = None,
+    trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Show one run: bodies against the reference frame, error and torque as they go."""
     from eqt_cli.cli.output import print_json, say
+    from eqt_cli.core.errors import ComponentError, EqtError
+    from eqt_cli.experiment.plugins import load_stored_plugins
     from eqt_cli.experiment.point import open_point
+    from eqt_cli.experiment.source import source_of
     from eqt_cli.plots.animation import gif
+    from eqt_cli.plots.motion import motion
     from eqt_cli.plots.save import check_targets, write
     from eqt_cli.report.animation import animation
 
@@ -60,6 +70,14 @@ def animate(
     contents = {}
     within = Path("figures") if point is None else options.point_folder(point)
     with open_point(result, point) as results:
+        if trust_plugins:
+            load_stored_plugins(results)
+        try:
+            motion(results, run, controller or ())  # what cannot be shown is said before all else
+        except ComponentError as error:
+            if trust_plugins or not source_of(results).stored_plugins:
+                raise
+            raise EqtError(f"{error}; {AS_PLUGIN}") from error
         folder = out or results.path.parent / within
         paths = {one: folder / f"run{run}.{one}" for one in wanted}
         check_targets(paths.values())

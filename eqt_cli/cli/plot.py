@@ -116,7 +116,7 @@ def plot(
     with ExitStack() as stack:
         chosen = [(path, one) for path in result for one in point or (None,)]
         results = [stack.enter_context(open_point(path, one)) for path, one in chosen]
-        names = figure or _default(results[0])
+        names = figure or _default(results[0], quiet=quiet or json)
         given = _options(names, option or ())
         if check is not None:
             if format_ or out or style or tex:
@@ -187,13 +187,23 @@ def _check(
         raise typer.Exit(4)
 
 
-def _default(results: Results) -> list[str]:
+def _default(results: Results, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
+    from eqt_cli.cli.output import say
     from eqt_cli.plots.swept import Swept
 
     if "point" not in results.dimensions:
         return ["paper"]
-    return ["sweep", "pareto"] if 1 <= len(Swept(results, "sweep").axes) <= 2 else ["pareto"]
+    axes = Swept(results, "sweep").axes
+    if 1 <= len(axes) <= 2:
+        return ["sweep", "pareto"]
+    if axes and not quiet:
+        keys = ", ".join(axis.key for axis in axes)
+        say(
+            f"figure 'sweep' has room for two swept keys, and here are {len(axes)} ({keys}); drawn "
+            "is 'pareto', and --point draws single points"
+        )
+    return ["pareto"]
 
 
 def _options(names: Sequence[str], given: Sequence[str]) -> dict[str, dict[str, Any]]:

@@ -51,6 +51,7 @@ def report(
             rows, unverified = [] if sweeps else certificates(results, trust_plugins), ""
         except EqtError as error:
             rows, unverified = [], f"The result could not be verified: {error}"
+            say(f"the page has no certificates; {unverified[0].lower()}{unverified[1:]}")
         page = make_page(results, shown, rows, unverified).encode()
     write({path: page})
     if json:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.metrics import EARLY_WINDOW, METRICS
+from eqt_cli.analysis.metrics import EARLY_WINDOW, METRICS, unit_in
 from eqt_cli.closed_loop.signals import Signal, signals
 from eqt_cli.engines import Status
 from eqt_cli.experiment.build import Experiment
@@ -93,7 +93,7 @@ def _per_run(experiment: Experiment, found: list[Signal]) -> Iterator[Quantity]:
         "settling_time": {"threshold": experiment.config.settling_threshold},
     }
     described: list[tuple[str, np.dtype[Any], str, str]] = [
-        (metric.name, _FLOAT, _in_units(metric.units, units[metric.signal]), metric.long_name)
+        (metric.name, _FLOAT, unit_in(metric.units, units[metric.signal]), metric.long_name)
         for metric in METRICS
     ]
     described += [
@@ -157,7 +157,3 @@ def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:
     if 0 < kept < runs:
         found["stored_run"] = counted("stored_run", kept, "run whose trajectory is stored")
     return found
-
-
-def _in_units(pattern: str, unit: str) -> str:
-    return "mixed" if unit == "mixed" and "{}" in pattern else pattern.format(unit)

@@ -7,8 +7,9 @@ from pathlib import Path
 from eqt_cli.core.errors import ComponentError
 from eqt_cli.core.registry import load_plugin
 from eqt_cli.experiment.problems import Problems
-from eqt_cli.experiment.source import ConfigSource
+from eqt_cli.experiment.source import ConfigSource, source_of
 from eqt_cli.experiment.translate import shown
+from eqt_cli.store.reader import Results
 
 
 def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dict[str, str]:
@@ -37,6 +38,20 @@ def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dic
                 problems.add(("plugins", index), taken)
             owners[component] = path
     return sources
+
+
+def load_stored_plugins(results: Results) -> None:
+    """Execute the plugins that a result holds; for results that are trusted.
+
+    Raises
+    ------
+    ConfigError
+        If one cannot be loaded.
+    """
+    source = source_of(results)
+    problems = Problems(source.place)
+    load_plugins(source, trusted=True, problems=problems)
+    problems.raise_if_any()
 
 
 def _text(source: ConfigSource, path: object, trusted: bool) -> str:

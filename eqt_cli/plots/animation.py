@@ -31,7 +31,8 @@ COLOURS = 160
 
 _PAPER = 245
 _AXES = "xyz"
-_MARGIN = 1.15
+_MARGIN = 1.3
+"""in lengths of an axis, beyond all places: the axes, their names and half a letter."""
 _REFERENCE = "0.35"
 
 
@@ -157,6 +158,8 @@ class _Body:
         axes.add_collection(self.faces)
         self.reference = _frame(axes, _REFERENCE, (0, (3, 1.5)), 1.0, 3)
         self.frame = _frame(axes, self.colour, "-", 1.8, 4)
+        gone: dict[str, Any] = {"ha": "center", "va": "bottom", "transform": axes.transAxes}
+        self.gone = axes.text(0.5, 0, "run failed", color=self.colour, fontsize="small", **gone)
 
     def show(self, sample: int) -> None:
         body, reference = self.motion.body, self.motion.reference
@@ -168,6 +171,7 @@ class _Body:
         there = bool(np.isfinite(rotation).all() and np.isfinite(place).all())
         self.faces.set_visible(there)
         self.frame.hide(not there)
+        self.gone.set_visible(not there)
         if there:
             seen = block(rotation, place, self.length)
             self.faces.set_verts([face.outline for face in seen])

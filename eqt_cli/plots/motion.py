@@ -125,6 +125,12 @@ def motion(results: Results, run: int, controllers: Sequence[str] = ()) -> Motio
     parts = group_named(str(results.attributes.get("group"))).parts
     turning = next((part for part in parts if part.name.startswith("rotation")), None)
     moving = next((part for part in parts if part.pose_unit == "m"), None)
+    if turning is None and moving is None:
+        raise EqtError(
+            f"{results.path}: a pose of {results.attributes.get('group')} is neither a rotation "
+            "nor a place in metres, so no body can be shown; `eqt plot --figure runs` draws its "
+            "runs"
+        )
     at = {run_dimension(results): stored.index(run)}
     end = f"_{turning.name}" if turning and results.has(f"pose_error_{turning.name}") else ""
 

@@ -108,7 +108,7 @@ def environment() -> Environment:
 def _typeset(text: str) -> Markup:
     """The paper's symbols with their subscripts; all else is only escaped."""
     escaped = str(escape(text))
-    for symbol in ("Q_E", "Q_d", "V_d", "P_d", "K_d", "τ_d", "τ_ff"):
+    for symbol in ("Q_E", "Q_d", "V_d", "P_d", "K_d", "τ_d", "τ_ff", "𝕀_t"):
         letter, index = symbol.split("_")
         escaped = re.sub(rf"\b{symbol}\b", f"{letter}<sub>{index}</sub>", escaped)
     escaped = re.sub(r"\bAd_\{([^}]*)\}", r"Ad<sub>\1</sub>", escaped)

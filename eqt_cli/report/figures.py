@@ -118,7 +118,8 @@ SWEPT = (
         "pareto",
         {},
         "Every point by its effort and its mean pose error, means over good runs; the line joins "
-        "the points that no other betters in both.",
+        "the points that no other betters in both; where these are few, their swept values stand "
+        "beside them as far as there is room.",
     ),
 )
 """What a report on a sweep shows unless told otherwise."""

@@ -21,8 +21,11 @@ from eqt_cli.store import safety
 from eqt_cli.store.layout import FILE_NAME, FORMAT, FORMAT_ATTRIBUTE, POINT
 from eqt_cli.store.variables import Attribute
 
-Selection = int | slice | Sequence[int] | NDArray[np.integer[Any]]
+Positions = int | slice | Sequence[int] | NDArray[np.integer[Any]]
 """Positions along one dimension; counted from the end when negative, as in NumPy."""
+
+Selection = Positions | str | Sequence[str]
+"""Positions along one dimension, or labels."""
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _AGAIN = "copy it again or run the experiment again"
@@ -200,12 +203,13 @@ class Results:
             The variable.
         **selection
             For some dimensions, the positions to read: an integer (which drops the axis), a slice,
-            or a list of integers in any order.
+            or a list of integers in any order. Where the coordinate of the dimension is text, a
+            label or a list of labels stands for positions: ``controller="eqt"``.
 
         Raises
         ------
         ResultError
-            If there is no such variable, dimension or position, or its data are damaged.
+            If there is no such variable, dimension, position or label, or its data are damaged.
         """
         entry, dims = self._entry(name), self.dims(name)
         for dim in selection:
@@ -218,7 +222,9 @@ class Results:
             self._fixed[dim]
             if dim in self._fixed
             else _positions(
-                f"{self.path}: '{name}': {dim}", selection.get(dim), self.dimensions[dim]
+                f"{self.path}: '{name}': {dim}",
+                self._labelled(name, dim, selection.get(dim)),
+                self.dimensions[dim],
             )
             for dim in entry.dims
         ]
@@ -229,6 +235,33 @@ class Results:
                 safety.check_text(entry.dataset, self._view, self._heaps)
                 return _read(entry.dataset.asstr(), wanted).astype(object)
             return _read(entry.dataset, wanted)
+
+    def _labelled(self, name: str, dim: str, wanted: Selection | None) -> Positions | None:
+        """A selection with positions instead of labels."""
+        if isinstance(wanted, str):
+            return self._position_of(name, dim, wanted)
+        if isinstance(wanted, Sequence):
+            return [self._position_of(name, dim, label) for label in wanted]
+        return wanted
+
+    def _position_of(self, name: str, dim: str, label: int | str) -> int:
+        if not isinstance(label, str):
+            return label
+        place = f"{self.path}: '{name}': {dim}"
+        if dim not in self.coordinates or not self._entry(dim).is_text:
+            raise ResultError(
+                f"{place}: has no labels, so '{label}' selects nothing; use positions"
+            )
+        known = [str(other) for other in self.coordinate(dim)]
+        if label not in known:
+            hint = suggestion(label, known) or f"; there are: {', '.join(known)}"
+            raise ResultError(f"{place}: has no '{label}'{hint}")
+        return known.index(label)
+
+    def __repr__(self) -> str:
+        sizes = ", ".join(f"{dim} {size}" for dim, size in self.dimensions.items())
+        state = "" if self._file else ", closed"
+        return f"<results {self.path}: {len(self.names)} variables over {sizes}{state}>"
 
     def dims(self, name: str) -> tuple[str, ...]:
         """The dimensions of a variable or coordinate, one per axis."""
@@ -347,7 +380,7 @@ def _check_format(path: Path, version: int | None) -> None:
         )
 
 
-def _positions(place: str, wanted: Selection | None, size: int) -> int | slice | NDArray[Any]:
+def _positions(place: str, wanted: Positions | None, size: int) -> int | slice | NDArray[Any]:
     """A selection in the form that h5py reads: in range, and slices forwards."""
     if wanted is None:
         return slice(0, size, 1)

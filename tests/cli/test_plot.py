@@ -94,3 +94,15 @@ def test_an_option_of_one_figure_is_refused_by_it(eqt: Eqt, result: str) -> None
     done = eqt("plot", result, *BOTH, "--option", "torque.log=true")
     assert done.code == 2
     assert done.err.startswith("eqt: figure 'torque' has no option 'log'; ")
+
+
+def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt: Eqt) -> None:
+    grid = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=1,2", "--grid", "ensemble.seed=1,2")
+    eqt("sweep", "c.yaml", *grid, "--out", "out")
+    done = eqt("plot", "out", "--format", "svg")
+    assert done.err == (
+        "figure 'sweep' has room for two swept keys, and here are 3 (gains.kp, gains.kd, "
+        "ensemble.seed); drawn is 'pareto', and --point draws single points\n"
+    )
+    assert done.out.endswith(f"figure   {Path('out/figures/pareto.svg')}\n")
+    assert eqt("plot", "out", "--format", "svg", "-q").err == ""

@@ -1,13 +1,14 @@
 """Runs as moving pictures: what moves, and what the files hold."""
 
 from io import BytesIO
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.animation import gif
+from eqt_cli.plots.animation import _Stage, gif
 from eqt_cli.plots.motion import MOST_CONTROLLERS, motion
 from eqt_cli.plots.scene import FACES, block, camera, corners, flat, tips
 from eqt_cli.store.reader import open_results
@@ -37,6 +38,17 @@ def test_run_that_is_not_stored(results):
         motion(results, 60)
     assert str(caught.value) == (
         f"{results.path}: the trajectory of run 60 is not stored; stored are runs 0 to 59"
+    )
+
+
+def test_group_without_a_body_to_show(results, monkeypatch):
+    none = SimpleNamespace(parts=())
+    monkeypatch.setattr("eqt_cli.plots.motion.group_named", lambda name: none)
+    with pytest.raises(EqtError) as caught:
+        motion(results, 0)
+    assert str(caught.value) == (
+        f"{results.path}: a pose of SO3 is neither a rotation nor a place in metres, so no body "
+        "can be shown; `eqt plot --figure runs` draws its runs"
     )
 
 
@@ -89,3 +101,12 @@ def test_gif_moves_and_is_the_same_again(results):
     picture.seek(2)
     assert (start != np.asarray(picture.convert("RGB"))).any()
     assert (start[0, 0] == 255).all()  # the paper is white
+
+
+def test_a_body_that_fails_is_said_to(altered, paper_result, opened):
+    pose = opened(paper_result)["pose"].copy()
+    pose[0, 0, 5:] = np.nan
+    stage = _Stage(motion(altered(paper_result, pose=pose), 0))
+    for sample, failed in ((0, False), (9, True)):
+        stage.picture(sample)
+        assert [body.gone.get_visible() for body in stage.bodies] == [failed, False, False, False]

@@ -218,6 +218,12 @@ def test_narrow_screens_need_no_sideways_scrolling(page):
     assert width <= 390
 
 
+def test_tables_fit_a_usual_screen(page):
+    tables = page.find_elements(By.CSS_SELECTOR, ".scroll")
+    widths = [(t.get_property("scrollWidth"), t.get_property("clientWidth")) for t in tables]
+    assert all(needed <= there for needed, there in widths)
+
+
 def test_print_leaves_the_controls_out(page):
     page.execute_cdp_cmd("Emulation.setEmulatedMedia", {"media": "print"})
     shown = [e.is_displayed() for e in page.find_elements(By.CSS_SELECTOR, "nav, #pick, #filters")]

@@ -161,3 +161,13 @@ def test_starting_over_removes_the_page_of_the_old_result(invoke, tmp_path):
     assert (folder / "report.html").exists()
     invoke("run", config, "--out", folder, "--force", *few)
     assert not (folder / "report.html").exists()
+
+
+def test_the_inertia_has_its_index(paper_result):
+    row = Row("𝕀_t is bounded", "Theorem 3.2", "hypothesis", "", 0.0, None, Verdict.HOLDS)
+    with open_results(paper_result) as results:
+        assert "𝕀<sub>t</sub> is bounded" in report(results, [], [row])
+
+
+def test_buttons_that_turn_pages_have_the_same_names(text):
+    assert text.count("◀ Previous") == text.count("Next ▶") == 2

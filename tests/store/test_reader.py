@@ -127,8 +127,12 @@ def cube(tmp_path_factory):
             "'torque': run: 5 is out of range; expected -5 to 4",
         ),
         (
-            lambda r: r.read("torque", controller="gt"),
-            "'torque': controller: cannot select 'gt'; expected an integer, a slice or a list "
+            lambda r: r.read("torque", controller="gtt"),
+            "'torque': controller: has no 'gtt'; did you mean 'gt'?",
+        ),
+        (
+            lambda r: r.read("torque", controller={"gt"}),
+            "'torque': controller: cannot select {'gt'}; expected an integer, a slice or a list "
             "of integers",
         ),
         (

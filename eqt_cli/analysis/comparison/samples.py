@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,6 +11,7 @@ import yaml
 
 from eqt_cli.analysis.comparison.measures import MEASURES, Measure, stored_measure
 from eqt_cli.analysis.comparison.windows import WHOLE, Window
+from eqt_cli.analysis.metrics import unit_in
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.store.reader import Results
@@ -223,11 +223,7 @@ class Source:
         ]
 
     def _unit(self, measure: Measure) -> str:
-        unit = self.results.units(measure.signals[0])
-        if unit == "mixed" and "{}" in measure.units:
-            return unit
-        squared = measure.units.format(unit)
-        return re.sub(r"^\(1\)\^2 s$", "s", squared)
+        return unit_in(measure.units, self.results.units(measure.signals[0]))
 
     def _not_stored(self, measure: Measure, window: Window | None = None) -> EqtError:
         what = measure.name if window is None else f"{measure.name} over {window} s"

@@ -42,7 +42,7 @@
     return { rotation: between(course.rotation[i], course.rotation[j]), place };
   }
 
-  const scale = SIZE / 2 / (1.15 * (data.extent + data.length));
+  const scale = SIZE / 2 / (1.3 * (data.extent + data.length));
 
   function drawBody(svg, c) {
     const eye = camera(), look = data.controllers[c];
@@ -83,6 +83,9 @@
     }
     frame(pose(data.reference, now), { class: "reference" }, { class: "reference-name" });
     if (body) frame(body, { stroke: ink(look), "stroke-width": 2.6 }, { fill: ink(look) });
+    if (!body) {
+      parts.push(element("text", { x: SIZE / 2, y: SIZE - 8, "text-anchor": "middle", fill: ink(look) }, "run failed"));
+    }
     svg.replaceChildren(...parts);
   }
 

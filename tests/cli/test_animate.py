@@ -1,0 +1,59 @@
+"""`eqt animate`: what it says before it draws."""
+
+from pathlib import Path
+
+import pytest
+
+RESULT = Path("results/c/results.h5")
+GROUP = """\
+from eqt_cli.groups.so3 import SO3
+
+class Twin(SO3):
+    name = "Twin"
+"""
+
+
+@pytest.fixture
+def twin(eqt, folder):
+    """A result on a group of a plugin, which is then forgotten."""
+    Path("twin.py").write_text(GROUP)
+    assert eqt("run", "c.yaml", "--set", "plugins=[twin.py]", "--set", "group=Twin").code == 0
+
+
+def test_a_wrong_run_is_said_at_once(eqt):
+    eqt("run", "c.yaml")
+    done = eqt("animate", "results/c", "--run", 9)
+    assert (done.code, done.err) == (
+        2,
+        f"eqt: {RESULT}: the trajectory of run 9 is not stored; stored are runs 0 to 2\n",
+    )
+
+
+@pytest.mark.usefixtures("twin")
+def test_a_group_of_a_plugin_must_be_trusted(eqt, monkeypatch):
+    from eqt_cli.core import registry
+
+    monkeypatch.setattr(registry, "_loaded_plugins", {})
+    for one in registry._registries:
+        monkeypatch.setattr(one, "_plugins", {})
+    done = eqt("animate", "results/c", "--format", "html")
+    assert done.code == 2
+    assert done.err.startswith("eqt: unknown group 'Twin'")
+    assert done.err.endswith(
+        "; the result holds plugins, which are executed only on request; read them with "
+        "`eqt show --plugins`, then add --trust-plugins\n"
+    )
+    assert eqt("animate", "results/c", "--format", "html", "--trust-plugins").code == 0
+
+
+@pytest.mark.usefixtures("twin")
+def test_a_report_without_certificates_says_so(eqt, monkeypatch):
+    from eqt_cli.core import registry
+
+    monkeypatch.setattr(registry, "_loaded_plugins", {})
+    for one in registry._registries:
+        monkeypatch.setattr(one, "_plugins", {})
+    done = eqt("report", "results/c")
+    assert done.code == 0
+    assert done.err.startswith("the page has no certificates; the result could not be verified: ")
+    assert eqt("report", "results/c", "--trust-plugins").err == ""
