@@ -1,5 +1,6 @@
 """Ctrl-C, as a terminal sends it: to the command and all of its workers."""
 
+import json
 import os
 import signal
 import time
@@ -28,7 +29,9 @@ def test_ctrl_c_says_how_to_continue_and_loses_nothing(tmp_path, command, text, 
     os.killpg(session.process.pid, signal.SIGINT)
     stdout, stderr = session.process.communicate(timeout=60)
     assert session.process.returncode == 130
-    assert stdout == ""
+    document = json.loads(stdout)
+    assert document["exit_code"] == 130
+    assert document["error"].startswith("interrupted; ")
     done = stderr.split("interrupted; ")[1].split(" of ")[0]
     total = 400 if command == "run" else 360
     assert stderr == (
