@@ -15,7 +15,7 @@ from typing import Any
 
 CONFIG = Path(__file__).parents[1] / "configs" / "paper.yaml"
 
-MINUTE = 3200
+MINUTE = 3800
 """Runs per controller that keep one worker busy for about a minute."""
 
 
