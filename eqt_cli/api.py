@@ -22,13 +22,13 @@ from eqt_cli.analysis.comparison.compare import CONFIDENCE, RESAMPLES, SEED
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.ensemble.executors import Executor, executors
 from eqt_cli.experiment import yaml_source
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.execute import Progress, execute
-from eqt_cli.experiment.point import open_point, point_of
-from eqt_cli.experiment.source import ConfigSource, read_config, source_of
+from eqt_cli.experiment.point import open_point, point_folder, point_of
+from eqt_cli.experiment.source import ConfigSource, read_config
 from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.sweeping import study
-from eqt_cli.experiment.verify import RUNS, Verification, verify_experiment, verify_results
+from eqt_cli.experiment.verify import RUNS, Verification, verify_experiment, verify_stored
 from eqt_cli.store.layout import point_group
 from eqt_cli.store.reader import Results
 from eqt_cli.store.reader import open_results as open_arrays
@@ -396,8 +396,8 @@ def plot(
     with ExitStack() as stack:
         opened = [stack.enter_context(open_point(Path(path), point)) for path in paths]
         shown = issubclass(figures.get(figure), OfCertificates)
-        rows = _verified(opened[0], trust_plugins, 1).rows if shown else []
-        within = Path("figures") if point is None else Path("figures") / f"point_{point}"
+        rows = verify_stored(opened[0], trust_plugins=trust_plugins).rows if shown else []
+        within = Path("figures") if point is None else point_folder(point)
         folder = opened[0].path.parent / within if out is None else Path(out)
         look = Style(tuple(style), tex)
         return render(
@@ -442,22 +442,23 @@ def write_report(
     EqtError
         If there is no such result or figure, or the page cannot be written.
     """
-    from eqt_cli.plots.save import write
+    from eqt_cli.plots.save import check_targets, write
     from eqt_cli.report import report
     from eqt_cli.report.figures import named
 
     with open_point(Path(result), point) as opened:
+        within = Path() if point is None else point_folder(point)
+        path = opened.path.parent / within / "report.html" if out is None else Path(out)
+        check_targets([path])  # before the work, and not after it
         wanted = named(figures) if figures else None
         rows: list[Row] = []
         unverified = ""
         if "point" not in opened.dimensions:
             try:
-                rows = _verified(opened, trust_plugins, workers).rows
+                rows = verify_stored(opened, trust_plugins=trust_plugins, workers=workers).rows
             except EqtError as error:
                 unverified = f"The result could not be verified: {error}"
         page = report(opened, wanted, rows, unverified)
-        within = Path() if point is None else Path("figures") / f"point_{point}"
-        path = opened.path.parent / within / "report.html" if out is None else Path(out)
     write({path: page.encode()})
     return path
 
@@ -502,7 +503,7 @@ def verify(
             if runs is not None:
                 raise EqtError(f"{path}: a result is verified as it is; leave runs out")
             with open_point(path, point) as opened:
-                return _verified(opened, trust_plugins, workers)
+                return verify_stored(opened, trust_plugins=trust_plugins, workers=workers)
     if not isinstance(target, LoadedExperiment):
         target = load_experiment(target, trust_plugins=trust_plugins)
     if not 0 <= (point or 0) < len(target.study):
@@ -510,12 +511,6 @@ def verify(
     experiment = target.study.experiment(point or 0)
     count = min(runs or RUNS, experiment.config.ensemble.runs)
     return verify_experiment(experiment, count, workers=workers)
-
-
-def _verified(results: Results, trust_plugins: bool, workers: int) -> Verification:
-    """What the verification of an open result finds."""
-    experiment = build(source_of(results), trust_plugins=trust_plugins)
-    return verify_results(experiment, results, workers)
 
 
 def _path(name: str, given: Any) -> Path:

@@ -269,3 +269,13 @@ def test_open_results_describe_themselves(result):
         f"<results {data.path}: {len(data.names)} variables over controller 4, run 3"
     )
     assert repr(data) == text.removesuffix(">") + ", closed>"
+
+
+def test_a_page_that_cannot_be_written_is_refused_before_the_work(result, monkeypatch):
+    def work(*arguments, **options):
+        raise AssertionError("began")
+
+    monkeypatch.setattr(api, "verify_stored", work)
+    target = Path(result) / "results.h5"
+    with pytest.raises(EqtError, match="results.h5: "):
+        eqt_cli.write_report(result, out=target)

@@ -59,7 +59,7 @@ def animate(
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.core.errors import ComponentError, EqtError
     from eqt_cli.experiment.plugins import load_stored_plugins
-    from eqt_cli.experiment.point import open_point
+    from eqt_cli.experiment.point import open_point, point_folder
     from eqt_cli.experiment.source import source_of
     from eqt_cli.plots.animation import gif
     from eqt_cli.plots.motion import motion
@@ -68,7 +68,7 @@ def animate(
 
     wanted = dict.fromkeys(format or Format)
     contents = {}
-    within = Path("figures") if point is None else options.point_folder(point)
+    within = Path("figures") if point is None else point_folder(point)
     with open_point(result, point) as results:
         if trust_plugins:
             load_stored_plugins(results)

@@ -90,11 +90,6 @@ TrustPlugins = Annotated[
 ]
 
 
-def point_folder(*points: int) -> Path:
-    """Where in a result folder goes what is made of points of a sweep."""
-    return Path("figures") / "_".join(["point", *map(str, points)])
-
-
 def cores() -> int:
     """The number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

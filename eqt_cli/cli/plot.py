@@ -103,9 +103,9 @@ def plot(
 ) -> None:
     """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
     from eqt_cli.cli.output import print_json, say
-    from eqt_cli.cli.verification import certificates
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.point import open_point
+    from eqt_cli.experiment.point import open_point, point_folder
+    from eqt_cli.experiment.verify import verify_stored
     from eqt_cli.plots import OfCertificates, figures
     from eqt_cli.plots.render import FORMATS, render
     from eqt_cli.plots.save import check_targets
@@ -125,14 +125,18 @@ def plot(
                 )
             _check(results, names, check, given, json=json)
             return
-        within = options.point_folder(*point) if point else Path("figures")
+        within = point_folder(*point) if point else Path("figures")
         folder = out or results[0].path.parent / within
         formats = format_ or FORMATS
         check_targets(folder / f"{name}.{one}" for name in names for one in formats)
         verified = any(issubclass(figures.get(name), OfCertificates) for name in names)
         if verified and not quiet:
             say("checking the paper's statements on the result takes some seconds")
-        rows = certificates(results[0], trust_plugins) if verified else []
+        rows = (
+            verify_stored(results[0], trust_plugins=trust_plugins, workers=options.cores()).rows
+            if verified
+            else []
+        )
         look = Style(tuple(style or ()), tex)
         files = [
             file

@@ -33,22 +33,25 @@ def report(
 ) -> None:
     """Write one self-contained HTML page: figures, comparison, certificates, every run."""
     from eqt_cli.cli.output import print_json, say
-    from eqt_cli.cli.verification import certificates
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.point import open_point
+    from eqt_cli.experiment.point import open_point, point_folder
+    from eqt_cli.experiment.verify import verify_stored
     from eqt_cli.plots.save import check_targets, write
     from eqt_cli.report import report as make_page
     from eqt_cli.report.figures import named
 
     with open_point(result, point) as results:
-        within = Path() if point is None else options.point_folder(point)
+        within = Path() if point is None else point_folder(point)
         path = out or results.path.parent / within / "report.html"
         check_targets([path])
         shown = named(figure) if figure else None
         say("checking the paper's statements and drawing the figures takes some seconds")
         try:
-            sweeps = "point" in results.dimensions
-            rows, unverified = [] if sweeps else certificates(results, trust_plugins), ""
+            rows, unverified = [], ""
+            if "point" not in results.dimensions:
+                rows = verify_stored(
+                    results, trust_plugins=trust_plugins, workers=options.cores()
+                ).rows
         except EqtError as error:
             rows, unverified = [], f"The result could not be verified: {error}"
             say(f"the page has no certificates; {unverified[0].lower()}{unverified[1:]}")

@@ -75,6 +75,11 @@ def point_of(results: Results, point: int) -> Results:
     return results.at(point, attributes)
 
 
+def point_folder(*points: int) -> Path:
+    """Where in a result folder goes what is made of points of a sweep."""
+    return Path("figures") / "_".join(["point", *map(str, points)])
+
+
 def config_at(source: ConfigSource, point: int) -> ConfigSource:
     """The configuration at a point of the sweep that it describes.
 

@@ -27,7 +27,8 @@ from eqt_cli.core.blame import blamed
 from eqt_cli.engines import Engine, Problem, Solution
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.ensemble.seeds import Stream, generator
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.source import source_of
 from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.store.reader import Results
 
@@ -75,6 +76,18 @@ def verify_experiment(
 
 
 @blamed()
+def verify_stored(results: Results, *, trust_plugins: bool, workers: int = 1) -> Verification:
+    """As `verify_results`, of the experiment that the result says it is.
+
+    Raises
+    ------
+    EqtError
+        If it cannot be built, as without its plugins.
+    """
+    experiment = build(source_of(results), trust_plugins=trust_plugins)
+    return verify_results(experiment, results, workers)
+
+
 def verify_results(experiment: Experiment, results: Results, workers: int = 1) -> Verification:
     """Check every certificate of the experiment, or the point, that a result holds.
 
