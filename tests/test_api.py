@@ -277,5 +277,5 @@ def test_a_page_that_cannot_be_written_is_refused_before_the_work(result, monkey
 
     monkeypatch.setattr(api, "verify_stored", work)
     target = Path(result) / "results.h5"
-    with pytest.raises(EqtError, match="results.h5: "):
+    with pytest.raises(EqtError, match=r"results\.h5: "):
         eqt_cli.write_report(result, out=target)
