@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from eqt_cli.config.source import read_config
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.engines import Problem, Solution
 from eqt_cli.engines.taylor import EPSILON, Taylor
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.source import read_config
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 

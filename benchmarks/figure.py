@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.table import TITLES, Results
 from eqt_cli.plots import save
-from eqt_cli.plots.style import WIDTHS, house_style, line_style
+from eqt_cli.plots.drawing.style import WIDTHS, house_style, line_style
 
 
 def write(results: Results, folder: Path) -> None:

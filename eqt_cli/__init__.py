@@ -17,6 +17,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from eqt_cli.core.version import __version__
+
 if TYPE_CHECKING:
     from eqt_cli.api import (
         LoadedExperiment,
@@ -29,8 +31,6 @@ if TYPE_CHECKING:
         verify,
         write_report,
     )
-
-__version__ = "0.1.0"
 
 __all__ = [
     "LoadedExperiment",

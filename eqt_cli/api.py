@@ -19,16 +19,16 @@ from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
 from eqt_cli.analysis.comparison.compare import CONFIDENCE, RESAMPLES, SEED
+from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
+from eqt_cli.config import yaml_source
+from eqt_cli.config.source import ConfigSource, read_config
 from eqt_cli.core.errors import ConfigError, EqtError
-from eqt_cli.ensemble.executors import Executor, executors
-from eqt_cli.experiment import yaml_source
 from eqt_cli.experiment.build import Experiment
-from eqt_cli.experiment.execute import Progress, execute
 from eqt_cli.experiment.point import open_point, point_folder, point_of
-from eqt_cli.experiment.source import ConfigSource, read_config
 from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.sweeping import study
-from eqt_cli.experiment.verify import RUNS, Verification, verify_experiment, verify_stored
+from eqt_cli.run.execute import Progress, execute
+from eqt_cli.run.executors import Executor, executors
 from eqt_cli.store.layout import point_group
 from eqt_cli.store.reader import Results
 from eqt_cli.store.reader import open_results as open_arrays
@@ -386,9 +386,10 @@ def plot(
     EqtError
         If there is no such result, figure or option, or the result lacks what it shows.
     """
-    from eqt_cli.plots import OfCertificates, figures
+    from eqt_cli.plots.base import OfCertificates
+    from eqt_cli.plots.drawing.style import Style
+    from eqt_cli.plots.figures import figures
     from eqt_cli.plots.render import render
-    from eqt_cli.plots.style import Style
 
     paths = [result] if isinstance(result, (str, os.PathLike)) else list(result)
     if not paths:

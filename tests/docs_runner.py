@@ -143,9 +143,9 @@ def exit_code():
 
 def check_part(text):
     """A part of a configuration fits into the paper's."""
+    from eqt_cli.config.source import read_config
+    from eqt_cli.config.yaml_source import dump, load
     from eqt_cli.experiment.build import build
-    from eqt_cli.experiment.source import read_config
-    from eqt_cli.experiment.yaml_source import dump, load
 
     part = load(text, "part").data
     whole = load(Path("configs/paper.yaml").read_text(encoding="utf-8"), "paper").data | part
@@ -156,11 +156,6 @@ def check_part(text):
 
 
 if __name__ == "__main__":
-    import eqt_cli.cli.app
-    import eqt_cli.experiment.execute
-    import eqt_cli.experiment.json_schema
-    import eqt_cli.plots.render  # noqa: F401
-
     page, folder = map(Path, sys.argv[1:])
     text = page.read_text(encoding="utf-8")
     os.chdir(folder)

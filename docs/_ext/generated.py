@@ -121,8 +121,8 @@ class Configuration(Generated):
     """Every key of a configuration, from its JSON schema."""
 
     def lines(self) -> Iterable[str]:
-        from eqt_cli.experiment.json_schema import json_schema
-        from eqt_cli.experiment.keys import default_of, described, value_of
+        from eqt_cli.config.json_schema import json_schema
+        from eqt_cli.config.keys import default_of, described, value_of
 
         schema = json_schema()
         required = schema["required"]
@@ -141,7 +141,7 @@ class Configuration(Generated):
 
 def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """The keys of a mapping, or of each mapping that an entry may be."""
-    from eqt_cli.experiment.keys import choices, default_of, described, resolved, value_of
+    from eqt_cli.config.keys import choices, default_of, described, resolved, value_of
 
     for option in choices(entry, schema):
         if "properties" not in option:
@@ -165,7 +165,7 @@ def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
 
 def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """Which components an entry, or each of its items or members, may be."""
-    from eqt_cli.experiment.keys import choices, resolved
+    from eqt_cli.config.keys import choices, resolved
 
     inner = [
         entry,
@@ -193,8 +193,8 @@ class Components(Generated):
     required_arguments = 1
 
     def lines(self) -> Iterable[str]:
+        from eqt_cli.config.catalogue import options, registry
         from eqt_cli.core.registry import summary
-        from eqt_cli.experiment.catalogue import options, registry
 
         kind = self.arguments[0]
         if kind == "groups":
@@ -211,8 +211,8 @@ class Components(Generated):
 
 
 def _option_table(component: type, schema: dict[str, Any]) -> Iterator[str]:
+    from eqt_cli.config.keys import default_of, value_of
     from eqt_cli.core.registry import meanings
-    from eqt_cli.experiment.keys import default_of, value_of
 
     said = meanings(component)
     rows = [

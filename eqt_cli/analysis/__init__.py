@@ -1,1 +1,1 @@
-"""Numbers drawn from trajectories: metrics per run, and tables over runs."""
+"""What follows from results: certificates of the theory, and comparisons of controllers."""

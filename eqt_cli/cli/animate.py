@@ -57,12 +57,12 @@ def animate(
 ) -> None:
     """Show one run: bodies against the reference frame, error and torque as they go."""
     from eqt_cli.cli.output import print_json, say
+    from eqt_cli.config.plugins import load_stored_plugins
+    from eqt_cli.config.source import source_of
     from eqt_cli.core.errors import ComponentError, EqtError
-    from eqt_cli.experiment.plugins import load_stored_plugins
     from eqt_cli.experiment.point import open_point, point_folder
-    from eqt_cli.experiment.source import source_of
-    from eqt_cli.plots.animation import gif
-    from eqt_cli.plots.motion import motion
+    from eqt_cli.plots.animation.gif import gif
+    from eqt_cli.plots.animation.motion import motion
     from eqt_cli.plots.save import check_targets, write
     from eqt_cli.report.animation import animation
 

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from eqt_cli import __version__
 from eqt_cli.cli import (
     animate,
     compare,
@@ -24,6 +23,7 @@ from eqt_cli.cli import (
     verify,
 )
 from eqt_cli.cli.output import say
+from eqt_cli.core.version import __version__
 
 INTERRUPTED = 130
 """The exit code after Ctrl-C, as shells have it."""

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from eqt_cli.experiment.catalogue import KINDS
+from eqt_cli.config.catalogue import KINDS
 
 if TYPE_CHECKING:
     import ast
@@ -45,7 +45,7 @@ def kinds(incomplete: str) -> Completions:
 
 def shipped(incomplete: str) -> Completions:
     """Completes the name of a shipped configuration."""
-    from eqt_cli.experiment.shipped import names
+    from eqt_cli.config.shipped import names
 
     return _starting(incomplete, dict.fromkeys(names(), ""))
 
@@ -70,7 +70,8 @@ def settings(ctx: typer.Context, incomplete: str) -> Completions:
 
 def figure_options(ctx: typer.Context, incomplete: str) -> Completions:
     """Completes ``KEY=``, an option of the figures that are asked for, or of any; and of one."""
-    classes = _classes(KINDS["figures"])
+    bases = ("eqt_cli.plots.base", "eqt_cli.plots.drawing.first_runs")
+    classes = {name: node for m in (*bases, KINDS["figures"]) for name, node in _classes(m).items()}
     wanted = ctx.params.get("figure") or _names(KINDS["figures"])
     found = [
         (str(_name(node)), option)
@@ -92,14 +93,14 @@ def _starting(incomplete: str, known: dict[str, str]) -> Completions:
 
 def _all_keys(given: Path | None) -> dict[str, str]:
     """Keys that a configuration may have, with the meanings of those that have one."""
-    sections = _classes("eqt_cli.experiment.schema")
+    sections = _classes("eqt_cli.config.schema")
     found = dict(_section("Config", "", sections))
     for place, package in _PLACES.items():
         classes = _classes(package)
         options = [option for node in classes.values() for option in _options(node, classes)]
         found |= {f"{place}.{option}": "" for option in ["kind", *options]}
     del found["solver.kind"]  # there it is `engine`
-    judgement = _classes("eqt_cli.experiment.solver")
+    judgement = _classes("eqt_cli.config.schema")
     own = ["engine", *_fields(judgement["Judgement"], judgement)]
     found |= {f"solver.{key}": "" for key in own}
     found |= dict.fromkeys(("controllers[0].label", "reference.pose", "reference.velocity"), "")
@@ -115,8 +116,8 @@ def _section(name: str, prefix: str, sections: dict[str, ast.ClassDef]) -> Itera
 
 def _written(path: Path | None) -> list[str]:
     """The keys in a file; none where it cannot be read."""
+    from eqt_cli.config.yaml_source import load
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.yaml_source import load
 
     try:
         data = load(Path(path).read_bytes(), "").data if path else {}

@@ -37,8 +37,8 @@ def new(
 ) -> None:
     """Write a shipped configuration to a file of your own."""
     from eqt_cli.cli.output import say
+    from eqt_cli.config import shipped
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment import shipped
 
     text = shipped.text(source)
     if file == Path("-"):
@@ -75,10 +75,10 @@ def check(
 ) -> None:
     """Check a configuration without running it."""
     from eqt_cli.cli.output import print_json, say
+    from eqt_cli.config.source import read_config
+    from eqt_cli.config.yaml_source import dump
     from eqt_cli.core.errors import ConfigError
-    from eqt_cli.experiment.source import read_config
     from eqt_cli.experiment.sweeping import study
-    from eqt_cli.experiment.yaml_source import dump
 
     try:
         found = study(read_config(config, set_ or ()), trust_plugins=trust_plugins)
@@ -141,8 +141,8 @@ def keys(
 ) -> None:
     """Describe the keys of a configuration: value, default, meaning."""
     from eqt_cli.cli.output import print_json, table
-    from eqt_cli.experiment.json_schema import json_schema
-    from eqt_cli.experiment.keys import keys_of, within
+    from eqt_cli.config.json_schema import json_schema
+    from eqt_cli.config.keys import keys_of, within
 
     found = keys_of(json_schema())
     if key is not None:
@@ -162,6 +162,6 @@ def _bare(text: str) -> str:
 def schema() -> None:
     """Print the JSON schema of configurations, for completion and checks in editors."""
     from eqt_cli.cli.output import print_json
-    from eqt_cli.experiment.json_schema import json_schema
+    from eqt_cli.config.json_schema import json_schema
 
     print_json(json_schema())

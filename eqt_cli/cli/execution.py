@@ -10,15 +10,15 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from eqt_cli.ensemble.executors import Executor
-    from eqt_cli.experiment.execute import Outcome, Shard
     from eqt_cli.experiment.study import Study
+    from eqt_cli.run.execute import Outcome, Shard
+    from eqt_cli.run.executors import Executor
 
 
 def shard_from(text: str | None) -> Shard | None:
     """``2/8`` as a shard; None stays None."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.execute import Shard
+    from eqt_cli.run.execute import Shard
 
     if text is None:
         return None
@@ -34,7 +34,7 @@ def executor_from(
     """The executor asked for, or the one that suits the engine: threads, or processes."""
     from eqt_cli.cli.options import cores
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.ensemble.executors import executors
+    from eqt_cli.run.executors import executors
 
     workers = workers or cores()
     if scheduler and name not in (None, "dask"):
@@ -61,7 +61,7 @@ def run_study(
     """Execute, report on stdout, and exit as the outcome demands."""
     from eqt_cli.cli.output import say, warn
     from eqt_cli.cli.progress import progress
-    from eqt_cli.experiment.execute import execute
+    from eqt_cli.run.execute import execute
 
     out = out or Path("results") / study.name
     try:
@@ -94,7 +94,7 @@ def run_study(
 
 def _interrupted(study: Study, out: Path) -> Exception:
     from eqt_cli.core.errors import InterruptedRun
-    from eqt_cli.experiment.folder import ResultFolder
+    from eqt_cli.run.folder import ResultFolder
 
     parts = ResultFolder(out).parts.listed()
     done = sum(study.plans.runs_of(number) for number in parts if number < len(study.plans))
@@ -148,8 +148,8 @@ def report(outcome: Outcome, *, json: bool) -> None:
 def _document(outcome: Outcome) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from eqt_cli.analysis.headline import headline
     from eqt_cli.cli.summary import cross_check
+    from eqt_cli.results.headline import headline
     from eqt_cli.store.reader import open_results
 
     with open_results(outcome.folder.results) as results:

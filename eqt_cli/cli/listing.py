@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli import completion, options
-from eqt_cli.experiment.catalogue import KINDS
+from eqt_cli.config.catalogue import KINDS
 
 if TYPE_CHECKING:
     from eqt_cli.core.registry import Registry
@@ -30,10 +30,10 @@ def list_components(
 ) -> None:
     """List components by kind, with their options."""
     from eqt_cli.cli.output import print_json
+    from eqt_cli.config import shipped
+    from eqt_cli.config.catalogue import registry
     from eqt_cli.core.errors import EqtError, suggestion
     from eqt_cli.core.registry import load_plugin
-    from eqt_cli.experiment import shipped
-    from eqt_cli.experiment.catalogue import registry
 
     kinds = [*KINDS, "configs"]
     if kind is not None and kind not in kinds:
@@ -59,8 +59,8 @@ def list_components(
 
 
 def _described(registry: Registry[Any]) -> list[dict[str, Any]]:
+    from eqt_cli.config.catalogue import options
     from eqt_cli.core.registry import summary
-    from eqt_cli.experiment.catalogue import options
 
     return [
         {

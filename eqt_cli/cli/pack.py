@@ -20,10 +20,10 @@ def pack(
     """Pack the parts of all shards into results.h5."""
     from eqt_cli.cli.execution import report
     from eqt_cli.cli.output import warn
-    from eqt_cli.experiment.execute import pack_folder
-    from eqt_cli.experiment.folder import CONFIG
-    from eqt_cli.experiment.source import read_config
+    from eqt_cli.config.source import read_config
     from eqt_cli.experiment.sweeping import study
+    from eqt_cli.run.execute import pack_folder
+    from eqt_cli.run.folder import CONFIG
 
     found = study(read_config(folder / CONFIG), trust_plugins=trust_plugins)
     report(pack_folder(found, folder, warn), json=json)

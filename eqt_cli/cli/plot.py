@@ -102,14 +102,15 @@ def plot(
     quiet: options.Quiet = False,
 ) -> None:
     """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
+    from eqt_cli.analysis.verification import verify_stored
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.point import open_point, point_folder
-    from eqt_cli.experiment.verify import verify_stored
-    from eqt_cli.plots import OfCertificates, figures
+    from eqt_cli.plots.base import OfCertificates
+    from eqt_cli.plots.drawing.style import Style
+    from eqt_cli.plots.figures import figures
     from eqt_cli.plots.render import FORMATS, render
     from eqt_cli.plots.save import check_targets
-    from eqt_cli.plots.style import Style
 
     if len(result) > 1 and out is None and check is None:
         raise EqtError("several results have no common folder; say with --out DIR where to draw")
@@ -194,7 +195,7 @@ def _check(
 def _default(results: Results, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
     from eqt_cli.cli.output import say
-    from eqt_cli.plots.swept import Swept
+    from eqt_cli.plots.drawing.swept import Swept
 
     if "point" not in results.dimensions:
         return ["paper"]
@@ -212,8 +213,8 @@ def _default(results: Results, *, quiet: bool) -> list[str]:
 
 def _options(names: Sequence[str], given: Sequence[str]) -> dict[str, dict[str, Any]]:
     """What ``KEY=VALUE`` and ``FIGURE.KEY=VALUE`` set of each figure."""
+    from eqt_cli.config.yaml_source import parse_value
     from eqt_cli.core.errors import EqtError, suggestion
-    from eqt_cli.experiment.yaml_source import parse_value
     from eqt_cli.plots.render import options_of
 
     known = {name: options_of(name) for name in names}

@@ -32,10 +32,10 @@ def report(
     json: options.Json = False,
 ) -> None:
     """Write one self-contained HTML page: figures, comparison, certificates, every run."""
+    from eqt_cli.analysis.verification import verify_stored
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.point import open_point, point_folder
-    from eqt_cli.experiment.verify import verify_stored
     from eqt_cli.plots.save import check_targets, write
     from eqt_cli.report import report as make_page
     from eqt_cli.report.figures import named

@@ -32,7 +32,7 @@ def run(
     Run it again after an interruption: it continues.
     """
     from eqt_cli.cli.execution import executor_from, run_study, shard_from
-    from eqt_cli.experiment.source import read_config
+    from eqt_cli.config.source import read_config
     from eqt_cli.experiment.sweeping import study
 
     source = read_config(config, set_ or (), engine)

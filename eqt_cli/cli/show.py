@@ -10,7 +10,7 @@ import typer
 from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
-    from eqt_cli.experiment.status import Status
+    from eqt_cli.run.status import Status
     from eqt_cli.store.reader import Results
 
 
@@ -48,7 +48,7 @@ def show(
 ) -> None:
     """Summarise a result: what was run, where, and what came out."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.status import status_of
+    from eqt_cli.run.status import status_of
 
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
@@ -103,8 +103,8 @@ def _document(results: Results) -> dict[str, object]:
     import json
     from dataclasses import asdict
 
-    from eqt_cli.analysis.headline import headline
-    from eqt_cli.experiment import yaml_source
+    from eqt_cli.config import yaml_source
+    from eqt_cli.results.headline import headline
 
     return {
         "path": str(results.path),
@@ -130,7 +130,7 @@ def _summary(results: Results, as_json: bool) -> None:
 
     from eqt_cli.cli.output import print_json
     from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
-    from eqt_cli.experiment.provenance import OTHERS, differences
+    from eqt_cli.run.provenance import OTHERS, differences
 
     if as_json:
         print_json(_document(results))
@@ -153,7 +153,7 @@ def _summary(results: Results, as_json: bool) -> None:
 
 def _config(results: Results, as_json: bool) -> None:
     from eqt_cli.cli.output import print_json
-    from eqt_cli.experiment import yaml_source
+    from eqt_cli.config import yaml_source
 
     text = str(results.attributes["config"])
     if as_json:
@@ -205,7 +205,7 @@ def _failed(results: Results, as_json: bool) -> None:
 
 def _plugins(results: Results, as_json: bool) -> None:
     from eqt_cli.cli.output import print_json, say
-    from eqt_cli.experiment import yaml_source
+    from eqt_cli.config import yaml_source
 
     sources = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
     if as_json:

@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.headline import headline
-from eqt_cli.analysis.metrics import EARLY_WINDOW
 from eqt_cli.cli.output import number, table
 from eqt_cli.engines import Status
+from eqt_cli.results.headline import headline
+from eqt_cli.results.metrics import EARLY_WINDOW
 from eqt_cli.store.reader import Results
 
 MOST_FAILURES = 10

@@ -10,8 +10,8 @@ import typer
 from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
-    from eqt_cli.ensemble.executors import Executor
     from eqt_cli.experiment.study import Study
+    from eqt_cli.run.executors import Executor
 
 FIRST_POINTS = 5
 """Shown by --dry-run."""
@@ -59,7 +59,7 @@ def sweep(
     from eqt_cli.cli.execution import executor_from, run_study, shard_from
     from eqt_cli.cli.output import say
     from eqt_cli.cli.progress import progress
-    from eqt_cli.experiment.source import read_config
+    from eqt_cli.config.source import read_config
     from eqt_cli.experiment.sweeping import add_grids, study
 
     source = read_config(config, set_ or (), engine)
@@ -92,8 +92,8 @@ def sweep(
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     from eqt_cli.cli.output import duration, print_json, size
-    from eqt_cli.experiment.estimate import estimate
-    from eqt_cli.experiment.room import check_memory
+    from eqt_cli.run.estimate import estimate
+    from eqt_cli.run.room import check_memory
 
     assert study.sweep is not None
     check_memory(study)

@@ -10,8 +10,8 @@ import typer
 from eqt_cli.cli import options
 
 if TYPE_CHECKING:
+    from eqt_cli.analysis.verification import Verification
     from eqt_cli.experiment.build import Experiment
-    from eqt_cli.experiment.verify import Verification
 
 
 def verify(
@@ -33,13 +33,13 @@ def verify(
     quiet: options.Quiet = False,
 ) -> None:
     """Check the paper's theorems on an experiment; exit 4 where one does not hold."""
+    from eqt_cli.analysis.verification import RUNS, verify_experiment, verify_results
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.cli.progress import progress
+    from eqt_cli.config.source import read_config, source_of
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.build import build
     from eqt_cli.experiment.point import config_at, open_point
-    from eqt_cli.experiment.source import read_config, source_of
-    from eqt_cli.experiment.verify import RUNS, verify_experiment, verify_results
 
     is_result = target.suffix == ".h5" or target.is_dir()
     if is_result and (set_ or engine or runs):

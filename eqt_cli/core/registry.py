@@ -43,17 +43,15 @@ class Registry(Generic[T]):
         The package whose modules are scanned, once, when a name is first asked for.
     base
         The class that every component derives from.
+    entry_point_group
+        Of third-party components; ``eqt.`` and the name of the package if not given.
     """
 
-    def __init__(self, kind: str, package: str, base: type[T]) -> None:
+    def __init__(self, kind: str, package: str, base: type[T], entry_point_group: str = "") -> None:
         self.kind, self.package, self.base = kind, package, base
+        self.entry_point_group = entry_point_group or "eqt." + package.rpartition(".")[2]
         self._plugins: dict[str, type[T]] = {}
         _registries.append(self)
-
-    @property
-    def entry_point_group(self) -> str:
-        """The entry-point group of third-party components: ``eqt.controllers``."""
-        return "eqt." + self.package.rpartition(".")[2]
 
     @cached_property
     def _found(self) -> dict[str, type[T]]:

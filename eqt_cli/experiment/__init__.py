@@ -1,1 +1,1 @@
-"""Experiments: configs read from YAML, checked and run."""
+"""From the sections of a configuration to an experiment, and to a study of many of them."""

@@ -16,6 +16,13 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.config.components import component, option_path, resolved
+from eqt_cli.config.plugins import load_plugins
+from eqt_cli.config.problems import Path as KeyPath
+from eqt_cli.config.problems import Problems
+from eqt_cli.config.schema import Config, GainsSection, Section
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.config.translate import UNKNOWN_KEY, problems_of, shown
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
@@ -25,18 +32,11 @@ from eqt_cli.engines import Engine
 from eqt_cli.ensemble.factor_poses import FactorPoses
 from eqt_cli.ensemble.poses import PoseDistribution, pose_distributions
 from eqt_cli.ensemble.velocities import VelocityDistribution, velocity_distributions
-from eqt_cli.experiment.components import component, option_path, resolved
 from eqt_cli.experiment.gains import gains_from
 from eqt_cli.experiment.inertia import inertia_from
 from eqt_cli.experiment.motion import motion_from
-from eqt_cli.experiment.plugins import load_plugins
 from eqt_cli.experiment.probe import probe
-from eqt_cli.experiment.problems import Path as KeyPath
-from eqt_cli.experiment.problems import Problems
-from eqt_cli.experiment.schema import Config, GainsSection, Section
 from eqt_cli.experiment.solver import Solver, solver_from
-from eqt_cli.experiment.source import ConfigSource
-from eqt_cli.experiment.translate import UNKNOWN_KEY, problems_of, shown
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.groups.product import ProductGroup
 

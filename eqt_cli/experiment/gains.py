@@ -7,9 +7,9 @@ from typing import Any
 
 from scipy.linalg import block_diag
 
+from eqt_cli.config.problems import Problems
 from eqt_cli.core.arrays import Array
 from eqt_cli.experiment import tensors
-from eqt_cli.experiment.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.product import ProductGroup
 from eqt_cli.mechanics.tracking import Gains

@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from eqt_cli.config.problems import Path, Problems
+from eqt_cli.config.schema import FactoredInertiaSection, PrescribedInertiaSection
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ExpressionError
 from eqt_cli.core.expressions import Expression, parse
 from eqt_cli.experiment import tensors
-from eqt_cli.experiment.problems import Path, Problems
-from eqt_cli.experiment.schema import FactoredInertiaSection, PrescribedInertiaSection
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, InertiaLaw, PrescribedInertia
 

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.config.components import component, option_names
+from eqt_cli.config.problems import Problems
+from eqt_cli.config.source import with_value
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
-from eqt_cli.experiment.components import component, option_names
 from eqt_cli.experiment.point import path_of, section_of
-from eqt_cli.experiment.problems import Problems
-from eqt_cli.experiment.source import with_value
 from eqt_cli.experiment.study import Study
 
 LAW = "law"

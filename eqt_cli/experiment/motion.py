@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from eqt_cli.config.components import component, option_path, resolved
+from eqt_cli.config.problems import Path, Problems
+from eqt_cli.config.schema import TargetSection
+from eqt_cli.config.translate import problems_of
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
 from eqt_cli.experiment import tensors
-from eqt_cli.experiment.components import component, option_path, resolved
 from eqt_cli.experiment.pose import pose_from
-from eqt_cli.experiment.problems import Path, Problems
-from eqt_cli.experiment.schema import TargetSection
-from eqt_cli.experiment.translate import problems_of
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.references import Reference, references
 from eqt_cli.references.constant import ConstantReference

@@ -6,11 +6,11 @@ import dataclasses
 from functools import lru_cache
 from pathlib import Path
 
+from eqt_cli.config.problems import Problems
+from eqt_cli.config.source import ConfigSource, parse_key, source_of, with_value
+from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import EqtError
 from eqt_cli.ensemble.sweep import Sweep
-from eqt_cli.experiment.problems import Problems
-from eqt_cli.experiment.source import ConfigSource, parse_key, source_of, with_value
-from eqt_cli.experiment.yaml_source import dump
 from eqt_cli.store.reader import Results, open_results
 
 

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from eqt_cli.config.problems import Path, Problems
+from eqt_cli.config.translate import UNKNOWN_KEY, problems_of, shown
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
-from eqt_cli.experiment.problems import Path, Problems
 from eqt_cli.experiment.tensors import square, vector
-from eqt_cli.experiment.translate import UNKNOWN_KEY, problems_of, shown
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup

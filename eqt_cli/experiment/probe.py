@@ -15,6 +15,7 @@ import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.signals import compute
+from eqt_cli.config.problems import Path, Problems
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import described, place_of, place_of_function
 from eqt_cli.core.errors import EqtError
@@ -22,7 +23,6 @@ from eqt_cli.core.registry import is_foreign
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.ensemble.poses import PoseDistribution
 from eqt_cli.ensemble.velocities import VelocityDistribution
-from eqt_cli.experiment.problems import Path, Problems
 
 WHEN = "at the start of run 0"
 

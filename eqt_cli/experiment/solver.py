@@ -3,38 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import Any, ClassVar
+from typing import Any
 
+from eqt_cli.config.components import option_names, options_into
+from eqt_cli.config.problems import Problems
+from eqt_cli.config.schema import DEFAULT_ENGINE, Judgement
+from eqt_cli.config.translate import UNKNOWN_KEY, shown
 from eqt_cli.core.errors import ComponentError, suggestion
-from eqt_cli.core.numbers import CountOrNone, Positive
 from eqt_cli.engines import Engine, engines
-from eqt_cli.experiment.components import option_names, options_into
-from eqt_cli.experiment.problems import Problems
-from eqt_cli.experiment.translate import UNKNOWN_KEY, shown
-
-DEFAULT_ENGINE = "solve_ivp"
-
-
-@dataclass(frozen=True)
-class Judgement:
-    """The keys of `solver` that do not belong to an engine.
-
-    Attributes
-    ----------
-    max_error
-        Runs whose error estimate exceeds it count as failed.
-    error_estimate
-        Solve every run a second time at a tenth of the tolerance and compare. Default: where the
-        engine makes that cheap.
-    cross_check
-        How many runs of each controller are redone by another engine and compared.
-    """
-
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
-
-    max_error: Positive | None = None
-    error_estimate: bool | None = None
-    cross_check: CountOrNone = 3
 
 
 @dataclass(frozen=True)

@@ -6,30 +6,21 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
+from eqt_cli.config.problems import Problems
+from eqt_cli.config.schema import FIXED, Config
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.config.yaml_source import parse_value
 from eqt_cli.core.errors import ConfigError, EqtError, Problem
 from eqt_cli.ensemble.sweep import Sweep
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.point import at_point, section_of, without_sweep
-from eqt_cli.experiment.problems import Problems
-from eqt_cli.experiment.schema import Config
-from eqt_cli.experiment.source import ConfigSource
 from eqt_cli.experiment.study import Study
-from eqt_cli.experiment.yaml_source import parse_value
 
 MOST_PROBLEMS = 20
 """Reported of a sweep; a mistake is often made at thousands of points."""
 
 MOST_GROUPS = 1000
 """Points that differ in shape have a group each, and every group takes milliseconds to open."""
-
-FIXED = {
-    "name": "names the experiment as a whole",
-    "store": "decides what the one result file holds",
-    "plugins": "is loaded once",
-    "sweep": "is what is being read",
-    "task": "gives the points laws of different kinds",
-}
-"""Sections that all points share, and why."""
 
 RUNS = (
     "ensemble.runs cannot be swept: run k starts from the same state however many there are, so "

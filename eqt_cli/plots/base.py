@@ -8,17 +8,17 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
 from eqt_cli.analysis.certificates import Row
-from eqt_cli.plots.ensembles import error
-from eqt_cli.plots.good_metrics import GoodMetrics
-from eqt_cli.plots.good_runs import GoodRuns
-from eqt_cli.plots.swept import Swept
-from eqt_cli.plots.verified import Verified
+from eqt_cli.plots.drawing.ensembles import error
+from eqt_cli.plots.drawing.good_metrics import GoodMetrics
+from eqt_cli.plots.drawing.good_runs import GoodRuns
+from eqt_cli.plots.drawing.swept import Swept
+from eqt_cli.plots.drawing.verified import Verified
 from eqt_cli.store.reader import Results
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
-    from eqt_cli.plots.style import Style, Width
+    from eqt_cli.plots.drawing.style import Style, Width
 
 
 class Subject(Protocol):
@@ -75,8 +75,8 @@ class Figure(ABC, Generic[S]):
         EqtError
             If the results lack what the figure shows, or it cannot be drawn in this style.
         """
-        from eqt_cli.plots.layout import add_remarks, freeze
-        from eqt_cli.plots.style import HOUSE, house_style
+        from eqt_cli.plots.drawing.layout import add_remarks, freeze
+        from eqt_cli.plots.drawing.style import HOUSE, house_style
 
         shown = self.subject(results, certificates)
         with house_style(style or HOUSE):

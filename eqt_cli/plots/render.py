@@ -11,13 +11,14 @@ from typing import Any, Literal, TypeVar, get_args
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.registry import summary
-from eqt_cli.plots import Figure, baseline, figures
-from eqt_cli.plots.base import OfCertificates
+from eqt_cli.plots import baseline
+from eqt_cli.plots.base import Figure, OfCertificates
 from eqt_cli.plots.baseline import Check
-from eqt_cli.plots.ensembles import names
-from eqt_cli.plots.numbers import curves
+from eqt_cli.plots.drawing.ensembles import names
+from eqt_cli.plots.drawing.numbers import curves
+from eqt_cli.plots.drawing.style import HOUSE, WIDTHS, Style
+from eqt_cli.plots.figures import figures
 from eqt_cli.plots.save import Format, encode, write
-from eqt_cli.plots.style import HOUSE, WIDTHS, Style
 from eqt_cli.store.reader import Results
 
 Choice = TypeVar("Choice", bound=str)

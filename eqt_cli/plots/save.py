@@ -15,10 +15,10 @@ from typing import Any, Literal
 from matplotlib.backends.backend_pdf import PdfFile
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli import __version__
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.marks import is_eqts
-from eqt_cli.plots.style import HOUSE, Style, house_style
+from eqt_cli.core.version import __version__
+from eqt_cli.plots.drawing.style import HOUSE, Style, house_style
 
 Format = Literal["pdf", "svg", "png"]
 

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from eqt_cli import __version__
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.motion import Course, Motion, motion
-from eqt_cli.plots.scene import AZIMUTH, ELEVATION, FACES, corners
+from eqt_cli.core.version import __version__
+from eqt_cli.plots.animation.motion import Course, Motion, motion
+from eqt_cli.plots.animation.scene import AZIMUTH, ELEVATION, FACES, corners
 from eqt_cli.report.curves import SIGNALS, looks
 from eqt_cli.report.document import TEMPLATES, environment
 from eqt_cli.store.reader import Results

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.ensembles import title_of
-from eqt_cli.plots.style import house_style, line_style
+from eqt_cli.plots.drawing.ensembles import title_of
+from eqt_cli.plots.drawing.style import house_style, line_style
 from eqt_cli.store.reader import Results
 
 SAMPLES = 101

@@ -10,12 +10,12 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from eqt_cli import __version__
 from eqt_cli.analysis.certificate_sheet import certificate_sheet
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import Sheet, sheets
+from eqt_cli.core.version import __version__
 from eqt_cli.report.curves import curves
 from eqt_cli.report.facts import facts
 from eqt_cli.report.figures import DEFAULT, SWEPT, Wanted, inline_figures

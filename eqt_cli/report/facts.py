@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.headline import MEANS, headline
-from eqt_cli.plots.swept import Swept
+from eqt_cli.plots.drawing.swept import Swept
+from eqt_cli.results.headline import MEANS, headline
 from eqt_cli.store.reader import Results
 
 Fact = tuple[str, str]

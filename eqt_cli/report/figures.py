@@ -11,7 +11,8 @@ from xml.etree import ElementTree
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import summary
-from eqt_cli.plots import OfCertificates, figures
+from eqt_cli.plots.base import OfCertificates
+from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import figure_from
 from eqt_cli.plots.save import encode
 from eqt_cli.store.reader import Results

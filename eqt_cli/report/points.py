@@ -8,7 +8,7 @@ import numpy as np
 
 from eqt_cli.analysis.comparison.tables import Section, Sheet
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.swept import Axis, Swept, mean_over_runs
+from eqt_cli.plots.drawing.swept import Axis, Swept, mean_over_runs
 from eqt_cli.report.runs import COLUMNS, MOST_ROWS, Document, plain, unit_of
 from eqt_cli.store.reader import Results
 

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.certificates import Verdict, theorem_6_2
+from eqt_cli.analysis.verification import verify_experiment
+from eqt_cli.config import shipped
+from eqt_cli.config.source import read_config
 from eqt_cli.controllers.family import Family
 from eqt_cli.controllers.stabilising import Stabilising
 from eqt_cli.core.arrays import apply_matrix, transpose
-from eqt_cli.experiment import shipped
 from eqt_cli.experiment.build import build
-from eqt_cli.experiment.source import read_config
-from eqt_cli.experiment.verify import verify_experiment
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.mechanics import navigation

@@ -2,7 +2,7 @@
 
 import pytest
 
-from eqt_cli.analysis.metrics import unit_in
+from eqt_cli.results.metrics import unit_in
 
 
 @pytest.mark.parametrize(

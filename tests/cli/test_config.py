@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from eqt_cli.experiment import shipped
-from eqt_cli.experiment.json_schema import json_schema
+from eqt_cli.config import shipped
+from eqt_cli.config.json_schema import json_schema
 
 Eqt = Callable[..., Any]
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from eqt_cli.config import catalogue, shipped
 from eqt_cli.controllers import controllers
 from eqt_cli.core import registry
-from eqt_cli.experiment import catalogue, shipped
 
 Eqt = Callable[..., Any]
 

@@ -187,7 +187,7 @@ from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.ensemble.poses.haar import Haar
 from eqt_cli.ensemble.velocities.normal import Normal
 from eqt_cli.groups.so3 import SO3
-from eqt_cli.plots.runs import Runs
+from eqt_cli.plots.figures.runs import Runs
 from eqt_cli.references.torque import TorqueReference
 
 

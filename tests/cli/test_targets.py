@@ -27,9 +27,9 @@ def _no_work(monkeypatch: pytest.MonkeyPatch) -> None:
     def work(*_: object, **__: object) -> None:
         raise AssertionError("worked before the target was checked")
 
-    monkeypatch.setattr("eqt_cli.experiment.verify.verify_stored", work)
+    monkeypatch.setattr("eqt_cli.analysis.verification.verify_stored", work)
     monkeypatch.setattr("eqt_cli.report.report", work)
-    monkeypatch.setattr("eqt_cli.plots.animation.gif", work)
+    monkeypatch.setattr("eqt_cli.plots.animation.gif.gif", work)
     monkeypatch.setattr("eqt_cli.report.animation.animation", work)
     monkeypatch.setattr("eqt_cli.plots.render.render", work)
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from eqt_cli.experiment import shipped
+from eqt_cli.config import shipped
 
 Eqt = Callable[..., Any]
 

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from eqt_cli.config.source import read_config
 from eqt_cli.core import registry
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.execute import Outcome, execute
-from eqt_cli.experiment.source import read_config
 from eqt_cli.experiment.sweeping import study
+from eqt_cli.run.execute import Outcome, execute
 
 LINES = {
     "group": "SO3",

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from eqt_cli.engines import Problem, Status
-from eqt_cli.ensemble.executors import Ways
-from eqt_cli.experiment.compute import (
+from eqt_cli.experiment.study import Study
+from eqt_cli.run.compute import (
     REFERENCE_STATES,
     Gathered,
     compute_part,
     read_part,
     reference_table,
 )
-from eqt_cli.experiment.cross_check import chosen_entries, distance
-from eqt_cli.experiment.study import Study
+from eqt_cli.run.cross_check import chosen_entries, distance
+from eqt_cli.run.executors import Ways
 
 TAYLOR = "{engine: taylor, rtol: 1.0e-6, tol: 1.0e-6, cross_check: 0}"
 

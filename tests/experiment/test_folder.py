@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import build
-from eqt_cli.experiment.execute import Outcome
-from eqt_cli.experiment.source import read_config
+from eqt_cli.run.execute import Outcome
 
 Run = Callable[..., Outcome]
 

@@ -10,6 +10,11 @@ import jsonschema
 import pytest
 import yaml
 
+from eqt_cli.config import shipped
+from eqt_cli.config.components import option_names
+from eqt_cli.config.json_schema import json_schema
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.config.yaml_source import load
 from eqt_cli.controllers import controllers
 from eqt_cli.core.errors import ConfigError
 from eqt_cli.core.registry import Registry
@@ -17,13 +22,8 @@ from eqt_cli.engines import engines
 from eqt_cli.ensemble.designs import designs
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.velocities import velocity_distributions
-from eqt_cli.experiment import shipped
-from eqt_cli.experiment.components import option_names
-from eqt_cli.experiment.json_schema import json_schema
 from eqt_cli.experiment.solver import Judgement
-from eqt_cli.experiment.source import ConfigSource
 from eqt_cli.experiment.sweeping import study
-from eqt_cli.experiment.yaml_source import load
 from eqt_cli.references import references
 
 

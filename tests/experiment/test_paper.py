@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eqt_cli.experiment.execute import execute
-from eqt_cli.experiment.shipped import folder
-from eqt_cli.experiment.source import read_config
+from eqt_cli.config.shipped import folder
+from eqt_cli.config.source import read_config
 from eqt_cli.experiment.sweeping import study
+from eqt_cli.run.execute import execute
 from eqt_cli.store.reader import Results, open_results
 
 LABELS = ["eqt", "gt", "nog", "asym"]

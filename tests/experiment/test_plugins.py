@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.execute import Outcome, execute
-from eqt_cli.experiment.source import read_config
 from eqt_cli.experiment.sweeping import study
+from eqt_cli.run.execute import Outcome, execute
 from eqt_cli.store.reader import Results, open_results
 
 Run = Callable[..., Outcome]

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from eqt_cli.core.errors import ComponentError
-from eqt_cli.experiment.execute import Outcome
+from eqt_cli.run.execute import Outcome
 
 Run = Callable[..., Outcome]
 Message = Callable[..., str]

@@ -6,16 +6,16 @@ import h5py
 import numpy as np
 import pytest
 
+from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError, ResultError
 from eqt_cli.engines import Status
-from eqt_cli.ensemble.executors import Executor, Outcome
-from eqt_cli.ensemble.executors.local import Local
-from eqt_cli.ensemble.executors.serial import Serial
-from eqt_cli.experiment.execute import Shard, execute, pack_folder
 from eqt_cli.experiment.point import open_point
-from eqt_cli.experiment.source import read_config
-from eqt_cli.experiment.status import status_of
 from eqt_cli.experiment.sweeping import MOST_GROUPS, add_grids, study
+from eqt_cli.run.execute import Shard, execute, pack_folder
+from eqt_cli.run.executors import Executor, Outcome
+from eqt_cli.run.executors.local import Local
+from eqt_cli.run.executors.serial import Serial
+from eqt_cli.run.status import status_of
 from eqt_cli.store.reader import open_results
 
 CONFIG = """\

@@ -11,11 +11,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from eqt_cli.experiment import shipped
+from eqt_cli.config import shipped
+from eqt_cli.config.json_schema import json_schema
+from eqt_cli.config.source import ConfigSource, read_config
+from eqt_cli.config.yaml_source import dump, load
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.json_schema import json_schema
-from eqt_cli.experiment.source import ConfigSource, read_config
-from eqt_cli.experiment.yaml_source import dump, load
 
 Build = Callable[..., Experiment]
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eqt_cli.experiment.execute import Outcome
+from eqt_cli.run.execute import Outcome
 from eqt_cli.store.reader import Results, open_results
 
 Run = Callable[..., Outcome]

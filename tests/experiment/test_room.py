@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from eqt_cli.core.errors import ConfigError
-from eqt_cli.experiment import room
-from eqt_cli.experiment.execute import Outcome
+from eqt_cli.run import room
+from eqt_cli.run.execute import Outcome
 
 Run = Callable[..., Outcome]
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 
 from eqt_cli.analysis.certificates import Verdict
+from eqt_cli.analysis.verification import Verification, verify_experiment
+from eqt_cli.config import shipped
+from eqt_cli.config.source import read_config
 from eqt_cli.engines import engines
-from eqt_cli.experiment import shipped
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.source import read_config
-from eqt_cli.experiment.verify import Verification, verify_experiment
 from eqt_cli.groups import group_named, groups
 from eqt_cli.groups.product import ProductGroup
 

@@ -11,9 +11,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eqt_cli.core.errors import ConfigError
-from eqt_cli.experiment import yaml_source
-from eqt_cli.experiment.yaml_source import (
+from eqt_cli.config import yaml_source
+from eqt_cli.config.yaml_source import (
     MAX_BYTES,
     MAX_DEPTH,
     MAX_VALUES,
@@ -22,6 +21,7 @@ from eqt_cli.experiment.yaml_source import (
     load,
     parse_value,
 )
+from eqt_cli.core.errors import ConfigError
 
 _PARSERS = [yaml.SafeLoader, *([yaml.CSafeLoader] if yaml.__with_libyaml__ else [])]
 

@@ -5,9 +5,9 @@ from functools import partial
 import pytest
 import yaml
 
-from eqt_cli.experiment.execute import execute
-from eqt_cli.experiment.source import read_config
+from eqt_cli.config.source import read_config
 from eqt_cli.experiment.sweeping import study
+from eqt_cli.run.execute import execute
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.variables import Table, Variable
 from eqt_cli.store.writer import write

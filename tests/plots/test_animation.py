@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.animation import _Stage, gif
-from eqt_cli.plots.motion import MOST_CONTROLLERS, motion
-from eqt_cli.plots.scene import FACES, block, camera, corners, flat, tips
+from eqt_cli.plots.animation.gif import _Stage, gif
+from eqt_cli.plots.animation.motion import MOST_CONTROLLERS, motion
+from eqt_cli.plots.animation.scene import FACES, block, camera, corners, flat, tips
 from eqt_cli.store.reader import open_results
 
 
@@ -43,7 +43,7 @@ def test_run_that_is_not_stored(results):
 
 def test_group_without_a_body_to_show(results, monkeypatch):
     none = SimpleNamespace(parts=())
-    monkeypatch.setattr("eqt_cli.plots.motion.group_named", lambda name: none)
+    monkeypatch.setattr("eqt_cli.plots.animation.motion.group_named", lambda name: none)
     with pytest.raises(EqtError) as caught:
         motion(results, 0)
     assert str(caught.value) == (

@@ -4,14 +4,14 @@ import matplotlib
 import pytest
 
 from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.analysis.verification import verify_results
+from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import build
-from eqt_cli.experiment.source import read_config
-from eqt_cli.experiment.verify import verify_results
-from eqt_cli.plots.certificates import Certificates
+from eqt_cli.plots.drawing.style import WIDTHS, house_style
+from eqt_cli.plots.figures.certificates import Certificates
 from eqt_cli.plots.render import check
 from eqt_cli.plots.save import encode
-from eqt_cli.plots.style import WIDTHS, house_style
 
 
 def row(name, controller="", measured=1e-16, bound=1e-14, verdict=Verdict.HOLDS, kind="identity"):

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots import boxes, distributions
-from eqt_cli.plots.distributions import Distributions
-from eqt_cli.plots.good_metrics import DEFAULT, Sample
-from eqt_cli.plots.numbers import curves
+from eqt_cli.plots.drawing import boxes
+from eqt_cli.plots.drawing.good_metrics import DEFAULT, Sample
+from eqt_cli.plots.drawing.numbers import curves
+from eqt_cli.plots.figures import distributions
+from eqt_cli.plots.figures.distributions import Distributions
 from eqt_cli.plots.save import encode
 
 

@@ -11,11 +11,11 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots import figures
 from eqt_cli.plots.base import OfCertificates, OfSweep, OverTime
+from eqt_cli.plots.drawing.style import WIDTHS, house_style
+from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
-from eqt_cli.plots.style import WIDTHS, house_style
 
 FORMATS = ("pdf", "svg", "png")
 

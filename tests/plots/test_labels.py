@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
-from eqt_cli.plots.labels import SYMBOLS, component, free_text, notation, quantity
+from eqt_cli.plots.drawing.labels import SYMBOLS, component, free_text, notation, quantity
 
 
 @pytest.mark.parametrize(

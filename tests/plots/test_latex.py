@@ -12,11 +12,12 @@ import matplotlib
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots import figures, latex
 from eqt_cli.plots.base import OfCertificates, OfSweep
+from eqt_cli.plots.drawing import latex
+from eqt_cli.plots.drawing.style import WIDTHS, Style, house_style
+from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
-from eqt_cli.plots.style import WIDTHS, Style, house_style
 
 TEX = Style(tex=True)
 INSTALL = (
@@ -208,7 +209,7 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
     code = (
         "from pathlib import Path\n"
         "from eqt_cli.plots.render import render\n"
-        "from eqt_cli.plots.style import Style\n"
+        "from eqt_cli.plots.drawing.style import Style\n"
         "from eqt_cli.store.reader import open_results\n"
         f"with open_results({str(so3)!r}) as results:\n"
         "    render([results], 'paper', Path.cwd(), style=Style(tex=True))\n"

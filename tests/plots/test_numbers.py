@@ -9,10 +9,10 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.baseline import TOLERANCE, compare, read, to_json
-from eqt_cli.plots.numbers import MOST_SAMPLES, Curve, curves, plain
-from eqt_cli.plots.paper import Paper
+from eqt_cli.plots.drawing.numbers import MOST_SAMPLES, Curve, curves, plain
+from eqt_cli.plots.figures.paper import Paper
+from eqt_cli.plots.figures.torque import Torque
 from eqt_cli.plots.render import check, render
-from eqt_cli.plots.torque import Torque
 
 
 def curve(y, **changes):

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.colors import to_rgba
 from scipy.stats import bootstrap
 
-from eqt_cli.plots.paper import Paper
+from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.store.variables import Table, Variable
 from eqt_cli.store.writer import write
 

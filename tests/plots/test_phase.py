@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.phase import Phase
+from eqt_cli.plots.figures.phase import Phase
 from eqt_cli.plots.render import figure_from
 
 HALF_TURN = 2 * np.sqrt(2)  # ‖I − R‖_F² = 2 tr(I − R) = 4 (1 − cos π)

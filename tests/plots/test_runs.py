@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from eqt_cli.plots import runs
-from eqt_cli.plots.runs import Runs
+from eqt_cli.plots.figures import runs
+from eqt_cli.plots.figures.runs import Runs
 
 
 def test_every_good_run_is_a_line_under_the_mean(so3, altered, opened):

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.ensembles import ensembles, names
-from eqt_cli.plots.paper import Paper
-from eqt_cli.plots.runs import Runs
-from eqt_cli.plots.style import house_style, line_style
-from eqt_cli.plots.sweep import SweepFigure
-from eqt_cli.plots.torque import Torque
+from eqt_cli.plots.drawing.ensembles import ensembles, names
+from eqt_cli.plots.drawing.style import house_style, line_style
+from eqt_cli.plots.figures.paper import Paper
+from eqt_cli.plots.figures.runs import Runs
+from eqt_cli.plots.figures.sweep import SweepFigure
+from eqt_cli.plots.figures.torque import Torque
 
 
 @pytest.fixture

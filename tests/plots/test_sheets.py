@@ -5,7 +5,7 @@ import pytest
 from cycler import cycler
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots import sheets
+from eqt_cli.plots.drawing import sheets
 
 
 @pytest.fixture

@@ -7,11 +7,11 @@ import pytest
 from matplotlib.colors import to_rgb
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots import figures
+from eqt_cli.plots.drawing.sheets import available
+from eqt_cli.plots.drawing.style import WIDTHS, Style, house_style, ink, line_style
+from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
-from eqt_cli.plots.sheets import available
-from eqt_cli.plots.style import WIDTHS, Style, house_style, ink, line_style
 
 
 @pytest.fixture

@@ -6,11 +6,11 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.callouts import name_points
-from eqt_cli.plots.pareto import Pareto, front
-from eqt_cli.plots.scales import FEW, number_values
-from eqt_cli.plots.sweep import SweepFigure
-from eqt_cli.plots.swept import Swept
+from eqt_cli.plots.drawing.callouts import name_points
+from eqt_cli.plots.drawing.scales import FEW, number_values
+from eqt_cli.plots.drawing.swept import Swept
+from eqt_cli.plots.figures.pareto import Pareto, front
+from eqt_cli.plots.figures.sweep import SweepFigure
 
 ONE = [{"grid": {"gains.kd": [0.25, 0.5, 1, 2]}}]
 TWO = [{"grid": {"gains.kp": [1, 2, 4]}}, {"grid": {"inertia": [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]}}]

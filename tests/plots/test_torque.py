@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.labels import component
-from eqt_cli.plots.torque import Torque
+from eqt_cli.plots.drawing.labels import component
+from eqt_cli.plots.figures.torque import Torque
 
 
 def _grid(drawing, columns):

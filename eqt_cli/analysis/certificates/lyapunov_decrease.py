@@ -8,7 +8,7 @@ import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
 from eqt_cli.analysis.certificates.runs import ENERGY_PER_RTOL, Runs, largest
-from eqt_cli.analysis.metrics import ENERGY_SCALE
+from eqt_cli.results.metrics import ENERGY_SCALE
 
 
 class LyapunovDecrease(TrajectoryCheck):

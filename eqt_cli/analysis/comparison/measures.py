@@ -12,8 +12,8 @@ import numpy as np
 from scipy.integrate import trapezoid
 
 from eqt_cli.analysis.comparison.windows import WHOLE, Window
-from eqt_cli.analysis.metrics import EARLY_WINDOW, effort, time_mean
 from eqt_cli.core.arrays import Array
+from eqt_cli.results.metrics import EARLY_WINDOW, effort, time_mean
 
 EARLY = Window(0.0, EARLY_WINDOW)
 """The paper's "first 5 seconds of the response" (§7)."""

@@ -11,9 +11,9 @@ import yaml
 
 from eqt_cli.analysis.comparison.measures import MEASURES, Measure, stored_measure
 from eqt_cli.analysis.comparison.windows import WHOLE, Window
-from eqt_cli.analysis.metrics import unit_in
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.results.metrics import unit_in
 from eqt_cli.store.reader import Results
 
 _NO_QUANTITY = ("status", "message")

@@ -1,0 +1,1 @@
+"""The configuration as text: read, located, checked against its schema, and described."""

@@ -1,0 +1,50 @@
+"""Every kind of component by the name that `eqt list` gives it; importing this costs nothing."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from eqt_cli.core.registry import Registry
+
+KINDS = {
+    "groups": "eqt_cli.groups",
+    "controllers": "eqt_cli.controllers",
+    "references": "eqt_cli.references",
+    "engines": "eqt_cli.engines",
+    "poses": "eqt_cli.ensemble.poses",
+    "velocities": "eqt_cli.ensemble.velocities",
+    "designs": "eqt_cli.ensemble.designs",
+    "executors": "eqt_cli.run.executors",
+    "figures": "eqt_cli.plots.figures",
+    "certificates": "eqt_cli.analysis.certificates",
+    "claims": "eqt_cli.analysis.comparison.claims",
+}
+"""The packages of the components, by the plural of their kind, in the order of `eqt list`."""
+
+
+def registry(kind: str) -> Registry[Any]:
+    """The registry of a kind."""
+    from eqt_cli.core.registry import registry_of
+
+    import_module(KINDS[kind])
+    return registry_of(KINDS[kind])
+
+
+def options(component: type) -> dict[str, Any]:
+    """The options of a component as a JSON schema of an object; without any, no `properties`."""
+    from dataclasses import is_dataclass
+
+    from pydantic import TypeAdapter
+
+    from eqt_cli.config.components import option_names
+    from eqt_cli.ensemble.designs import Design, Surroundings
+
+    if issubclass(component, Design):
+        return component.schema(Surroundings(lambda axis: {"type": "object"}, {}))
+    if not is_dataclass(component):
+        return {}
+    schema = TypeAdapter(component).json_schema()
+    properties = {name: schema["properties"][name] for name in option_names(component)}
+    return schema | {"properties": properties}

@@ -1,0 +1,181 @@
+"""One JSON schema of configurations, for editors: the models, and every registered component."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from eqt_cli.config.components import option_names
+from eqt_cli.config.keys import keys_of
+from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement
+from eqt_cli.config.source import parse_key
+from eqt_cli.controllers import controllers
+from eqt_cli.core.registry import Registry, meanings, summary
+from eqt_cli.engines import engines
+from eqt_cli.ensemble.designs import Surroundings, designs
+from eqt_cli.ensemble.poses import pose_distributions
+from eqt_cli.ensemble.spread import Spread
+from eqt_cli.ensemble.velocities import velocity_distributions
+from eqt_cli.groups import groups
+from eqt_cli.references import references
+
+KIND = "Which component it is; the others of its keys are options of this one."
+LABEL = {"type": "string", "description": "The name of the law in tables and figures; its kind."}
+
+
+def json_schema() -> dict[str, Any]:
+    """The schema of a configuration file, JSON Schema draft 2020-12."""
+    schema = _overlapping(Config.model_json_schema())
+    shared: dict[str, Any] = schema["$defs"]
+    top = schema["properties"]
+    top["group"]["examples"] = [name for kind in groups.all() for name in kind.examples()]
+    top["controllers"]["items"] = _any_of(controllers, shared, extra={"label": LABEL})
+    initial = shared["InitialSection"]["properties"]
+    shared["PoseDistribution"] = _any_of(pose_distributions, shared)
+    for name, meaning in meanings(Spread).items():
+        shared[Spread.__name__]["properties"][name]["description"] = meaning
+    one = {"$ref": "#/$defs/PoseDistribution"}
+    initial["pose"] |= {"anyOf": [one, {"type": "array", "items": one}]}
+    initial["velocity"] |= _any_of(velocity_distributions, shared)
+    top["reference"] = _reference(top["reference"], shared)
+    top["solver"] = _solver(top["solver"], shared)
+    shared["SweepBlock"] = _sweep_block(schema)
+    top["sweep"]["anyOf"][0]["items"] = {"$ref": "#/$defs/SweepBlock"}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "eqt experiment",
+        **{key: value for key, value in schema.items() if key != "title"},
+    }
+
+
+def _overlapping(schema: Any) -> Any:
+    """The same with `anyOf` for `oneOf`: a list of numbers fits several members of our unions."""
+    if isinstance(schema, dict):
+        return {
+            "anyOf" if key == "oneOf" else key: _overlapping(value) for key, value in schema.items()
+        }
+    return [_overlapping(entry) for entry in schema] if isinstance(schema, list) else schema
+
+
+def _any_of(
+    registry: Registry[Any], shared: dict[str, Any], extra: dict[str, Any] | None = None
+) -> dict[str, Any]:
+    """A component of a registry: its name, or a mapping with `kind` and its options."""
+    names = {"enum": registry.names(), "type": "string"}
+    mappings = [_mapping(component, shared, extra or {}) for component in registry.all()]
+    return {"anyOf": [names, *mappings]}
+
+
+def _mapping(component: type, shared: dict[str, Any], extra: dict[str, Any]) -> dict[str, Any]:
+    options = _options(component, shared)
+    name = component.name  # type: ignore[attr-defined]  # registered, so it has one
+    kind = {"const": name, "description": KIND}
+    return {
+        "type": "object",
+        "description": summary(component),
+        "properties": {"kind": kind, **extra, **options["properties"]},
+        "required": ["kind", *options["required"]],
+        "additionalProperties": False,
+    }
+
+
+def _options(component: type, shared: dict[str, Any]) -> dict[str, Any]:
+    """The object schema of a component's options; what it refers to goes to `shared`."""
+    schema = TypeAdapter(component).json_schema()
+    shared |= schema.pop("$defs", {})
+    said = meanings(component)
+    properties = {
+        name: ({"description": said[name]} if name in said else {}) | schema["properties"][name]
+        for name in option_names(component)
+    }
+    required = [name for name in schema.get("required", []) if name in properties]
+    return {"properties": properties, "required": required}
+
+
+def _reference(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
+    common = {
+        "pose": {
+            "description": "Q_d(0): identity, a matrix, or rotation and translations by name."
+        },
+        "velocity": {"description": "V_d(0): a list in the body frame, or parts by name."},
+    }
+    kinds = [_mapping(component, shared, common) for component in references.all()]
+    for kind in kinds:
+        if kind["properties"]["kind"]["const"] == "torque":  # what a section without `kind` is
+            kind["required"].remove("kind")
+    return {"description": section["description"], "anyOf": kinds}
+
+
+def _solver(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
+    properties: dict[str, Any] = {
+        "engine": {
+            "description": "What integrates the equations (`eqt list engines`).",
+            "enum": engines.names(),
+            "type": "string",
+            "default": DEFAULT_ENGINE,
+        },
+        **_options(Judgement, shared)["properties"],
+    }
+    by_key: dict[str, dict[str, dict[str, Any]]] = {}
+    for engine in engines.all():
+        for name, option in _options(engine, shared)["properties"].items():
+            by_key.setdefault(name, {})[engine.name] = option
+    properties |= {name: _of_engines(options) for name, options in by_key.items()}
+    return {
+        "type": "object",
+        "description": section["description"],
+        "properties": properties,
+        "additionalProperties": False,
+    }
+
+
+def _of_engines(options: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """A key that some engines have, with what each of them means by it, and its default there."""
+    found = dict(next(iter(options.values())))
+    differing = len({str(option.get("default")) for option in options.values()}) > 1
+    if differing:
+        del found["default"]
+    texts = [
+        f"{engine}: {option.get('description', '')}"
+        + (f" Default: {option['default']}." if differing and "default" in option else "")
+        for engine, option in options.items()
+    ]
+    return found | {"description": " ".join(texts)}
+
+
+def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
+    """One block of a sweep: a design by name, over keys of the configuration."""
+    swept = {
+        each.key: {"description": each.meaning}
+        for each in keys_of(schema)
+        if parse_key(each.key, "")[0] not in FIXED and each.key != "ensemble.runs"
+    }
+    sections = "|".join(name for name in schema["properties"] if name not in FIXED)
+
+    def axes(axis: dict[str, Any]) -> dict[str, Any]:
+        return {
+            "type": "object",
+            "minProperties": 1,
+            "properties": swept,  # for completion; the pattern checks these keys as well
+            "patternProperties": {_KEY_IN.format(sections): axis},
+            "additionalProperties": False,
+        }
+
+    around = Surroundings(axes, {"$ref": "#/$defs/SweepBlock"})
+    kinds = {
+        design.name: {"description": summary(design), **design.schema(around)}
+        for design in designs.all()
+    }
+    return {
+        "type": "object",
+        "description": "One block; blocks multiply, the first one changing slowest.",
+        "properties": kinds,
+        "minProperties": 1,
+        "maxProperties": 1,
+        "additionalProperties": False,
+    }
+
+
+_KEY_IN = r"^(?!ensemble\.runs$)({})(\[[0-9]+\])*(\.[^.\[\]]+(\[[0-9]+\])*)*$"
+"""Keys such as ``gains.kp`` or ``controllers[0].label``, within these sections."""

@@ -1,0 +1,87 @@
+"""The `plugins` of a configuration: files of the user, or sources kept in a result."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from eqt_cli.config.problems import Problems
+from eqt_cli.config.source import ConfigSource, source_of
+from eqt_cli.config.translate import shown
+from eqt_cli.core.errors import ComponentError
+from eqt_cli.core.registry import load_plugin
+from eqt_cli.store.reader import Results
+
+
+def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dict[str, str]:
+    """Load every plugin; returns their sources by path as written in the configuration.
+
+    Sources that come from a result file are executed only if they are `trusted`.
+    """
+    paths = source.data.get("plugins", [])
+    if not isinstance(paths, list):
+        expected = "expected a list of paths to Python files"
+        problems.add(("plugins",), f"{expected}, got {shown(paths)}")
+        return {}
+    sources: dict[str, str] = {}
+    owners: dict[str, str] = {}
+    for index, path in enumerate(paths):
+        try:
+            text = _text(source, path, trusted)
+            added = load_plugin(source.folder / path, text)
+        except ComponentError as error:
+            problems.add(("plugins", index), str(error))
+            continue
+        sources[path] = text
+        for component in added:
+            if component in owners:
+                taken = f"{component} is defined by {owners[component]} already; rename one"
+                problems.add(("plugins", index), taken)
+            owners[component] = path
+    return sources
+
+
+def load_stored_plugins(results: Results) -> None:
+    """Execute the plugins that a result holds; for results that are trusted.
+
+    Raises
+    ------
+    ConfigError
+        If one cannot be loaded.
+    """
+    source = source_of(results)
+    problems = Problems(source.place)
+    load_plugins(source, trusted=True, problems=problems)
+    problems.raise_if_any()
+
+
+def _text(source: ConfigSource, path: object, trusted: bool) -> str:
+    """The text of one plugin.
+
+    Raises
+    ------
+    ComponentError
+        If it cannot be had, or may not be executed.
+    """
+    if not isinstance(path, str):
+        raise ComponentError(f"expected the path of a Python file, got {shown(path)}")
+    if source.stored_plugins is None:
+        return _read(source.folder / path)
+    if not trusted:
+        raise ComponentError(
+            f"the result holds the source of {path}, which is executed only on request; "
+            "read it with `eqt show --plugins`, then add --trust-plugins"
+        )
+    if path not in source.stored_plugins:
+        raise ComponentError(f"the result does not hold the source of {path}")
+    return source.stored_plugins[path]
+
+
+def _read(file: Path) -> str:
+    try:
+        return file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        relative = "plugin paths are relative to the configuration's folder"
+        raise ComponentError(f"{file}: does not exist; {relative}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        raise ComponentError(f"plugin {file}: cannot be read: {reason}") from error

@@ -1,0 +1,225 @@
+"""The shape of a configuration: its keys, their types and defaults; nothing about the group.
+
+What depends on the group or on a component (shapes, options, definiteness) is checked by
+`eqt_cli.experiment`. One JSON schema comes from these models and the registries.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+
+from eqt_cli.core.numbers import Count, CountOrNone, Positive, Real
+
+
+def _rank(value: Any) -> str | None:
+    if not isinstance(value, list):
+        number = isinstance(value, int | float | str) and not isinstance(value, bool)
+        return "scalar" if number else None
+    return "matrix" if any(isinstance(row, list) for row in value) else "list"
+
+
+def _one_of(kind: Callable[[Any], str | None], expected: str) -> Discriminator:
+    """Tells the members of a union apart; what is none of them is reported by `expected`."""
+    return Discriminator(kind, custom_error_type="none_of", custom_error_message=expected)
+
+
+Row = list[Real]
+Matrix = Annotated[
+    Annotated[Real, Tag("scalar")]
+    | Annotated[Row, Tag("list")]
+    | Annotated[list[Row], Tag("matrix")],
+    _one_of(_rank, "a number, a list (the diagonal) or a list of rows"),
+]
+"""A number (times the identity), a list (a diagonal) or a list of rows."""
+
+
+def _weight_kind(value: Any) -> str | None:
+    if not isinstance(value, list):
+        return _rank(value)
+    kinds = {_rank(entry) for entry in value}
+    return "factors" if "matrix" in kinds or len(kinds) > 1 else _rank(value)
+
+
+Weight = Annotated[
+    Annotated[Real, Tag("scalar")]
+    | Annotated[Row, Tag("list")]
+    | Annotated[list[Row], Tag("matrix")]
+    | Annotated[list[Matrix], Tag("factors")],
+    _one_of(_weight_kind, "a number, a list (the diagonal) or a list of rows"),
+]
+"""A matrix, or for a product of groups a list with one matrix per factor."""
+
+
+class Section(BaseModel):
+    """A mapping with known keys only."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, use_attribute_docstrings=True)
+
+
+class GainsSection(Section):
+    """Gains of the control laws."""
+
+    kp: Weight
+    """Navigation weight K of Υ(Q) = ½ tr((Q − I) K (Q − I)ᵀ): scalar, diagonal or d×d matrix;
+    for a product of groups also a list with one of these per factor."""
+    kd: Matrix
+    """Rayleigh tensor K_d, positive definite: scalar, diagonal or m×m matrix."""
+
+
+class InitialSection(Section):
+    """Distributions of the initial state, relative to the reference's."""
+
+    pose: Any = "fixed"
+    """Q(0) = Q_d(0) · draw; for a product of groups also a list with one entry per factor."""
+    velocity: Any = "fixed"
+    """V(0) = V_d(0) + draw."""
+
+
+class EnsembleSection(Section):
+    """How many runs, from which seed."""
+
+    runs: Count = 1
+    """Runs per controller."""
+    seed: int = Field(default=0, ge=0, lt=2**63)
+    """Root of all random streams."""
+
+
+class TimeSection(Section):
+    """The uniform grid of sample times, both ends included."""
+
+    duration: Positive
+    """Length of the horizon, s."""
+    samples: int = Field(default=401, ge=2)
+    """Number of sample times."""
+
+
+class StoreSection(Section):
+    """What goes into the result file."""
+
+    trajectories: Literal["all", "none"] | Annotated[int, Field(ge=0)] = "all"
+    """Trajectories of all runs, of none, or of the first N runs of each controller."""
+    decimate: Count = 1
+    """Keep every n-th sample of the trajectories; metrics use all."""
+    compression: Literal["none", "gzip"] = "none"
+    """gzip saves little on smooth signals and costs ten times the writing time."""
+
+
+Formula = str | float
+"""An expression in t, or a number."""
+
+
+class FactoredInertiaSection(Section):
+    """𝕀_t = S_tᵀ 𝕀_0 S_t, as in Theorem 3.2."""
+
+    initial: Matrix
+    """𝕀_0, symmetric positive definite."""
+    factor: list[list[Formula]]
+    """S_t, m×m expressions in t with S(0) = I."""
+
+
+class PrescribedInertiaSection(Section):
+    """𝕀_t as it is; the feedforward is then ½𝕀̇V."""
+
+    matrix: list[list[Formula]]
+    """𝕀_t, m×m expressions in t, symmetric positive definite at all times."""
+
+
+def _inertia_kind(value: Any) -> str | None:
+    if isinstance(value, dict):
+        return "prescribed" if "matrix" in value else "factored"
+    return _rank(value)
+
+
+InertiaValue = Annotated[
+    Annotated[Real, Tag("scalar")]
+    | Annotated[Row, Tag("list")]
+    | Annotated[list[Row], Tag("matrix")]
+    | Annotated[FactoredInertiaSection, Tag("factored")]
+    | Annotated[PrescribedInertiaSection, Tag("prescribed")],
+    _one_of(_inertia_kind, "a number, a list (the diagonal), a list of rows or a mapping"),
+]
+"""A constant tensor, or a mapping with expressions in t."""
+
+
+class TargetSection(Section):
+    """Where `task: stabilise` is to end."""
+
+    pose: Any = "identity"
+    """The target pose: identity, a matrix, or rotation and translations by name."""
+
+
+class Config(Section):
+    """An experiment: one mechanical system, one reference, several controllers, many runs."""
+
+    name: str | None = Field(default=None, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
+    """Name of the experiment and of its folder under results/; default: the file's stem."""
+    task: Literal["track", "stabilise"] = "track"
+    """Follow a `reference`, or come to rest at a `target`."""
+    group: str
+    """The configuration space: SO3, SE3, … (`eqt list groups`)."""
+    inertia: InertiaValue
+    """Inertia tensor 𝕀: scalar, diagonal, m×m matrix, or varying in time."""
+    gains: GainsSection = Field(examples=["{kp: 1, kd: 1}"])
+    """Gains of the control laws."""
+    reference: dict[str, Any] | None = None
+    """The desired trajectory: `kind` (default torque), its options, `pose` and `velocity`."""
+    target: TargetSection | None = None
+    """Where to come to rest, for `task: stabilise`."""
+    controllers: list[Any] = Field(min_length=1)
+    """Control laws to compare, from the same initial states (`eqt list controllers`)."""
+    initial: InitialSection = Field(default_factory=InitialSection)
+    """Where the runs start."""
+    ensemble: EnsembleSection = Field(default_factory=EnsembleSection)
+    """How many runs."""
+    time: TimeSection = Field(examples=["{duration: 20}"])
+    """The horizon and its samples."""
+    solver: dict[str, Any] = Field(default_factory=dict)
+    """`engine` and its options (`eqt list engines`)."""
+    store: StoreSection = Field(default_factory=StoreSection)
+    """What to keep."""
+    sweep: list[dict[str, Any]] | None = None
+    """Blocks of `grid`, `zip`, `random`, `lhs`, `sobol` or `concat`, which multiply; for
+    `eqt sweep`."""
+    settling_threshold: Positive = 0.05
+    """Pose error ‖I − Q_E‖_F below which a run counts as settled."""
+    plugins: list[str] = Field(default_factory=list)
+    """Python files with components of your own, relative to this file."""
+
+
+DEFAULT_ENGINE = "solve_ivp"
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """The keys of `solver` that do not belong to an engine.
+
+    Attributes
+    ----------
+    max_error
+        Runs whose error estimate exceeds it count as failed.
+    error_estimate
+        Solve every run a second time at a tenth of the tolerance and compare. Default: where the
+        engine makes that cheap.
+    cross_check
+        How many runs of each controller are redone by another engine and compared.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+
+    max_error: Positive | None = None
+    error_estimate: bool | None = None
+    cross_check: CountOrNone = 3
+
+
+FIXED = {
+    "name": "names the experiment as a whole",
+    "store": "decides what the one result file holds",
+    "plugins": "is loaded once",
+    "sweep": "is what is being read",
+    "task": "gives the points laws of different kinds",
+}
+"""Sections that all points share, and why."""

@@ -1,0 +1,215 @@
+"""A configuration as a user gives it: a YAML file, or a result, with `--set` overrides."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from eqt_cli.config import yaml_source
+from eqt_cli.config.translate import shown
+from eqt_cli.config.yaml_source import Source, dotted
+from eqt_cli.core.errors import ConfigError, EqtError, Problem
+from eqt_cli.store.layout import FILE_NAME
+from eqt_cli.store.reader import Results, open_results
+
+_MOST_FILES = 5
+"""Named in a message."""
+
+KeyPath = tuple[str | int, ...]
+
+_STORED = "[config]"
+"""Behind the name of a result file: the place is in the configuration that it holds."""
+
+
+@dataclass
+class ConfigSource:
+    """Plain data, where each part of it was written, and what plugin paths are relative to."""
+
+    source: Source
+    data: dict[str, Any]
+    folder: Path
+    overrides: dict[KeyPath, str] = field(default_factory=dict)
+    stored_plugins: dict[str, str] | None = None
+
+    @property
+    def path(self) -> str:
+        """The file, as a command takes it."""
+        return self.source.name.removesuffix(_STORED)
+
+    def place(self, path: KeyPath) -> str:
+        """``file:line:column``, or ``--set[0]`` for what an override gave."""
+        for depth in range(len(path), 0, -1):
+            if path[:depth] in self.overrides:
+                return self.overrides[path[:depth]]
+        return self.source.key_place(path)
+
+
+def read_config(
+    path: Path, overrides: Sequence[str] = (), engine: str | None = None
+) -> ConfigSource:
+    """Read a YAML file, or the configuration inside a result file or folder, and apply overrides.
+
+    Parameters
+    ----------
+    overrides
+        ``KEY=VALUE``, as given with ``--set``.
+    engine
+        As given with ``--engine``.
+
+    Raises
+    ------
+    ConfigError
+        For what cannot be read as YAML, and for overrides that do not parse.
+    """
+    if path.is_dir() and not (path / FILE_NAME).exists() and (there := sorted(path.glob("*.yaml"))):
+        listed = ", ".join(map(str, there[:_MOST_FILES])) + (", …" if there[_MOST_FILES:] else "")
+        raise EqtError(f"{path}: is a folder without a result; give one of its files: {listed}")
+    if path.suffix == ".h5" or path.is_dir():
+        config = _from_result(path)
+    else:
+        source = yaml_source.load(_text(path), str(path))
+        config = ConfigSource(source, source.data, path.parent)
+    problems: list[Problem] = []
+    places = [(f"--set[{index}]", override) for index, override in enumerate(overrides)]
+    if engine is not None:
+        places.append(("--engine", f"solver.engine={engine}"))
+    for place, override in places:
+        try:
+            _apply(config, override, place)
+        except ConfigError as error:
+            problems += error.problems
+    if problems:
+        raise ConfigError(problems)
+    if config.data.get("name") is None:
+        config.data = config.data | {"name": _name(path)}
+    return config
+
+
+def _text(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except FileNotFoundError:
+        raise EqtError(
+            f"{path}: does not exist; give a YAML file, which `eqt config new` writes, or a result"
+        ) from None
+    except OSError as error:
+        reason = (error.strerror or str(error)).lower()
+        raise EqtError(
+            f"{path}: cannot be read: {reason}; check the path and its permissions"
+        ) from error
+
+
+def _name(path: Path) -> str:
+    """The file's stem as a name: what a name must not have becomes a hyphen."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-._") or "experiment"
+
+
+def _from_result(path: Path) -> ConfigSource:
+    with open_results(path) as results:
+        return source_of(results)
+
+
+def source_of(results: Results) -> ConfigSource:
+    """The configuration inside an open result, with the plugins that it was run with."""
+    text = str(results.attributes["config"])
+    plugins = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
+    source = yaml_source.load(text, f"{results.path}{_STORED}")
+    return ConfigSource(source, source.data, results.path.parent, stored_plugins=plugins)
+
+
+def _apply(config: ConfigSource, override: str, place: str) -> None:
+    """Set one ``key.path[0]=value``."""
+    key, equals, text = override.partition("=")
+    if not equals or not key.strip():
+        raise ConfigError([Problem("", f"expected KEY=VALUE, got '{override}'", place)])
+    path = parse_key(key.strip(), place)
+    value = _value(text, path, place)
+    container: Any = config.data
+    for depth, step in enumerate(path):
+        wrong = _unfit(container, path[:depth], step)
+        if wrong:
+            raise ConfigError([Problem(dotted(path), wrong, place)])
+        if depth == len(path) - 1:
+            container[step] = value
+        elif isinstance(step, str) and step not in container:
+            container[step] = {}
+            config.overrides[path[: depth + 1]] = place
+        container = container[step]
+    for earlier in [other for other in config.overrides if other[: len(path)] == path]:
+        del config.overrides[earlier]
+    config.overrides[path] = place
+
+
+def _value(text: str, path: KeyPath, place: str) -> Any:
+    try:
+        return yaml_source.parse_value(text, place)
+    except ConfigError as error:
+        raise ConfigError(
+            Problem(_joined(dotted(path), problem.path), problem.message, place)
+            for problem in error.problems
+        ) from error
+
+
+def _joined(key: str, rest: str) -> str:
+    return f"{key}.{rest}" if rest and not rest.startswith("[") else key + rest
+
+
+def _unfit(container: Any, path: KeyPath, step: str | int) -> str | None:
+    """Why the value at `path` has no place for `step`, if it has none."""
+    name = dotted(path)
+    if isinstance(step, str):
+        if isinstance(container, dict):
+            return None
+        return f"{name} is {_kind(container)}, not a mapping; set {name} as a whole"
+    if not isinstance(container, list):
+        return f"{name} is {_kind(container)}, not a list; set {name} as a whole"
+    if step < len(container):
+        return None
+    return f"no entry {step}; {name} has {len(container)}, counted from 0"
+
+
+def _kind(value: Any) -> str:
+    if isinstance(value, dict | list):
+        return "a mapping" if isinstance(value, dict) else "a list"
+    return shown(value)
+
+
+def with_value(data: Any, path: KeyPath, value: Any, place: str, depth: int = 0) -> Any:
+    """A copy of `data` with the value at `path` replaced; what did not change is shared.
+
+    Mappings on the way that do not exist yet are made.
+
+    Raises
+    ------
+    ConfigError
+        If the path leads through something that is no mapping, or beyond the end of a list.
+    """
+    if depth == len(path):
+        return value
+    step = path[depth]
+    wrong = None if data is None and isinstance(step, str) else _unfit(data, path[:depth], step)
+    if wrong:
+        raise ConfigError([Problem(dotted(path), wrong, place)])
+    if isinstance(step, int):
+        inner = with_value(data[step], path, value, place, depth + 1)
+        return [*data[:step], inner, *data[step + 1 :]]
+    known = data or {}
+    return known | {step: with_value(known.get(step), path, value, place, depth + 1)}
+
+
+def parse_key(text: str, place: str) -> KeyPath:
+    """``controllers[0].label`` as ``("controllers", 0, "label")``."""
+    steps: list[str | int] = []
+    for part in text.split("."):
+        name, *indices = part.split("[")
+        numbers = [
+            index[:-1] for index in indices if index.endswith("]") and index[:-1].isdecimal()
+        ]
+        if not name or len(numbers) != len(indices):
+            message = f"expected a key such as gains.kp or controllers[0].label, got '{text}'"
+            raise ConfigError([Problem("", message, place)])
+        steps += [name, *map(int, numbers)]
+    return tuple(steps)

@@ -1,0 +1,237 @@
+"""A run as a moving picture (GIF): bodies against the reference, error and torque as they go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from PIL import Image
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.version import __version__
+from eqt_cli.plots.animation.motion import Motion, motion
+from eqt_cli.plots.animation.scene import block, flat, tips
+from eqt_cli.plots.drawing.curves import scale_norm
+from eqt_cli.plots.drawing.labels import SYMBOLS, quantity
+from eqt_cli.plots.drawing.layout import freeze, name_scale
+from eqt_cli.plots.drawing.style import house_style, line_style
+from eqt_cli.store.reader import Results
+
+DOTS_PER_INCH = 110
+COLOURS = 160
+"""Of the palette that all pictures share, so that nothing flickers."""
+
+_PAPER = 245
+_AXES = "xyz"
+_MARGIN = 1.3
+"""in lengths of an axis, beyond all places: the axes, their names and half a letter."""
+_REFERENCE = "0.35"
+
+
+def gif(
+    results: Results,
+    run: int,
+    controllers: Sequence[str] = (),
+    *,
+    seconds: float = 8.0,
+    rate: float = 12.5,
+    progress: Callable[[float], None] = lambda pictures: None,
+) -> bytes:
+    """A run as an animated GIF that repeats for ever.
+
+    Parameters
+    ----------
+    run, controllers
+        As in `motion`.
+    seconds
+        How long it lasts, whatever the length of the run.
+    rate
+        Pictures per second; GIF rounds their time to hundredths of a second.
+    progress
+        Called after each picture with the number of pictures.
+
+    Raises
+    ------
+    EqtError
+        If the run cannot be shown; see `motion`.
+    """
+    shown = motion(results, run, controllers)
+    count = max(2, round(seconds * rate))
+    samples = np.linspace(0, len(shown.times) - 1, count).round().astype(int)
+    with house_style():
+        stage = _Stage(shown)
+        pictures = []
+        for sample in samples:
+            pictures.append(stage.picture(int(sample)))
+            progress(1)
+    return _encoded(pictures, 1000 / rate)
+
+
+def _encoded(pictures: Sequence[Image.Image], milliseconds: float) -> bytes:
+    """All pictures in one palette, which is that of the middle one."""
+    palette = pictures[len(pictures) // 2].quantize(COLOURS, method=Image.Quantize.MEDIANCUT)
+    colours = np.array(palette.getpalette()).reshape(-1, 3)
+    colours[colours.min(axis=1) >= _PAPER] = 255  # paper is white, and not nearly so
+    palette.putpalette(colours.ravel().tolist())
+    reduced = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in pictures]
+    buffer = BytesIO()
+    reduced[0].save(
+        buffer,
+        format="GIF",
+        save_all=True,
+        append_images=reduced[1:],
+        duration=max(20, 10 * round(milliseconds / 10)),
+        loop=0,
+        optimize=True,
+        comment=f"eqt {__version__}".encode(),
+    )
+    return buffer.getvalue()
+
+
+class _Stage:
+    """The figure whose artists move from picture to picture."""
+
+    def __init__(self, shown: Motion) -> None:
+        self.motion = shown
+        count = len(shown.ensembles)
+        drawing = Figure(figsize=(7.16, 1.9 + 7.16 / max(count, 3)))
+        self.canvas = _canvas(drawing)
+        drawing.set_dpi(DOTS_PER_INCH)
+        ratios = [7.16 / max(count, 3), 1.9]
+        upper, lower = np.ravel(np.asarray(drawing.subfigures(2, 1, height_ratios=ratios)))
+        bodies = upper.subplots(1, count, squeeze=False)[0]
+        error, torque = lower.subplots(1, 2)
+        self.bodies = [_Body(axes, shown, index) for index, axes in enumerate(bodies)]
+        self.curves = [
+            _Curves(error, shown, shown.error, shown.error_name, shown.error_unit),
+            _Curves(torque, shown, shown.torque, shown.torque_name, shown.torque_unit),
+        ]
+        self.clock = upper.suptitle(self._time(0), fontsize="medium")
+        self.canvas.draw()
+        freeze(drawing)
+
+    def _time(self, sample: int) -> str:
+        return f"run {self.motion.run},  $t$ = {self.motion.times[sample]:.1f} s"
+
+    def picture(self, sample: int) -> Image.Image:
+        """The picture at a sample."""
+        for body in self.bodies:
+            body.show(sample)
+        for curves in self.curves:
+            curves.show(sample)
+        self.clock.set_text(self._time(sample))
+        self.canvas.draw()
+        return Image.fromarray(np.asarray(self.canvas.buffer_rgba())[..., :3].copy())
+
+
+def _canvas(drawing: Figure) -> Any:
+    """What draws into memory; its methods have no types."""
+    return FigureCanvasAgg(drawing)
+
+
+class _Body:
+    """A body and the reference, seen from a fixed place."""
+
+    def __init__(self, axes: Axes, shown: Motion, index: int) -> None:
+        self.motion, self.index, self.length = shown, index, shown.length
+        ensemble = shown.ensembles[index]
+        self.colour = line_style(ensemble.look)["color"]
+        low, high = flat(shown.places).min(axis=0), flat(shown.places).max(axis=0)
+        middle, reach = (low + high) / 2, float((high - low).max() / 2) + _MARGIN * shown.length
+        axes.set_xlim(middle[0] - reach, middle[0] + reach)
+        axes.set_ylim(middle[1] - reach, middle[1] + reach)
+        axes.set_aspect("equal")
+        axes.set_axis_off()
+        axes.set_title(ensemble.title, color=self.colour, parse_math=False)
+        if shown.has_translation:
+            axes.plot(*flat(shown.reference.position).T, color=_REFERENCE, linewidth=0.5)
+        (self.trail,) = axes.plot([], [], color=self.colour, linewidth=0.9)
+        self.faces = PolyCollection([], edgecolor=self.colour, linewidth=0.7, zorder=2)
+        axes.add_collection(self.faces)
+        self.reference = _frame(axes, _REFERENCE, (0, (3, 1.5)), 1.0, 3)
+        self.frame = _frame(axes, self.colour, "-", 1.8, 4)
+        gone: dict[str, Any] = {"ha": "center", "va": "bottom", "transform": axes.transAxes}
+        self.gone = axes.text(0.5, 0, "run failed", color=self.colour, fontsize="small", **gone)
+
+    def show(self, sample: int) -> None:
+        body, reference = self.motion.body, self.motion.reference
+        place = reference.position[sample]
+        self.reference.put(place, tips(reference.rotation[sample], place, self.length))
+        rotation, place = body.rotation[self.index, sample], body.position[self.index, sample]
+        if self.motion.has_translation:
+            self.trail.set_data(*flat(body.position[self.index, : sample + 1]).T)
+        there = bool(np.isfinite(rotation).all() and np.isfinite(place).all())
+        self.faces.set_visible(there)
+        self.frame.hide(not there)
+        self.gone.set_visible(not there)
+        if there:
+            seen = block(rotation, place, self.length)
+            self.faces.set_verts([face.outline for face in seen])
+            self.faces.set_facecolor([_shaded(self.colour, face.light) for face in seen])
+            self.frame.put(place, tips(rotation, place, self.length))
+
+
+@dataclass
+class _Frame:
+    lines: list[Any]
+    names: list[Any]
+
+    def put(self, origin: Array, ends: Array) -> None:
+        start = flat(origin)
+        for line, name, end in zip(self.lines, self.names, ends, strict=True):
+            line.set_data([start[0], end[0]], [start[1], end[1]])
+            name.set_position(start + 1.12 * (end - start))
+
+    def hide(self, hidden: bool) -> None:
+        for artist in (*self.lines, *self.names):
+            artist.set_visible(not hidden)
+
+
+def _frame(axes: Axes, colour: str, dashes: Any, width: float, order: int) -> _Frame:
+    """Three axes with their names."""
+    lines = [
+        axes.plot([], [], color=colour, linestyle=dashes, linewidth=width, zorder=order)[0]
+        for _ in _AXES
+    ]
+    names = [
+        axes.text(0, 0, f"${name}$", color=colour, ha="center", va="center", fontsize="small")
+        for name in _AXES
+    ]
+    return _Frame(lines, names)
+
+
+class _Curves:
+    """Curves that grow, over what they will be."""
+
+    def __init__(self, axes: Axes, shown: Motion, values: Array, name: str, unit: str) -> None:
+        self.times, self.values = shown.times, values
+        looks = [line_style(ensemble.look) for ensemble in shown.ensembles]
+        for look, curve in zip(looks, values, strict=True):
+            axes.plot(self.times, curve, color=(look["color"], 0.25), linewidth=0.6)
+        self.lines = [axes.plot([], [], **look)[0] for look in looks]
+        self.now = axes.axvline(self.times[0], color="0.5", linewidth=0.6)
+        axes.set_xlim(self.times[0], self.times[-1])
+        scale_norm(axes, log=False)
+        axes.set_xlabel(quantity("t", "s"))
+        (symbol,) = (symbol for norm, symbol in SYMBOLS.items() if name.startswith(norm))
+        name_scale(axes, quantity(symbol, unit))
+
+    def show(self, sample: int) -> None:
+        for line, curve in zip(self.lines, self.values, strict=True):
+            line.set_data(self.times[: sample + 1], curve[: sample + 1])
+        self.now.set_xdata([self.times[sample]] * 2)
+
+
+def _shaded(colour: str, light: float) -> tuple[float, float, float]:
+    """A face's colour: the body's own in the shade, and nearly white in full light."""
+    share = 0.35 + 0.5 * light
+    red, green, blue = (channel + (1 - channel) * share for channel in to_rgb(colour))
+    return red, green, blue

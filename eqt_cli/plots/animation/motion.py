@@ -1,0 +1,167 @@
+"""One run as a motion: body and reference poses, error and torque over time; it draws nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError
+from eqt_cli.groups import Part, group_named
+from eqt_cli.plots.drawing.ensembles import Ensemble
+from eqt_cli.plots.drawing.good_runs import GoodRuns, run_dimension
+from eqt_cli.store.reader import Results
+
+MOST_CONTROLLERS = 6
+"""Bodies that are shown side by side."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Orientation and place over time.
+
+    Attributes
+    ----------
+    rotation : (..., samples, 3, 3)
+        From body to space; a plane motion turns about z, and a group without rotations not at all.
+    position : (..., samples, 3)
+        m; zero on a group without translations.
+    """
+
+    rotation: Array
+    position: Array
+
+
+@dataclass(frozen=True)
+class Motion:
+    """One run of some controllers.
+
+    Attributes
+    ----------
+    run
+        Its number.
+    times : (samples,)
+        s.
+    ensembles
+        The controllers; curves and bodies have their order.
+    body, reference
+        Courses of the bodies, with a leading controller axis, and of the reference.
+    has_rotation, has_translation
+        What the group is made of.
+    error, torque : (controllers, samples)
+        Norms of the pose error and the torque; of the rotation part where parts have units of
+        their own.
+    error_name, torque_name
+        Names of those signals.
+    error_unit, torque_unit
+        Their units.
+    """
+
+    run: int
+    times: Array
+    ensembles: Sequence[Ensemble]
+    body: Course
+    reference: Course
+    has_rotation: bool
+    has_translation: bool
+    error: Array
+    torque: Array
+    error_name: str
+    torque_name: str
+    error_unit: str
+    torque_unit: str
+
+    @property
+    def centre(self) -> Array:
+        """The middle of all places, (3,), m."""
+        places = self.places
+        return (places.min(axis=0) + places.max(axis=0)) / 2
+
+    @property
+    def extent(self) -> float:
+        """The largest distance of a place from the middle, m; 0 where nothing moves."""
+        return float(np.linalg.norm(self.places - self.centre, axis=-1).max())
+
+    @property
+    def length(self) -> float:
+        """Of a frame's axes, m: what is seen well beside the paths."""
+        extent = self.extent
+        return 0.4 * extent if extent > 0 else 1.0
+
+    @property
+    def places(self) -> Array:
+        """Every place of every body and of the reference, (places, 3), m."""
+        bodies = self.body.position.reshape(-1, 3)
+        places = np.concatenate([bodies, self.reference.position])
+        finite: Array = places[np.isfinite(places).all(axis=-1)]
+        return finite
+
+
+def motion(results: Results, run: int, controllers: Sequence[str] = ()) -> Motion:
+    """One run of a result.
+
+    Parameters
+    ----------
+    run
+        Its number, as in the coordinate ``run``.
+    controllers
+        Labels; the first `MOST_CONTROLLERS` if empty.
+
+    Raises
+    ------
+    EqtError
+        If the run is not stored, there is no such controller, or the group is not known here.
+    """
+    source = GoodRuns([results], "animation", controllers)
+    stored = [int(number) for number in results.coordinate(run_dimension(results))]
+    if run not in stored:
+        raise EqtError(
+            f"{results.path}: the trajectory of run {run} is not stored; stored are runs "
+            f"{stored[0]} to {stored[-1]}"
+        )
+    ensembles = source.ensembles if controllers else source.ensembles[:MOST_CONTROLLERS]
+    parts = group_named(str(results.attributes.get("group"))).parts
+    turning = next((part for part in parts if part.name.startswith("rotation")), None)
+    moving = next((part for part in parts if part.pose_unit == "m"), None)
+    if turning is None and moving is None:
+        raise EqtError(
+            f"{results.path}: a pose of {results.attributes.get('group')} is neither a rotation "
+            "nor a place in metres, so no body can be shown; `eqt plot --figure runs` draws its "
+            "runs"
+        )
+    at = {run_dimension(results): stored.index(run)}
+    end = f"_{turning.name}" if turning and results.has(f"pose_error_{turning.name}") else ""
+
+    def signal(name: str) -> Array:
+        return np.stack([results.read(name, controller=e.controller, **at) for e in ensembles])
+
+    return Motion(
+        run=run,
+        times=results.coordinate("time"),
+        ensembles=ensembles,
+        body=_course(signal("pose"), turning, moving),
+        reference=_course(results["desired_pose"], turning, moving),
+        has_rotation=turning is not None,
+        has_translation=moving is not None,
+        error=signal("pose_error" + end),
+        torque=signal("torque_norm" + end),
+        error_name="pose_error" + end,
+        torque_name="torque_norm" + end,
+        error_unit=source.unit("pose_error" + end),
+        torque_unit=source.unit("torque_norm" + end),
+    )
+
+
+def _course(poses: Array, turning: Part | None, moving: Part | None) -> Course:
+    rotation = np.broadcast_to(np.eye(3), (*poses.shape[:-2], 3, 3)).copy()
+    position = np.zeros((*poses.shape[:-2], 3))
+    if turning is not None:
+        block = poses[(..., *turning.entries)]
+        size = block.shape[-1]
+        rotation[..., :size, :size] = block
+    if moving is not None:
+        column = poses[(..., *moving.entries)][..., 0]
+        position[..., : column.shape[-1]] = column[..., :3]
+    return Course(rotation, position)

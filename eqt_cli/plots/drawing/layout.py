@@ -1,0 +1,183 @@
+"""Sheets of panels, legends and remarks; it knows no signal and no controller."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from matplotlib import rcParams
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.drawing.labels import free_text, quantity
+from eqt_cli.plots.drawing.style import WIDTHS, Width, size_of_type
+
+EMPTY = "."
+"""An empty place in a mosaic."""
+
+_PANEL_HEIGHTS: dict[Width, float] = {"column": 1.15, "page": 1.55}
+_LONGEST = 9.0
+"""in, that the panels of a figure fill at most: a page, as long as none gets too low."""
+_LOWEST_PANEL = 0.6
+_LABEL = 8.0
+"""pt, the type of labels for which these heights are."""
+_REMARK_HEIGHT = 1.5
+"""of a line of small text, over the size of its type."""
+_NARROW = 1.1
+"""in; a panel of less takes fewer numbers along its time axis."""
+_CHARACTERS, _BY_LATEX = 2.0, 1.8
+"""in a line as long as the type is large; Computer Modern is wider than other fonts."""
+_SMALL = 0.833
+"""Small type over the usual, as Matplotlib has it."""
+
+Mosaic = list[list[str]]
+"""Names of panels, row by row."""
+
+
+def sheet(
+    width: Width, mosaic: Mosaic, span: tuple[float, float], unit: str
+) -> tuple[Figure, dict[str, Axes]]:
+    """A figure of panels with a common time axis, and its panels by name.
+
+    Parameters
+    ----------
+    mosaic
+        The names of the panels, row by row; a name that is repeated spans its places, and `EMPTY`
+        is no panel.
+    span, unit
+        The range of the time axis and its unit.
+    """
+    taller = max(1.0, size_of_type("axes.labelsize") / _LABEL)  # a label is as long as a panel
+    drawing, panels = blank_sheet(width, mosaic, taller * _PANEL_HEIGHTS[width])
+    numbered = numbered_below(mosaic)
+    ticks = 3 if WIDTHS[width] / len(mosaic[0]) < _NARROW else 5
+    for name, axes in panels.items():
+        axes.set_xlim(*span)
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=ticks, steps=[1, 2, 5, 10]))
+        axes.tick_params(labelbottom=name in numbered)
+        if name in mosaic[-1]:
+            axes.set_xlabel(quantity("t", unit))
+    return drawing, panels
+
+
+def blank_sheet(width: Width, mosaic: Mosaic, height: float) -> tuple[Figure, dict[str, Axes]]:
+    """A figure of panels that have nothing in common yet, and its panels by name.
+
+    Parameters
+    ----------
+    mosaic
+        The names of the panels, as in `sheet`.
+    height
+        in, of a row of panels; less where the rows would not fit a page.
+    """
+    rows = len(mosaic)
+    height = max(_LOWEST_PANEL, min(height, _LONGEST / rows))
+    drawing = Figure(figsize=(WIDTHS[width], height * rows))
+    nested: Any = mosaic  # Matplotlib's type for it is a recursive one
+    return drawing, drawing.subplot_mosaic(nested, empty_sentinel=EMPTY)
+
+
+def rows_of(names: Sequence[str], columns: int) -> Mosaic:
+    """Panels row by row, the last row filled up with empty places."""
+    rows = [list(names[start : start + columns]) for start in range(0, len(names), columns)]
+    rows[-1] += [EMPTY] * (min(columns, len(names)) - len(rows[-1]))
+    return rows
+
+
+def numbered_below(mosaic: Mosaic) -> set[str]:
+    """The panels with numbers along their lower edge: those with no panel of equal width below."""
+    below: Mosaic = [*mosaic[1:], [EMPTY] * len(mosaic[0])]
+    return {
+        name
+        for row, next_row in zip(mosaic, below, strict=True)
+        for name, lower in zip(row, next_row, strict=True)
+        if lower == EMPTY or row.count(name) != next_row.count(lower)
+    }
+
+
+def share_scale(panels: Iterable[Axes]) -> None:
+    """Give panels one vertical scale; call it before anything is drawn."""
+    first, *others = panels
+    for axes in others:
+        axes.sharey(first)
+
+
+def name_scale(axes: Axes, text: str) -> None:
+    """Label a vertical scale."""
+    # On the baseline, so that labels with and without descenders line up from panel to panel.
+    axes.set_ylabel(text, va="baseline", labelpad=4)
+
+
+def hide_scale(axes: Axes) -> None:
+    """Leave out what names a vertical scale, since the panel to the left shows it."""
+    axes.tick_params(labelleft=False)
+    axes.set_ylabel("")
+
+
+def add_title(axes: Axes, name: str, room: float) -> None:
+    """Name a panel above it, within so many inches; the name is a user's text."""
+    axes.set_title(free_text(name, _characters(room, size_of_type("axes.titlesize"))))
+
+
+def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) -> None:
+    """Name the curves above the panels, in as few rows as fit the width; the figure grows by them.
+
+    Names are a user's text.
+    """
+    room = figure.get_figwidth() - 0.5  # beside the handle
+    characters = _characters(room, size_of_type("legend.fontsize"))
+    for rows in range(1, len(names) + 1):
+        columns = -(-len(names) // rows)  # the fewest for so many rows, so that rows are full
+        legend = figure.legend(
+            handles, [""] * len(names), loc="outside upper center", ncols=columns
+        )
+        for text, name in zip(legend.get_texts(), names, strict=True):
+            # Not as labels above: those that begin with an underscore would be left out.
+            text.set_text(free_text(name, characters))
+        extent = legend.get_window_extent()
+        if extent.width <= figure.bbox.width or columns == 1:
+            break
+        legend.remove()
+    figure.set_figheight(figure.get_figheight() + extent.height / figure.dpi)
+
+
+def add_remarks(figure: Figure, remarks: Sequence[str]) -> None:
+    """Print remarks below the panels, a line each; the figure grows by them."""
+    if remarks:
+        size = _SMALL * size_of_type("font.size")
+        characters = _characters(figure.get_figwidth(), size)
+        text = "\n".join(free_text(remark, characters) for remark in remarks)
+        lines = text.count("\n") + 1
+        figure.set_figheight(figure.get_figheight() + _REMARK_HEIGHT * size / 72 * lines)
+        figure.supxlabel(text, x=0.01, ha="left", fontsize=size)
+
+
+def freeze(figure: Figure) -> None:
+    """Arrange the panels once and for all, so that every format shows the same picture.
+
+    Raises
+    ------
+    EqtError
+        If a style's type is so large that it leaves no room for the panels.
+    """
+    figure.align_ylabels()
+    with warnings.catch_warnings():
+        warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
+        try:
+            figure.draw_without_rendering()
+        except UserWarning as warning:
+            raise EqtError(
+                f"the type of the style is too large: nothing is left of the panels in a figure of "
+                f"{figure.get_figwidth():g} in; take a wider figure or smaller type"
+            ) from warning
+    figure.set_layout_engine("none")
+
+
+def _characters(room: float, size: float) -> int:
+    """How many characters of type of this size (pt) a line of so many inches holds."""
+    per_size = _BY_LATEX if rcParams["text.usetex"] else _CHARACTERS
+    return int(per_size * 72 * room / size)

@@ -1,0 +1,124 @@
+"""The figure of certificates: how far each statement's number is from its bound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, NullLocator
+
+from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.plots.base import OfCertificates
+from eqt_cli.plots.drawing.labels import notation
+from eqt_cli.plots.drawing.layout import add_legend
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
+from eqt_cli.plots.drawing.verified import Verified
+
+_ROW_HEIGHT = 0.155
+_NO_LAW, _BEYOND = 0.65, 0.07
+"""Shares of ink: of markers of no law, and, transparent, of the ground beyond the bound."""
+
+
+@dataclass(frozen=True)
+class Certificates(OfCertificates):
+    """Certificates: what was measured over what is allowed, a row per statement of the paper.
+
+    What lies left of 1 holds; a filled marker says so, a hollow one that the statement claims
+    nothing about the finite time of the runs, a cross that it fails.
+    """
+
+    name: ClassVar[str] = "certificates"
+
+    def compose(self, found: Verified, width: Width) -> Drawing:
+        """Identities above trajectories, the paper's order downwards."""
+        drawing = Drawing(figsize=(WIDTHS[width], 0.5 + _ROW_HEIGHT * len(found.names)))
+        axes = drawing.add_subplot(label="certificates")
+        looks = {law.label: _look(law.controller) for law in found.laws} | {
+            "": {"color": ink(_NO_LAW), "marker": "|"}
+        }
+        least = _least(found)
+        for height, name in enumerate(found.names):
+            rows = found.rows(name)
+            for row, shift in zip(rows, _shifts(len(rows)), strict=True):
+                _mark(axes, row, height + shift, least, looks[row.controller])
+        _name_rows(axes, found, width)
+        _name_scale(axes, least, max(10.0, *map(_ratio, _all(found))))
+        handles: list[Artist] = [
+            Line2D([], [], linestyle="", markersize=3.5, **looks[law.label]) for law in found.laws
+        ]
+        if any(law.label == row.controller for law in found.laws for row in _all(found)):
+            add_legend(drawing, handles, [law.title for law in found.laws])
+        return drawing
+
+
+def _all(found: Verified) -> list[Row]:
+    return [row for name in found.names for row in found.rows(name)]
+
+
+def _ratio(row: Row) -> float:
+    """What was measured over the bound; 0 where both are."""
+    assert row.measured is not None and row.bound is not None
+    return abs(row.measured) / row.bound if row.measured else 0.0
+
+
+def _least(found: Verified) -> float:
+    """The left end of the scale: a decade below the least ratio that is not 0."""
+    ratios = [ratio for row in _all(found) if (ratio := _ratio(row)) > 0]
+    return float(10.0 ** (np.floor(np.log10(min([*ratios, 1.0]))) - 1))
+
+
+def _look(index: int) -> dict[str, Any]:
+    return {"color": line_style(index)["color"], "marker": marker(index)}
+
+
+def _shifts(count: int) -> list[float]:
+    """Where the laws of one statement are, within its row."""
+    return [0.0] if count == 1 else list(np.linspace(-0.27, 0.27, count))
+
+
+def _mark(axes: Axes, row: Row, height: float, least: float, look: dict[str, Any]) -> None:
+    at = max(_ratio(row), least)  # an exact 0 stands at the left end
+    style = dict(look)
+    if row.verdict is Verdict.FAILS:
+        style |= {"marker": "x", "markersize": 5, "markeredgewidth": 1.4}
+    elif row.verdict is not Verdict.HOLDS:
+        style |= {"markerfacecolor": ink(0)}
+    label = f"{row.name} {row.controller}".strip()
+    plain: dict[str, Any] = {"markersize": 3.5, "linestyle": "", "label": label}
+    axes.plot([at], [height], **(plain | style))
+
+
+def _name_rows(axes: Axes, found: Verified, width: Width) -> None:
+    """The statements, with where the paper makes them if there is room."""
+    texts = []
+    for name in found.names:
+        statement = f"{found.rows(name)[0].statement}:  " if width == "page" else ""
+        texts.append(notation(statement + name))
+    axes.set_yticks(range(len(texts)), texts)
+    axes.tick_params(axis="y", length=0)
+    axes.set_ylim(len(texts) - 0.4, -0.6)
+    kinds = [found.rows(name)[0].kind for name in found.names]
+    for height, (kind, following) in enumerate(pairwise(kinds)):
+        if kind != following:
+            axes.axhline(height + 0.5, color=ink(), linewidth=0.5)
+
+
+def _name_scale(axes: Axes, least: float, most: float) -> None:
+    axes.set_xscale("log")
+    axes.set_xlim(least / 2, 3 * most)
+    shade: dict[str, Any] = {"color": ink(), "alpha": _BEYOND, "linewidth": 0, "zorder": 0}
+    axes.axvspan(1, 3 * most, label="beyond the bound", **shade)
+    axes.axvline(1, color=ink(), linewidth=0.8)
+    axes.grid(visible=False, axis="y")
+    axes.xaxis.set_major_locator(LogLocator(numticks=6))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xlabel("measured / bound")
+    ticks = [tick for tick in axes.get_xticks() if 10 * least <= tick <= 3 * most]
+    numbers = [f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks]
+    axes.set_xticks([least, *ticks], ["$0$", *numbers])

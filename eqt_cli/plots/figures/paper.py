@@ -1,0 +1,67 @@
+"""The figure of the paper's experiment: means over runs of the errors, the torque and L."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.plots.base import OverTime
+from eqt_cli.plots.drawing.curves import Bands, draw_band, scale_norm
+from eqt_cli.plots.drawing.good_runs import GoodRuns
+from eqt_cli.plots.drawing.labels import SYMBOLS, part_name, quantity
+from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
+from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
+
+_NORMS = ("pose_error", "velocity_error", "torque_norm")
+
+
+@dataclass(frozen=True)
+class Paper(OverTime):
+    """Means over runs of pose error, velocity error, torque norm and Lyapunov function.
+
+    Figure 3 of Hampsey et al. (2025), on any group: where rotation and translation have units of
+    their own, the norms of both are shown, side by side, instead of the mixed ones.
+
+    Attributes
+    ----------
+    log
+        A logarithmic scale for what converges to zero: the errors and L, but not the torque.
+    bands
+        ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, ``bootstrap``
+        the 95 % interval of the mean at each time.
+    """
+
+    name: ClassVar[str] = "paper"
+
+    log: bool = False
+    bands: Bands = "none"
+
+    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+        """Two by two panels, or a row per norm and a column per part."""
+        parts = runs.parts
+        norms = [[norm + part for part in parts] for norm in _NORMS]
+        if len(parts) > 1:
+            mosaic = [*norms, ["lyapunov"] * len(parts)]
+        else:
+            mosaic = [["pose_error", "velocity_error"], ["torque_norm", "lyapunov"]]
+        drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"))
+        for signal, axes in panels.items():
+            self._fill(axes, signal, runs)
+        for signal, part in zip(norms[0], parts, strict=True):
+            add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
+        add_legend(drawing, panels["lyapunov"].lines, [e.title for e in runs.shown])
+        return drawing
+
+    def _fill(self, axes: Axes, signal: str, runs: GoodRuns) -> None:
+        for ensemble in runs.shown:
+            values = runs.values(signal, ensemble)
+            look = line_style(ensemble.look)
+            times = runs.times(ensemble)
+            axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
+            draw_band(axes, times, values, self.bands, look["color"], ensemble.label)
+        scale_norm(axes, log=self.log and not signal.startswith("torque_norm"))
+        (symbol,) = (symbol for norm, symbol in SYMBOLS.items() if signal.startswith(norm))
+        name_scale(axes, quantity(symbol, runs.unit(signal)))

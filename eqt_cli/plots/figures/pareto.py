@@ -1,0 +1,105 @@
+"""The figure of a design's trade-off: every point by two metrics, and the front of the best."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.drawing.callouts import name_points
+from eqt_cli.plots.drawing.labels import free_text
+from eqt_cli.plots.drawing.layout import add_legend
+from eqt_cli.plots.drawing.metric_names import metric_label
+from eqt_cli.plots.drawing.scales import scale_log
+from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
+from eqt_cli.plots.drawing.swept import Swept, mean_over_runs
+
+_HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4}
+_PALE = 0.45
+
+MOST_NAMED = 16
+"""Points on fronts that are named on a page; more would hide each other."""
+_LONGEST, _ALONG = 40, 25
+"""Characters in a line of a name, and points on a step that names keep clear of."""
+
+
+@dataclass(frozen=True)
+class Pareto(OfSweep):
+    """Every point of a sweep by two metrics, less being better, and the front that none betters.
+
+    On a page, few points of fronts carry the values of the swept keys.
+
+    Attributes
+    ----------
+    cost, error
+        The metrics across and up, by their names in the result.
+    log
+        Logarithmic scales.
+    """
+
+    name: ClassVar[str] = "pareto"
+
+    cost: str = "effort"
+    error: str = "mean_pose_error"
+    log: bool = False
+
+    def compose(self, swept: Swept, width: Width) -> Drawing:
+        """The means over the good runs of every point, and their front, for every controller."""
+        cost, error = (mean_over_runs(swept.metric(name)) for name in (self.cost, self.error))
+        drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
+        panel = drawing.add_subplot()
+        lines, fronts = [], []
+        for k, (position, title) in enumerate(zip(swept.controllers, swept.titles, strict=True)):
+            look = line_style(position) | {"marker": marker(position), "label": title}
+            x, y = cost[:, k], error[:, k]
+            pale = {"color": look["color"], "alpha": _PALE, "linewidths": 0}
+            panel.scatter(x, y, s=16, marker=look["marker"], label=title, **pale)
+            best = front(x, y)
+            # Between two points of the front lies what the first of them betters.
+            lines += panel.plot(x[best], y[best], drawstyle="steps-post", markersize=4.5, **look)
+            fronts.append(best)
+        panel.margins(0.03)
+        if self.log:
+            scale_log(panel, "x", cost[cost > 0])
+            scale_log(panel, "y", error[error > 0])
+        for name, set_label in ((self.cost, panel.set_xlabel), (self.error, panel.set_ylabel)):
+            set_label(metric_label(swept.results, name, 36))
+        add_legend(drawing, lines, swept.titles)
+        if width == "page" and sum(map(len, fronts)) <= MOST_NAMED:
+            _name_fronts(panel, swept, fronts, cost, error)
+        return drawing
+
+
+def _name_fronts(panel: Axes, swept: Swept, fronts: list[Array], cost: Array, error: Array) -> None:
+    """Write the swept values beside the points of the fronts."""
+    points, texts, colours, corners = [], [], [], [np.column_stack([cost.ravel(), error.ravel()])]
+    for k, (best, position) in enumerate(zip(fronts, swept.controllers, strict=True)):
+        x, y = cost[best, k], error[best, k]
+        points.append(np.column_stack([x, y]))
+        texts += [free_text(swept.point_name(int(point)), _LONGEST) for point in best]
+        colours += [line_style(position)["color"]] * len(best)
+        corners += [steps(x, y)]
+    name_points(panel, np.concatenate(points), texts, colours, np.concatenate(corners))
+
+
+def steps(x: Array, y: Array) -> Array:
+    """Points along the steps between points, ``(any, 2)``."""
+    share = np.linspace(0, 1, _ALONG)[:, None]
+    across = np.stack([x[:-1] + share * np.diff(x), y[:-1] + 0 * share], axis=-1)
+    down = np.stack([x[1:] + 0 * share, y[:-1] + share * np.diff(y)], axis=-1)
+    return np.concatenate([across, down]).reshape(-1, 2)
+
+
+def front(cost: Array, error: Array) -> Array:
+    """The points that no other betters in both, by rising cost; NaN is bettered by all."""
+    order = np.lexsort((error, cost))
+    order = order[np.isfinite(cost[order]) & np.isfinite(error[order])]
+    least = np.minimum.accumulate(error[order])
+    strictly = np.ones(len(order), dtype=bool)
+    strictly[1:] = least[1:] < least[:-1]
+    return order[strictly]

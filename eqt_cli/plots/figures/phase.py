@@ -1,0 +1,143 @@
+"""The figure of the error's phase plane: velocity error over pose error, run by run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.critical_points import critical_sets
+from eqt_cli.plots.drawing.by_controller import mosaic, panel, panel_title
+from eqt_cli.plots.drawing.curves import scale_norm
+from eqt_cli.plots.drawing.ensembles import Ensemble
+from eqt_cli.plots.drawing.first_runs import OfFirstRuns, draw_paths, path_legend
+from eqt_cli.plots.drawing.good_runs import GoodRuns
+from eqt_cli.plots.drawing.labels import SYMBOLS, quantity
+from eqt_cli.plots.drawing.layout import (
+    EMPTY,
+    Mosaic,
+    add_legend,
+    add_title,
+    blank_sheet,
+    hide_scale,
+    name_scale,
+    numbered_below,
+)
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
+
+_HEIGHTS: dict[Width, float] = {"column": 1.35, "page": 1.75}
+_COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
+_BESIDE = 0.15
+"""in, of a panel's place that its title cannot use: the scale is there."""
+_POSE, _VELOCITY = "pose_error", "velocity_error"
+_HALF_TURN: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "^",
+    "markersize": 4,
+    "clip_on": False,
+    "zorder": 3,
+}
+
+
+@dataclass(frozen=True)
+class Phase(OfFirstRuns):
+    """Phase plane of the error: norm of the velocity error over that of the pose error.
+
+    A panel per controller, and a column per part where parts have units of their own. A triangle
+    marks, where the scale reaches it, the rotation error of the critical points of Υ other than I,
+    which are half-turns for every weight: with no velocity error they are unstable equilibria.
+
+    Attributes
+    ----------
+    log
+        Logarithmic scales.
+    """
+
+    name: ClassVar[str] = "phase"
+
+    log: bool = False
+
+    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+        """A row per controller and a column per part, or else two or four controllers a row."""
+        shown, parts = runs.shown, runs.parts
+        places = mosaic([e.label for e in shown], parts, _COLUMNS[width])
+        drawing, panels = blank_sheet(width, places, _HEIGHTS[width])
+        room = WIDTHS[width] / len(places[0]) - _BESIDE
+        marked = False
+        for part in parts:
+            column = [panels[panel(e.label, part)] for e in shown]
+            for axes in column[1:]:
+                axes.sharex(column[0])
+                axes.sharey(column[0])
+            for ensemble, axes in zip(shown, column, strict=True):
+                self._fill(axes, runs, ensemble, part)
+                add_title(axes, panel_title(ensemble.title, part), room)
+            self._scale(column)
+            marked |= _mark_half_turns(column, runs.group, part)
+        _hide_scales(panels, places, parts)
+        handles = path_legend([int(e.good.sum()) for e in shown], self.runs)
+        if marked:
+            handles["half-turns"] = Line2D([], [], color=ink(), **_HALF_TURN)
+        add_legend(drawing, list(handles.values()), list(handles))
+        return drawing
+
+    def _fill(self, axes: Axes, runs: GoodRuns, ensemble: Ensemble, part: str) -> None:
+        pose, velocity = _POSE + part, _VELOCITY + part
+        x, y = (runs.values(norm, ensemble, self.runs) for norm in (pose, velocity))
+        paths = zip(x, y, strict=True)
+        draw_paths(axes, dict(zip(runs.numbers(ensemble, self.runs), paths, strict=True)), ensemble)
+        axes.set_xlabel(quantity(SYMBOLS[_POSE], runs.unit(pose)))
+        name_scale(axes, quantity(SYMBOLS[_VELOCITY], runs.unit(velocity)))
+
+    def _scale(self, column: Sequence[Axes]) -> None:
+        """One scale for a part; it must hold every run, so it comes after them."""
+        for axes in column:
+            axes.margins(x=0.04)
+            scale_norm(axes, log=self.log, direction="x")
+            scale_norm(axes, log=self.log)
+        if column[0].get_xscale() == "linear":
+            column[0].xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 5, 10]))
+
+
+def _hide_scales(panels: Mapping[str, Axes], places: Mosaic, parts: Sequence[str]) -> None:
+    """Name and number a scale once, below and to the left of the panels that share it."""
+    numbered = numbered_below(places)
+    for name, axes in panels.items():
+        axes.tick_params(labelbottom=name in numbered)
+        axes.xaxis.label.set_visible(name in numbered)
+    if len(parts) == 1:
+        for row in places:
+            for name in row[1:]:
+                if name != EMPTY:
+                    hide_scale(panels[name])
+
+
+def _mark_half_turns(column: Sequence[Axes], group: MatrixLieGroup | None, part: str) -> bool:
+    """Mark the error of half-turns where the scale reaches it; whether it does."""
+    errors = _half_turns(group, part) if group is not None else []
+    errors = [error for error in errors if error <= column[0].get_xlim()[1]]
+    for axes in column:
+        for error in errors:
+            axes.plot([error], [0], transform=axes.get_xaxis_transform(), color=ink(), **_HALF_TURN)
+    return bool(errors)
+
+
+def _half_turns(group: MatrixLieGroup, suffix: str) -> list[float]:
+    """‖I − R‖_F at the critical points of Υ other than I, for a part that is a rotation.
+
+    Their rotations are half-turns whatever the weight, about axes that depend on it; so do their
+    translations, which are therefore not asked for. Any weight gives them: here it is I.
+    """
+    named = [part for part in group.parts if suffix in ("", f"_{part.name}")]
+    found = critical_sets(group, group.identity)
+    if found is None or len(named) != 1 or not named[0].name.startswith("rotation"):
+        return []
+    blocks = [(group.identity - each.Q)[named[0].entries] for each in found]
+    return sorted({round(float(np.linalg.norm(block)), 12) for block in blocks} - {0.0})

@@ -1,0 +1,88 @@
+"""The figure of single runs: thin lines under their mean, a panel per controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.plots.base import OverTime
+from eqt_cli.plots.drawing.by_controller import mosaic, panel, panel_title
+from eqt_cli.plots.drawing.curves import THIN, scale_norm, thin_line
+from eqt_cli.plots.drawing.good_runs import GoodRuns
+from eqt_cli.plots.drawing.labels import SYMBOLS, quantity
+from eqt_cli.plots.drawing.layout import (
+    EMPTY,
+    add_legend,
+    add_title,
+    hide_scale,
+    name_scale,
+    share_scale,
+    sheet,
+)
+from eqt_cli.plots.drawing.look import Look
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
+
+MOST_LINES = 200
+"""Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
+
+
+@dataclass(frozen=True)
+class Runs(OverTime):
+    """Single runs as thin lines and the mean over runs, a panel per controller.
+
+    Where a norm has parts with units of their own, such as rotation and translation, each part has
+    a column of panels.
+
+    Attributes
+    ----------
+    signal
+        What is drawn over time.
+    log
+        A logarithmic scale.
+    """
+
+    name: ClassVar[str] = "runs"
+
+    signal: Literal["pose_error", "velocity_error", "torque_norm", "lyapunov"] = "pose_error"
+    log: bool = False
+
+    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+        """A row per controller and a column per part, or else controllers two by two."""
+        shown = runs.shown
+        parts = [""] if self.signal == "lyapunov" else runs.parts
+        places = mosaic([e.label for e in shown], parts)
+        room = WIDTHS[width] / len(places[0])
+        drawing, panels = sheet(width, places, runs.span, runs.unit("time"))
+        for part in parts:
+            share_scale(panels[panel(e.label, part)] for e in shown)
+        for ensemble in shown:
+            for part in parts:
+                axes, signal = panels[panel(ensemble.label, part)], self.signal + part
+                values = runs.values(signal, ensemble)
+                self._fill(axes, runs.times(ensemble), values, ensemble.look)
+                add_title(axes, panel_title(ensemble.title, part), room)
+                name_scale(axes, quantity(SYMBOLS[self.signal], runs.unit(signal)))
+        for axes in panels.values():  # now that every curve of a common scale is there
+            scale_norm(axes, log=self.log)
+        if len(parts) == 1:
+            for _, right in (row for row in places if len(row) == 2 and row[1] != EMPTY):
+                hide_scale(panels[right])
+        add_legend(drawing, *_legend(max(int(e.good.sum()) for e in shown)))
+        return drawing
+
+    def _fill(self, axes: Axes, times: Array, values: Array, look: Look) -> None:
+        drawn = values[:MOST_LINES]
+        axes.plot(times, drawn.T, **thin_line(look, len(drawn)))
+        axes.plot(times, values.mean(axis=0), color=ink(), label="mean")
+
+
+def _legend(runs: int) -> tuple[list[Line2D], list[str]]:
+    single = Line2D([], [], color=ink(0.5), linewidth=2 * THIN)
+    mean = Line2D([], [], color=ink())
+    lines = "single runs" if runs <= MOST_LINES else f"first {MOST_LINES} runs"
+    return [single, mean], [lines, "mean over runs"]

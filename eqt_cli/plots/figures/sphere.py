@@ -1,0 +1,141 @@
+"""The figure of attitude errors as paths on the sphere, in an equal-area projection."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure as Drawing
+from matplotlib.patches import Circle
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import Part
+from eqt_cli.mechanics.tracking import pose_error
+from eqt_cli.plots.drawing import disc
+from eqt_cli.plots.drawing.by_controller import mosaic, panel, panel_title
+from eqt_cli.plots.drawing.ensembles import Ensemble
+from eqt_cli.plots.drawing.first_runs import OfFirstRuns, draw_paths, path_legend
+from eqt_cli.plots.drawing.good_runs import GoodRuns
+from eqt_cli.plots.drawing.labels import free_text
+from eqt_cli.plots.drawing.layout import add_legend, add_title, blank_sheet
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, size_of_type
+
+_COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
+_AXES = "xyz"
+_ABOVE = 0.05
+"""in, for the title of a panel."""
+_LIMIT = 1.17
+"""Of the radius of the disc: room for the names around it."""
+_CIRCLES = (45, 90, 135, 180)
+"""Angles from the centre, degrees."""
+_RAYS = 45
+"""Degrees between the lines from the centre."""
+_NUMBERED = -67.5
+"""The direction of the numbers of the circles, degrees: between two rays."""
+_OUTSIDE = 1.13
+"""Of the radius: where the number of the rim is."""
+_GRID: dict[str, Any] = {"linewidth": 0.4, "zorder": 0.5}
+_RIM: dict[str, Any] = {"linewidth": 0.6}
+_GRID_SHARE = 0.3
+"""Of ink."""
+_SMALL = 0.75
+"""The numbers' type over the usual."""
+_NUMBER: dict[str, Any] = {
+    "ha": "center",
+    "va": "center",
+    "zorder": 4,
+}
+
+
+@dataclass(frozen=True)
+class Sphere(OfFirstRuns):
+    """Attitude errors on the sphere: the paths of a body axis as the error R_E = R R_dᵀ turns it.
+
+    The whole sphere is one disc, in Lambert's azimuthal equal-area projection: the centre is no
+    error, the circles are tilts of the axis by 45°, 90° and 135°, and the rim is the half-turn
+    about any axis normal to it. A rotation about the axis itself does not show.
+
+    Attributes
+    ----------
+    axis
+        The body axis.
+    """
+
+    name: ClassVar[str] = "sphere"
+
+    axis: Literal["x", "y", "z"] = "z"
+
+    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+        """A disc per controller, or a column of discs per rotation of the group."""
+        shown, parts, centre = runs.shown, self._rotations(runs), _AXES.index(self.axis)
+        suffixes = [f"_{part.name}" for part in parts] if len(parts) > 1 else [""]
+        places = mosaic([e.label for e in shown], suffixes, _COLUMNS[width])
+        room = WIDTHS[width] / max(len(places[0]), 2)
+        drawing, panels = blank_sheet(width, places, room + _ABOVE)
+        for ensemble in shown:
+            errors = _errors(runs, ensemble, self.runs)
+            for part, suffix in zip(parts, suffixes, strict=True):
+                axes = panels[panel(ensemble.label, suffix)]
+                points = errors[(..., *part.entries)][..., centre]
+                _draw_grid(axes, centre)
+                paths = (disc.path(run, centre) for run in points)
+                numbers = runs.numbers(ensemble, self.runs)
+                draw_paths(axes, dict(zip(numbers, paths, strict=True)), ensemble)
+                add_title(axes, panel_title(ensemble.title, suffix), room)
+        handles = path_legend([int(e.good.sum()) for e in shown], self.runs)
+        add_legend(drawing, list(handles.values()), list(handles))
+        return drawing
+
+    def _rotations(self, runs: GoodRuns) -> list[Part]:
+        """The rotations in space among the parts of the group."""
+        if runs.group is None:
+            name = runs.results[0].attributes.get("group")
+            raise runs.error(f"does not know group '{name}', which a plugin of the result defines")
+        turning = [part for part in runs.group.parts if part.name.startswith("rotation")]
+        found = [part for part in turning if part.entries[0].stop - part.entries[0].start == 3]
+        if not found:
+            has = "turns in a plane only" if turning else "has none"
+            raise runs.error(
+                f"shows rotations in space, and {runs.group.name} {has}; "
+                "figure 'runs' shows its errors over time"
+            )
+        return found
+
+
+def _errors(runs: GoodRuns, ensemble: Ensemble, most: int) -> Array:
+    """Q_E of the first runs, ``(runs, samples, d, d)``."""
+    assert runs.group is not None
+    poses, desired = runs.values("pose", ensemble, most), runs.desired("pose", ensemble)
+    return pose_error(runs.group, poses, desired)
+
+
+def _draw_grid(axes: Axes, centre: int) -> None:
+    """Circles, rays and what they mean."""
+    grid: dict[str, Any] = {"color": ink(_GRID_SHARE), **_GRID}
+    ground = {"facecolor": (ink(0), 0.85), "edgecolor": "none", "pad": 0.5}
+    small = _SMALL * size_of_type("font.size")
+    for angle in _CIRCLES:
+        radius = disc.radius(np.deg2rad(angle))
+        is_rim = angle == _CIRCLES[-1]
+        edge = {"color": ink(), **_RIM} if is_rim else grid
+        axes.add_patch(Circle((0, 0), float(radius), fill=False, **edge))
+        x, y = np.array(_towards(_NUMBERED)) * (_OUTSIDE if is_rim else radius)
+        axes.text(x, y, free_text(f"{angle}°", 9), fontsize=small, bbox=ground, **_NUMBER)
+    ends = [_towards(angle) for angle in range(0, 360, _RAYS)]
+    axes.add_collection(LineCollection([[(0, 0), end] for end in ends], **grid))
+    right, up = (rf"$e_{_AXES[(centre + k) % 3]}$" for k in (1, 2))
+    axes.text(1.04, 0, right, ha="left", va="center", fontsize="small")
+    axes.text(0, 1.04, up, ha="center", va="bottom", fontsize="small")
+    axes.set_xlabel(right)  # not shown, but named with the numbers behind the figure
+    axes.set_ylabel(up)
+    axes.set_xlim(-_LIMIT, _LIMIT)
+    axes.set_ylim(-_LIMIT, _LIMIT)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+
+
+def _towards(degrees: float) -> tuple[float, float]:
+    return float(np.cos(np.deg2rad(degrees))), float(np.sin(np.deg2rad(degrees)))

@@ -1,0 +1,146 @@
+"""The figure of a sweep: one metric over one key as curves, over two as a map per controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.drawing.curves import BAND, band_look
+from eqt_cli.plots.drawing.labels import free_text
+from eqt_cli.plots.drawing.layout import add_legend, add_title
+from eqt_cli.plots.drawing.metric_names import metric_label
+from eqt_cli.plots.drawing.scales import number_values
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
+from eqt_cli.plots.drawing.swept import Axis, Swept, mean_over_runs
+
+_LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
+_HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
+
+_LONGEST = 36
+"""Characters in a line of a label."""
+_POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
+"""Hollow markers, so that all are seen where curves coincide."""
+_MARGIN = 0.03
+"""of the width, so that markers at the ends are whole."""
+_BESIDE = 0.6
+"""in, that the scale up and the margins take of the width."""
+
+
+@dataclass(frozen=True)
+class SweepFigure(OfSweep):
+    """A metric over the swept keys: curves with bands for one key, heat maps for two.
+
+    Where the sweep is over the options of a law, points at which it is a law with a name of its own
+    carry that name.
+
+    Attributes
+    ----------
+    metric
+        What to show, by its name in the result.
+    """
+
+    name: ClassVar[str] = "sweep"
+
+    metric: str = "mean_pose_error"
+
+    def compose(self, swept: Swept, width: Width) -> Drawing:
+        """One panel of curves, or a map per controller, of means over the good runs."""
+        values, axes = swept.metric(self.metric), swept.axes
+        if not 1 <= len(axes) <= 2:
+            keys = ", ".join(axis.key for axis in axes) or "none"
+            raise swept.error(
+                f"has room for one or two swept keys, and here are {len(axes)} ({keys}); "
+                "figure 'pareto' shows sweeps of any number"
+            )
+        label = metric_label(swept.results, self.metric, 36)
+        if len(axes) == 1:
+            return self._curves(swept, axes[0], values, label, width)
+        return self._maps(swept, axes, values, label, width)
+
+    def _curves(self, swept: Swept, axis: Axis, values: Array, label: str, width: Width) -> Drawing:
+        drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
+        panel = drawing.add_subplot()
+        order = np.argsort(axis.values, kind="stable")
+        lines = []
+        for k, (position, title) in enumerate(zip(swept.controllers, swept.titles, strict=True)):
+            found = values[order, k]
+            style = line_style(position)
+            mean = mean_over_runs(found)
+            # Hollow, so that of curves that coincide all markers are seen.
+            points: dict[str, Any] = {
+                "marker": marker(position),
+                "markersize": 4.5,
+                "markerfacecolor": "none",
+            }
+            lines += panel.plot(axis.values[order], mean, label=title, **points, **style)
+            for point, law in swept.laws(k).items():
+                _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
+            low, high = np.nanquantile(found, BAND, axis=-1)
+            band = band_look(style["color"])
+            panel.fill_between(axis.values[order], low, high, label=title, **band)
+        panel.margins(x=_MARGIN)
+        _scale(panel, axis, WIDTHS[width] - _BESIDE)
+        panel.set_ylabel(label)
+        add_legend(drawing, lines, swept.titles)
+        return drawing
+
+    def _maps(
+        self, swept: Swept, axes: list[Axis], values: Array, label: str, width: Width
+    ) -> Drawing:
+        means = mean_over_runs(values)
+        count = len(swept.titles)
+        drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
+        panels = drawing.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
+        low, high = np.nanmin(means), np.nanmax(means)
+        across, up = (np.unique(axis.values) for axis in axes)
+        for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
+            grid = np.full((len(up), len(across)), np.nan)
+            rows = np.searchsorted(up, axes[1].values)
+            columns = np.searchsorted(across, axes[0].values)
+            grid[rows, columns] = means[:, index]
+            image = panel.pcolormesh(
+                np.arange(len(across)), np.arange(len(up)), grid, vmin=low, vmax=high
+            )
+            for point, law in swept.laws(index).items():
+                _name(panel, columns[point], rows[point], law)
+            add_title(panel, title, WIDTHS[width] / count)
+            _levels(panel, "x", across, axes[0])
+            if index == 0:
+                _levels(panel, "y", up, axes[1])
+        drawing.colorbar(image, ax=list(panels), label=label)
+        return drawing
+
+
+def _name(panel: Axes, x: float, y: float, law: str) -> None:
+    """Write a law's name at its point."""
+    box = _LABEL | {"facecolor": ink(0)}
+    panel.annotate(free_text(law, 12), (x, y), ha="center", va="center", fontsize="small", bbox=box)
+
+
+def _scale(panel: Axes, axis: Axis, room: float) -> None:
+    """Name the scale across and what is at it, within so many inches."""
+    panel.set_xlabel(free_text(axis.key, _LONGEST))
+    if axis.ticks:
+        texts = [free_text(text, _LONGEST) for text in axis.ticks.values()]
+        panel.set_xticks(list(axis.ticks), texts)
+        return
+    if axis.logarithmic:
+        panel.set_xscale("log")
+    number_values(panel, axis.values, room)
+
+
+def _levels(panel: Axes, direction: str, levels: Array, axis: Axis) -> None:
+    """Number the cells of a map; at most about six are written."""
+    step = max(1, len(levels) // 6)
+    shown = range(0, len(levels), step)
+    numbers = [f"{levels[k]:.3g}".replace("-", "−") for k in shown]
+    names = [axis.ticks.get(float(levels[k]), text) for k, text in zip(shown, numbers, strict=True)]
+    texts = [free_text(name, _LONGEST) for name in names]
+    panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
+    panel.set(**{f"{direction}label": free_text(axis.key, _LONGEST)})

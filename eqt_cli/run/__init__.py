@@ -1,0 +1,1 @@
+"""From a study to its result folder: runs are computed in parts, kept, checked and packed."""
