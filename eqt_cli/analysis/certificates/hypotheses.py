@@ -13,7 +13,6 @@ from eqt_cli.mechanics.critical_points import CriticalSet, critical_sets
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.navigation import hessian_at_identity
 
-
 INSTANTS = 1001
 """How many instants of the horizon a varying inertia is looked at."""
 

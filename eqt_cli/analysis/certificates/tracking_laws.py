@@ -13,7 +13,7 @@ from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller
 from eqt_cli.controllers.family import Family
-from eqt_cli.core.arrays import Array, apply_matrix, dot, stack
+from eqt_cli.core.arrays import Array, apply_matrix, dot, transpose
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.navigation import gradient
 from eqt_cli.mechanics.semidirect import Semidirect
@@ -151,6 +151,6 @@ def _bracket(G: MatrixLieGroup, U: Array, V: Array) -> Array:
 
 
 def _coadjoint(G: MatrixLieGroup, V: Array, P: Array) -> Array:
-    """ad*_V P by its definition: the entries ⟨P, [V, E_i]⟩."""
-    commutators = G.hat(V)[..., None, :, :] @ G.basis - G.basis @ G.hat(V)[..., None, :, :]
-    return stack([dot(P, G.vee(commutators[..., i, :, :])) for i in range(G.dimension)])
+    """ad*_V P by its definition, ⟨ad*_V P, E⟩ = ⟨P, V^E − EV^⟩, with P as a matrix."""
+    matrix, transposed = G.hat(P / (G.basis**2).sum(axis=(-2, -1))), transpose(G.hat(V))
+    return G.contract(transposed @ matrix - matrix @ transposed)
