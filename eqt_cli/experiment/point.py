@@ -92,7 +92,7 @@ def config_at(source: ConfigSource, point: int) -> ConfigSource:
     if not section:
         raise EqtError(f"{name}: sweeps nothing, so it has no point to choose; leave it out")
     problems = Problems(source.place)
-    sweep = Sweep.parse(section, lambda path, message: problems.at("sweep", *path).add(message))
+    sweep = Sweep.read(section, problems.at("sweep"))
     problems.raise_if_any()
     assert sweep is not None
     if not 0 <= point < len(sweep):
