@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 
-from eqt_cli.core.errors import ConfigError, Problem
+from eqt_cli.core.errors import ConfigError, InputProblem
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantities import Per, coordinates, quantities
 from eqt_cli.run.compute import REFERENCE_STATES, compute_part, reference_table
@@ -182,4 +182,4 @@ def _size(size: int) -> str:
 
 
 def _refuse(study: Study, path: tuple[str, ...], message: str) -> None:
-    raise ConfigError([Problem(".".join(path), message, study.source.place(path))])
+    raise ConfigError([InputProblem(".".join(path), message, study.source.place(path))])
