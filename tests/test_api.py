@@ -12,7 +12,7 @@ import pytest
 import eqt_cli
 from eqt_cli import api
 from eqt_cli.core.errors import ConfigError, EqtError, ResultError
-from eqt_cli.store.reader import Results
+from eqt_cli.results.result import Result
 
 ROOT = Path(__file__).parents[1]
 PAPER = ROOT / "configs" / "paper.yaml"
@@ -120,7 +120,7 @@ def test_results_have_their_data(result):
 def test_results_open_without_xarray(result, monkeypatch):
     monkeypatch.setattr(api, "find_spec", lambda name: None)
     with eqt_cli.open_results(result) as results:
-        assert isinstance(results, Results)
+        assert isinstance(results, Result)
     with pytest.raises(EqtError) as caught:
         eqt_cli.open_results(result, "xarray")
     assert str(caught.value) == (

@@ -9,7 +9,7 @@ from eqt_cli.core.errors import ComponentError
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import load_plugin
 from eqt_cli.core.validation import shown
-from eqt_cli.store.reader import Results
+from eqt_cli.store.reader import ResultFile
 
 
 def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dict[str, str]:
@@ -37,7 +37,7 @@ def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dic
     return sources
 
 
-def load_stored_plugins(results: Results) -> None:
+def load_stored_plugins(results: ResultFile) -> None:
     """Execute the plugins that a result holds; for results that are trusted.
 
     Raises

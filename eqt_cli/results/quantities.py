@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eqt_cli.closed_loop.signals import SIGNALS
+from eqt_cli.closed_loop.signals import SIGNALS, signal_of
 from eqt_cli.engines import Status
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.groups import MatrixLieGroup
@@ -147,11 +147,11 @@ def quantity_of(name: str, long_name: str = "") -> Quantity:
     A norm's part has the row of the norm, with its own name. What this version does not know is
     a number per run without a formula.
     """
+    signal = signal_of(name)
     if name in QUANTITIES:
         return QUANTITIES[name]
-    for quantity in _OVER_TIME:
-        if quantity.parted and name.startswith(f"{quantity.name}_"):
-            return QUANTITIES[quantity.name].part(name.removeprefix(f"{quantity.name}_"))
+    if signal is not None and signal.of_part is not None:
+        return QUANTITIES[signal.name].part(name.removeprefix(f"{signal.name}_"))
     return Quantity(name, long_name or name, units="")
 
 

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from eqt_cli.closed_loop.signals import SIGNALS
+from eqt_cli.closed_loop.signals import signal_of
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.windows import WHOLE, Window
 from eqt_cli.store.variables import Attribute
@@ -113,24 +113,22 @@ class Quantity:
 
     @property
     def windowed(self) -> bool:
-        """Whether it has a value on any window, and not only on its own."""
-        return self.of is not None and self.window == WHOLE and not self.settings
+        """Whether it can be taken over any window, and not only over its own."""
+        known = all(signal_of(name) for name in self.signals)
+        return self.of is not None and known and self.window == WHOLE and not self.settings
 
     @property
     def parted(self) -> bool:
         """Whether it has values for the parts of a norm, such as rotation and translation."""
-        norm = any(signal.of_part for signal in SIGNALS if signal.name in self.signals[:1])
-        return norm and (self.windowed or self.per is Per.TRAJECTORY)
+        signal = signal_of(self.signals[0]) if self.signals else None
+        is_norm = signal is not None and signal.of_part is not None
+        return is_norm and (self.windowed or self.per is Per.TRAJECTORY)
 
     @property
     def symbol(self) -> str:
-        """In LaTeX: its own, or that of its first signal or of the norm that this is a part of."""
-        return self.own_symbol or next(
-            (signal.symbol for signal in reversed(SIGNALS) if self._is_of(signal.name)), ""
-        )
-
-    def _is_of(self, signal: str) -> bool:
-        return any(f"{name}_".startswith(f"{signal}_") for name in self.signals[:1])
+        """In LaTeX: its own, or that of its first signal; nothing without a signal."""
+        signal = signal_of(self.signals[0]) if self.signals else None
+        return self.own_symbol or (signal.symbol if signal else "")
 
     @property
     def attributes(self) -> dict[str, Attribute]:
