@@ -143,7 +143,7 @@ def test_hostile_files_are_refused_before_xarray_sees_them(tmp_path):
 
 def test_compare_takes_windows_as_text(result):
     comparison = eqt_cli.compare(result, metrics=["mean_torque"], windows=["0:0.5"])
-    assert [level.samples.window.stop for level in comparison.levels] == [0.5] * 4
+    assert [level.measured.window.stop for level in comparison.levels] == [0.5] * 4
 
 
 @pytest.mark.parametrize(
