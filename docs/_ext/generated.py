@@ -141,7 +141,7 @@ class Configuration(Generated):
 
 def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """The keys of a mapping, or of each mapping that an entry may be."""
-    from eqt_cli.config.keys import choices, default_of, described, resolved, value_of
+    from eqt_cli.config.keys import choices, default_of, dereferenced, described, value_of
 
     for option in choices(entry, schema):
         if "properties" not in option:
@@ -149,7 +149,7 @@ def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
         kind = option["properties"].get("kind", {}).get("const")
         if kind:
             continue  # a component; these have a page of their own
-        if option is not resolved(entry, schema):
+        if option is not dereferenced(entry, schema):
             yield escaped(option.get("description", "").partition("\n")[0])
         rows = [
             [
@@ -165,12 +165,12 @@ def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
 
 def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """Which components an entry, or each of its items or members, may be."""
-    from eqt_cli.config.keys import choices, resolved
+    from eqt_cli.config.keys import choices, dereferenced
 
     inner = [
         entry,
         entry.get("items", {}),
-        *resolved(entry, schema).get("properties", {}).values(),
+        *dereferenced(entry, schema).get("properties", {}).values(),
     ]
     names = [
         option["properties"]["kind"]["const"]
