@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
@@ -35,6 +35,13 @@ class Controller(Component):
 
     title: ClassVar[str]
     tasks: ClassVar[tuple[str, ...]] = ("track",)
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """A class with a torque of its own claims only what it says itself, not what it extends."""
+        super().__init_subclass__(**options)
+        if "torque" in vars(cls):
+            for claim in {"claims_decrease", "dissipation"} - set(vars(cls)):
+                setattr(cls, claim, vars(Controller)[claim])
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -72,6 +79,23 @@ class Controller(Component):
         It is integrated along with every run, so that L(t) + ∫dissipation = L(0) can be checked.
         """
         return None
+
+    # A law with memory, such as an integral of the error, has states that are integrated too.
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """The law's own states: how many numbers each has, by name."""
+        return {}
+
+    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+        """The states at the start of a run, ``(..., length)`` each; all 0 unless given here.
+
+        In `s` every one of them is 0.
+        """
+        return {}
+
+    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
+        """The time derivative of every one of the states, which are in `s.memory`."""
+        return {}
 
 
 def _is_parameter(value: Any) -> bool:
