@@ -15,7 +15,7 @@ from eqt_cli.run.execute import Shard, execute, pack_folder
 from eqt_cli.run.executors import Executor, Outcome
 from eqt_cli.run.executors.local import Local
 from eqt_cli.run.executors.serial import Serial
-from eqt_cli.run.status import status_of
+from eqt_cli.run.unfinished import unfinished
 from eqt_cli.store.reader import open_results
 
 CONFIG = """\
@@ -149,8 +149,8 @@ def test_an_interrupted_one_continues_and_ends_the_same(make, text, whole, tmp_p
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         execute(make(text), out, executor=Stopping(1))
-    unfinished = status_of(out)
-    assert (unfinished.runs, unfinished.done) == (40, 15)
+    found = unfinished(out)
+    assert (found.runs, found.done) == (40, 15)
     outcome = execute(make(text), out)
     assert (outcome.resumed, outcome.failed) == (15, 0)
     assert_same(contents(out), whole)
