@@ -128,7 +128,8 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         horizon = sections["time"].duration if sections["time"] else 0.0
         inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
     if group:
-        known = _good_keys(GainsSection, source.data.get("gains"))
+        whole = sections["gains"]
+        known = dict(whole) if whole else _good_keys(GainsSection, source.data.get("gains"))
         gains = gains_from(known, group, problems.at("gains"))
     if initial:
         poses = _poses(initial.pose, group, problems.at("initial", "pose"))
