@@ -12,6 +12,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.files import refusals
 from eqt_cli.plots.drawing.numbers import Curve
 
 TOLERANCE = 1e-6
@@ -63,12 +64,10 @@ def read(path: Path) -> list[Curve]:
     EqtError
         If the file cannot be read or holds anything else.
     """
+    with refusals(path, "read", _ANEW):
+        content = path.read_bytes()
     try:
-        records = json.loads(path.read_text(encoding="utf-8"))
-        return [_curve(record) for record in records]
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise EqtError(f"{path}: cannot be read: {reason}; {_ANEW}") from error
+        return [_curve(record) for record in json.loads(content)]
     except (ValueError, TypeError, KeyError) as error:
         raise EqtError(f"{path}: does not hold the numbers of a figure; {_ANEW}") from error
 
