@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from eqt_cli.analysis.comparison.bootstrap import intervals_of_means
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.drawing.look import Look
+from eqt_cli.plots.drawing.style import Look
 from eqt_cli.plots.drawing.style import line_style
 
 BAND = (0.1, 0.9)

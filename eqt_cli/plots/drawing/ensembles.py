@@ -11,7 +11,7 @@ import numpy as np
 from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, suggestion
-from eqt_cli.plots.drawing.look import Look
+from eqt_cli.plots.drawing.style import Look
 from eqt_cli.store.reader import Results
 
 

@@ -24,7 +24,7 @@ from eqt_cli.plots.drawing.layout import (
     share_scale,
     sheet,
 )
-from eqt_cli.plots.drawing.look import Look
+from eqt_cli.plots.drawing.style import Look
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 
 MOST_LINES = 200
