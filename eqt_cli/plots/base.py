@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
 from eqt_cli.analysis.certificates import Row
+from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.ensembles import error
 from eqt_cli.plots.drawing.good_metrics import GoodMetrics
 from eqt_cli.plots.drawing.good_runs import GoodRuns
@@ -101,6 +102,24 @@ class OverTime(Figure[GoodRuns]):
     def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> GoodRuns:
         """The runs that did not fail."""
         return GoodRuns(results, self.name, self.controllers)
+
+
+@dataclass(frozen=True)
+class OfFirstRuns(OverTime):
+    """A figure of single runs as paths, each with its start and end.
+
+    Attributes
+    ----------
+    runs
+        How many runs of each controller are drawn at most, the first ones.
+    """
+
+    runs: int = 20
+
+    def __post_init__(self) -> None:
+        """Check what types cannot say."""
+        if self.runs < 1:
+            raise EqtError(f"figure '{self.name}': runs: expected 1 or more, got {self.runs}")
 
 
 @dataclass(frozen=True)

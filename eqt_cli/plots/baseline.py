@@ -12,7 +12,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.numbers import Curve
+from eqt_cli.plots.curve_data import Curve
 
 TOLERANCE = 1e-6
 """How far a curve may lie from its baseline, over the largest value of the baseline's curve.

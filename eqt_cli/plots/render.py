@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
@@ -15,8 +14,8 @@ from eqt_cli.core.registry import summary
 from eqt_cli.plots import baseline
 from eqt_cli.plots.base import Figure, OfCertificates
 from eqt_cli.plots.baseline import Check
+from eqt_cli.plots.curve_data import curves
 from eqt_cli.plots.drawing.ensembles import names
-from eqt_cli.plots.drawing.numbers import curves
 from eqt_cli.plots.drawing.style import HOUSE, WIDTHS, Style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.save import Format, encode, write

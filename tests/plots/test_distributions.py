@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.curve_data import curves
 from eqt_cli.plots.drawing import boxes
 from eqt_cli.plots.drawing.good_metrics import DEFAULT, Sample
-from eqt_cli.plots.drawing.numbers import curves
 from eqt_cli.plots.figures import distributions
 from eqt_cli.plots.figures.distributions import Distributions
 from eqt_cli.plots.save import encode

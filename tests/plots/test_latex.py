@@ -60,8 +60,8 @@ def test_a_missing_latex_is_named_before_anything_is_drawn(monkeypatch, so3, ope
     sheet = tmp_path / "new.mplstyle"  # with a preamble for which Matplotlib has cached no text
     sheet.write_text(f"text.latex.preamble: \\def\\new{{{tmp_path}}}\n", encoding="utf-8")
     monkeypatch.setenv("PATH", str(tmp_path))
+    style = Style((str(sheet),), tex=True)
     with pytest.raises(EqtError) as caught:
-        style = Style((str(sheet),), tex=True)
         render([opened(so3)], "paper", tmp_path / "new", ("json", "svg"), style=style)
     assert str(caught.value) == f"LaTeX does not work: latex could not be found; {MEND}"
     assert not (tmp_path / "new").exists()

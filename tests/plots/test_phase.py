@@ -82,4 +82,4 @@ def test_logarithmic_scales(so3, opened):
 def test_a_figure_of_no_runs_is_refused(make):
     with pytest.raises(EqtError) as caught:
         make(runs=0)
-    assert str(caught.value) == "figure 'phase', option 'runs': got 0; expected 1 or more"
+    assert str(caught.value) == "figure 'phase': runs: expected 1 or more, got 0"

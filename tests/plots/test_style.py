@@ -199,7 +199,7 @@ def test_keys_of_a_machine_change_nothing(style, recwarn):
 
 
 def test_a_wrong_sheet_is_found_before_anything_is_drawn(style, so3, opened, tmp_path):
-    with pytest.raises(EqtError, match="Key font.size: Could not convert 'x' to float"):
+    with pytest.raises(EqtError, match=r"Key font\.size: Could not convert 'x' to float"):
         render([opened(so3)], "paper", tmp_path / "new", style=style("font.size: x"))
     assert not (tmp_path / "new").exists()
 

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.callouts import name_points
+from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import FEW, number_values
 from eqt_cli.plots.drawing.swept import Swept
 from eqt_cli.plots.figures.pareto import Pareto, front

@@ -19,9 +19,9 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.animation.motion import Motion, motion
 from eqt_cli.plots.animation.scene import block, flat, tips
-from eqt_cli.plots.drawing.curves import scale_norm
 from eqt_cli.plots.drawing.labels import SYMBOLS, quantity
 from eqt_cli.plots.drawing.layout import freeze, name_scale
+from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import house_style, line_style
 from eqt_cli.store.reader import Results
 

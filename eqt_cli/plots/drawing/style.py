@@ -99,7 +99,8 @@ class Style:
         """
         with house_style(self):
             if _PRESENT["text.usetex"]:
-                probe = Figure(figsize=(1, 1), layout="none")
+                probe = Figure(figsize=(1, 1))
+                probe.set_layout_engine("none")
                 probe.text(0, 0, "eqt")
                 for format in formats:
                     probe.savefig(BytesIO(), format=format)

@@ -29,7 +29,8 @@ def read(name: str) -> Settings:
     if path.is_file() or path.suffix or len(path.parts) > 1:
         return read_file(path)
     if name in style.library:
-        return dict(style.library[name])
+        found: Any = style.library[name]
+        return dict(found)
     hint = suggestion(name, style.available) or f"; Matplotlib has: {', '.join(style.available)}"
     raise EqtError(f"style sheet '{name}' is neither a file nor one of Matplotlib's{hint}")
 
@@ -55,7 +56,8 @@ def read_file(path: Path) -> Settings:
     log.addFilter(refuse)
     try:
         _check_cycles(path.read_text(encoding="utf-8"))
-        return dict(rc_params_from_file(path, fail_on_error=True, use_default_template=False))
+        found: Any = rc_params_from_file(path, fail_on_error=True, use_default_template=False)
+        return dict(found)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
         raise EqtError(f"{path}: the style sheet cannot be read: {reason}") from error
@@ -79,6 +81,6 @@ def _check_cycles(text: str) -> None:
         try:
             nodes = list(ast.walk(ast.parse(cycle.strip().strip('"'), mode="eval")))
         except (SyntaxError, ValueError, RecursionError, MemoryError):
-            nodes = [ast.Attribute()]
-        if any(isinstance(node, ast.Attribute) for node in nodes):
+            nodes = []
+        if not nodes or any(isinstance(node, ast.Attribute) for node in nodes):
             raise ValueError(f"axes.prop_cycle is no cycler of literal values: {cycle.strip()}")

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.plots.base import OfMetrics
-from eqt_cli.plots.drawing.boxes import box_legend, draw_box
+from eqt_cli.plots.drawing.box_plots import box_legend, draw_box
 from eqt_cli.plots.drawing.good_metrics import GoodMetrics, Sample
 from eqt_cli.plots.drawing.labels import free_text
 from eqt_cli.plots.drawing.layout import add_legend, blank_sheet, rows_of

@@ -9,10 +9,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.drawing.curves import Bands, draw_band, scale_norm
+from eqt_cli.plots.drawing.curves import Bands, draw_band
 from eqt_cli.plots.drawing.good_runs import GoodRuns
 from eqt_cli.plots.drawing.labels import SYMBOLS, part_name, quantity
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
+from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")

@@ -11,10 +11,10 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
-from eqt_cli.plots.drawing.callouts import name_points
 from eqt_cli.plots.drawing.labels import free_text
 from eqt_cli.plots.drawing.layout import add_legend
 from eqt_cli.plots.drawing.metric_names import metric_label
+from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import scale_log
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
 from eqt_cli.plots.drawing.swept import Swept, mean_over_runs

@@ -14,10 +14,9 @@ from matplotlib.ticker import MaxNLocator
 
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import critical_sets
-from eqt_cli.plots.drawing.by_controller import mosaic, panel, panel_title
-from eqt_cli.plots.drawing.curves import scale_norm
+from eqt_cli.plots.base import OfFirstRuns
+from eqt_cli.plots.drawing.curves import draw_paths, path_legend
 from eqt_cli.plots.drawing.ensembles import Ensemble
-from eqt_cli.plots.drawing.first_runs import OfFirstRuns, draw_paths, path_legend
 from eqt_cli.plots.drawing.good_runs import GoodRuns
 from eqt_cli.plots.drawing.labels import SYMBOLS, quantity
 from eqt_cli.plots.drawing.layout import (
@@ -29,7 +28,11 @@ from eqt_cli.plots.drawing.layout import (
     hide_scale,
     name_scale,
     numbered_below,
+    panel,
+    panel_title,
+    panels_by_controller,
 )
+from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 
 _HEIGHTS: dict[Width, float] = {"column": 1.35, "page": 1.75}
@@ -67,7 +70,7 @@ class Phase(OfFirstRuns):
     def compose(self, runs: GoodRuns, width: Width) -> Drawing:
         """A row per controller and a column per part, or else two or four controllers a row."""
         shown, parts = runs.shown, runs.parts
-        places = mosaic([e.label for e in shown], parts, _COLUMNS[width])
+        places = panels_by_controller([e.label for e in shown], parts, _COLUMNS[width])
         drawing, panels = blank_sheet(width, places, _HEIGHTS[width])
         room = WIDTHS[width] / len(places[0]) - _BESIDE
         marked = False
@@ -91,8 +94,8 @@ class Phase(OfFirstRuns):
     def _fill(self, axes: Axes, runs: GoodRuns, ensemble: Ensemble, part: str) -> None:
         pose, velocity = _POSE + part, _VELOCITY + part
         x, y = (runs.values(norm, ensemble, self.runs) for norm in (pose, velocity))
-        paths = zip(x, y, strict=True)
-        draw_paths(axes, dict(zip(runs.numbers(ensemble, self.runs), paths, strict=True)), ensemble)
+        numbers = runs.numbers(ensemble, self.runs)
+        draw_paths(axes, dict(zip(numbers, zip(x, y, strict=True), strict=True)), ensemble.look)
         axes.set_xlabel(quantity(SYMBOLS[_POSE], runs.unit(pose)))
         name_scale(axes, quantity(SYMBOLS[_VELOCITY], runs.unit(velocity)))
 

@@ -11,8 +11,7 @@ from matplotlib.lines import Line2D
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.drawing.by_controller import mosaic, panel, panel_title
-from eqt_cli.plots.drawing.curves import THIN, scale_norm, thin_line
+from eqt_cli.plots.drawing.curves import THIN, thin_line
 from eqt_cli.plots.drawing.good_runs import GoodRuns
 from eqt_cli.plots.drawing.labels import SYMBOLS, quantity
 from eqt_cli.plots.drawing.layout import (
@@ -21,11 +20,14 @@ from eqt_cli.plots.drawing.layout import (
     add_title,
     hide_scale,
     name_scale,
+    panel,
+    panel_title,
+    panels_by_controller,
     share_scale,
     sheet,
 )
-from eqt_cli.plots.drawing.style import Look
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
+from eqt_cli.plots.drawing.scales import scale_norm
+from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink
 
 MOST_LINES = 200
 """Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
@@ -55,7 +57,7 @@ class Runs(OverTime):
         """A row per controller and a column per part, or else controllers two by two."""
         shown = runs.shown
         parts = [""] if self.signal == "lyapunov" else runs.parts
-        places = mosaic([e.label for e in shown], parts)
+        places = panels_by_controller([e.label for e in shown], parts)
         room = WIDTHS[width] / len(places[0])
         drawing, panels = sheet(width, places, runs.span, runs.unit("time"))
         for part in parts:
