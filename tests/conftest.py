@@ -20,7 +20,7 @@ from hypothesis.extra.numpy import arrays
 from eqt_cli.cli import main
 from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.groups import MatrixLieGroup, group_named, groups
-from eqt_cli.store.reader import open_results
+from eqt_cli.results.result import open_result
 from eqt_cli.store.variables import Table, Variable
 from eqt_cli.store.writer import write
 
@@ -280,7 +280,7 @@ class MakeResult:
         )
         path = self.folder / f"results{len(self.opened)}.h5"
         write(path, table)
-        self.opened.append(open_results(path))
+        self.opened.append(open_result(path))
         return self.opened[-1]
 
 

@@ -182,7 +182,7 @@ class _Verifier:
             return none | {"lyapunov": np.empty((0, len(self.times)))}
         signals = compute(loop, self.times, states)
         L = signals["lyapunov"]
-        residual = energy_residual(L, signals["energy_balance"])
+        residual = energy_residual(self.times, L, signals["energy_balance"])
         if loop.controller.dissipation(loop.tracking(self.times[0], problem.states[:1])) is None:
             residual = np.full_like(residual, np.nan)
         return {

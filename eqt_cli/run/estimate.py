@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from math import prod
 
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import Per, coordinates
+from eqt_cli.results.quantities import coordinates
+from eqt_cli.results.quantity import Per
 from eqt_cli.run.compute import REFERENCE_STATES, compute_part, reference_table
 from eqt_cli.run.executors import Executor, Ways
 from eqt_cli.run.frame import Form

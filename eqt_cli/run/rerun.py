@@ -13,7 +13,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
 from eqt_cli.engines import Status
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import Per
+from eqt_cli.results.quantity import Per
 from eqt_cli.run.compute import compute_alone, compute_part, read_part
 from eqt_cli.run.executors import Ways
 from eqt_cli.run.frame import Form, Place, framed

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from eqt_cli.core.errors import ConfigError, Problem
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import Per, quantities
+from eqt_cli.results.quantities import quantities
+from eqt_cli.results.quantity import Per
 from eqt_cli.run.estimate import result_size
 
 COPIES = 3
