@@ -9,12 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.ensembles import error
-from eqt_cli.plots.drawing.good_metrics import GoodMetrics
-from eqt_cli.plots.drawing.good_runs import GoodRuns
-from eqt_cli.plots.drawing.swept import Swept
-from eqt_cli.plots.drawing.verified import Verified
-from eqt_cli.store.reader import Results
+from eqt_cli.plots.shown import ShownCertificates, ShownMetrics, ShownRuns, ShownSweep
+from eqt_cli.results.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
@@ -52,7 +48,7 @@ class Figure(ABC, Generic[S]):
 
     def draw(
         self,
-        results: Sequence[Results],
+        results: Sequence[Result],
         width: Width = "column",
         *,
         style: Style | None = None,
@@ -87,7 +83,7 @@ class Figure(ABC, Generic[S]):
         return drawing
 
     @abstractmethod
-    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> S:
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> S:
         """What of the results is shown."""
 
     @abstractmethod
@@ -96,12 +92,12 @@ class Figure(ABC, Generic[S]):
 
 
 @dataclass(frozen=True)
-class OverTime(Figure[GoodRuns]):
+class OverTime(Figure[ShownRuns]):
     """A figure of trajectories, of one result or several."""
 
-    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> GoodRuns:
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownRuns:
         """The runs that did not fail."""
-        return GoodRuns(results, self.name, self.controllers)
+        return ShownRuns(results, self.name, self.controllers)
 
 
 @dataclass(frozen=True)
@@ -123,7 +119,7 @@ class OfFirstRuns(OverTime):
 
 
 @dataclass(frozen=True)
-class OfMetrics(Figure[GoodMetrics]):
+class OfMetrics(Figure[ShownMetrics]):
     """A figure of metrics of single runs, of one result or several; it needs no trajectories.
 
     Attributes
@@ -134,28 +130,28 @@ class OfMetrics(Figure[GoodMetrics]):
 
     metrics: Sequence[str] = ()
 
-    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> GoodMetrics:
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownMetrics:
         """The runs that did not fail, and what was measured of each."""
-        return GoodMetrics(results, self.name, self.controllers, self.metrics)
+        return ShownMetrics(results, self.name, self.controllers, self.metrics)
 
 
 @dataclass(frozen=True)
-class OfSweep(Figure[Swept]):
+class OfSweep(Figure[ShownSweep]):
     """A figure of the metrics of one sweep."""
 
-    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> Swept:
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownSweep:
         """The points and what was measured at each."""
         if len(results) > 1:
-            raise error(results[1], self.name, "shows one sweep at a time")
-        return Swept(results[0], self.name, self.controllers)
+            raise results[1].error(f"figure '{self.name}' shows one sweep at a time")
+        return ShownSweep(results[0], self.name, self.controllers)
 
 
 @dataclass(frozen=True)
-class OfCertificates(Figure[Verified]):
+class OfCertificates(Figure[ShownCertificates]):
     """A figure of what the verification of one result found."""
 
-    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> Verified:
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownCertificates:
         """The certificates that have a number and a bound."""
         if len(results) > 1:
-            raise error(results[1], self.name, "shows one result at a time")
-        return Verified(results[0], certificates, self.name, self.controllers)
+            raise results[1].error(f"figure '{self.name}' shows one result at a time")
+        return ShownCertificates(results[0], certificates, self.name, self.controllers)

@@ -15,11 +15,11 @@ from eqt_cli.plots import baseline
 from eqt_cli.plots.base import Figure, OfCertificates
 from eqt_cli.plots.baseline import Check
 from eqt_cli.plots.curve_data import curves
-from eqt_cli.plots.drawing.ensembles import names
 from eqt_cli.plots.drawing.style import HOUSE, WIDTHS, Style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.save import Format, encode, write
-from eqt_cli.store.reader import Results
+from eqt_cli.plots.shown import names
+from eqt_cli.results.result import Result
 
 Choice = TypeVar("Choice", bound=str)
 
@@ -29,7 +29,7 @@ NUMBERS: Literal["json"] = "json"
 
 
 def render(
-    results: Sequence[Results],
+    results: Sequence[Result],
     figure_name: str,
     folder: Path,
     formats: Sequence[str] = FORMATS,
@@ -89,7 +89,7 @@ def render(
 
 
 def check(
-    results: Sequence[Results],
+    results: Sequence[Result],
     figure_name: str,
     folder: Path,
     options: Mapping[str, Any] | None = None,

@@ -19,11 +19,11 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.animation.motion import Motion, motion
 from eqt_cli.plots.animation.scene import block, flat, tips
-from eqt_cli.plots.drawing.labels import SYMBOLS, quantity
+from eqt_cli.plots.drawing.labels import quantity, signal_label
 from eqt_cli.plots.drawing.layout import freeze, name_scale
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import house_style, line_style
-from eqt_cli.store.reader import Results
+from eqt_cli.results.result import Result
 
 DOTS_PER_INCH = 110
 COLOURS = 160
@@ -37,7 +37,7 @@ _REFERENCE = "0.35"
 
 
 def gif(
-    results: Results,
+    results: Result,
     run: int,
     controllers: Sequence[str] = (),
     *,
@@ -111,8 +111,8 @@ class _Stage:
         error, torque = lower.subplots(1, 2)
         self.bodies = [_Body(axes, shown, index) for index, axes in enumerate(bodies)]
         self.curves = [
-            _Curves(error, shown, shown.error, shown.error_name, shown.error_unit),
-            _Curves(torque, shown, shown.torque, shown.torque_name, shown.torque_unit),
+            _Curves(error, shown, shown.error, shown.error_name),
+            _Curves(torque, shown, shown.torque, shown.torque_name),
         ]
         self.clock = upper.suptitle(self._time(0), fontsize="medium")
         self.canvas.draw()
@@ -211,7 +211,7 @@ def _frame(axes: Axes, colour: str, dashes: Any, width: float, order: int) -> _F
 class _Curves:
     """Curves that grow, over what they will be."""
 
-    def __init__(self, axes: Axes, shown: Motion, values: Array, name: str, unit: str) -> None:
+    def __init__(self, axes: Axes, shown: Motion, values: Array, name: str) -> None:
         self.times, self.values = shown.times, values
         looks = [line_style(ensemble.look) for ensemble in shown.ensembles]
         for look, curve in zip(looks, values, strict=True):
@@ -221,8 +221,7 @@ class _Curves:
         axes.set_xlim(self.times[0], self.times[-1])
         scale_norm(axes, log=False)
         axes.set_xlabel(quantity("t", "s"))
-        (symbol,) = (symbol for norm, symbol in SYMBOLS.items() if name.startswith(norm))
-        name_scale(axes, quantity(symbol, unit))
+        name_scale(axes, signal_label(shown.ensembles[0].results, name))
 
     def show(self, sample: int) -> None:
         for line, curve in zip(self.lines, self.values, strict=True):

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import EqtError
 from eqt_cli.groups import Part, group_named
-from eqt_cli.plots.drawing.ensembles import Ensemble
-from eqt_cli.plots.drawing.good_runs import GoodRuns, run_dimension
-from eqt_cli.store.reader import Results
+from eqt_cli.plots.shown import Ensemble, ShownRuns
+from eqt_cli.results.result import Result
 
 MOST_CONTROLLERS = 6
 """Bodies that are shown side by side."""
@@ -55,8 +53,6 @@ class Motion:
         their own.
     error_name, torque_name
         Names of those signals.
-    error_unit, torque_unit
-        Their units.
     """
 
     run: int
@@ -70,8 +66,6 @@ class Motion:
     torque: Array
     error_name: str
     torque_name: str
-    error_unit: str
-    torque_unit: str
 
     @property
     def centre(self) -> Array:
@@ -99,7 +93,7 @@ class Motion:
         return finite
 
 
-def motion(results: Results, run: int, controllers: Sequence[str] = ()) -> Motion:
+def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion:
     """One run of a result.
 
     Parameters
@@ -114,34 +108,29 @@ def motion(results: Results, run: int, controllers: Sequence[str] = ()) -> Motio
     EqtError
         If the run is not stored, there is no such controller, or the group is not known here.
     """
-    source = GoodRuns([results], "animation", controllers)
-    stored = [int(number) for number in results.coordinate(run_dimension(results))]
-    if run not in stored:
-        raise EqtError(
-            f"{results.path}: the trajectory of run {run} is not stored; stored are runs "
-            f"{stored[0]} to {stored[-1]}"
-        )
+    source = ShownRuns([results], "animation", controllers)
+    poses = results.trajectory("pose", run)
     ensembles = source.ensembles if controllers else source.ensembles[:MOST_CONTROLLERS]
-    parts = group_named(str(results.attributes.get("group"))).parts
+    shown = [ensemble.controller for ensemble in ensembles]
+    parts = group_named(results.group_name).parts
     turning = next((part for part in parts if part.name.startswith("rotation")), None)
     moving = next((part for part in parts if part.pose_unit == "m"), None)
     if turning is None and moving is None:
-        raise EqtError(
-            f"{results.path}: a pose of {results.attributes.get('group')} is neither a rotation "
-            "nor a place in metres, so no body can be shown; `eqt plot --figure runs` draws its "
-            "runs"
+        raise results.error(
+            f"a pose of {results.group_name} is neither a rotation nor a place in metres, so no "
+            "body can be shown; `eqt plot --figure runs` draws its runs"
         )
-    at = {run_dimension(results): stored.index(run)}
     end = f"_{turning.name}" if turning and results.has(f"pose_error_{turning.name}") else ""
 
     def signal(name: str) -> Array:
-        return np.stack([results.read(name, controller=e.controller, **at) for e in ensembles])
+        values: Array = results.trajectory(name, run)[shown]
+        return values
 
     return Motion(
         run=run,
-        times=results.coordinate("time"),
+        times=results.times,
         ensembles=ensembles,
-        body=_course(signal("pose"), turning, moving),
+        body=_course(poses[shown], turning, moving),
         reference=_course(results["desired_pose"], turning, moving),
         has_rotation=turning is not None,
         has_translation=moving is not None,
@@ -149,8 +138,6 @@ def motion(results: Results, run: int, controllers: Sequence[str] = ()) -> Motio
         torque=signal("torque_norm" + end),
         error_name="pose_error" + end,
         torque_name="torque_norm" + end,
-        error_unit=source.unit("pose_error" + end),
-        torque_unit=source.unit("torque_norm" + end),
     )
 
 

@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from eqt_cli.plots.drawing.curves import BAND
-from eqt_cli.plots.drawing.good_metrics import Sample
 from eqt_cli.plots.drawing.style import ink
+from eqt_cli.plots.shown import Sample
 
 MOST_POINTS = 50
 """Runs that are drawn as points on their box; of more, only the smallest and the largest."""

@@ -1,4 +1,4 @@
-"""Symbols, units and names as text that Matplotlib or LaTeX sets; it knows no result or layout.
+"""Symbols, units and names as text that Matplotlib or LaTeX sets; it knows no layout.
 
 Symbols are written in the mathematics that both have in common. What a user chose is escaped for
 LaTeX here, and nowhere else, where LaTeX sets the text (``text.usetex``).
@@ -14,13 +14,7 @@ from itertools import groupby
 import matplotlib
 from matplotlib.mathtext import MathTextParser
 
-SYMBOLS = {
-    "pose_error": r"\|I - Q_E\|_{\mathrm{F}}",
-    "velocity_error": r"\|V - V_d\|",
-    "torque_norm": r"\|\tau\|",
-    "lyapunov": r"\mathcal{L}",
-}
-"""The paper's symbol for each scalar signal, in Matplotlib's mathematical notation."""
+from eqt_cli.results.result import Result
 
 _RENAMED = {"LAMDA": "LAMBDA", "OMICRON": "o"}
 """Greek letters that Unicode and TeX name differently."""
@@ -114,6 +108,19 @@ def quantity(symbol: str, unit: str) -> str:
 def in_words(words: str, unit: str) -> str:
     """An axis label without a symbol: words with the unit in parentheses, as in `quantity`."""
     return words + quantity("", unit).removeprefix("$$")
+
+
+def signal_label(result: Result, signal: str) -> str:
+    """The label of an axis along which a signal is drawn: its symbol with its unit there."""
+    return quantity(result.quantity(signal).symbol, result.units(signal))
+
+
+def metric_label(result: Result, metric: str, characters: int) -> str:
+    """The name of a metric with its unit, in lines of at most so many characters."""
+    found, unit = result.quantity(metric), result.units(metric)
+    if "{}" in found.label:
+        return found.label.replace("{}", quantity(found.symbol, unit))
+    return in_words(free_text(found.label or found.long_name, characters), unit)
 
 
 def component(symbol: str, axis: str) -> str:

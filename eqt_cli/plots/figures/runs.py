@@ -12,8 +12,7 @@ from matplotlib.lines import Line2D
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.drawing.curves import THIN, thin_line
-from eqt_cli.plots.drawing.good_runs import GoodRuns
-from eqt_cli.plots.drawing.labels import SYMBOLS, quantity
+from eqt_cli.plots.drawing.labels import signal_label
 from eqt_cli.plots.drawing.layout import (
     EMPTY,
     add_legend,
@@ -28,6 +27,7 @@ from eqt_cli.plots.drawing.layout import (
 )
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink
+from eqt_cli.plots.shown import ShownRuns
 
 MOST_LINES = 200
 """Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
@@ -53,7 +53,7 @@ class Runs(OverTime):
     signal: Literal["pose_error", "velocity_error", "torque_norm", "lyapunov"] = "pose_error"
     log: bool = False
 
-    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """A row per controller and a column per part, or else controllers two by two."""
         shown = runs.shown
         parts = [""] if self.signal == "lyapunov" else runs.parts
@@ -68,7 +68,7 @@ class Runs(OverTime):
                 values = runs.values(signal, ensemble)
                 self._fill(axes, runs.times(ensemble), values, ensemble.look)
                 add_title(axes, panel_title(ensemble.title, part), room)
-                name_scale(axes, quantity(SYMBOLS[self.signal], runs.unit(signal)))
+                name_scale(axes, signal_label(ensemble.results, signal))
         for axes in panels.values():  # now that every curve of a common scale is there
             scale_norm(axes, log=self.log)
         if len(parts) == 1:

@@ -17,8 +17,6 @@ from eqt_cli.mechanics.tracking import pose_error
 from eqt_cli.plots.base import OfFirstRuns
 from eqt_cli.plots.drawing import sphere_projection
 from eqt_cli.plots.drawing.curves import draw_paths, path_legend
-from eqt_cli.plots.drawing.ensembles import Ensemble
-from eqt_cli.plots.drawing.good_runs import GoodRuns
 from eqt_cli.plots.drawing.labels import free_text
 from eqt_cli.plots.drawing.layout import (
     add_legend,
@@ -29,6 +27,7 @@ from eqt_cli.plots.drawing.layout import (
     panels_by_controller,
 )
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, size_of_type
+from eqt_cli.plots.shown import Ensemble, ShownRuns
 
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
 _AXES = "xyz"
@@ -75,7 +74,7 @@ class Sphere(OfFirstRuns):
 
     axis: Literal["x", "y", "z"] = "z"
 
-    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """A disc per controller, or a column of discs per rotation of the group."""
         shown, parts, centre = runs.shown, self._rotations(runs), _AXES.index(self.axis)
         suffixes = [f"_{part.name}" for part in parts] if len(parts) > 1 else [""]
@@ -96,10 +95,10 @@ class Sphere(OfFirstRuns):
         add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
-    def _rotations(self, runs: GoodRuns) -> list[Part]:
+    def _rotations(self, runs: ShownRuns) -> list[Part]:
         """The rotations in space among the parts of the group."""
         if runs.group is None:
-            name = runs.results[0].attributes.get("group")
+            name = runs.results[0].group_name
             raise runs.error(f"does not know group '{name}', which a plugin of the result defines")
         turning = [part for part in runs.group.parts if part.name.startswith("rotation")]
         found = [part for part in turning if part.entries[0].stop - part.entries[0].start == 3]
@@ -112,7 +111,7 @@ class Sphere(OfFirstRuns):
         return found
 
 
-def _errors(runs: GoodRuns, ensemble: Ensemble, most: int) -> Array:
+def _errors(runs: ShownRuns, ensemble: Ensemble, most: int) -> Array:
     """Q_E of the first runs, ``(runs, samples, d, d)``."""
     assert runs.group is not None
     poses, desired = runs.values("pose", ensemble, most), runs.desired("pose", ensemble)
