@@ -11,12 +11,12 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.animation.gif import _Stage, gif
 from eqt_cli.plots.animation.motion import MOST_CONTROLLERS, motion
 from eqt_cli.plots.animation.scene import FACES, block, camera, corners, flat, tips
-from eqt_cli.store.reader import open_results
+from eqt_cli.results.result import open_result
 
 
 @pytest.fixture(scope="module")
 def results(paper_result):
-    with open_results(paper_result) as opened:
+    with open_result(paper_result) as opened:
         yield opened
 
 

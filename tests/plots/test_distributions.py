@@ -45,7 +45,7 @@ def test_boxes_are_quantiles_and_means(so3, opened):
 
 
 def test_of_many_runs_only_the_extremes_are_points(so3, opened, monkeypatch):
-    monkeypatch.setattr(boxes, "MOST_POINTS", 5)
+    monkeypatch.setattr(box_plots, "MOST_POINTS", 5)
     results = opened(so3)
     drawing = Distributions().draw([results])
     extremes = drawn(drawing)["effort", "extremes gt"].x

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from io import BytesIO
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,7 +29,7 @@ COLOURS = 160
 """Of the palette that all pictures share, so that nothing flickers."""
 
 _PAPER = 245
-_AXES = "xyz"
+_NAMES = "xyz"
 _MARGIN = 1.3
 """in lengths of an axis, beyond all places: the axes, their names and half a letter."""
 _REFERENCE = "0.35"
@@ -103,7 +102,7 @@ class _Stage:
         self.motion = shown
         count = len(shown.ensembles)
         drawing = Figure(figsize=(7.16, 1.9 + 7.16 / max(count, 3)))
-        self.canvas = _canvas(drawing)
+        self.canvas = cast(Any, FigureCanvasAgg(drawing))  # whose methods have no types
         drawing.set_dpi(DOTS_PER_INCH)
         ratios = [7.16 / max(count, 3), 1.9]
         upper, lower = np.ravel(np.asarray(drawing.subfigures(2, 1, height_ratios=ratios)))
@@ -132,11 +131,6 @@ class _Stage:
         return Image.fromarray(np.asarray(self.canvas.buffer_rgba())[..., :3].copy())
 
 
-def _canvas(drawing: Figure) -> Any:
-    """What draws into memory; its methods have no types."""
-    return FigureCanvasAgg(drawing)
-
-
 class _Body:
     """A body and the reference, seen from a fixed place."""
 
@@ -156,8 +150,9 @@ class _Body:
         (self.trail,) = axes.plot([], [], color=self.colour, linewidth=0.9)
         self.faces = PolyCollection([], edgecolor=self.colour, linewidth=0.7, zorder=2)
         axes.add_collection(self.faces)
-        self.reference = _frame(axes, _REFERENCE, (0, (3, 1.5)), 1.0, 3)
-        self.frame = _frame(axes, self.colour, "-", 1.8, 4)
+        dashed = {"linestyle": (0, (3, 1.5)), "linewidth": 1.0}
+        self.reference = _Axes(axes, 3, color=_REFERENCE, **dashed)
+        self.frame = _Axes(axes, 4, color=self.colour, linestyle="-", linewidth=1.8)
         gone: dict[str, Any] = {"ha": "center", "va": "bottom", "transform": axes.transAxes}
         self.gone = axes.text(0.5, 0, "run failed", color=self.colour, fontsize="small", **gone)
 
@@ -179,10 +174,13 @@ class _Body:
             self.frame.put(place, tips(rotation, place, self.length))
 
 
-@dataclass
-class _Frame:
-    lines: list[Any]
-    names: list[Any]
+class _Axes:
+    """The three axes of a frame, with their names."""
+
+    def __init__(self, axes: Axes, order: int, **look: Any) -> None:
+        self.lines = [axes.plot([], [], zorder=order, **look)[0] for _ in _NAMES]
+        text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
+        self.names = [axes.text(0, 0, f"${n}$", color=look["color"], **text) for n in _NAMES]
 
     def put(self, origin: Array, ends: Array) -> None:
         start = flat(origin)
@@ -193,19 +191,6 @@ class _Frame:
     def hide(self, hidden: bool) -> None:
         for artist in (*self.lines, *self.names):
             artist.set_visible(not hidden)
-
-
-def _frame(axes: Axes, colour: str, dashes: Any, width: float, order: int) -> _Frame:
-    """Three axes with their names."""
-    lines = [
-        axes.plot([], [], color=colour, linestyle=dashes, linewidth=width, zorder=order)[0]
-        for _ in _AXES
-    ]
-    names = [
-        axes.text(0, 0, f"${name}$", color=colour, ha="center", va="center", fontsize="small")
-        for name in _AXES
-    ]
-    return _Frame(lines, names)
 
 
 class _Curves:

@@ -32,18 +32,9 @@ _GOLDEN = (5**0.5 - 1) / 2
 
 
 _MEDIAN: dict[str, Any] = {"linewidth": 1.2, "solid_capstyle": "butt"}
-_MEAN: dict[str, Any] = {
-    "linestyle": "none",
-    "marker": "D",
-    "markersize": 3,
-    "markeredgewidth": 0.6,
-}
-_POINT: dict[str, Any] = {
-    "linestyle": "none",
-    "marker": "o",
-    "markersize": 1.6,
-    "markeredgewidth": 0,
-}
+_MARK: dict[str, Any] = {"linestyle": "none"}
+_MEAN = _MARK | {"marker": "D", "markersize": 3, "markeredgewidth": 0.6}
+_POINT = _MARK | {"marker": "o", "markersize": 1.6, "markeredgewidth": 0}
 
 
 def draw_box(axes: Axes, row: int, sample: Sample, end: float, colour: str, label: str) -> None:

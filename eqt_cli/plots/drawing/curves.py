@@ -26,19 +26,9 @@ THIN = 0.35
 Path = tuple[Array, Array]
 """Across and up, a number per sample each."""
 
-_START: dict[str, Any] = {
-    "linestyle": "none",
-    "marker": "o",
-    "markersize": 2.2,
-    "markeredgewidth": 0.5,
-}
-_END: dict[str, Any] = {
-    "linestyle": "none",
-    "marker": "o",
-    "markersize": 1.8,
-    "markeredgewidth": 0,
-}
-
+_DOT: dict[str, Any] = {"linestyle": "none", "marker": "o"}
+_START = _DOT | {"markersize": 2.2, "markeredgewidth": 0.5}
+_END = _DOT | {"markersize": 1.8, "markeredgewidth": 0}
 
 Bands = Literal["none", "quantiles", "bootstrap"]
 """``quantiles`` shades where most runs are, from 10 % to 90 %; ``bootstrap`` shades where the mean
@@ -75,6 +65,12 @@ def thin_line(look: Look, count: int) -> dict[str, Any]:
     return {"color": (line_style(look)["color"], opacity), "linewidth": THIN}
 
 
+def thin_line_legend(runs: int, most: int) -> dict[str, Artist]:
+    """A handle by name, for that many runs of a controller of which so many are drawn."""
+    name = "single runs" if runs <= most else f"first {most} runs"
+    return {name: Line2D([], [], color=ink(0.5), linewidth=2 * THIN)}
+
+
 def draw_paths(axes: Axes, paths: Mapping[int, Path], look: Look) -> None:
     """Thin lines, a hollow dot at each start and a filled one at each end.
 
@@ -100,9 +96,8 @@ def _start(colour: Any) -> dict[str, Any]:
 
 def path_legend(good: Sequence[int], most: int) -> dict[str, Artist]:
     """Handles by name, for controllers with so many good runs of which so many are drawn."""
-    lines = "single runs" if max(good) <= most else f"first {most} runs"
     return {
-        lines: Line2D([], [], color=ink(0.5), linewidth=2 * THIN),
+        **thin_line_legend(max(good), most),
         "start": Line2D([], [], **_start(ink(0.7))),
         "end": Line2D([], [], color=ink(), **_END),
     }

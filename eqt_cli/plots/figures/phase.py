@@ -18,12 +18,11 @@ from eqt_cli.plots.base import OfFirstRuns
 from eqt_cli.plots.drawing.curves import draw_paths, path_legend
 from eqt_cli.plots.drawing.labels import signal_label
 from eqt_cli.plots.drawing.layout import (
-    EMPTY,
     Mosaic,
     add_legend,
     add_title,
     blank_sheet,
-    hide_scale,
+    hide_inner_scales,
     name_scale,
     numbered_below,
     panel,
@@ -115,10 +114,7 @@ def _hide_scales(panels: Mapping[str, Axes], places: Mosaic, parts: Sequence[str
         axes.tick_params(labelbottom=name in numbered)
         axes.xaxis.label.set_visible(name in numbered)
     if len(parts) == 1:
-        for row in places:
-            for name in row[1:]:
-                if name != EMPTY:
-                    hide_scale(panels[name])
+        hide_inner_scales(panels, places)
 
 
 def _mark_half_turns(column: Sequence[Axes], group: MatrixLieGroup | None, part: str) -> bool:

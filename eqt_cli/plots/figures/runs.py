@@ -11,13 +11,12 @@ from matplotlib.lines import Line2D
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.drawing.curves import THIN, thin_line
+from eqt_cli.plots.drawing.curves import thin_line, thin_line_legend
 from eqt_cli.plots.drawing.labels import signal_label
 from eqt_cli.plots.drawing.layout import (
-    EMPTY,
     add_legend,
     add_title,
-    hide_scale,
+    hide_inner_scales,
     name_scale,
     panel,
     panel_title,
@@ -72,19 +71,13 @@ class Runs(OverTime):
         for axes in panels.values():  # now that every curve of a common scale is there
             scale_norm(axes, log=self.log)
         if len(parts) == 1:
-            for _, right in (row for row in places if len(row) == 2 and row[1] != EMPTY):
-                hide_scale(panels[right])
-        add_legend(drawing, *_legend(max(int(e.good.sum()) for e in shown)))
+            hide_inner_scales(panels, places)
+        handles = thin_line_legend(max(int(e.good.sum()) for e in shown), MOST_LINES)
+        handles["mean over runs"] = Line2D([], [], color=ink())
+        add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
     def _fill(self, axes: Axes, times: Array, values: Array, look: Look) -> None:
         drawn = values[:MOST_LINES]
         axes.plot(times, drawn.T, **thin_line(look, len(drawn)))
         axes.plot(times, values.mean(axis=0), color=ink(), label="mean")
-
-
-def _legend(runs: int) -> tuple[list[Line2D], list[str]]:
-    single = Line2D([], [], color=ink(0.5), linewidth=2 * THIN)
-    mean = Line2D([], [], color=ink())
-    lines = "single runs" if runs <= MOST_LINES else f"first {MOST_LINES} runs"
-    return [single, mean], [lines, "mean over runs"]

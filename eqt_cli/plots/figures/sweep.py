@@ -74,13 +74,8 @@ class SweepFigure(OfSweep):
             found = values[order, k]
             style = line_style(position)
             mean = mean_over_runs(found)
-            # Hollow, so that of curves that coincide all markers are seen.
-            points: dict[str, Any] = {
-                "marker": marker(position),
-                "markersize": 4.5,
-                "markerfacecolor": "none",
-            }
-            lines += panel.plot(axis.values[order], mean, label=title, **points, **style)
+            shape = {"marker": marker(position), **_POINTS}
+            lines += panel.plot(axis.values[order], mean, label=title, **shape, **style)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
             low, high = np.nanquantile(found, BAND, axis=-1)

@@ -18,7 +18,7 @@ from eqt_cli.plots.drawing.labels import component, quantity
 from eqt_cli.plots.drawing.layout import (
     add_legend,
     add_title,
-    hide_scale,
+    hide_inner_scales,
     name_scale,
     share_scale,
     sheet,
@@ -65,8 +65,7 @@ class Torque(OverTime):
         for row, (axis, unit) in zip(grid, runs.axes, strict=True):
             share_scale(row)
             name_scale(row[0], quantity(component(r"\tau", axis), unit))
-            for axes in row[1:]:
-                hide_scale(axes)
+        hide_inner_scales(panels, rows)
         for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):
             add_title(column[0], ensemble.title, WIDTHS[width] / len(shown))
             colour = line_style(ensemble.look)["color"]
