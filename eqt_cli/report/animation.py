@@ -77,10 +77,7 @@ def _document(shown: Motion, results: Result) -> dict[str, Any]:
                 **column(results, name),
                 "curves": [_rounded(curve[kept]) for curve in values],
             }
-            for name, values in (
-                (shown.error_name, shown.error),
-                (shown.torque_name, shown.torque),
-            )
+            for name, values in shown.norms.items()
         ],
     }
 

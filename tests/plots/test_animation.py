@@ -24,8 +24,10 @@ def test_motion_is_that_of_the_result(results):
     shown = motion(results, 7, ["gt", "eqt"])
     assert [ensemble.label for ensemble in shown.ensembles] == ["eqt", "gt"]
     assert np.array_equal(shown.body.rotation[1], results.read("pose", controller=1, run=7))
-    assert np.array_equal(shown.torque[0], results.read("torque_norm", controller=0, run=7))
-    assert (shown.has_rotation, shown.has_translation) == (True, False)
+    assert np.array_equal(
+        shown.norms["torque_norm"][0], results.read("torque_norm", controller=0, run=7)
+    )
+    assert not shown.has_translation
     assert (shown.extent, shown.length) == (0.0, 1.0)
 
 

@@ -107,11 +107,10 @@ class _Stage:
         ratios = [7.16 / max(count, 3), 1.9]
         upper, lower = np.ravel(np.asarray(drawing.subfigures(2, 1, height_ratios=ratios)))
         bodies = upper.subplots(1, count, squeeze=False)[0]
-        error, torque = lower.subplots(1, 2)
+        panels = lower.subplots(1, len(shown.norms))
         self.bodies = [_Body(axes, shown, index) for index, axes in enumerate(bodies)]
         self.curves = [
-            _Curves(error, shown, shown.error, shown.error_name),
-            _Curves(torque, shown, shown.torque, shown.torque_name),
+            _Curves(axes, shown, name) for axes, name in zip(panels, shown.norms, strict=True)
         ]
         self.clock = upper.suptitle(self._time(0), fontsize="medium")
         self.canvas.draw()
@@ -196,10 +195,10 @@ class _Axes:
 class _Curves:
     """Curves that grow, over what they will be."""
 
-    def __init__(self, axes: Axes, shown: Motion, values: Array, name: str) -> None:
-        self.times, self.values = shown.times, values
+    def __init__(self, axes: Axes, shown: Motion, name: str) -> None:
+        self.times, self.values = shown.times, shown.norms[name]
         looks = [line_style(ensemble.look) for ensemble in shown.ensembles]
-        for look, curve in zip(looks, values, strict=True):
+        for look, curve in zip(looks, self.values, strict=True):
             axes.plot(self.times, curve, color=(look["color"], 0.25), linewidth=0.6)
         self.lines = [axes.plot([], [], **look)[0] for look in looks]
         self.now = axes.axvline(self.times[0], color="0.5", linewidth=0.6)

@@ -46,13 +46,11 @@ class Motion:
         The controllers; curves and bodies have their order.
     body, reference
         Courses of the bodies, with a leading controller axis, and of the reference.
-    has_rotation, has_translation
-        What the group is made of.
-    error, torque : (controllers, samples)
-        Norms of the pose error and the torque; of the rotation part where parts have units of
+    has_translation
+        Whether bodies move as well as turn.
+    norms : dict of str to (controllers, samples)
+        The norms of pose error and torque by name; of the rotation part where parts have units of
         their own.
-    error_name, torque_name
-        Names of those signals.
     """
 
     run: int
@@ -60,12 +58,8 @@ class Motion:
     ensembles: Sequence[Ensemble]
     body: Course
     reference: Course
-    has_rotation: bool
     has_translation: bool
-    error: Array
-    torque: Array
-    error_name: str
-    torque_name: str
+    norms: dict[str, Array]
 
     @property
     def centre(self) -> Array:
@@ -121,23 +115,15 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
             "body can be shown; `eqt plot --figure runs` draws its runs"
         )
     end = f"_{turning.name}" if turning and results.has(f"pose_error_{turning.name}") else ""
-
-    def signal(name: str) -> Array:
-        values: Array = results.trajectory(name, run)[shown]
-        return values
-
+    norms = [norm + end for norm in ("pose_error", "torque_norm")]
     return Motion(
         run=run,
         times=results.times,
         ensembles=ensembles,
         body=_course(poses[shown], turning, moving),
         reference=_course(results["desired_pose"], turning, moving),
-        has_rotation=turning is not None,
         has_translation=moving is not None,
-        error=signal("pose_error" + end),
-        torque=signal("torque_norm" + end),
-        error_name="pose_error" + end,
-        torque_name="torque_norm" + end,
+        norms={name: results.trajectory(name, run)[shown] for name in norms},
     )
 
 
