@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Tracking
 
 
@@ -69,6 +70,23 @@ class Controller(ABC):
         It is integrated along with every run, so that L(t) + ∫dissipation = L(0) can be checked.
         """
         return None
+
+    # A law with memory, such as an integral of the error, has states that are integrated too.
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """The law's own states: how many numbers each has, by name."""
+        return {}
+
+    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+        """The states at the start of a run, ``(..., length)`` each; all 0 unless given here.
+
+        In `s` every one of them is 0.
+        """
+        return {}
+
+    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
+        """The time derivative of every one of the states, which are in `s.memory`."""
+        return {}
 
 
 def _is_parameter(value: Any) -> bool:

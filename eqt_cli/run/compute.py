@@ -261,8 +261,6 @@ def _measured(
     loop, times = problem.batched_loop(extra_axes=1), problem.times
     signals = compute(loop, times, solution.states)
     s = loop.tracking(times, solution.states)
-    if loop.controller.dissipation(loop.tracking(times[0], problem.states[:, None])) is None:
-        signals["energy_balance"] = np.full_like(signals["energy_balance"], np.nan)
     config = batch.experiment.config
     metrics = {
         metric.name: metric.measure(
