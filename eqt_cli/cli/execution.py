@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from eqt_cli.experiment.study import Study
-    from eqt_cli.run.execute import Outcome, Shard
+    from eqt_cli.run.execute import Execution, Shard
     from eqt_cli.run.executors import Executor
 
 
@@ -105,7 +105,7 @@ def _interrupted(study: Study, out: Path) -> Exception:
     )
 
 
-def _print_shard(outcome: Outcome, shard: Shard | None, json: bool) -> None:
+def _print_shard(outcome: Execution, shard: Shard | None, json: bool) -> None:
     from eqt_cli.cli.output import print_json
 
     if json:
@@ -127,7 +127,7 @@ def _print_shard(outcome: Outcome, shard: Shard | None, json: bool) -> None:
         raise typer.Exit(3)
 
 
-def report(outcome: Outcome, *, json: bool) -> None:
+def report(outcome: Execution, *, json: bool) -> None:
     """Print what came out, and exit with 3 or 4 where runs failed or the check did not hold."""
     from eqt_cli.cli.output import print_json
     from eqt_cli.results.result import open_result
@@ -144,7 +144,7 @@ def report(outcome: Outcome, *, json: bool) -> None:
         raise typer.Exit(4)
 
 
-def _document(outcome: Outcome) -> dict[str, Any]:
+def _document(outcome: Execution) -> dict[str, Any]:
     from dataclasses import asdict
 
     from eqt_cli.results.result import open_result
@@ -170,7 +170,7 @@ def _document(outcome: Outcome) -> dict[str, Any]:
     }
 
 
-def _print_summary(outcome: Outcome) -> None:
+def _print_summary(outcome: Execution) -> None:
     from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
     from eqt_cli.results.result import open_result
 

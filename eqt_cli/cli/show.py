@@ -11,7 +11,7 @@ from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
     from eqt_cli.results.result import Result
-    from eqt_cli.run.status import Status
+    from eqt_cli.run.unfinished import Unfinished
 
 
 def show(
@@ -48,15 +48,15 @@ def show(
 ) -> None:
     """Summarise a result: what was run, where, and what came out."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.run.status import status_of
+    from eqt_cli.run.unfinished import unfinished
 
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
     asked = ((config, _config), (plugins, _plugins), (variables, _variables), (failed, _failed))
     view = next((view for wanted, view in asked if wanted), None)
-    unfinished = None if view or table else status_of(result)
-    if unfinished is not None:
-        _print_status(result, unfinished, json)
+    found = None if view or table else unfinished(result)
+    if found is not None:
+        _print_unfinished(result, found, json)
         return
 
     from eqt_cli.cli.run_table import print_run_table
@@ -71,32 +71,28 @@ def show(
             (view or _summary)(results, json)
 
 
-def _print_status(path: Path, status: Status, json: bool) -> None:
+def _print_unfinished(path: Path, found: Unfinished, json: bool) -> None:
     from dataclasses import asdict
 
     from eqt_cli.cli.output import duration, print_json
 
     if json:
-        print_json({"path": str(path), **asdict(status), "remaining_s": status.remaining})
+        print_json({"path": str(path), **asdict(found), "remaining_s": found.remaining})
         return
-    share = 100 * status.done / status.runs
-    print(f"{status.name}, unfinished  ({path})")
-    print(f"begun    {status.begun}")
-    print(f"done     {status.done} of {status.runs} runs ({share:.1f} %)")
-    print(f"failed   {status.failed}")
-    if status.writer is None:
+    share = 100 * found.done / found.runs
+    print(f"{found.name}, unfinished  ({path})")
+    print(f"begun    {found.begun}")
+    print(f"done     {found.done} of {found.runs} runs ({share:.1f} %)")
+    print(f"failed   {found.failed}")
+    if found.writer is None:
         print("running  no; the same eqt run or eqt sweep continues")
     else:
-        by = (
-            f" by process {status.writer['pid']} on {status.writer['host']}"
-            if status.writer
-            else ""
-        )
+        by = f" by process {found.writer['pid']} on {found.writer['host']}" if found.writer else ""
         print(f"running  yes{by}")
-    if status.rate is not None:
-        print(f"rate     {status.rate:.1f} runs/s")
-    if status.remaining is not None:
-        print(f"left     about {duration(status.remaining)}")
+    if found.rate is not None:
+        print(f"rate     {found.rate:.1f} runs/s")
+    if found.remaining is not None:
+        print(f"left     about {duration(found.remaining)}")
 
 
 def _document(results: Result) -> dict[str, object]:

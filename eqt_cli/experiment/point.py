@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 from functools import lru_cache
 
-from eqt_cli.config.problems import Problems
-from eqt_cli.config.source import ConfigSource, parse_key, with_value
+from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.ensemble.sweep import Sweep
 
 
@@ -38,7 +38,7 @@ def section_of(key: str) -> str:
 @lru_cache(maxsize=256)
 def path_of(key: str) -> tuple[str | int, ...]:
     """A dotted key as steps."""
-    return parse_key(key, "")
+    return parse_key(key)
 
 
 def without_sweep(source: ConfigSource) -> ConfigSource:
@@ -59,7 +59,7 @@ def config_at(source: ConfigSource, point: int) -> ConfigSource:
     if not section:
         raise EqtError(f"{name}: sweeps nothing, so it has no point to choose; leave it out")
     problems = Problems(source.place)
-    sweep = Sweep.parse(section, lambda path, message: problems.add(("sweep", *path), message))
+    sweep = Sweep.read(section, problems.at("sweep"))
     problems.raise_if_any()
     assert sweep is not None
     if not 0 <= point < len(sweep):

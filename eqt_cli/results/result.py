@@ -21,7 +21,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ComponentError, EqtError, suggestion
 from eqt_cli.engines import Status
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.laws import LAW
+from eqt_cli.experiment.law_names import LAW
 from eqt_cli.experiment.point import config_at
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.results.quantities import COMPARED, QUANTITIES, quantity_of
