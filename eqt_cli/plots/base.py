@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from eqt_cli.analysis.certificates import Row
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.component import Component
+from eqt_cli.core.problems import Problems
 from eqt_cli.plots.shown import ShownCertificates, ShownMetrics, ShownRuns, ShownSweep
 from eqt_cli.results.result import Result
 
@@ -29,7 +30,7 @@ S = TypeVar("S", bound=Subject)
 
 
 @dataclass(frozen=True)
-class Figure(ABC, Generic[S]):
+class Figure(Component, Generic[S]):
     """A picture of results: a frozen dataclass whose fields are its options.
 
     Attributes
@@ -39,10 +40,6 @@ class Figure(ABC, Generic[S]):
     controllers
         Labels of the controllers to show; all if empty.
     """
-
-    name: ClassVar[str]
-    # Read by pydantic when options are given: no other keys, no silent conversions.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     controllers: Sequence[str] = ()
 
@@ -70,17 +67,24 @@ class Figure(ABC, Generic[S]):
         Raises
         ------
         EqtError
-            If the results lack what the figure shows, or it cannot be drawn in this style.
+            If an option will not do, the results lack what the figure shows, or it cannot be drawn
+            in this style.
         """
         from eqt_cli.plots.drawing.layout import add_remarks, freeze
         from eqt_cli.plots.drawing.style import HOUSE, house_style
 
+        problems = Problems(lambda path: f"figure '{self.name}'")
+        self.check(problems)
+        problems.raise_if_any()
         shown = self.subject(results, certificates)
         with house_style(style or HOUSE):
             drawing = self.compose(shown, width)
             add_remarks(drawing, shown.notes())
             freeze(drawing)
         return drawing
+
+    def check(self, problems: Problems) -> None:
+        """Note what of the options will not do, as far as their types cannot say it."""
 
     @abstractmethod
     def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> S:
@@ -112,10 +116,10 @@ class OfFirstRuns(OverTime):
 
     runs: int = 20
 
-    def __post_init__(self) -> None:
-        """Check what types cannot say."""
+    def check(self, problems: Problems) -> None:
+        """At least one run is drawn."""
         if self.runs < 1:
-            raise EqtError(f"figure '{self.name}': runs: expected 1 or more, got {self.runs}")
+            problems.at("runs").add(f"expected 1 or more, got {self.runs}")
 
 
 @dataclass(frozen=True)
