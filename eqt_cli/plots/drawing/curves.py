@@ -1,4 +1,4 @@
-"""Curves as several figures draw them: bands, single runs, paths; it knows no result."""
+"""Curves as several figures draw them: bands, single runs, paths; it knows no signal."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from eqt_cli.analysis.comparison.bootstrap import intervals_of_means
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.style import Look, ink, line_style
+from eqt_cli.plots.shown import Ensemble
 
 BAND = (0.1, 0.9)
 """The quantiles over runs between which a band lies."""
@@ -71,7 +72,7 @@ def thin_line_legend(runs: int, most: int) -> dict[str, Artist]:
     return {name: Line2D([], [], color=ink(0.5), linewidth=2 * THIN)}
 
 
-def draw_paths(axes: Axes, paths: Mapping[int, Path], look: Look) -> None:
+def draw_paths(axes: Axes, paths: Mapping[int, Path], ensemble: Ensemble) -> None:
     """Thin lines, a hollow dot at each start and a filled one at each end.
 
     Parameters
@@ -79,10 +80,10 @@ def draw_paths(axes: Axes, paths: Mapping[int, Path], look: Look) -> None:
     paths
         By the number of the run; a gap where they are NaN, but not at their ends.
     """
-    thin = thin_line(look, len(paths))
+    look = thin_line(ensemble.look, len(paths))
     for number, (x, y) in paths.items():
-        axes.plot(x, y, label=f"run {number}", **thin)
-    start = _start(thin["color"][0])
+        axes.plot(x, y, label=f"run {number}", **look)
+    start = _start(look["color"][0])
     for name, at, marker in (("start", 0, start), ("end", -1, {"color": ink(), **_END})):
         across, up = (
             [coordinate[at] for coordinate in pair] for pair in zip(*paths.values(), strict=True)

@@ -93,7 +93,7 @@ class Phase(OfFirstRuns):
         pose, velocity = _POSE + part, _VELOCITY + part
         x, y = (runs.values(norm, ensemble, self.runs) for norm in (pose, velocity))
         numbers = runs.numbers(ensemble, self.runs)
-        draw_paths(axes, dict(zip(numbers, zip(x, y, strict=True), strict=True)), ensemble.look)
+        draw_paths(axes, dict(zip(numbers, zip(x, y, strict=True), strict=True)), ensemble)
         axes.set_xlabel(signal_label(ensemble.results, pose))
         name_scale(axes, signal_label(ensemble.results, velocity))
 

@@ -89,7 +89,7 @@ class Sphere(OfFirstRuns):
                 _draw_grid(axes, centre)
                 paths = (sphere_projection.path(run, centre) for run in points)
                 numbers = runs.numbers(ensemble, self.runs)
-                draw_paths(axes, dict(zip(numbers, paths, strict=True)), ensemble.look)
+                draw_paths(axes, dict(zip(numbers, paths, strict=True)), ensemble)
                 add_title(axes, panel_title(ensemble.title, suffix), room)
         handles = path_legend([int(e.good.sum()) for e in shown], self.runs)
         add_legend(drawing, list(handles.values()), list(handles))
