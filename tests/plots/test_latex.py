@@ -120,6 +120,10 @@ def test_a_text_that_cannot_be_set_is_named_with_the_reason(log, reason):
     ("error", "message"),
     [
         (LookupError, "The font map 'x.map' is missing a PostScript font associated to 'tcrm0800'"),
+        (
+            ValueError,
+            "No usable font file found for CMR10 (cmr10); the font may lack a Type-1 version",
+        ),
         (FileNotFoundError, "Matplotlib's TeX implementation searched for a file named 'x.tfm'"),
     ],
 )

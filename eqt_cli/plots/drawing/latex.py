@@ -21,7 +21,8 @@ _MEND = (
 )
 _REFUSED = re.compile(r"\w+ was not able to process the following string:\s+(b?['\"].*)\n")
 _MISSING = re.compile(
-    r"Failed to process string with tex because (.*)|(.*(?:TeX implementation|PostScript font).*)"
+    r"Failed to process string with tex because (.*)"
+    r"|(.*(?:TeX implementation|PostScript font|usable font file).*)"
 )
 _COMMAND = re.compile(r"^(?:<recently read>|l\.\d+).*(\\\w+) *$", re.MULTILINE)
 
@@ -46,7 +47,7 @@ def explained() -> Iterator[None]:
     """
     try:
         yield
-    except (RuntimeError, LookupError, FileNotFoundError) as error:
+    except (RuntimeError, LookupError, FileNotFoundError, ValueError) as error:
         message = str(error.args[0]) if error.args else ""
         if refused := _REFUSED.match(message):
             text = literal_eval(refused[1])
