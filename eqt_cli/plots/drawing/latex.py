@@ -1,14 +1,16 @@
-"""LaTeX as a program: the preamble of every text, and what a failure means; it knows no figure."""
+"""Text for LaTeX to set: escapes, the preamble, and what a failure means; it knows no figure."""
 
 from __future__ import annotations
 
 import re
+import unicodedata
 from ast import literal_eval
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import takewhile
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.drawing.tex_letters import command
 
 _PREAMBLE = r"\usepackage[T1]{fontenc}\usepackage{amsmath}"
 """Letters with accents, and < and > as they are; commands that Matplotlib has of its own."""
@@ -26,6 +28,22 @@ _MISSING = re.compile(
 )
 _COMMAND = re.compile(r"^(?:<recently read>|l\.\d+).*(\\\w+) *$", re.MULTILINE)
 
+_IN_LATEX = {
+    "\\": r"\textbackslash{}",
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "<": r"\textless{}",
+    ">": r"\textgreater{}",
+    "|": r"\textbar{}",
+    '"': r"\textquotedbl{}",
+    "`": r"\textasciigrave{}",
+    "'": r"'{}",  # two would be a quotation mark, as two hyphens a dash
+    ",": r",{}",
+    "-": r"-{}",
+    **{character: "\\" + character for character in "{}$&%#_"},
+}
+"""Characters that are not themselves in a text for LaTeX."""
+
 
 def preamble(given: str) -> str:
     """The preamble of every text: eqt's, then that of a sheet.
@@ -34,6 +52,26 @@ def preamble(given: str) -> str:
     them, and refuse to be loaded after others.
     """
     return "\n".join([_PREAMBLE, given or _SYMBOLS])
+
+
+def escaped(text: str) -> str:
+    """Text in which no character is a command."""
+    return "".join(map(_escaped_letter, unicodedata.normalize("NFC", text)))
+
+
+def _escaped_letter(letter: str) -> str:
+    if letter in _IN_LATEX:
+        return _IN_LATEX[letter]
+    found = command(letter)
+    return letter if found is None else rf"\ensuremath{{{found}}}"
+
+
+def mathematics(text: str) -> str:
+    """Mathematics that Matplotlib knows, for LaTeX, where comments and the like must be escaped."""
+    safe = re.sub(r"(?<!\\)[%#&]", r"\\\g<0>", text)
+    return "".join(
+        letter if (found := command(letter)) is None else f"{{{found}}}" for letter in safe
+    )
 
 
 @contextmanager
