@@ -10,7 +10,7 @@ from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import load_plugin
 from eqt_cli.core.validation import shown
-from eqt_cli.store.reader import Results
+from eqt_cli.store.reader import ResultFile
 
 
 def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dict[str, str]:
@@ -38,7 +38,7 @@ def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dic
     return sources
 
 
-def load_stored_plugins(results: Results) -> None:
+def load_stored_plugins(results: ResultFile) -> None:
     """Execute the plugins that a result holds; for results that are trusted.
 
     Raises

@@ -15,7 +15,7 @@ from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.store.layout import FILE_NAME
-from eqt_cli.store.reader import Results, open_results
+from eqt_cli.store.reader import ResultFile, open_results
 
 _MOST_FILES = 5
 """Named in a message."""
@@ -107,7 +107,7 @@ def _from_result(path: Path) -> ConfigSource:
         return source_of(results)
 
 
-def source_of(results: Results) -> ConfigSource:
+def source_of(results: ResultFile) -> ConfigSource:
     """The configuration inside an open result, with the plugins that it was run with."""
     text = str(results.attributes["config"])
     plugins = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
