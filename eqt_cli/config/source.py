@@ -11,6 +11,7 @@ from typing import Any
 from eqt_cli.config import yaml_source
 from eqt_cli.config.yaml_source import Source
 from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
+from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.store.layout import FILE_NAME
@@ -88,17 +89,12 @@ def read_config(
 
 
 def _text(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise EqtError(
-            f"{path}: does not exist; give a YAML file, which `eqt config new` writes, or a result"
-        ) from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise EqtError(
-            f"{path}: cannot be read: {reason}; check the path and its permissions"
-        ) from error
+    with refusals(path, "read", "check the path and its permissions"):
+        try:
+            return path.read_bytes()
+        except FileNotFoundError:
+            wanted = "give a YAML file, which `eqt config new` writes, or a result"
+            raise EqtError(f"{path}: does not exist; {wanted}") from None
 
 
 def _name(path: Path) -> str:

@@ -55,7 +55,7 @@ def animation(result: Result, run: int, controllers: Sequence[str] = ()) -> str:
 
 def _document(shown: Motion, result: Result) -> dict[str, Any]:
     kept = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
-    styles, heads = looks(result), columns(result, [shown.error_name, shown.torque_name])
+    styles, heads = looks(result), columns(result, list(shown.norms))
     return {
         "run": shown.run,
         "times": _rounded(shown.times[kept]),
@@ -74,7 +74,7 @@ def _document(shown: Motion, result: Result) -> dict[str, Any]:
         "faces": [list(face) for face in FACES],
         "panels": [
             {**head, "curves": [_rounded(curve[kept]) for curve in values]}
-            for head, values in zip(heads, (shown.error, shown.torque), strict=True)
+            for head, values in zip(heads, shown.norms.values(), strict=True)
         ],
     }
 
