@@ -298,9 +298,6 @@ def _opened(path: Path) -> Any:
         return h5py.File(path, "r")
 
 
-Results = ResultFile
-
-
 class MissingAttributeError(ResultError, KeyError):
     """An attribute that every result has, missing from this one."""
 
