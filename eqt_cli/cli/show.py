@@ -15,9 +15,7 @@ if TYPE_CHECKING:
 
 
 def show(
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
-    ],
+    result: options.Result,
     config: Annotated[
         bool, typer.Option("--config", metavar="", help="Print the resolved configuration.")
     ] = False,

@@ -15,7 +15,7 @@ from typing import Any, Literal
 from matplotlib.backends.backend_pdf import PdfFile
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
 from eqt_cli.core.marks import is_eqts
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.drawing.style import HOUSE, Style, house_style
@@ -54,8 +54,8 @@ def check_targets(paths: Iterable[Path]) -> None:
                 raise EqtError(f"{path}: is a folder; expected a file, such as {example}")
             if path.exists() and not is_eqts(path):
                 raise EqtError(
-                    f"{path}: exists, and is no figure or page that eqt wrote; choose another "
-                    "place with --out"
+                    f"{path}: exists, and is no figure or page that eqt wrote",
+                    Remedy("choose another place with {}", "out"),
                 )
             folder = next(parent for parent in path.absolute().parents if parent.exists())
         except OSError as error:
@@ -89,7 +89,7 @@ def write(contents: Mapping[Path, bytes]) -> None:
 
 
 def _refused(path: Path, reason: str) -> EqtError:
-    return EqtError(f"{path}: cannot be written: {reason}; choose another folder with --out")
+    return EqtError(f"{path}: cannot be written: {reason}", OTHER_FOLDER)
 
 
 @contextmanager

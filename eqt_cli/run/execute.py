@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.config.yaml_source import dump
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import EqtError, EqtWarning, Remedy
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantities import quantities
 from eqt_cli.run.cost import check_resources
@@ -30,10 +30,10 @@ from eqt_cli.run.result_layout import described
 RERUN = "rerun"
 
 Progress = Callable[[float], None]
-Remark = Callable[[str], None]
+Remark = Callable[[EqtWarning], None]
 
 
-def warn(remark: str) -> None:
+def warn(remark: EqtWarning) -> None:
     """What is done with a remark where nothing else is asked for."""
     warnings.warn(remark, stacklevel=3)
 
@@ -219,8 +219,10 @@ class _Session:
         if outdated:
             runs = sum(map(self.plan.runs_of, outdated))
             self.remark(
-                f"{self.folder.path}: {runs} of its runs were computed with a version of eqt that "
-                "keeps other numbers of each; they are computed again"
+                EqtWarning(
+                    f"{self.folder.path}: {runs} of its runs were computed with a version of eqt "
+                    "that keeps other numbers of each; they are computed again"
+                )
             )
 
     def rerun(self, failed: int) -> Execution:
@@ -272,8 +274,11 @@ class _Session:
         differing = (differences(session, now) for session in earlier)
         if listed := "; or ".join(filter(None, differing)):
             self.remark(
-                f"{self.folder.path}: some of its runs were computed with {listed}; they agree "
-                "with the new ones within tolerances, not bit for bit; --force starts over"
+                EqtWarning(
+                    f"{self.folder.path}: some of its runs were computed with {listed}; they agree "
+                    "with the new ones within tolerances, not bit for bit",
+                    Remedy("{} starts over", "force"),
+                )
             )
 
     def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:

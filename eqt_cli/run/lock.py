@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
 
 LOCK = ".lock"
 
@@ -36,7 +36,7 @@ def locked(
     *,
     shared: bool = False,
     name: str = LOCK,
-    remark: Callable[[str], None] = lambda text: None,
+    remark: Callable[[EqtWarning], None] = lambda remark: None,
 ) -> Iterator[None]:
     """Keep the folder for this process until the block ends.
 
@@ -63,14 +63,16 @@ def locked(
         handle, is_locked = _opened(path, shared)
     except OSError as error:
         reason = (error.strerror or str(error)).lower()
-        message = f"{folder}: cannot be used: {reason}; choose another folder with --out"
-        raise EqtError(message) from error
+        raise EqtError(f"{folder}: cannot be used: {reason}", OTHER_FOLDER) from error
     try:
         if not is_locked:
             remark(
-                f"{folder}: its disk refuses file locks, so nothing keeps a second eqt from "
-                "writing to it at the same time: run one at a time there, or choose another disk "
-                "with --out"
+                EqtWarning(
+                    f"{folder}: its disk refuses file locks, so nothing keeps a second eqt from "
+                    "writing to it at the same time",
+                    Remedy("run one at a time there"),
+                    Remedy("choose another disk with {}", "out"),
+                )
             )
         if not shared:
             os.ftruncate(handle, 0)
@@ -128,8 +130,9 @@ def _lock(handle: int, path: Path, shared: bool) -> bool:
         other = _read(path)
         who = f" (process {other['pid']} on {other['host']})" if other else ""
         raise EqtError(
-            f"{path.parent}: another eqt{who} is writing to it; wait for its end, "
-            "or choose another folder with --out"
+            f"{path.parent}: another eqt{who} is writing to it",
+            Remedy("wait for its end"),
+            OTHER_FOLDER,
         ) from error
     return True
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import START_OVER, EqtError, Remedy
 from eqt_cli.engines import Status
-from eqt_cli.experiment.laws import LAW
+from eqt_cli.experiment.law_names import LAW
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantities import Per
 from eqt_cli.run.compute import compute_alone, compute_part, read_part
@@ -87,8 +87,9 @@ def rerun_of(study: Study, results: Path, folder: Path) -> Rerun:
     with open_results(results) as old:
         if {LAW, *old.names} != {LAW, *kept}:
             raise EqtError(
-                f"{results}: was written by a version of eqt that keeps other variables; compute "
-                "its failed runs with that version, or start over with --force"
+                f"{results}: was written by a version of eqt that keeps other variables",
+                Remedy("compute its failed runs with that version"),
+                START_OVER,
             )
         status = old["status"]
     status = status.reshape(-1, *status.shape[-2:]).swapaxes(0, 1)

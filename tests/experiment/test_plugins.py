@@ -178,7 +178,7 @@ def test_a_result_executes_no_plugin_unasked(run: Run, law: Path) -> None:
     assert place.startswith(f"{Path('out/results.h5')}[config]:")
     assert str(caught.value) == (
         f"{place}: plugins[0]: the result holds the source of law.py, which is executed only on "
-        "request; read it with `eqt show --plugins`, then add --trust-plugins"
+        "request; read it with `eqt show --plugins`, then add trust_plugins=True"
     )
 
 

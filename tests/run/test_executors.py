@@ -152,7 +152,7 @@ def test_a_scheduler_that_does_not_answer_is_named(task, monkeypatch):
 
     monkeypatch.setattr(dask, "CONNECT_WITHIN", 0.2)
     executor = dask.Dask(1, "tcp://127.0.0.1:9")
-    with pytest.raises(EqtError, match=r"^--scheduler tcp://127\.0\.0\.1:9: cannot be reached: "):
+    with pytest.raises(EqtError, match=r"^scheduler tcp://127\.0\.0\.1:9: cannot be reached: "):
         list(executor.outcomes(task, [1], lambda amount: None))
 
 
