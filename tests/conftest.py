@@ -23,8 +23,8 @@ from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.sweeping import study
 from eqt_cli.groups import MatrixLieGroup, group_named, groups
+from eqt_cli.results.result import open_result
 from eqt_cli.run.execute import Execution, execute
-from eqt_cli.store.reader import open_results
 from eqt_cli.store.variables import Table, Variable
 from eqt_cli.store.writer import write
 
@@ -336,7 +336,7 @@ class MakeResult:
         )
         path = self.folder / f"results{len(self.opened)}.h5"
         write(path, table)
-        self.opened.append(open_results(path))
+        self.opened.append(open_result(path))
         return self.opened[-1]
 
 

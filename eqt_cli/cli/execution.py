@@ -10,9 +10,9 @@ import typer
 if TYPE_CHECKING:
     from eqt_cli.api import LoadedExperiment, StoredResult
     from eqt_cli.experiment.study import Study
+    from eqt_cli.results.result import Result
     from eqt_cli.run.execute import Shard
     from eqt_cli.run.executors import Executor
-    from eqt_cli.store.reader import Results
 
 
 def shard_from(text: str | None) -> Shard | None:
@@ -112,19 +112,17 @@ def _print_shard(done: StoredResult, shard: Shard | None, json: bool) -> None:
 
 def report(done: StoredResult, *, json: bool) -> None:
     """Print what came out, and exit with 3 or 4 where runs failed or the check did not hold."""
-    from eqt_cli.cli.summary import cross_check
-    from eqt_cli.store.reader import open_results
+    from eqt_cli.results.result import open_result
 
-    with open_results(done.file) as results:
-        check = cross_check(results)
-        holds = check is None or check["holds"]
+    with open_result(done.file) as results:
+        check = results.cross_check
         if json:
-            _print_document(done, results, check)
+            _print_document(done, results)
         else:
             _print_summary(done, results)
     if done.failed:
         raise typer.Exit(3)
-    if not holds:
+    if check is not None and not check.holds:
         raise typer.Exit(4)
 
 
@@ -135,26 +133,25 @@ def _print_json(done: StoredResult, first: dict[str, Any], causes: list[str], **
     print_json({**first, **counted, "seconds": done.seconds, "causes": causes, **last})
 
 
-def _print_document(done: StoredResult, results: Results, check: dict[str, Any] | None) -> None:
+def _print_document(done: StoredResult, results: Result) -> None:
     from dataclasses import asdict
 
-    from eqt_cli.results.headline import headline
-
+    check = results.cross_check
     points = results.dimensions.get("point")
     first = {"results": str(done.file), "was_complete": done.was_complete}
     causes = ["some runs failed"] if done.failed else []
-    if check and not check["holds"]:
+    if check and not check.holds:
         causes.append("the cross-check does not hold")
     _print_json(
         done,
         first if points is None else first | {"points": points},
         causes,
-        controllers=[asdict(row) for row in headline(results)],
-        cross_check=check,
+        controllers=results.headline(),
+        cross_check=asdict(check) | {"holds": check.holds} if check else None,
     )
 
 
-def _print_summary(done: StoredResult, results: Results) -> None:
+def _print_summary(done: StoredResult, results: Result) -> None:
     from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
 
     points = results.dimensions.get("point")

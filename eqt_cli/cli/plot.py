@@ -146,10 +146,10 @@ def _default(result: Path, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
     from eqt_cli.cli.output import say
     from eqt_cli.plots.drawing.swept import Swept
-    from eqt_cli.store.reader import open_results
+    from eqt_cli.results.result import open_result
 
-    with open_results(result) as results:
-        if "point" not in results.dimensions:
+    with open_result(result) as results:
+        if not results.is_sweep:
             return ["paper"]
         axes = Swept(results, "sweep").axes
     if 1 <= len(axes) <= 2:

@@ -15,8 +15,8 @@ from eqt_cli.engines import Problem, Solution, Status
 from eqt_cli.experiment.plan import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.critical_points import distance_to_unstable
-from eqt_cli.results.metrics import METRICS, energy_residual
-from eqt_cli.results.quantities import DESIRED, Per, Quantity, quantities
+from eqt_cli.results.quantities import DESIRED, MEASURED, quantities
+from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.run.batches import Batch, batches, initial_states, reference_batches
 from eqt_cli.run.cross_check import chosen_entries, distance, reference_distance
 from eqt_cli.run.executors import TaskContext
@@ -284,24 +284,32 @@ def _solved(
     problem, experiment = batch.problem, batch.experiment
     solution = batch.engine.solve(problem, context.progress, context.threads)
     with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-        signals, metrics = _measured(batch, solution, reference)
+        signals, metrics = measured(batch, solution, reference)
         metrics["error_estimate"] = _error_estimate(batch, solution, context.threads)
     _judge(solution, metrics["error_estimate"], experiment.solver.judgement.max_error)
     return solution, signals, metrics
 
 
-def _measured(
+def measured(
     batch: Batch, solution: Solution, reference: Array
 ) -> tuple[dict[str, Array], dict[str, Array]]:
+    """The signals of a solution, and what of its runs is one number each."""
     problem: Problem = batch.problem
     loop, times = problem.batched_loop(extra_axes=1), problem.times
     signals = compute(loop, times, solution.states)
-    balance, s = signals.pop("energy_balance"), loop.tracking(times, solution.states)
-    threshold = batch.experiment.config.settling_threshold
-    metrics = {metric.name: metric.of(times, signals, threshold) for metric in METRICS}
+    s = loop.tracking(times, solution.states)
+    config = batch.experiment.config
+    metrics = {
+        metric.name: metric.measure(
+            times,
+            signals,
+            metric.window,
+            **{name: getattr(config, key) for name, key in metric.settings.items()},
+        )
+        for metric in MEASURED
+    }
     metrics |= {
         "group_drift": loop.group.drift(signals["pose"]).max(axis=-1),
-        "energy_residual": energy_residual(signals["lyapunov"], balance),
         "unstable_distance": distance_to_unstable(loop.group, loop.gains.K, s.Q_E).min(axis=-1),
         "reference_residual": reference_distance(loop, times, solution.states, reference),
     }

@@ -15,7 +15,7 @@ from eqt_cli.core.errors import START_OVER, EqtError, Remedy
 from eqt_cli.engines import Status
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import Per
+from eqt_cli.results.quantity import Per
 from eqt_cli.run.compute import compute_alone, compute_part, read_part
 from eqt_cli.run.executors import TaskContext
 from eqt_cli.run.pack import put_desired
