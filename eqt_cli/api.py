@@ -24,13 +24,13 @@ from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
 from eqt_cli.config.source import ConfigSource, overridden, read_config, source_of
 from eqt_cli.core.errors import ComponentError, EqtError, Remedy
+from eqt_cli.execution.execute import Execution, Progress, Remark, Shard, execute, pack_folder, warn
+from eqt_cli.execution.executors import Executor, executors
+from eqt_cli.execution.folder import CONFIG
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.sweeping import study
 from eqt_cli.results.result import Result, open_result, point_folder
-from eqt_cli.run.execute import Execution, Progress, Remark, Shard, execute, pack_folder, warn
-from eqt_cli.run.executors import Executor, executors
-from eqt_cli.run.folder import CONFIG
 from eqt_cli.store.layout import FILE_NAME, point_group
 
 if TYPE_CHECKING:

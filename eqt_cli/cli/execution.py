@@ -9,16 +9,16 @@ import typer
 
 if TYPE_CHECKING:
     from eqt_cli.api import LoadedExperiment, StoredResult
+    from eqt_cli.execution.execute import Shard
+    from eqt_cli.execution.executors import Executor
     from eqt_cli.experiment.study import Study
     from eqt_cli.results.result import Result
-    from eqt_cli.run.execute import Shard
-    from eqt_cli.run.executors import Executor
 
 
 def shard_from(text: str | None) -> Shard | None:
     """``2/8`` as a shard; None stays None."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.run.execute import Shard
+    from eqt_cli.execution.execute import Shard
 
     if text is None:
         return None
@@ -88,7 +88,7 @@ def run_experiment(
 
 def _interrupted(study: Study, out: Path) -> Exception:
     from eqt_cli.core.errors import InterruptedRun
-    from eqt_cli.run.folder import ResultFolder
+    from eqt_cli.execution.folder import ResultFolder
 
     parts = ResultFolder(out).parts.listed()
     done = sum(study.plans.runs_of(number) for number in parts if number < len(study.plans))

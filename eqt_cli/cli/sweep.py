@@ -10,8 +10,8 @@ import typer
 from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
+    from eqt_cli.execution.executors import Executor
     from eqt_cli.experiment.study import Study
-    from eqt_cli.run.executors import Executor
 
 FIRST_POINTS = 5
 """Shown by --dry-run."""
@@ -101,7 +101,7 @@ def sweep(
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     from eqt_cli.cli.output import duration, print_json, size
-    from eqt_cli.run.cost import check_memory, estimate
+    from eqt_cli.execution.cost import check_memory, estimate
 
     assert study.sweep is not None
     check_memory(study)

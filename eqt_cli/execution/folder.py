@@ -14,8 +14,8 @@ from eqt_cli.core.errors import OTHER_FOLDER, START_OVER, EqtError, Remedy
 from eqt_cli.core.marks import is_eqts
 from eqt_cli.core.problems import KeyPath, dotted
 from eqt_cli.core.validation import shown
+from eqt_cli.execution.part_files import MANIFEST, PARTS, PartFiles
 from eqt_cli.experiment.study import Study
-from eqt_cli.run.part_files import MANIFEST, PARTS, PartFiles
 from eqt_cli.store.layout import FILE_NAME
 
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from eqt_cli.core.errors import ConfigError
-from eqt_cli.run import cost
-from eqt_cli.run.execute import Execution
+from eqt_cli.execution import cost
+from eqt_cli.execution.execute import Execution
 
 Run = Callable[..., Execution]
 

@@ -11,8 +11,8 @@ import pytest
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.execute import Execution
 from eqt_cli.experiment.build import build
-from eqt_cli.run.execute import Execution
 
 Run = Callable[..., Execution]
 

@@ -15,7 +15,14 @@ from typing import Any, ClassVar
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.core.errors import EqtError, Remedy
-from eqt_cli.run.executors.base import MOST_TRIES, Executor, Outcome, Progress, Task, TaskContext
+from eqt_cli.execution.executors.base import (
+    MOST_TRIES,
+    Executor,
+    Outcome,
+    Progress,
+    Task,
+    TaskContext,
+)
 
 CONNECT_WITHIN = 20.0
 """s to reach a scheduler."""

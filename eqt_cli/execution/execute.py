@@ -14,18 +14,18 @@ from typing import Any
 
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import EqtError, EqtWarning, Remedy
+from eqt_cli.execution.cost import check_resources
+from eqt_cli.execution.executors import MOST_TRIES, Executor
+from eqt_cli.execution.executors.serial import Serial
+from eqt_cli.execution.folder import ResultFolder
+from eqt_cli.execution.lock import LOCK, locked
+from eqt_cli.execution.pack import BrokenPart, pack
+from eqt_cli.execution.part_task import PartTask
+from eqt_cli.execution.provenance import OTHERS, differences, provenance, together
+from eqt_cli.execution.rerun import patch, rerun_of
+from eqt_cli.execution.result_layout import described
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantities import quantities
-from eqt_cli.run.cost import check_resources
-from eqt_cli.run.executors import MOST_TRIES, Executor
-from eqt_cli.run.executors.serial import Serial
-from eqt_cli.run.folder import ResultFolder
-from eqt_cli.run.lock import LOCK, locked
-from eqt_cli.run.pack import BrokenPart, pack
-from eqt_cli.run.part_task import PartTask
-from eqt_cli.run.provenance import OTHERS, differences, provenance, together
-from eqt_cli.run.rerun import patch, rerun_of
-from eqt_cli.run.result_layout import described
 
 RERUN = "rerun"
 

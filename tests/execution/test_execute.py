@@ -15,14 +15,14 @@ import pytest
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.engines import Status
+from eqt_cli.execution.execute import Shard, execute, pack_folder
+from eqt_cli.execution.executors import Executor, Outcome
+from eqt_cli.execution.executors.local import Local
+from eqt_cli.execution.executors.serial import Serial
+from eqt_cli.execution.folder import ResultFolder
+from eqt_cli.execution.lock import holder, locked
+from eqt_cli.execution.unfinished import unfinished
 from eqt_cli.experiment.sweeping import add_grids, study
-from eqt_cli.run.execute import Shard, execute, pack_folder
-from eqt_cli.run.executors import Executor, Outcome
-from eqt_cli.run.executors.local import Local
-from eqt_cli.run.executors.serial import Serial
-from eqt_cli.run.folder import ResultFolder
-from eqt_cli.run.lock import holder, locked
-from eqt_cli.run.unfinished import unfinished
 from eqt_cli.store.reader import open_results
 
 CONFIG = """\
@@ -504,7 +504,7 @@ def test_shards_share_a_folder_but_not_with_others_or_themselves(make, tmp_path)
 def test_a_lock_ends_with_its_process_even_if_killed(tmp_path):
     code = (
         "import os, signal\nfrom pathlib import Path\n"
-        "from eqt_cli.run.lock import locked\n"
+        "from eqt_cli.execution.lock import locked\n"
         f"with locked(Path({str(tmp_path)!r})): os.kill(os.getpid(), signal.SIGKILL)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
