@@ -126,10 +126,12 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
 
     from eqt_cli.cli.output import print_json
     from eqt_cli.plots.baseline import TOLERANCE
+    from eqt_cli.store.layout import FILE_NAME
 
     if json:
+        checked = [str(one if one.suffix == ".h5" else one / FILE_NAME) for one in results]
         found = {name: asdict(one) for name, one in checks.items()}
-        print_json({"checked": list(map(str, results)), "tolerance": TOLERANCE, "figures": found})
+        print_json({"checked": checked, "tolerance": TOLERANCE, "figures": found})
     else:
         for name, one in checks.items():
             for difference in one.differences:
@@ -145,20 +147,19 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
 def _default(result: Path, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
     from eqt_cli.cli.output import say
-    from eqt_cli.plots.drawing.swept import Swept
     from eqt_cli.results.result import open_result
 
     with open_result(result) as results:
         if not results.is_sweep:
             return ["paper"]
-        axes = Swept(results, "sweep").axes
-    if 1 <= len(axes) <= 2:
+        swept = results.swept_keys
+    if 1 <= len(swept) <= 2:
         return ["sweep", "pareto"]
-    if axes and not quiet:
-        keys = ", ".join(axis.key for axis in axes)
+    if swept and not quiet:
+        keys = ", ".join(one.key for one in swept)
         say(
-            f"figure 'sweep' has room for two swept keys, and here are {len(axes)} ({keys}); drawn "
-            "is 'pareto', and --point draws single points"
+            f"figure 'sweep' has room for two swept keys, and here are {len(swept)} ({keys}); "
+            "drawn is 'pareto', and --point draws single points"
         )
     return ["pareto"]
 
