@@ -15,7 +15,7 @@ from typing import Any, Literal
 from matplotlib.backends.backend_pdf import PdfFile
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.core.errors import EqtError, Remedy
+from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
 from eqt_cli.core.files import refusals, replace_file
 from eqt_cli.core.marks import is_eqts
 from eqt_cli.core.version import __version__
