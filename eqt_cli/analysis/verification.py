@@ -27,11 +27,11 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
 from eqt_cli.engines import Problem, Solution
 from eqt_cli.ensemble.seeds import Stream, generator
+from eqt_cli.execution.batches import Batch, batches
+from eqt_cli.execution.compute import measured, solve_references
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.semidirect import Semidirect
-from eqt_cli.run.batches import Batch, batches
-from eqt_cli.run.compute import measured, solve_references
 from eqt_cli.store.reader import ResultFile
 
 Progress = Callable[[float], None]

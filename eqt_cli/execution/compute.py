@@ -12,14 +12,14 @@ from eqt_cli.closed_loop.signals import compute
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
 from eqt_cli.engines import Problem, Solution, Status
+from eqt_cli.execution.batches import Batch, batches, initial_states, reference_batches
+from eqt_cli.execution.cross_check import chosen_entries, distance, reference_distance
+from eqt_cli.execution.executors import TaskContext
 from eqt_cli.experiment.plan import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.critical_points import distance_to_unstable
 from eqt_cli.results.quantities import DESIRED, MEASURED, quantities
 from eqt_cli.results.quantity import Per, Quantity
-from eqt_cli.run.batches import Batch, batches, initial_states, reference_batches
-from eqt_cli.run.cross_check import chosen_entries, distance, reference_distance
-from eqt_cli.run.executors import TaskContext
 from eqt_cli.store.reader import ResultFile
 from eqt_cli.store.variables import Table, Variable
 

@@ -10,9 +10,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from eqt_cli.execution.lock import holder
+from eqt_cli.execution.part_files import MANIFEST, PARTS, FinishedPart, PartFiles
 from eqt_cli.experiment.plan import Plans
-from eqt_cli.run.lock import holder
-from eqt_cli.run.part_files import MANIFEST, PARTS, FinishedPart, PartFiles
 from eqt_cli.store.layout import FILE_NAME
 
 RECENT = 200
@@ -32,7 +32,7 @@ class Unfinished:
     begun
         When the first session began, ISO 8601.
     writer
-        Who computes now, as `eqt_cli.run.lock.holder` says; None if nobody does.
+        Who computes now, as `eqt_cli.execution.lock.holder` says; None if nobody does.
     rate
         Runs per second lately; None before two parts are finished.
     """

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from eqt_cli.core.errors import ConfigError
-from eqt_cli.run import cost
-from eqt_cli.run.execute import Execution
+from eqt_cli.execution import cost
+from eqt_cli.execution.execute import Execution
 
 Run = Callable[..., Execution]
 
@@ -25,15 +25,15 @@ def test_memory(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """25 states and 19 signals: 3 runs × 1e8 samples × 44 numbers × 8 bytes × 3 copies."""
     monkeypatch.setattr(cost, "_memory", lambda: 64 * 10**9)
     assert refusal(run, "time.samples=100000000") == (
-        "--set[0]: time.samples: a part of the runs takes at least 317 GB of memory at once, and "
-        "this machine has 64 GB; take fewer samples"
+        "overrides[0]: time.samples: a part of the runs takes at least 317 GB of memory at once, "
+        "and this machine has 64 GB; take fewer samples"
     )
 
 
 def test_disk(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(cost, "_free_disk", lambda folder: 64 * 10**9)
     text = refusal(run, "ensemble.runs=100000000")
-    start = "--set[0]: ensemble.runs: the result takes "
+    start = "overrides[0]: ensemble.runs: the result takes "
     end = (
         " on the disk, and out has 64 GB left; take fewer runs, fewer samples, or "
         "store.trajectories: none"

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.run.executors.base import Executor, Outcome, Progress, Task, TaskContext
+from eqt_cli.execution.executors.base import Executor, Outcome, Progress, Task, TaskContext
 
 
 @dataclass(frozen=True)

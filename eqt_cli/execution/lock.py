@@ -13,7 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
 from eqt_cli.core.files import refusals
 
 LOCK = ".lock"
@@ -37,7 +37,7 @@ def locked(
     *,
     shared: bool = False,
     name: str = LOCK,
-    remark: Callable[[str], None] = lambda text: None,
+    remark: Callable[[EqtWarning], None] = lambda remark: None,
 ) -> Iterator[None]:
     """Keep the folder for this process until the block ends.
 
@@ -59,15 +59,18 @@ def locked(
         If another process has it, or the folder cannot be written to.
     """
     path = folder / name
-    with refusals(folder, "used", "choose another folder with --out"):
+    with refusals(folder, "used", OTHER_FOLDER):
         folder.mkdir(parents=True, exist_ok=True)
         handle, is_locked = _opened(path, shared)
     try:
         if not is_locked:
             remark(
-                f"{folder}: its disk refuses file locks, so nothing keeps a second eqt from "
-                "writing to it at the same time: run one at a time there, or choose another disk "
-                "with --out"
+                EqtWarning(
+                    f"{folder}: its disk refuses file locks, so nothing keeps a second eqt from "
+                    "writing to it at the same time",
+                    Remedy("run one at a time there"),
+                    Remedy("choose another disk with {}", "out"),
+                )
             )
         if not shared:
             os.ftruncate(handle, 0)
@@ -125,8 +128,9 @@ def _lock(handle: int, path: Path, shared: bool) -> bool:
         other = _read(path)
         who = f" (process {other['pid']} on {other['host']})" if other else ""
         raise EqtError(
-            f"{path.parent}: another eqt{who} is writing to it; wait for its end, "
-            "or choose another folder with --out"
+            f"{path.parent}: another eqt{who} is writing to it",
+            Remedy("wait for its end"),
+            OTHER_FOLDER,
         ) from error
     return True
 

@@ -21,7 +21,7 @@ from typing import Any, ClassVar
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.run.executors.base import (
+from eqt_cli.execution.executors.base import (
     MOST_TRIES,
     Executor,
     Outcome,

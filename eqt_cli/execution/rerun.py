@@ -11,17 +11,17 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import START_OVER, EqtError, Remedy
 from eqt_cli.engines import Status
+from eqt_cli.execution.compute import compute_alone, compute_part, read_part
+from eqt_cli.execution.executors import TaskContext
+from eqt_cli.execution.pack import put_desired
+from eqt_cli.execution.part_files import PartFiles
+from eqt_cli.execution.part_task import PartTask
+from eqt_cli.execution.result_layout import Destination, Layout, new_result_file
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import Per
-from eqt_cli.run.compute import compute_alone, compute_part, read_part
-from eqt_cli.run.executors import TaskContext
-from eqt_cli.run.pack import put_desired
-from eqt_cli.run.part_files import PartFiles
-from eqt_cli.run.part_task import PartTask
-from eqt_cli.run.result_layout import Destination, Layout, new_result_file
 from eqt_cli.store.assembly import Assembly
 from eqt_cli.store.reader import ResultFile, open_results
 from eqt_cli.store.variables import Table, Variable
@@ -87,8 +87,9 @@ def rerun_of(study: Study, results: Path, folder: Path) -> Rerun:
     with open_results(results) as old:
         if {LAW, *old.names} != {LAW, *kept}:
             raise EqtError(
-                f"{results}: was written by a version of eqt that keeps other variables; compute "
-                "its failed runs with that version, or start over with --force"
+                f"{results}: was written by a version of eqt that keeps other variables",
+                Remedy("compute its failed runs with that version"),
+                START_OVER,
             )
         status = old["status"]
     status = status.reshape(-1, *status.shape[-2:]).swapaxes(0, 1)

@@ -11,8 +11,8 @@ import pytest
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.execute import Execution
 from eqt_cli.experiment.build import build
-from eqt_cli.run.execute import Execution
 
 Run = Callable[..., Execution]
 
@@ -100,7 +100,7 @@ def test_another_experiment_is_refused_with_what_differs(run: Run) -> None:
         "  controllers[1].damping: not given there, 'spatial' here\n"
         "  time.duration: 1.0 there, 2.0 here\n"
         "  solver.block: not given there, 1 here\n"
-        "choose another folder with --out, or replace it with --force"
+        "choose another folder with out=…, or replace it with force=True"
     )
     assert contents() == before
 
@@ -157,7 +157,7 @@ def test_the_folder_of_other_results_takes_none_itself(run: Run) -> None:
     for force in (False, True):
         assert refusal(run, out="results", force=force) == (
             "results: is the folder of other results: a, b, c, …; give this one a folder of its "
-            f"own with --out, such as {Path('results/c')}"
+            f"own with out=…, such as {Path('results/c')}"
         )
     assert not Path("results/results.h5").exists()
 
@@ -177,7 +177,7 @@ def test_figures_alone_are_not_lost_either(run: Run) -> None:
     assert refusal(run, "gains.kp=2") == (
         "out: holds another experiment, which differs in\n"
         "  gains.kp: 1.0 there, 2.0 here\n"
-        "choose another folder with --out, or replace it with --force"
+        "choose another folder with out=…, or replace it with force=True"
     )
 
 
@@ -195,7 +195,7 @@ def test_files_of_others_are_never_replaced(run: Run, name: str, force: bool) ->
     Path("out").mkdir()
     Path("out", name).write_text("mine", encoding="utf-8")
     assert refusal(run, force=force) == (
-        f"out: holds {name} that eqt did not write; choose another folder with --out"
+        f"out: holds {name} that eqt did not write; choose another folder with out=…"
     )
     assert contents() == {name: b"mine"}
 
@@ -210,14 +210,14 @@ def test_other_files_are_left_alone(run: Run) -> None:
 def test_a_file_is_no_folder(run: Run) -> None:
     Path("out").write_text("mine", encoding="utf-8")
     assert refusal(run) == (
-        "out: cannot be used: not a directory; choose another folder with --out"
+        "out: cannot be used: not a directory; choose another folder with out=…"
     )
 
 
 def test_a_folder_below_a_file(run: Run) -> None:
     Path("out").write_text("mine", encoding="utf-8")
     assert refusal(run, out="out/deep/er") == (
-        f"{Path('out/deep/er')}: cannot be used: not a directory; choose another folder with --out"
+        f"{Path('out/deep/er')}: cannot be used: not a directory; choose another folder with out=…"
     )
 
 
@@ -227,7 +227,7 @@ def test_a_folder_that_cannot_be_made(run: Run, monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(Path, "mkdir", refused)
     assert refusal(run) == (
-        "out: cannot be used: permission denied; choose another folder with --out"
+        "out: cannot be used: permission denied; choose another folder with out=…"
     )
 
 
@@ -235,7 +235,7 @@ def test_a_folder_that_cannot_be_made(run: Run, monkeypatch: pytest.MonkeyPatch)
 def test_a_folder_that_is_read_only(run: Run) -> None:
     Path("out").mkdir(mode=0o555)
     assert refusal(run) == (
-        "out: cannot be used: permission denied; choose another folder with --out"
+        "out: cannot be used: permission denied; choose another folder with out=…"
     )
 
 
@@ -245,6 +245,6 @@ def test_a_full_disk_leaves_no_half_result(run: Run, monkeypatch: pytest.MonkeyP
 
     monkeypatch.setattr(os, "fsync", full)
     assert refusal(run) == (
-        "out: cannot be used: no space left on device; choose another folder with --out"
+        "out: cannot be used: no space left on device; choose another folder with out=…"
     )
     assert list(contents()) == []

@@ -14,8 +14,15 @@ from typing import Any, ClassVar
 
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.core.errors import EqtError
-from eqt_cli.run.executors.base import MOST_TRIES, Executor, Outcome, Progress, Task, TaskContext
+from eqt_cli.core.errors import EqtError, Remedy
+from eqt_cli.execution.executors.base import (
+    MOST_TRIES,
+    Executor,
+    Outcome,
+    Progress,
+    Task,
+    TaskContext,
+)
 
 CONNECT_WITHIN = 20.0
 """s to reach a scheduler."""
@@ -80,8 +87,9 @@ class Dask(Executor):
                 )
             except (OSError, ValueError, TimeoutError) as error:
                 raise EqtError(
-                    f"--scheduler {self.scheduler}: cannot be reached: {error}; start one with "
-                    "`dask scheduler`, or leave the option out"
+                    f"scheduler {self.scheduler}: cannot be reached: {error}",
+                    Remedy("start one with `dask scheduler`"),
+                    Remedy("leave {} out", "scheduler"),
                 ) from error
         retried = {"distributed.scheduler.allowed-failures": MOST_TRIES - 1}
         stack.enter_context(dask.config.set(retried))

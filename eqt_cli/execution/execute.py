@@ -13,27 +13,27 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.config.yaml_source import dump
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import EqtError, EqtWarning, Remedy
+from eqt_cli.execution.cost import check_resources
+from eqt_cli.execution.executors import MOST_TRIES, Executor
+from eqt_cli.execution.executors.serial import Serial
+from eqt_cli.execution.folder import ResultFolder
+from eqt_cli.execution.lock import LOCK, locked
+from eqt_cli.execution.pack import BrokenPart, pack
+from eqt_cli.execution.part_task import PartTask
+from eqt_cli.execution.provenance import OTHERS, differences, provenance, together
+from eqt_cli.execution.rerun import patch, rerun_of
+from eqt_cli.execution.result_layout import described
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantities import quantities
-from eqt_cli.run.cost import check_resources
-from eqt_cli.run.executors import MOST_TRIES, Executor
-from eqt_cli.run.executors.serial import Serial
-from eqt_cli.run.folder import ResultFolder
-from eqt_cli.run.lock import LOCK, locked
-from eqt_cli.run.pack import BrokenPart, pack
-from eqt_cli.run.part_task import PartTask
-from eqt_cli.run.provenance import OTHERS, differences, provenance, together
-from eqt_cli.run.rerun import patch, rerun_of
-from eqt_cli.run.result_layout import described
 
 RERUN = "rerun"
 
 Progress = Callable[[float], None]
-Remark = Callable[[str], None]
+Remark = Callable[[EqtWarning], None]
 
 
-def warn(remark: str) -> None:
+def warn(remark: EqtWarning) -> None:
     """What is done with a remark where nothing else is asked for."""
     warnings.warn(remark, stacklevel=3)
 
@@ -219,8 +219,10 @@ class _Session:
         if outdated:
             runs = sum(map(self.plan.runs_of, outdated))
             self.remark(
-                f"{self.folder.path}: {runs} of its runs were computed with a version of eqt that "
-                "keeps other numbers of each; they are computed again"
+                EqtWarning(
+                    f"{self.folder.path}: {runs} of its runs were computed with a version of eqt "
+                    "that keeps other numbers of each; they are computed again"
+                )
             )
 
     def rerun(self, failed: int) -> Execution:
@@ -272,8 +274,11 @@ class _Session:
         differing = (differences(session, now) for session in earlier)
         if listed := "; or ".join(filter(None, differing)):
             self.remark(
-                f"{self.folder.path}: some of its runs were computed with {listed}; they agree "
-                "with the new ones within tolerances, not bit for bit; --force starts over"
+                EqtWarning(
+                    f"{self.folder.path}: some of its runs were computed with {listed}; they agree "
+                    "with the new ones within tolerances, not bit for bit",
+                    Remedy("{} starts over", "force"),
+                )
             )
 
     def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:

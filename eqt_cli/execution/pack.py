@@ -10,14 +10,14 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
+from eqt_cli.execution.compute import CHECK_STATES, read_part
+from eqt_cli.execution.cross_check import chosen_entries, cross_check, together
+from eqt_cli.execution.part_files import FinishedPart, PartFiles
+from eqt_cli.execution.result_layout import Destination, Layout, new_result_file
 from eqt_cli.experiment.plan import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.results.result import CrossCheck
-from eqt_cli.run.compute import CHECK_STATES, read_part
-from eqt_cli.run.cross_check import chosen_entries, cross_check, together
-from eqt_cli.run.part_files import FinishedPart, PartFiles
-from eqt_cli.run.result_layout import Destination, Layout, new_result_file
 from eqt_cli.store.reader import ResultFile, open_results
 from eqt_cli.store.variables import Attribute
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from eqt_cli.run.executors.base import Executor, Outcome, Progress, Task
-from eqt_cli.run.executors.local import Local
-from eqt_cli.run.executors.serial import Serial
+from eqt_cli.execution.executors.base import Executor, Outcome, Progress, Task
+from eqt_cli.execution.executors.local import Local
+from eqt_cli.execution.executors.serial import Serial
 
 WORTH_STARTING = 5.0
 """s of work that is left; a process takes a second or two to start."""

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.config.yaml_source import dump
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import OTHER_FOLDER, START_OVER, EqtError, Remedy
 from eqt_cli.core.files import refusals, replace_file
 from eqt_cli.core.marks import is_eqts
 from eqt_cli.core.problems import KeyPath, dotted
 from eqt_cli.core.validation import shown
+from eqt_cli.execution.part_files import MANIFEST, PARTS, PartFiles
 from eqt_cli.experiment.study import Study
-from eqt_cli.run.part_files import MANIFEST, PARTS, PartFiles
 from eqt_cli.store.layout import FILE_NAME
 
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
@@ -97,7 +97,7 @@ class ResultFolder:
         replace_file(self.path / name, text.encode())
 
     def _refusals(self) -> AbstractContextManager[None]:
-        return refusals(self.path, "used", "choose another folder with --out")
+        return refusals(self.path, "used", OTHER_FOLDER)
 
     def _clear(self, study: Study, force: bool) -> list[str]:
         ours = [self.path / name for name in _OURS]
@@ -105,13 +105,13 @@ class ResultFolder:
         manifest = self.manifest
         if there and manifest is None:
             raise EqtError(
-                f"{self.path}: holds {there[0].name} that eqt did not write; "
-                "choose another folder with --out"
+                f"{self.path}: holds {there[0].name} that eqt did not write", OTHER_FOLDER
             )
         if not there and (others := _results_in(self.path)):
+            own = f"give this one a folder of its own with {{}}, such as {self.path / study.name}"
             raise EqtError(
-                f"{self.path}: is the folder of other results: {', '.join(others)}; give this one "
-                f"a folder of its own with --out, such as {self.path / study.name}"
+                f"{self.path}: is the folder of other results: {', '.join(others)}",
+                Remedy(own, "out"),
             )
         other = manifest if manifest and manifest["digest"] != study.digest else None
         begun = bool(self.parts.listed())
@@ -120,13 +120,15 @@ class ResultFolder:
             keys = _differences(other.get("config", {}), study.numeric_config)
             raise EqtError(
                 f"{self.path}: holds another experiment, which differs in\n"
-                + "\n".join(f"  {line}" for line in keys)
-                + "\nchoose another folder with --out, or replace it with --force"
+                + "\n".join(f"  {line}" for line in keys),
+                OTHER_FOLDER,
+                Remedy("replace it with {}", "force"),
             )
         if begun and not force and (manifest or {}).get("plan") != study.plans.data:
             raise EqtError(
-                f"{self.path}: holds parts that another version of eqt has cut differently; "
-                "finish with that version, or start over with --force"
+                f"{self.path}: holds parts that another version of eqt has cut differently",
+                Remedy("finish with that version"),
+                START_OVER,
             )
         if other is None and not force:
             return []

@@ -13,8 +13,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
 from eqt_cli.core.errors import ResultError
-from eqt_cli.experiment.study import Study
-from eqt_cli.run.compute import (
+from eqt_cli.execution.compute import (
     REFERENCE_STATES,
     OutdatedPart,
     check_part,
@@ -22,9 +21,10 @@ from eqt_cli.run.compute import (
     lost_part,
     reference_table,
 )
-from eqt_cli.run.executors import TaskContext
-from eqt_cli.run.part_files import PartFiles
-from eqt_cli.run.result_layout import Layout
+from eqt_cli.execution.executors import TaskContext
+from eqt_cli.execution.part_files import PartFiles
+from eqt_cli.execution.result_layout import Layout
+from eqt_cli.experiment.study import Study
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.variables import Table
 

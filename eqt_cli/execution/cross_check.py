@@ -12,10 +12,10 @@ from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.core.errors import TraceError
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.seeds import Stream, generator
+from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import CrossCheck
-from eqt_cli.run.batches import Batch, batches
 
 BOUND_PER_RTOL = 1000.0
 """Allowed difference per unit of `rtol`: what the trajectories themselves amplify (up to 70 times

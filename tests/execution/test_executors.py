@@ -8,7 +8,7 @@ from importlib.util import find_spec
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.run.executors import MOST_TRIES, Outcome, executors
+from eqt_cli.execution.executors import MOST_TRIES, Outcome, executors
 
 # In a file of its own, where spawned processes find it.
 TASK = """
@@ -132,7 +132,7 @@ def test_workers_end_when_nobody_listens_any_more(task):
 def test_auto_takes_processes_only_where_they_are_worth_it(task, tmp_path, monkeypatch):
     import os
 
-    from eqt_cli.run.executors import auto
+    from eqt_cli.execution.executors import auto
 
     def processes():
         return {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
@@ -148,17 +148,17 @@ def test_auto_takes_processes_only_where_they_are_worth_it(task, tmp_path, monke
 
 @pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra dask")
 def test_a_scheduler_that_does_not_answer_is_named(task, monkeypatch):
-    from eqt_cli.run.executors import dask
+    from eqt_cli.execution.executors import dask
 
     monkeypatch.setattr(dask, "CONNECT_WITHIN", 0.2)
     executor = dask.Dask(1, "tcp://127.0.0.1:9")
-    with pytest.raises(EqtError, match=r"^--scheduler tcp://127\.0\.0\.1:9: cannot be reached: "):
+    with pytest.raises(EqtError, match=r"^scheduler tcp://127\.0\.0\.1:9: cannot be reached: "):
         list(executor.outcomes(task, [1], lambda amount: None))
 
 
 def test_dask_that_is_missing_is_named(task, monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    from eqt_cli.run.executors import dask
+    from eqt_cli.execution.executors import dask
 
     monkeypatch.setattr(dask, "find_spec", lambda name: None)
     with pytest.raises(EqtError) as caught:

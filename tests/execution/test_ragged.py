@@ -9,13 +9,13 @@ import pytest
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError, ResultError
 from eqt_cli.engines import Status
+from eqt_cli.execution.execute import Shard, execute, pack_folder
+from eqt_cli.execution.executors import Executor, Outcome
+from eqt_cli.execution.executors.local import Local
+from eqt_cli.execution.executors.serial import Serial
+from eqt_cli.execution.unfinished import unfinished
 from eqt_cli.experiment.sweeping import MOST_GROUPS, add_grids, study
 from eqt_cli.results.result import open_result
-from eqt_cli.run.execute import Shard, execute, pack_folder
-from eqt_cli.run.executors import Executor, Outcome
-from eqt_cli.run.executors.local import Local
-from eqt_cli.run.executors.serial import Serial
-from eqt_cli.run.unfinished import unfinished
 from eqt_cli.store.reader import open_results
 
 CONFIG = """\
@@ -53,7 +53,7 @@ def make(tmp_path):
         path = tmp_path / "config.yaml"
         path.write_text(CONFIG + text, encoding="utf-8")
         source = read_config(path, overrides)
-        add_grids(source, grids)
+        add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
         return study(source)
 
     return study_of
@@ -284,28 +284,28 @@ def test_points_that_do_not_exist(make, tmp_path):
     [
         (
             "ensemble.runs=50,200",
-            "--grid[0]: sweep[0].grid.ensemble.runs[0]: ensemble.runs cannot be swept: run k "
+            "grids[0]: sweep[0].grid.ensemble.runs[0]: ensemble.runs cannot be swept: run k "
             "starts from the same state however many there are, so the first 50 of 200 runs are "
             "the ensemble of 50; ask for the most, and choose among them",
         ),
         (
             "time=[{duration: 1}, {duration: 2}]",
-            "--grid[0]: sweep[0].grid.time[0]: time is swept by its keys: zip time.duration and "
+            "grids[0]: sweep[0].grid.time[0]: time is swept by its keys: zip time.duration and "
             "time.samples",
         ),
         (
             "task=track,stabilise",
-            "--grid[0]: sweep[0].grid.task[0]: task cannot be swept: it gives the points laws of "
+            "grids[0]: sweep[0].grid.task[0]: task cannot be swept: it gives the points laws of "
             "different kinds; run one after the other",
         ),
         (
             "name=a,b",
-            "--grid[0]: sweep[0].grid.name[0]: name cannot be swept: it names the experiment as a "
+            "grids[0]: sweep[0].grid.name[0]: name cannot be swept: it names the experiment as a "
             "whole; run one after the other",
         ),
         (
             "store.decimate=1,2",
-            "--grid[0]: sweep[0].grid.store.decimate[0]: store cannot be swept: it decides what "
+            "grids[0]: sweep[0].grid.store.decimate[0]: store cannot be swept: it decides what "
             "the one result file holds; run one after the other",
         ),
     ],

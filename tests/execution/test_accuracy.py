@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 
 from eqt_cli.engines import Problem, Status
-from eqt_cli.experiment.study import Study
-from eqt_cli.run.compute import (
+from eqt_cli.execution.compute import (
     REFERENCE_STATES,
     PartArrays,
     compute_part,
     read_part,
     reference_table,
 )
-from eqt_cli.run.cross_check import chosen_entries, distance
-from eqt_cli.run.executors import TaskContext
+from eqt_cli.execution.cross_check import chosen_entries, distance
+from eqt_cli.execution.executors import TaskContext
+from eqt_cli.experiment.study import Study
 
 TAYLOR = "{engine: taylor, rtol: 1.0e-6, tol: 1.0e-6, cross_check: 0}"
 
