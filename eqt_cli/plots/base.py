@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
 
 from eqt_cli.analysis.certificates import Row
+from eqt_cli.core.registry import Registry
 from eqt_cli.plots.drawing.ensembles import error
 from eqt_cli.plots.drawing.good_metrics import GoodMetrics
 from eqt_cli.plots.drawing.good_runs import GoodRuns
@@ -140,3 +141,7 @@ class OfCertificates(Figure[Verified]):
         if len(results) > 1:
             raise error(results[1], self.name, "shows one result at a time")
         return Verified(results[0], certificates, self.name, self.controllers)
+
+
+# Beside the base class, so that a plugin that imports one is known to the other.
+figures = Registry("figure", "eqt_cli.plots.figures", Figure, "eqt.plots")

@@ -1,0 +1,89 @@
+"""Where to find today what plugins of earlier versions import; it knows no other use of it.
+
+A result holds the source of its plugins, so that source must run for as long as the result is
+read. Plugins of today import from `eqt_cli.extend`, whose names stay.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from functools import partial
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+_PLOTS = {
+    "boxes by_controller callouts curves disc ensembles first_runs good_metrics good_runs labels "
+    "latex layout look metric_names numbers scales sheets style swept verified": "drawing",
+    "paper runs torque distributions phase sphere certificates sweep pareto": "figures",
+}
+
+MOVED = {
+    "eqt_cli.ensemble.executors": "eqt_cli.run.executors",
+    "eqt_cli.analysis.metrics": "eqt_cli.results.metrics",
+    **{
+        f"eqt_cli.plots.{module}": f"eqt_cli.plots.{folder}.{module}"
+        for modules, folder in _PLOTS.items()
+        for module in modules.split()
+    },
+}
+"""Modules by their old names; a package stands for all that is in it, and what one module held
+may be in several."""
+
+RENAMED = {
+    "eqt_cli.plots": {"Figure": "eqt_cli.plots.base", "OfCertificates": "eqt_cli.plots.base"},
+}
+"""Names that modules which are still there have lost, and the modules that have them now, as
+``module:name`` where the name is another."""
+
+
+def find_moved() -> None:
+    """Let imports find what has moved, from now on; called before a plugin is executed."""
+    if any(isinstance(finder, _Finder) for finder in sys.meta_path):
+        return
+    # First: a package that has moved must not be searched as a folder by its old name.
+    sys.meta_path.insert(0, _Finder())
+    for name, lost in RENAMED.items():
+        vars(import_module(name))["__getattr__"] = partial(_renamed, name, lost)
+
+
+class _Finder(MetaPathFinder, Loader):
+    """Imports a module by its old name: as the module of today itself, not as a copy of it."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        return ModuleSpec(fullname, self) if _today(fullname) else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        name = module.__name__
+        found = [import_module(new) for new in _today(name)]
+        if len(found) == 1:
+            sys.modules[name] = found[0]
+        else:
+            vars(module)["__getattr__"] = partial(_from_one_of, name, found)
+
+
+def _today(name: str) -> list[str]:
+    """The modules that hold what was in a module; none if it has not moved."""
+    old, rest = name, ""
+    while old and old not in MOVED:
+        old, _, last = old.rpartition(".")
+        rest = f".{last}{rest}"
+    return [new + rest for new in MOVED[old].split()] if old else []
+
+
+def _from_one_of(module: str, places: Sequence[ModuleType], name: str) -> object:
+    for place in places:
+        if hasattr(place, name):
+            return getattr(place, name)
+    raise AttributeError(f"module {module!r} has no attribute {name!r}")
+
+
+def _renamed(module: str, lost: dict[str, str], name: str) -> object:
+    if name not in lost:
+        raise AttributeError(f"module {module!r} has no attribute {name!r}")
+    place, _, today = lost[name].partition(":")
+    return getattr(import_module(place), today or name)
