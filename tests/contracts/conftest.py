@@ -53,9 +53,24 @@ def components(kind: str) -> list[type]:
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     for kind in KINDS:
-        argument = f"{kind.removesuffix('s')}_class"
+        argument = f"{ARGUMENTS.get(kind, kind[:-1])}_class"
         if argument in metafunc.fixturenames:
             metafunc.parametrize(argument, components(kind), ids=lambda found: found.name)
+
+
+@pytest.fixture
+def first_version(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Load plugins of the first version, by the names of their files, for one test."""
+    monkeypatch.setattr(registries, "_loaded_plugins", {})
+    for kind in KINDS:
+        monkeypatch.setattr(registry(kind), "_plugins", {})
+
+    def load(*names: str) -> None:
+        for path in PLUGINS:
+            if path.stem in names:
+                load_plugin(path)
+
+    return load
 
 
 def made(component: type, dimension: int = 3) -> Any:

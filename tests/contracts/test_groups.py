@@ -1,4 +1,4 @@
-"""What every group must do, whoever wrote it; tests/groups has the axioms of eqt's own at length."""
+"""What every group must do, whoever wrote it; tests/groups has the axioms at length."""
 
 import numpy as np
 import pytest

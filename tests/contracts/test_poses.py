@@ -23,7 +23,7 @@ def case(request, make, pose_class):
 
 
 def drawn(G, poses, runs, seed=1):
-    states = draw_initial_states(
+    poses, _ = draw_initial_states(
         G,
         poses,
         velocity_distributions.get("normal")(),
@@ -32,7 +32,7 @@ def drawn(G, poses, runs, seed=1):
         seed=seed,
         runs=runs,
     )
-    return states[0] if isinstance(states, tuple) else states.pose
+    return poses
 
 
 def test_a_run_starts_at_the_same_pose_in_any_company(case):

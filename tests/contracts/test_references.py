@@ -19,21 +19,12 @@ def test_torque_takes_any_batch_axes(loop, states, batch):
     assert np.broadcast_shapes(np.shape(s.tau_d), (*batch, loop.group.dimension)) == s.Pd.shape
 
 
-def test_a_time_per_state_equals_one_by_one(loop, states):
-    y, times = states(loop, (3,)), np.array([0.0, 0.3, 1.7])
-    together = [loop.tracking(t, y).tau_d for t in times]
-    for k, t in enumerate(times):
-        alone = np.stack(
-            [
-                np.broadcast_to(
-                    loop.tracking(t, one).tau_d, one.shape[:0] + (loop.group.dimension,)
-                )
-                for one in y
-            ]
-        )
-        np.testing.assert_allclose(
-            np.broadcast_to(together[k], alone.shape), alone, rtol=0, atol=ROUNDING
-        )
+@pytest.mark.parametrize("t", [0.0, 0.3, 1.7])
+def test_many_states_equal_one_by_one(loop, states, t):
+    y = states(loop, (3,))
+    together = loop.tracking(t, y).tau_d
+    alone = np.stack([loop.tracking(t, one).tau_d for one in y])
+    np.testing.assert_allclose(*np.broadcast_arrays(together, alone), rtol=0, atol=ROUNDING)
 
 
 def test_symbols_give_the_same_as_floats(loop, states, symbols):

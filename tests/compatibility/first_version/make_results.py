@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +20,7 @@ from eqt_cli.ensemble.executors.serial import Serial
 from eqt_cli.experiment.execute import Shard, execute
 from eqt_cli.experiment.source import read_config
 from eqt_cli.experiment.sweeping import study
+from eqt_cli.plots.render import render
 from eqt_cli.store.reader import open_results
 
 HERE = Path(__file__).parent
@@ -88,6 +91,43 @@ KINDS = {
 SHORT = ("ensemble.runs=2", "time.duration=2", "time.samples=3", "solver.cross_check=0")
 
 
+DOCUMENTS = {
+    "show": ["single", "parts", "sweep", "ragged", "thinned", "failed", "unfinished", "all_kinds"],
+    "compare": ["single", "parts", "thinned", "failed", "all_kinds"],
+    "verify": ["single", "parts", "thinned", "failed", "all_kinds"],
+}
+FIGURES = {
+    "single": ["paper", "runs", "distributions", "phase", "sphere", "torque", "decay", "medians"],
+    "parts": ["paper", "phase"],
+    "sweep": ["sweep", "pareto", "scatter"],
+    "ragged": ["pareto"],
+    "thinned": ["paper", "distributions"],
+    "failed": ["paper", "distributions"],
+    "all_kinds": ["paper", "decay", "medians"],
+    "heisenberg": ["scatter"],
+}
+
+
+def keep_documents() -> None:
+    """What the commands say of the results with --json."""
+    for command, names in DOCUMENTS.items():
+        for name in names:
+            trust = ["--trust-plugins"] if (command, name) == ("verify", "all_kinds") else []
+            line = [sys.executable, "-m", "eqt_cli", command, f"results/{name}", "--json", *trust]
+            said = subprocess.run(line, cwd=HERE, capture_output=True, text=True, check=False)
+            (HERE / "documents").mkdir(exist_ok=True)
+            (HERE / "documents" / f"{command}_{name}.json").write_text(said.stdout)
+            print(command, name, said.returncode, len(said.stdout), said.stderr[:200])
+
+
+def keep_figures() -> None:
+    """The numbers behind figures."""
+    for name, figures in FIGURES.items():
+        with open_results(RESULTS / name) as results:
+            for figure in figures:
+                render([results], figure, HERE / "figures" / name, formats=["json"])
+
+
 def write(config: Path, name: str) -> None:
     """Run a configuration; of one that is to be unfinished, a share only."""
     shard = Shard(1, 2) if name.startswith("unfinished") else None
@@ -108,6 +148,8 @@ def main() -> None:
         load_plugin(plugin)
     for name in ("all_kinds", "heisenberg"):
         write(HERE / f"{name}.yaml", name)
+    keep_documents()
+    keep_figures()
     shipped = {}
     for path in sorted((HERE / "shipped").glob("*.yaml")):
         found = {"digest": study(read_config(path)).digest}

@@ -40,6 +40,13 @@ class Tilted(RotationDistribution):
         rotations: Array = Rotation.from_rotvec(self.angle * axes).as_matrix()
         return rotations
 
+    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+        """A group without rotations of space."""
+        found = super().problems(G)
+        if isinstance(G, EuclideanGroup) and G.rotations and G.space != 3:
+            found.append(("kind", f"tilted is for rotations of space, not for {G.name}"))
+        return found
+
 
 @dataclass(frozen=True)
 class Shell(PoseDistribution):
