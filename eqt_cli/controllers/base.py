@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Hashable
+from abc import abstractmethod
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.component import Component
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Tracking
 
 
 @dataclass(frozen=True)
-class Controller(ABC):
+class Controller(Component):
     """A control law: a frozen dataclass whose fields are its options in a configuration.
 
     Every attribute that is a float is a runtime parameter: an engine may replace it by an array
@@ -30,11 +33,15 @@ class Controller(ABC):
         The tasks of a configuration that it is for.
     """
 
-    name: ClassVar[str]
     title: ClassVar[str]
     tasks: ClassVar[tuple[str, ...]] = ("track",)
-    # Read by pydantic when a configuration gives options: no other keys, no silent conversions.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        """A class with a torque of its own claims only what it says itself, not what it extends."""
+        super().__init_subclass__(**options)
+        if "torque" in vars(cls):
+            for claim in {"claims_decrease", "dissipation"} - set(vars(cls)):
+                setattr(cls, claim, vars(Controller)[claim])
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -59,6 +66,9 @@ class Controller(ABC):
         """Whether L is claimed to fall along every trajectory; None where the law does not say."""
         return None
 
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note what of its options does not fit the group."""
+
     @abstractmethod
     def torque(self, s: Tracking) -> Array:
         """τ, body frame, ``(..., m)``."""
@@ -69,6 +79,23 @@ class Controller(ABC):
         It is integrated along with every run, so that L(t) + ∫dissipation = L(0) can be checked.
         """
         return None
+
+    # A law with memory, such as an integral of the error, has states that are integrated too.
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """The law's own states: how many numbers each has, by name."""
+        return {}
+
+    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+        """The states at the start of a run, ``(..., length)`` each; all 0 unless given here.
+
+        In `s` every one of them is 0.
+        """
+        return {}
+
+    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
+        """The time derivative of every one of the states, which are in `s.memory`."""
+        return {}
 
 
 def _is_parameter(value: Any) -> bool:

@@ -5,7 +5,8 @@ This is all that a control law may read. Everything is computed once, when first
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -45,6 +46,8 @@ class Tracking:
         True and desired momentum.
     tau_d : (..., m)
         Torque that drives the desired state, body frame.
+    memory
+        The states of the law itself by name, ``(..., length)`` each, where it has any.
     """
 
     G: MatrixLieGroup
@@ -56,6 +59,7 @@ class Tracking:
     Qd: Array
     Pd: Array
     tau_d: Array
+    memory: Mapping[str, Array] = field(default_factory=dict)
 
     @cached_property
     def V(self) -> Array:

@@ -9,17 +9,17 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.config.translate import Path as Steps
-from eqt_cli.config.translate import shown
-from eqt_cli.config.yaml_source import dotted, dump
+from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.marks import is_eqts
+from eqt_cli.core.problems import KeyPath, dotted
+from eqt_cli.core.validation import shown
 from eqt_cli.experiment.study import Study
-from eqt_cli.run.listing import MANIFEST, PARTS, RESULTS
-from eqt_cli.run.part_files import PartFiles
+from eqt_cli.run.part_files import MANIFEST, PARTS, PartFiles
+from eqt_cli.store.layout import FILE_NAME
 
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
-_OURS = (RESULTS, PARTS, FIGURES, PLUGINS, REPORT, CONFIG, MANIFEST)
+_OURS = (FILE_NAME, PARTS, FIGURES, PLUGINS, REPORT, CONFIG, MANIFEST)
 
 MOST_NAMES = 3
 """Of other results in a folder, in a message."""
@@ -34,7 +34,7 @@ class ResultFolder:
     @property
     def results(self) -> Path:
         """The result file."""
-        return self.path / RESULTS
+        return self.path / FILE_NAME
 
     @property
     def parts(self) -> PartFiles:
@@ -171,7 +171,7 @@ def _removed(entry: Path) -> list[Path]:
 _ABSENT = object()
 
 
-def _differences(old: Any, new: Any, path: Steps = ()) -> list[str]:
+def _differences(old: Any, new: Any, path: KeyPath = ()) -> list[str]:
     """The keys in which two configurations differ, with both values."""
     pairs: dict[str | int, tuple[Any, Any]] = {}
     if isinstance(old, dict) and isinstance(new, dict):
