@@ -22,6 +22,12 @@ _PLOTS = {
 
 MOVED = {
     "eqt_cli.ensemble.executors": "eqt_cli.run.executors",
+    "eqt_cli.analysis.bounded": "eqt_cli.analysis.evidence.running_error",
+    "eqt_cli.analysis.certificates.runs": "eqt_cli.analysis.evidence.runs",
+    "eqt_cli.analysis.certificates.sample": "eqt_cli.analysis.evidence.sample",
+    "eqt_cli.analysis.certificates.setting": "eqt_cli.analysis.evidence.runs",
+    "eqt_cli.analysis.comparison.measures": "eqt_cli.results.metrics eqt_cli.results.windows",
+    "eqt_cli.analysis.comparison.windows": "eqt_cli.results.windows",
     "eqt_cli.analysis.metrics": "eqt_cli.results.metrics",
     **{
         f"eqt_cli.plots.{module}": f"eqt_cli.plots.{folder}.{module}"
@@ -33,6 +39,12 @@ MOVED = {
 may be in several."""
 
 RENAMED = {
+    "eqt_cli.ensemble.axes": {
+        "LISTED": "eqt_cli.ensemble.designs.base",
+        "listed": "eqt_cli.ensemble.designs.base",
+    },
+    "eqt_cli.run.executors": {"Ways": "eqt_cli.run.executors.base:TaskContext"},
+    "eqt_cli.run.executors.base": {"Ways": "eqt_cli.run.executors.base:TaskContext"},
     "eqt_cli.plots": {"Figure": "eqt_cli.plots.base", "OfCertificates": "eqt_cli.plots.base"},
 }
 """Names that modules which are still there have lost, and the modules that have them now, as
