@@ -145,7 +145,7 @@ def _scale(values: Array) -> float:
 
 def _error(new: Array, old: Array) -> Array:
     """Difference at every sample; infinite where one of the two has no number."""
-    error = np.abs(new - old)
+    error = np.abs(np.subtract(new, old, out=np.zeros(new.shape), where=new != old))  # also ∞ − ∞
     gaps = np.isnan(new), np.isnan(old)
     return np.where(gaps[0] & gaps[1], 0.0, np.where(gaps[0] | gaps[1], np.inf, error))
 
