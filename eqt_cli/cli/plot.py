@@ -195,18 +195,17 @@ def _check(
 def _default(results: Result, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
     from eqt_cli.cli.output import say
-    from eqt_cli.plots.drawing.swept import Swept
 
-    if "point" not in results.dimensions:
+    if not results.is_sweep:
         return ["paper"]
-    axes = Swept(results, "sweep").axes
-    if 1 <= len(axes) <= 2:
+    swept = results.swept_keys
+    if 1 <= len(swept) <= 2:
         return ["sweep", "pareto"]
-    if axes and not quiet:
-        keys = ", ".join(axis.key for axis in axes)
+    if swept and not quiet:
+        keys = ", ".join(one.key for one in swept)
         say(
-            f"figure 'sweep' has room for two swept keys, and here are {len(axes)} ({keys}); drawn "
-            "is 'pareto', and --point draws single points"
+            f"figure 'sweep' has room for two swept keys, and here are {len(swept)} ({keys}); "
+            "drawn is 'pareto', and --point draws single points"
         )
     return ["pareto"]
 

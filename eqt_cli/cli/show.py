@@ -59,14 +59,14 @@ def show(
         _print_unfinished(result, found, json)
         return
 
-    from eqt_cli.cli.tables import print_table
+    from eqt_cli.cli.run_table import print_run_table
     from eqt_cli.results.result import open_result
 
     if json and table:
         raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
     with open_result(result, point) as results:
         if table:
-            print_table(results, format_ or "csv")
+            print_run_table(results, format_ or "csv")
         else:
             (view or _summary)(results, json)
 
@@ -106,15 +106,11 @@ def _document(results: Result) -> dict[str, object]:
         "provenance": results.provenance,
         "dimensions": dict(results.dimensions),
         "variables": {
-            name: {"dims": list(results.dims(name)), "units": _units(results, name)}
+            name: {"dims": list(results.dims(name)), "units": results.units(name)}
             for name in results.names
         },
         "controllers": results.headline(),
     }
-
-
-def _units(results: Result, name: str) -> str:
-    return "" if name == "message" else results.units(name)
 
 
 def _summary(results: Result, as_json: bool) -> None:
@@ -157,7 +153,7 @@ def _variables(results: Result, as_json: bool) -> None:
 
     header = ["variable", "dimensions", "units", "meaning"]
     found = [
-        (name, results.dims(name), _units(results, name), results.long_name(name))
+        (name, results.dims(name), results.units(name), results.long_name(name))
         for name in results.names
     ]
     if as_json:

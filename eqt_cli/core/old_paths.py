@@ -14,11 +14,24 @@ from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 
-_PLOTS = {
-    "boxes by_controller callouts curves disc ensembles first_runs good_metrics good_runs labels "
-    "latex layout look metric_names numbers scales sheets style swept verified": "drawing",
-    "paper runs torque distributions phase sphere certificates sweep pareto": "figures",
+_DRAWING = {
+    "boxes": "plots.drawing.box_plots",
+    "by_controller": "plots.drawing.layout",
+    "callouts": "plots.drawing.point_labels",
+    "disc": "plots.drawing.sphere_projection",
+    "ensembles": "plots.shown",
+    "first_runs": "plots.base plots.drawing.curves",
+    "good_metrics": "plots.shown",
+    "good_runs": "plots.shown",
+    "look": "plots.drawing.style",
+    "metric_names": "plots.drawing.labels",
+    "numbers": "plots.curve_data",
+    "sheets": "plots.drawing.style_sheets",
+    "swept": "plots.shown results.result",
+    "verified": "plots.shown",
+    **{name: f"plots.drawing.{name}" for name in "curves labels latex layout scales style".split()},
 }
+_FIGURES = "paper runs torque distributions phase sphere certificates sweep pareto"
 
 MOVED = {
     "eqt_cli.ensemble.executors": "eqt_cli.run.executors",
@@ -30,10 +43,10 @@ MOVED = {
     "eqt_cli.analysis.comparison.windows": "eqt_cli.results.windows",
     "eqt_cli.analysis.metrics": "eqt_cli.results.metrics",
     **{
-        f"eqt_cli.plots.{module}": f"eqt_cli.plots.{folder}.{module}"
-        for modules, folder in _PLOTS.items()
-        for module in modules.split()
+        f"eqt_cli.plots.{old}": " ".join(f"eqt_cli.{place}" for place in new.split())
+        for old, new in _DRAWING.items()
     },
+    **{f"eqt_cli.plots.{name}": f"eqt_cli.plots.figures.{name}" for name in _FIGURES.split()},
 }
 """Modules by their old names; a package stands for all that is in it, and what one module held
 may be in several."""
@@ -45,6 +58,12 @@ RENAMED = {
     },
     "eqt_cli.run.executors": {"Ways": "eqt_cli.run.executors.base:TaskContext"},
     "eqt_cli.run.executors.base": {"Ways": "eqt_cli.run.executors.base:TaskContext"},
+    "eqt_cli.plots.shown": {
+        "GoodMetrics": "eqt_cli.plots.shown:ShownMetrics",
+        "GoodRuns": "eqt_cli.plots.shown:ShownRuns",
+        "Swept": "eqt_cli.plots.shown:ShownSweep",
+        "Verified": "eqt_cli.plots.shown:ShownCertificates",
+    },
     "eqt_cli.plots": {"Figure": "eqt_cli.plots.base", "OfCertificates": "eqt_cli.plots.base"},
 }
 """Names that modules which are still there have lost, and the modules that have them now, as
@@ -57,8 +76,10 @@ def find_moved() -> None:
         return
     # First: a package that has moved must not be searched as a folder by its old name.
     sys.meta_path.insert(0, _Finder())
-    for name, lost in RENAMED.items():
-        vars(import_module(name))["__getattr__"] = partial(_renamed, name, lost)
+    reached_by_old_names = " ".join(MOVED.values()).split()
+    for name in RENAMED:
+        if name not in reached_by_old_names:
+            _with_lost_names(name)
 
 
 class _Finder(MetaPathFinder, Loader):
@@ -71,7 +92,7 @@ class _Finder(MetaPathFinder, Loader):
 
     def exec_module(self, module: ModuleType) -> None:
         name = module.__name__
-        found = [import_module(new) for new in _today(name)]
+        found = [_with_lost_names(new) for new in _today(name)]
         if len(found) == 1:
             sys.modules[name] = found[0]
         else:
@@ -85,6 +106,13 @@ def _today(name: str) -> list[str]:
         old, _, last = old.rpartition(".")
         rest = f".{last}{rest}"
     return [new + rest for new in MOVED[old].split()] if old else []
+
+
+def _with_lost_names(name: str) -> ModuleType:
+    module = import_module(name)
+    if name in RENAMED:
+        vars(module)["__getattr__"] = partial(_renamed, name, RENAMED[name])
+    return module
 
 
 def _from_one_of(module: str, places: Sequence[ModuleType], name: str) -> object:

@@ -41,7 +41,7 @@ def effort(times: Array, torque_norm: Array) -> Array:
 
 
 def peak(times: Array, values: Array) -> Array:
-    """The largest value at a sample."""
+    """The largest value at a sample; a larger one between two samples is missed."""
     largest: Array = values.max(axis=-1)
     return largest
 
@@ -76,8 +76,7 @@ def settling_time(times: Array, error: Array, threshold: float) -> Array:
     e0 = np.take_along_axis(error, last[..., None], axis=-1)[..., 0]
     e1 = np.take_along_axis(error, after[..., None], axis=-1)[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        fraction = (e0 - threshold) / (e0 - e1)
-    crossing = times[last] + fraction * (times[after] - times[last])
+        crossing = times[last] + (e0 - threshold) / (e0 - e1) * (times[after] - times[last])
     settled = np.where(above.any(axis=-1), crossing, 0.0)
     settled[above[..., -1] | ~np.isfinite(error).all(axis=-1)] = np.nan
     return settled

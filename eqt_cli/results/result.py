@@ -272,10 +272,10 @@ class Result(ResultFile):
         """Runs per controller, and point."""
         return self.dimensions["run"]
 
-    @property
+    @cached_property
     def times(self) -> Array:
         """The sample times of trajectories, s."""
-        return self.coordinate("time")
+        return _fixed(self.coordinate("time"))
 
     @property
     def horizon(self) -> float | None:
@@ -288,7 +288,7 @@ class Result(ResultFile):
     @cached_property
     def status(self) -> Array:
         """How every run ended, ``(controllers, runs)``, with the points of a sweep in front."""
-        return self["status"]
+        return _fixed(self["status"])
 
     @property
     def good(self) -> Array:
@@ -384,7 +384,7 @@ class Result(ResultFile):
         """The numbers of the runs whose trajectories are stored; none without trajectories."""
         if not self.is_over_time("lyapunov"):
             return np.array([], dtype=int)
-        return self.coordinate(self.run_dimension)
+        return _fixed(self.coordinate(self.run_dimension))
 
     def is_over_time(self, name: str) -> bool:
         """Whether the file holds this over time."""
@@ -697,6 +697,12 @@ def meaning_of(status: int) -> str:
 def point_folder(*points: int) -> Path:
     """Where in a result folder goes what is made of points of a sweep."""
     return Path("figures") / "_".join(["point", *map(str, points)])
+
+
+def _fixed(values: Array) -> Array:
+    """What is kept for later, and therefore never to be written to."""
+    values.setflags(write=False)
+    return values
 
 
 def _trajectories(signals: Sequence[str]) -> str:

@@ -69,7 +69,7 @@ def test_the_summary(eqt: Eqt) -> None:
     header, rule, eqt_row, gt_row, blank, runs, results, last = done.out.splitlines()
     assert (done.code, done.err) == (0, "")
     assert header == (
-        "controller  runs  mean ‖τ‖ 0-1 s  mean ‖I−Q_E‖ 0-1 s  final ‖I−Q_E‖  final ‖V−V_d‖  "
+        "controller  runs  mean ‖τ‖, first 5 s  mean ‖I − Q_E‖  final ‖I − Q_E‖  final ‖V − V_d‖  "
         "energy residual"
     )
     assert set(rule) == {"─", " "}

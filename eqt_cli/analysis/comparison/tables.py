@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from itertools import groupby
 
 from eqt_cli.analysis.comparison.bootstrap import FEWEST
@@ -12,50 +11,16 @@ from eqt_cli.analysis.comparison.notation import Notation
 from eqt_cli.analysis.comparison.pairs import Pair
 from eqt_cli.analysis.comparison.power import POWER
 from eqt_cli.analysis.comparison.verdicts import Judgement
+from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.results.result import PerRun
-
-TABLES = ("controllers", "pairs", "claims")
 
 FEW = 10
 """Pairs below which intervals are rough."""
 
 
-@dataclass(frozen=True)
-class Section:
-    """Rows under a common heading, which may be empty."""
-
-    title: str
-    rows: list[list[str]]
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """A table.
-
-    Attributes
-    ----------
-    name
-        One of `TABLES`.
-    caption
-        What it shows, in a sentence.
-    header
-        One heading per column.
-    sections
-        The rows.
-    notes
-        What a reader must know to read it.
-    """
-
-    name: str
-    caption: str
-    header: list[str]
-    sections: list[Section]
-    notes: list[str] = field(default_factory=list)
-
-
-def sheets(
+def text_tables(
     comparison: Comparison, notation: Notation, against: Sequence[str] = ()
-) -> dict[str, Sheet]:
+) -> dict[str, TextTable]:
     """All tables by name; those without rows are left out.
 
     Parameters
@@ -68,10 +33,10 @@ def sheets(
         _pairs(comparison, notation, against),
         _claims(comparison, notation),
     ]
-    return {sheet.name: sheet for sheet in made if sheet.sections}
+    return {table.name: table for table in made if table.blocks}
 
 
-def _controllers(comparison: Comparison, write: Notation) -> Sheet:
+def _controllers(comparison: Comparison, write: Notation) -> TextTable:
     rows = []
     notes = []
     for _, found in groupby(comparison.levels, key=lambda level: id(level.measured)):
@@ -99,12 +64,12 @@ def _controllers(comparison: Comparison, write: Notation) -> Sheet:
     )
     labels = [write.text(label) for label in comparison.labels]
     header = ["measure", "window", "unit", *labels]
-    return Sheet(
-        "controllers", caption, header, [Section("", rows)] if rows else [], _plain(notes, write)
+    return TextTable(
+        "controllers", caption, header, [Block("", rows)] if rows else [], _plain(notes, write)
     )
 
 
-def _pairs(comparison: Comparison, write: Notation, against: Sequence[str]) -> Sheet:
+def _pairs(comparison: Comparison, write: Notation, against: Sequence[str]) -> TextTable:
     position = {label: index for index, label in enumerate(comparison.labels)}
 
     def names(pair: Pair) -> tuple[str, str]:
@@ -114,10 +79,10 @@ def _pairs(comparison: Comparison, write: Notation, against: Sequence[str]) -> S
         return position[pair.first], position[pair.second]
 
     shown = [p for p in comparison.pairs if not against or set(names(p)) & set(against)]
-    sections = []
+    blocks = []
     for (first, second), found in groupby(sorted(shown, key=order), key=names):
         rows = [_pair_row(pair, write) for pair in found]
-        sections.append(Section(write.text(f"{first} − {second}"), rows))
+        blocks.append(Block(write.text(f"{first} − {second}"), rows))
     caption = (
         f"Paired differences on the same initial states, with {_level_name(comparison, write)} "
         "intervals"
@@ -133,7 +98,9 @@ def _pairs(comparison: Comparison, write: Notation, against: Sequence[str]) -> S
         "pairs",
         "runs to decide",
     ]
-    return Sheet("pairs", caption, header, sections, _plain(_pair_notes(comparison, shown), write))
+    return TextTable(
+        "pairs", caption, header, blocks, _plain(_pair_notes(comparison, shown), write)
+    )
 
 
 def _pair_row(pair: Pair, write: Notation) -> list[str]:
@@ -167,14 +134,14 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     return notes
 
 
-def _claims(comparison: Comparison, write: Notation) -> Sheet:
-    sections = []
+def _claims(comparison: Comparison, write: Notation) -> TextTable:
+    blocks = []
     for says, found in groupby(comparison.judgements, key=lambda judgement: judgement.says):
         judgements = list(found)
         rows = [_claim_row(judgement, write) for judgement in judgements]
         absent = ", ".join(judgements[0].absent)
         without = f" (here without {absent})" if absent else ""
-        sections.append(Section(write.text(f"“{says}”{without}"), rows))
+        blocks.append(Block(write.text(f"“{says}”{without}"), rows))
     sources = dict.fromkeys(judgement.source for judgement in comparison.judgements)
     caption = (
         f"Claims of {write.text('; '.join(sources))}, asked of this experiment, at "
@@ -186,7 +153,7 @@ def _claims(comparison: Comparison, write: Notation) -> Sheet:
         "supported, when it lies above; undecided, when it holds 0. A claim on every run takes "
         "enough runs without exception to speak for 95 % of all initial states."
     ]
-    return Sheet("claims", caption, header, sections, _plain(notes, write))
+    return TextTable("claims", caption, header, blocks, _plain(notes, write))
 
 
 def _claim_row(judgement: Judgement, write: Notation) -> list[str]:
