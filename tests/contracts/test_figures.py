@@ -8,7 +8,7 @@ from eqt_cli import api
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import meanings
 from eqt_cli.plots.base import OfCertificates, OfSweep
-from eqt_cli.store.reader import open_results
+from eqt_cli.results.result import open_result
 
 CONFIG = {
     "group": "SO3",
@@ -37,7 +37,7 @@ def results(tmp_path_factory):
             ("sweep", SWEEP),
         )
     }
-    opened = {name: open_results(result.path) for name, result in ran.items()}
+    opened = {name: open_result(result.path) for name, result in ran.items()}
     yield opened, api.verify(ran["single"]).rows
     for one in opened.values():
         one.close()
