@@ -283,10 +283,10 @@ class Metrics(Generated):
 
     def lines(self) -> Iterable[str]:
         from eqt_cli.core.registry import summary
-        from eqt_cli.results.quantities import COMPARED
+        from eqt_cli.results.metrics import METRICS
 
         rows = []
-        for quantity in COMPARED:
+        for quantity in METRICS:
             over = "any" if quantity.windowed else str(quantity.window)
             stored = "yes" if quantity.stored else ""
             meaning = escaped(summary(quantity.of))

@@ -115,7 +115,7 @@ def _print_metrics(results: Result, json: bool) -> None:
 
     write = Plain()
     rows = [
-        [measure.name, write.symbol(measure), _windows(measure)]
+        [measure.name, write.name(measure), _windows(measure)]
         for measure in results.comparable.values()
     ]
     header = ["metric", "is", "window"]

@@ -12,6 +12,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.files import refusals
 from eqt_cli.plots.curve_data import Curve
 
 TOLERANCE = 1e-6
@@ -63,12 +64,10 @@ def read(path: Path) -> list[Curve]:
     EqtError
         If the file cannot be read or holds anything else.
     """
+    with refusals(path, "read", _ANEW):
+        content = path.read_bytes()
     try:
-        records = json.loads(path.read_text(encoding="utf-8"))
-        return [_curve(record) for record in records]
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise EqtError(f"{path}: cannot be read: {reason}; {_ANEW}") from error
+        return [_curve(record) for record in json.loads(content)]
     except (ValueError, TypeError, KeyError) as error:
         raise EqtError(f"{path}: does not hold the numbers of a figure; {_ANEW}") from error
 
@@ -138,10 +137,13 @@ def _scale(values: Array) -> float:
 
 
 def _error(new: Array, old: Array) -> Array:
-    """Difference at every sample; infinite where one of the two has no number."""
-    error = np.abs(np.subtract(new, old, out=np.zeros(new.shape), where=new != old))  # also ∞ − ∞
-    gaps = np.isnan(new), np.isnan(old)
-    return np.where(gaps[0] & gaps[1], 0.0, np.where(gaps[0] | gaps[1], np.inf, error))
+    """Difference at every sample; infinite where one of the two has no number.
+
+    Files have numbers only, so what is infinite in a figure is none here.
+    """
+    seen = np.isfinite(new), np.isfinite(old)
+    error = np.abs(np.subtract(new, old, out=np.zeros(new.shape), where=seen[0] & seen[1]))
+    return np.where(seen[0] == seen[1], error, np.inf)
 
 
 def _largest(new: Curve, old: Curve) -> float:

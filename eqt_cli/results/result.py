@@ -24,7 +24,8 @@ from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.experiment.point import config_at
 from eqt_cli.groups import MatrixLieGroup, group_named
-from eqt_cli.results.quantities import COMPARED, QUANTITIES, quantity_of
+from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.quantities import QUANTITIES, quantity_of
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.results.windows import WHOLE, Window
 from eqt_cli.store.layout import POINT
@@ -199,19 +200,6 @@ class Result(ResultFile):
             return {str(entry["label"]): str(entry["kind"]) for entry in entries}
         except (yaml.YAMLError, KeyError, TypeError, RecursionError, ValueError):
             return {label: label for label in self.labels}
-
-    def controller(self, label: str) -> int:
-        """The position of a controller.
-
-        Raises
-        ------
-        EqtError
-            If there is none of that label.
-        """
-        if label not in self.labels:
-            hint = suggestion(label, self.labels) or f"; it holds: {', '.join(self.labels)}"
-            raise self.error(f"holds no controller '{label}'{hint}")
-        return self.labels.index(label)
 
     @property
     def source(self) -> ConfigSource:
@@ -513,7 +501,7 @@ class Result(ResultFile):
     def comparable(self) -> dict[str, Quantity]:
         """All numbers per run that this result has or that can be computed from it, by name."""
         found: dict[str, Quantity] = {}
-        for quantity in COMPARED:
+        for quantity in METRICS:
             if self._has_signals(quantity) or self._metrics_like(quantity):
                 found[quantity.name] = quantity
             for part in self.parts(quantity.signals[0]) if quantity.parted else ():

@@ -20,7 +20,7 @@ from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.run.batches import Batch, batches, initial_states, reference_batches
 from eqt_cli.run.cross_check import chosen_entries, distance, reference_distance
 from eqt_cli.run.executors import TaskContext
-from eqt_cli.store.reader import Results
+from eqt_cli.store.reader import ResultFile
 from eqt_cli.store.variables import Table, Variable
 
 LEADING = {Per.TRAJECTORY: "kept", Per.RUN: "entry", Per.INITIAL: "start", Per.DESIRED: "reference"}
@@ -226,7 +226,7 @@ class OutdatedPart(ResultError):
     """A part of another version of eqt, which did not keep everything that this one keeps."""
 
 
-def read_part(results: Results, quantities: Sequence[Quantity]) -> dict[str, Array]:
+def read_part(results: ResultFile, quantities: Sequence[Quantity]) -> dict[str, Array]:
     """Every variable that a part holds, by name.
 
     Raises
@@ -243,7 +243,7 @@ def read_part(results: Results, quantities: Sequence[Quantity]) -> dict[str, Arr
     }
 
 
-def check_part(results: Results, quantities: Sequence[Quantity]) -> list[str]:
+def check_part(results: ResultFile, quantities: Sequence[Quantity]) -> list[str]:
     """The quantities of the rows of numbers; `read_part` says what is raised."""
     rows = str(results.attributes.get(ROWS, "")).split()
     lacking = [

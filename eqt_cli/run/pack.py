@@ -18,7 +18,7 @@ from eqt_cli.run.compute import CHECK_STATES, read_part
 from eqt_cli.run.cross_check import chosen_entries, cross_check, together
 from eqt_cli.run.part_files import FinishedPart, PartFiles
 from eqt_cli.run.result_layout import Destination, Layout, new_result_file
-from eqt_cli.store.reader import Results, open_results
+from eqt_cli.store.reader import ResultFile, open_results
 from eqt_cli.store.variables import Attribute
 
 
@@ -96,7 +96,7 @@ class _Packing:
             except ResultError as error:
                 raise BrokenPart(path, str(error)) from error
 
-    def _add(self, part: Part, results: Results) -> None:
+    def _add(self, part: Part, results: ResultFile) -> None:
         """Put everything that a part holds in its place."""
         label = list(self.study.base.loops)[part.controller]
         found = read_part(results, self.layout.quantities)
@@ -142,7 +142,7 @@ def put_desired(place: Destination, name: str, data: Array, part: Part) -> None:
         place.put(name, data[own], (slice(first, last + 1),))
 
 
-def _opened(path: Path, digest: str) -> Results:
+def _opened(path: Path, digest: str) -> ResultFile:
     try:
         results = open_results(path)
     except ResultError as error:

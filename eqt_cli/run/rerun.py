@@ -23,7 +23,7 @@ from eqt_cli.run.part_files import PartFiles
 from eqt_cli.run.part_task import PartTask
 from eqt_cli.run.result_layout import Destination, Layout, new_result_file
 from eqt_cli.store.assembly import Assembly
-from eqt_cli.store.reader import Results, open_results
+from eqt_cli.store.reader import ResultFile, open_results
 from eqt_cli.store.variables import Table, Variable
 
 ROW = "row_in_part"
@@ -122,12 +122,12 @@ def patch(rerun: Rerun, path: Path, provenance: dict[str, Any]) -> int:
     return still
 
 
-def _copy_all(file: Assembly, old: Results) -> None:
+def _copy_all(file: Assembly, old: ResultFile) -> None:
     for name in old.names:
         _copy(file, old, name)
 
 
-def _copy(file: Assembly, old: Results, name: str) -> None:
+def _copy(file: Assembly, old: ResultFile, name: str) -> None:
     """A whole variable, some rows at a time."""
     dims = old.dims(name)
     length = old.dimensions[dims[0]]
@@ -138,7 +138,7 @@ def _copy(file: Assembly, old: Results, name: str) -> None:
         file.put(name, old.read(name, **{dims[0]: rows}), (rows,))
 
 
-def _replace(study: Study, file: Destination, number: int, new: Results) -> None:
+def _replace(study: Study, file: Destination, number: int, new: ResultFile) -> None:
     plan, layout = study.plan, Layout(study)
     part = plan.part(number)
     points, runs = np.divmod(part.start + new[ROW], plan.runs)

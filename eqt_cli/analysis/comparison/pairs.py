@@ -34,7 +34,7 @@ class Level:
         Runs that failed, and good ones that have no value.
     mean, low, high
         The mean over runs and its interval.
-    deviation, median
+    standard_deviation, median
         Standard deviation and median over runs.
     """
 
@@ -47,7 +47,7 @@ class Level:
     mean: float
     low: float
     high: float
-    deviation: float
+    standard_deviation: float
     median: float
 
 
@@ -71,7 +71,7 @@ class Pair:
         Means over the pairs.
     cohen_d
         Mean over standard deviation of the differences.
-    superiority
+    first_better
         The share of pairs in which the first is better; ties count half.
     runs_to_decide
         Runs that would tell the difference from 0, as `power.runs_to_decide`; None from fewer
@@ -91,7 +91,7 @@ class Pair:
     mean_first: float
     mean_second: float
     cohen_d: float
-    superiority: float
+    first_better: float
     runs_to_decide: int | None
 
     @property
@@ -111,7 +111,7 @@ class Pair:
             mean_first=self.mean_second,
             mean_second=self.mean_first,
             cohen_d=-self.cohen_d,
-            superiority=1 - self.superiority,
+            first_better=1 - self.first_better,
         )
 
 
@@ -173,7 +173,7 @@ def _level(s: PerRun, c: int, label: str, good: Array, interval: _Interval) -> L
         failed,
         s.runs - failed - len(values),
         *interval,
-        deviation=_deviation(values),
+        standard_deviation=_deviation(values),
         median=float(np.median(values)) if len(values) else float("nan"),
     )
 
@@ -194,7 +194,7 @@ def _pair(
     with np.errstate(invalid="ignore", divide="ignore"):
         cohen_d = float(np.float64(mean) / deviation)
     better = -differences if s.quantity.better != "higher" else differences
-    superiority = _mean((better > 0) + (better == 0) / 2)
+    first_better = _mean((better > 0) + (better == 0) / 2)
     return Pair(
         s,
         labels[a],
@@ -207,7 +207,7 @@ def _pair(
         mean_first=_mean(s.values[a][both]),
         mean_second=_mean(s.values[b][both]),
         cohen_d=cohen_d,
-        superiority=superiority,
+        first_better=first_better,
         runs_to_decide=runs_to_decide(cohen_d, confidence) if both.sum() >= FEWEST else None,
     )
 

@@ -7,7 +7,7 @@ from itertools import groupby
 
 from eqt_cli.analysis.comparison.bootstrap import FEWEST
 from eqt_cli.analysis.comparison.compare import Comparison
-from eqt_cli.analysis.comparison.notation import Notation
+from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.pairs import Pair
 from eqt_cli.analysis.comparison.power import POWER
 from eqt_cli.analysis.comparison.verdicts import Judgement
@@ -19,7 +19,7 @@ FEW = 10
 
 
 def text_tables(
-    comparison: Comparison, notation: Notation, against: Sequence[str] = ()
+    comparison: Comparison, notation: Plain, against: Sequence[str] = ()
 ) -> dict[str, TextTable]:
     """All tables by name; those without rows are left out.
 
@@ -36,7 +36,7 @@ def text_tables(
     return {table.name: table for table in made if table.blocks}
 
 
-def _controllers(comparison: Comparison, write: Notation) -> TextTable:
+def _controllers(comparison: Comparison, write: Plain) -> TextTable:
     rows = []
     notes = []
     for _, found in groupby(comparison.levels, key=lambda level: id(level.measured)):
@@ -69,7 +69,7 @@ def _controllers(comparison: Comparison, write: Notation) -> TextTable:
     )
 
 
-def _pairs(comparison: Comparison, write: Notation, against: Sequence[str]) -> TextTable:
+def _pairs(comparison: Comparison, write: Plain, against: Sequence[str]) -> TextTable:
     position = {label: index for index, label in enumerate(comparison.labels)}
 
     def names(pair: Pair) -> tuple[str, str]:
@@ -103,13 +103,13 @@ def _pairs(comparison: Comparison, write: Notation, against: Sequence[str]) -> T
     )
 
 
-def _pair_row(pair: Pair, write: Notation) -> list[str]:
+def _pair_row(pair: Pair, write: Plain) -> list[str]:
     return [
         *_measure(pair.measured, write),
         write.interval(pair.difference, pair.low, pair.high),
         _relative(pair, write),
         write.number(_two(pair.cohen_d)),
-        _two(pair.superiority),
+        _two(pair.first_better),
         str(pair.pairs),
         _runs(pair.runs_to_decide),
     ]
@@ -134,7 +134,7 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     return notes
 
 
-def _claims(comparison: Comparison, write: Notation) -> TextTable:
+def _claims(comparison: Comparison, write: Plain) -> TextTable:
     blocks = []
     for says, found in groupby(comparison.judgements, key=lambda judgement: judgement.says):
         judgements = list(found)
@@ -156,7 +156,7 @@ def _claims(comparison: Comparison, write: Notation) -> TextTable:
     return TextTable("claims", caption, header, blocks, _plain(notes, write))
 
 
-def _claim_row(judgement: Judgement, write: Notation) -> list[str]:
+def _claim_row(judgement: Judgement, write: Plain) -> list[str]:
     if judgement.pair is None:
         assert judgement.measured is not None
         what = write.text(f"{judgement.controller}: {judgement.statement}")
@@ -164,7 +164,7 @@ def _claim_row(judgement: Judgement, write: Notation) -> list[str]:
         window = write.window(judgement.measured.window)
     else:
         pair = judgement.pair
-        symbol = write.symbol(pair.measured.quantity)
+        symbol = write.name(pair.measured.quantity)
         what = f"{symbol}: {write.text(f'{pair.first} − {pair.second}')}"
         interval = write.interval(pair.difference, pair.low, pair.high)
         found = " ".join(filter(None, [interval, write.unit(pair.measured.unit)]))
@@ -173,21 +173,21 @@ def _claim_row(judgement: Judgement, write: Notation) -> list[str]:
     return [what, window, found, str(judgement.verdict), _runs(judgement.runs_to_decide)]
 
 
-def _measure(measured: PerRun, write: Notation) -> list[str]:
+def _measure(measured: PerRun, write: Plain) -> list[str]:
     return [
-        write.symbol(measured.quantity),
+        write.name(measured.quantity),
         write.window(measured.window),
         write.unit(measured.unit),
     ]
 
 
-def _relative(pair: Pair, write: Notation) -> str:
+def _relative(pair: Pair, write: Plain) -> str:
     if pair.relative != pair.relative:
         return "-"
     return write.number(f"{100 * pair.relative:+.1f}") + write.text(" %")
 
 
-def _level_name(comparison: Comparison, write: Notation) -> str:
+def _level_name(comparison: Comparison, write: Plain) -> str:
     return write.text(f"{100 * comparison.confidence:g} % bootstrap")
 
 
@@ -203,5 +203,5 @@ def _runs(runs: int | None) -> str:
     return "-" if runs is None else str(runs)
 
 
-def _plain(notes: Sequence[str], write: Notation) -> list[str]:
+def _plain(notes: Sequence[str], write: Plain) -> list[str]:
     return [write.text(note) for note in notes]
