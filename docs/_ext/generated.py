@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -364,6 +365,26 @@ class Equations(Generated):
             for entry in entries
         ]
         yield from table(["paper", "what", "in eqt", "test"], rows)
+
+
+class Extend(Generated):
+    """The names of `eqt_cli.extend`, in the groups in which its modules define them."""
+
+    def lines(self) -> Iterable[str]:
+        from eqt_cli import extend
+
+        names: dict[str, list[str]] = {}
+        for name in extend.__all__:
+            names.setdefault(extend.PLACES[name], []).append(name)
+        rows = [
+            [" ".join(map(code, found)), escaped(_first_sentence(import_module(module)))]
+            for module, found in sorted(names.items())
+        ]
+        yield from table(["names", "what they are about"], rows)
+
+
+def _first_sentence(module: Any) -> str:
+    return re.split(r"[;.]", (module.__doc__ or "").strip())[0]
 
 
 def _short(name: str) -> str:
