@@ -61,6 +61,10 @@ from eqt_cli.ensemble.poses.base import PoseDistribution as PoseDistribution
 from eqt_cli.ensemble.poses.base import RotationDistribution as RotationDistribution
 from eqt_cli.ensemble.spread import Spread as Spread
 from eqt_cli.ensemble.velocities.base import VelocityDistribution as VelocityDistribution
+from eqt_cli.execution.executors.base import Executor as Executor
+from eqt_cli.execution.executors.base import Outcome as Outcome
+from eqt_cli.execution.executors.base import Task as Task
+from eqt_cli.execution.executors.base import TaskContext as TaskContext
 from eqt_cli.groups import group_named as group_named
 from eqt_cli.groups.base import MatrixLieGroup as MatrixLieGroup
 from eqt_cli.groups.base import Part as Part
@@ -98,7 +102,3 @@ from eqt_cli.plots.shown import ShownSweep as ShownSweep
 from eqt_cli.references.base import Reference as Reference
 from eqt_cli.results.result import mean_over_runs as mean_over_runs
 from eqt_cli.results.windows import Window as Window
-from eqt_cli.run.executors.base import Executor as Executor
-from eqt_cli.run.executors.base import Outcome as Outcome
-from eqt_cli.run.executors.base import Task as Task
-from eqt_cli.run.executors.base import TaskContext as TaskContext

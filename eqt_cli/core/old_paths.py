@@ -34,7 +34,7 @@ _DRAWING = {
 _FIGURES = "paper runs torque distributions phase sphere certificates sweep pareto"
 
 MOVED = {
-    "eqt_cli.ensemble.executors": "eqt_cli.run.executors",
+    "eqt_cli.ensemble.executors": "eqt_cli.execution.executors",
     "eqt_cli.analysis.bounded": "eqt_cli.analysis.evidence.running_error",
     "eqt_cli.analysis.certificates.runs": "eqt_cli.analysis.evidence.runs",
     "eqt_cli.analysis.certificates.sample": "eqt_cli.analysis.evidence.sample",
@@ -56,8 +56,8 @@ RENAMED = {
         "LISTED": "eqt_cli.ensemble.designs.base",
         "listed": "eqt_cli.ensemble.designs.base",
     },
-    "eqt_cli.run.executors": {"Ways": "eqt_cli.run.executors.base:TaskContext"},
-    "eqt_cli.run.executors.base": {"Ways": "eqt_cli.run.executors.base:TaskContext"},
+    "eqt_cli.execution.executors": {"Ways": "eqt_cli.execution.executors.base:TaskContext"},
+    "eqt_cli.execution.executors.base": {"Ways": "eqt_cli.execution.executors.base:TaskContext"},
     "eqt_cli.plots.shown": {
         "GoodMetrics": "eqt_cli.plots.shown:ShownMetrics",
         "GoodRuns": "eqt_cli.plots.shown:ShownRuns",

@@ -13,9 +13,9 @@ import pytest
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.old_paths import MOVED, RENAMED, find_moved
+from eqt_cli.execution.execute import execute
+from eqt_cli.execution.executors import executors
 from eqt_cli.experiment.sweeping import study
-from eqt_cli.run.execute import execute
-from eqt_cli.run.executors import executors
 from eqt_cli.store.reader import open_results
 
 PLUGINS = Path(__file__).parent / "first_version" / "plugins"
@@ -127,8 +127,8 @@ def test_names_that_have_moved_are_found() -> None:
 def test_a_moved_package_is_not_loaded_a_second_time() -> None:
     find_moved()
     old = import_module("eqt_cli.ensemble.executors.base")
-    assert old is import_module("eqt_cli.run.executors.base")
-    assert old.__name__ == old.__spec__.name == "eqt_cli.run.executors.base"
+    assert old is import_module("eqt_cli.execution.executors.base")
+    assert old.__name__ == old.__spec__.name == "eqt_cli.execution.executors.base"
 
 
 def test_what_never_was_is_not_found() -> None:

@@ -5,7 +5,7 @@ from importlib.util import find_spec
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.run.executors import Outcome
+from eqt_cli.execution.executors import Outcome
 
 # In a file of its own, where spawned processes find it.
 TASK = """
