@@ -65,8 +65,7 @@ def check(
     ],
     set_: options.Set = None,
     resolved: Annotated[
-        bool,
-        typer.Option("--resolved", metavar="", help="Print it with every default written out."),
+        bool, options.flag("--resolved", help="Print it with every default written out.")
     ] = False,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
@@ -139,18 +138,15 @@ def keys(
     json: options.Json = False,
 ) -> None:
     """Describe the keys of a configuration: value, default, meaning."""
-    from eqt_cli.cli.output import print_json, table
+    from eqt_cli.cli.output import print_records
     from eqt_cli.config.json_schema import json_schema
     from eqt_cli.config.keys import keys_of, within
 
     found = keys_of(json_schema())
     if key is not None:
         found = within(found, key)
-    if json:
-        print_json([{field: _bare(text) for field, text in asdict(each).items()} for each in found])
-        return
     rows = [[_bare(text) for text in asdict(each).values()] for each in found]
-    print(table(["key", "value", "default", "meaning"], rows))
+    print_records(["key", "value", "default", "meaning"], rows, json=json)
 
 
 def _bare(text: str) -> str:

@@ -49,6 +49,11 @@ def figure(help: str) -> Any:
     return typer.Option("--figure", metavar="NAME", autocompletion=complete, help=help)
 
 
+def flag(*names: str, help: str) -> Any:
+    """An option without a value."""
+    return typer.Option(*names, metavar="", help=help)
+
+
 def one_of(*words: str, option: str, help: str) -> Any:
     """An option that takes one of some words."""
     return typer.Option(option, metavar="NAME", autocompletion=completion.words(*words), help=help)
@@ -65,8 +70,8 @@ Set = Annotated[
     ),
 ]
 Out = Annotated[Path | None, out("Result folder.")]
-Json = Annotated[bool, typer.Option("--json", metavar="", help="Print one JSON document.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", metavar="", help="Print results only.")]
+Json = Annotated[bool, flag("--json", help="Print one JSON document.")]
+Quiet = Annotated[bool, flag("--quiet", "-q", help="Print results only.")]
 Workers = Annotated[
     int | None,
     typer.Option("--workers", min=1, metavar="N", help="Most cores to use; default: all."),
@@ -102,18 +107,12 @@ ShardOf = Annotated[
 Point = Annotated[
     int | None, typer.Option("--point", metavar="K", help="One point of a sweep, counted from 0.")
 ]
-Force = Annotated[
-    bool, typer.Option("--force", metavar="", help="Start over, removing what eqt wrote there.")
-]
+Force = Annotated[bool, flag("--force", help="Start over, removing what eqt wrote there.")]
 RerunFailed = Annotated[
-    bool,
-    typer.Option("--rerun-failed", metavar="", help="Compute only those runs again that failed."),
+    bool, flag("--rerun-failed", help="Compute only those runs again that failed.")
 ]
 TrustPlugins = Annotated[
-    bool,
-    typer.Option(
-        "--trust-plugins", metavar="", help="Execute plugin sources stored in a result file."
-    ),
+    bool, flag("--trust-plugins", help="Execute plugin sources stored in a result file.")
 ]
 
 

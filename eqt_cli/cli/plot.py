@@ -58,8 +58,7 @@ def plot(
         ),
     ] = None,
     tex: Annotated[
-        bool,
-        typer.Option("--tex", metavar="", help="Let LaTeX set the text; needs TeX Live."),
+        bool, options.flag("--tex", help="Let LaTeX set the text; needs TeX Live.")
     ] = False,
     out: Annotated[
         Path | None,
@@ -87,7 +86,7 @@ def plot(
 ) -> None:
     """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
     from eqt_cli import api
-    from eqt_cli.cli.output import print_json, say
+    from eqt_cli.cli.output import print_found, say
     from eqt_cli.core.errors import EqtError
     from eqt_cli.plots.render import FORMATS
 
@@ -113,33 +112,29 @@ def plot(
         workers=options.cores(),
         note=(lambda text: None) if quiet else say,
     )
-    if json:
-        print_json({"figures": list(map(str, files))})
-        return
-    for file in files:
-        print(f"figure   {file}")
+    text = "\n".join(f"figure   {file}" for file in files)
+    print_found({"figures": list(map(str, files))}, text, json=json)
 
 
 def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool) -> None:
     """Say where figures differ from what is kept, and exit with 4 if any does."""
     from dataclasses import asdict
 
-    from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.output import print_found
     from eqt_cli.plots.baseline import TOLERANCE
     from eqt_cli.store.layout import FILE_NAME
 
-    if json:
-        checked = [str(one if one.suffix == ".h5" else one / FILE_NAME) for one in results]
-        found = {name: asdict(one) for name, one in checks.items()}
-        print_json({"checked": checked, "tolerance": TOLERANCE, "figures": found})
-    else:
-        for name, one in checks.items():
-            for difference in one.differences:
-                print(f"figure '{name}', {difference}")
-            print(
-                f"figure '{name}': {'differs' if one.differences else 'agrees'}; {one.curves} "
-                f"curves, largest difference {one.largest:.1e} (bound {TOLERANCE:.0e})"
-            )
+    checked = [str(one if one.suffix == ".h5" else one / FILE_NAME) for one in results]
+    found = {name: asdict(one) for name, one in checks.items()}
+    lines = []
+    for name, one in checks.items():
+        lines += [f"figure '{name}', {difference}" for difference in one.differences]
+        lines.append(
+            f"figure '{name}': {'differs' if one.differences else 'agrees'}; {one.curves} "
+            f"curves, largest difference {one.largest:.1e} (bound {TOLERANCE:.0e})"
+        )
+    document = {"checked": checked, "tolerance": TOLERANCE, "figures": found}
+    print_found(document, "\n".join(lines), json=json)
     if any(one.differences for one in checks.values()):
         raise typer.Exit(4)
 

@@ -34,10 +34,7 @@ def sweep(
         ),
     ] = None,
     dry_run: Annotated[
-        bool,
-        typer.Option(
-            "--dry-run", metavar="", help="Print points, expected time and size; store nothing."
-        ),
+        bool, options.flag("--dry-run", help="Print points, expected time and size; store nothing.")
     ] = False,
     out: options.Out = None,
     set_: options.Set = None,

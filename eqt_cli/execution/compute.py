@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from types import MappingProxyType
 
 import numpy as np
 
+from eqt_cli.closed_loop import StateLayout
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
@@ -15,10 +14,11 @@ from eqt_cli.engines import Problem, Solution, Status
 from eqt_cli.execution.batches import Batch, batches, initial_states, reference_batches
 from eqt_cli.execution.cross_check import chosen_entries, distance, reference_distance
 from eqt_cli.execution.executors import TaskContext
+from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.plan import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.critical_points import distance_to_unstable
-from eqt_cli.results.quantities import DESIRED, MEASURED, quantities
+from eqt_cli.results.quantities import DESIRED, MEASURED
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.reader import ResultFile
 from eqt_cli.store.variables import Table, Variable
@@ -32,78 +32,80 @@ NUMBERS = "numbers"
 ROWS = "rows_of_numbers"
 """The attribute of a part that names the quantities of these rows, in their order."""
 
-CHECK_STATES = "check_states"
-"""States of the runs that are redone when the parts are packed, ``(checked, sample, state)``."""
+CHECKED = "checked_"
+"""What begins the names of the stretches of states, ``(checked, sample, …)``, of the runs that are
+redone when the parts are packed."""
 
-REFERENCE_STATES = "reference_states"
-"""States of the references by themselves, ``(reference, sample, state)``."""
+Desired = Mapping[str, Array]
+"""The quantities `DESIRED` at every sample, ``(samples, …)``, or of several points."""
+
+
+def shared_reference(study: Study) -> dict[str, Array]:
+    """The one reference that all runs share, by itself."""
+    return {name: values[0] for name, values in solve_references(study, np.array([0])).items()}
 
 
 def reference_table(study: Study) -> Table:
-    """The one reference that all runs share, by itself: its states, and what of them is kept."""
-    points = np.array([0])
-    states = solve_references(study, points)
+    """The one reference that all runs share, as it is kept until the parts are packed."""
+    found = shared_reference(study)
     return Table(
         {
-            **_desired(study, points, states),
-            REFERENCE_STATES: Variable(("reference", "sample", "state"), states),
+            entry.name: Variable(("sample", *entry.dims[1:]), found[entry.name])
+            for entry in Layout(study).of(Per.DESIRED)
         }
     )
 
 
-def solve_references(study: Study, points: Array) -> Array:
-    """The references of some points by themselves, ``(points, samples, n)``.
+def solve_references(study: Study, points: Array) -> dict[str, Array]:
+    """The references of some points by themselves, `DESIRED` as ``(points, samples, …)``.
 
     They are those of the first controller; a law that fails even where all errors are 0 must not
     harm the others, so then the next one is asked.
     """
-    base = study.base
-    length = next(iter(base.loops.values())).state_length
-    found = np.full((len(points), base.config.time.samples, length), np.nan)
+    times = study.base.times
+    found: list[tuple[Array, ...]] = [()] * len(points)
     missing = np.arange(len(points))
-    for label in base.loops:
+    for label in study.base.loops:
+        failed: list[int] = []
         for batch in reference_batches(study, label, points[missing]):
             solution = batch.engine.solve(batch.problem, lambda runs: None)
-            found[missing[batch.rows]] = solution.states
-        missing = np.flatnonzero(~np.isfinite(found).all(axis=(1, 2)))
-        if not len(missing):
+            for row, states in zip(missing[batch.rows], solution.states, strict=True):
+                loop = study.experiment(int(points[row])).loops[label]
+                s = loop.tracking(times, states)
+                # A torque of numbers alone has no axis of time.
+                found[row] = s.Qd, s.Vd, np.broadcast_to(s.tau_d, s.Vd.shape)
+                if not np.isfinite(states).all():
+                    failed.append(int(row))
+        missing = np.array(sorted(failed), dtype=int)
+        if not failed:
             break
-    return found
+    return {
+        name: np.array(values)
+        for name, values in zip(DESIRED, zip(*found, strict=True), strict=True)
+    }
 
 
-def compute_part(study: Study, part: Part, shared: Array | None, context: TaskContext) -> Table:
+def compute_part(study: Study, part: Part, shared: Desired | None, context: TaskContext) -> Table:
     """Everything that is kept of a part's runs.
 
     Parameters
     ----------
     shared
-        The states of the reference that all points share, ``(samples, n)``; None where each point
-        has its own.
+        The reference that all points share; None where each point has its own.
     """
     gathered = PartArrays(study, part)
-    points = np.unique(part.points)
-    own = solve_references(study, points) if shared is None else None
-    for batch in batches(study, _label(study, part), gathered.entries):
-        reference = shared if own is None else own[np.searchsorted(points, batch.points)]
+    own = None
+    if shared is None:
+        own = solve_references(study, gathered.points)
+        gathered.add_references(own)
+    for batch in batches(study, gathered.label, gathered.entries):
+        reference = shared
+        if own is not None:
+            where = np.searchsorted(gathered.points, batch.points)
+            reference = {name: values[where] for name, values in own.items()}
+        assert reference is not None
         gathered.add(batch, *_solved(batch, reference, context))
-    return gathered.whole(points, own)
-
-
-def compute_alone(
-    study: Study, part: Part, rows: Array, shared: Array | None, context: TaskContext
-) -> Table:
-    """Some runs of a part, each integrated by itself; as `compute_part`, for these rows only."""
-    gathered = PartArrays(study, part, part.start + rows)
-    for row, entry in enumerate(gathered.entries):
-        for batch in batches(study, _label(study, part), np.array([entry])):
-            own = solve_references(study, batch.points) if shared is None else shared
-            here = dataclasses.replace(batch, rows=np.array([row]))
-            gathered.add(here, *_solved(batch, own, context))
     return gathered.table()
-
-
-def _label(study: Study, part: Part) -> str:
-    return list(study.base.loops)[part.controller]
 
 
 def lost_part(study: Study, part: Part, message: str) -> Table:
@@ -111,41 +113,54 @@ def lost_part(study: Study, part: Part, message: str) -> Table:
     gathered = PartArrays(study, part)
     gathered.data["status"][:] = Status.WORKER_LOST
     gathered.data["message"][:] = message
-    points = np.unique(part.points)
-    states = np.full((len(points), *gathered.check_states.shape[1:]), np.nan)
-    return gathered.whole(points, states if study.desired_varies else None)
+    return gathered.table()
 
 
 class PartArrays:
-    """The arrays of a part while its batches come in; `entries` are all of its, or some."""
+    """The arrays of a part while its batches come in; what does not come is missing.
 
-    def __init__(self, study: Study, part: Part, entries: Array | None = None) -> None:
-        base, self.study, self.part = study.base, study, part
-        self.entries = np.arange(part.start, part.stop) if entries is None else entries
+    The first controller's parts hold the initial states (of one point where all share them), and
+    the references where each point has its own.
+    """
+
+    def __init__(self, study: Study, part: Part) -> None:
+        base = study.base
+        self.label = list(base.loops)[part.controller]
+        self.entries = np.arange(part.start, part.stop)
+        self.points = np.unique(part.points)
         self.samples = slice(None, None, base.config.store.decimate)
-        self.kept_rows = np.flatnonzero(self.entries % part.runs < study.kept)
+        self.kept_rows = np.flatnonzero(part.run_numbers < study.kept)
+        is_first = part.controller == 0
+        starts = np.flatnonzero(is_first & (study.initial_varies | (part.points == 0)))
+        counts = {
+            Per.TRAJECTORY: len(self.kept_rows),
+            Per.RUN: len(part),
+            Per.INITIAL: len(starts),
+            Per.DESIRED: len(self.points) if is_first and study.desired_varies else 0,
+        }
+        always = (Per.RUN, Per.TRAJECTORY)
         self.quantities = [
-            quantity
-            for quantity in quantities(base)
-            if quantity.per is Per.RUN or (quantity.per is Per.TRAJECTORY and study.kept)
+            entry for entry in Layout(study).quantities if counts[entry.per] or entry.per in always
         ]
-        times = len(base.times[self.samples])
-        sizes = {"time": times, "row": base.group.size, "col": base.group.size}
-        sizes["axis"] = base.group.dimension
-        self.data = {entry.name: self._blank(entry, sizes) for entry in self.quantities}
-        chosen = chosen_entries(study)
-        here = chosen[np.isin(chosen, self.entries)]
-        self.check_rows = np.searchsorted(self.entries, here)
-        length = next(iter(base.loops.values())).state_length
-        self.check_states = np.full((len(here), base.config.time.samples, length), np.nan)
+        sizes = {"time": len(base.times[self.samples]), "axis": base.group.dimension}
+        sizes |= {"row": base.group.size, "col": base.group.size}
+        self.data = {
+            entry.name: _blank(entry, (counts[entry.per], *(sizes[dim] for dim in entry.dims)))
+            for entry in self.quantities
+        }
+        if len(starts):
+            Q, V = initial_states(study, part.points[starts], part.run_numbers[starts])
+            self.data |= {"initial_pose": Q, "initial_velocity": V}
+        self.check_rows = np.flatnonzero(np.isin(self.entries, chosen_entries(study)))
+        self.state_layout = base.loops[self.label].layout
+        shape = (len(self.check_rows), base.config.time.samples, self.state_layout.length)
+        self.check_states = np.full(shape, np.nan)
 
-    def _blank(self, quantity: Quantity, sizes: dict[str, int]) -> Array:
-        count = len(self.entries) if quantity.per is Per.RUN else len(self.kept_rows)
-        shape = (count, *(sizes[dim] for dim in quantity.dims))
-        if quantity.dtype is None:
-            return np.full(shape, "", dtype=object)
-        missing = np.nan if quantity.dtype.kind == "f" else 0
-        return np.full(shape, missing, dtype=quantity.dtype)
+    def add_references(self, found: Desired) -> None:
+        """Keep what is asked for of the references of the points."""
+        for name in DESIRED:
+            if name in self.data:
+                self.data[name][:] = found[name][:, self.samples]
 
     def add(
         self,
@@ -165,56 +180,42 @@ class PartArrays:
         for quantity in self.quantities:
             if quantity.per is Per.RUN:
                 self.data[quantity.name][batch.rows] = per_run[quantity.name]
-            else:
+            elif quantity.per is Per.TRAJECTORY:
                 found = signals[quantity.name][inside]
                 self.data[quantity.name][kept] = found[:, self.samples]
-        checked, found_in = (
-            np.isin(self.check_rows, batch.rows),
-            np.isin(batch.rows, self.check_rows),
-        )
-        self.check_states[checked] = solution.states[found_in]
+        checked = np.isin(self.check_rows, batch.rows)
+        self.check_states[checked] = solution.states[np.isin(batch.rows, self.check_rows)]
 
-    def whole(self, points: Array, own: Array | None) -> Table:
-        """Everything, with the initial states and references that this part is to hold."""
-        variables = self._initial()
-        if own is not None and self.study.keeps_desired and self.part.controller == 0:
-            variables |= _desired(self.study, points, own)
-        if len(self.check_states):
-            dims = ("checked", "sample", "state")
-            variables[CHECK_STATES] = Variable(dims, self.check_states)
-        return self.table(variables)
-
-    def table(self, more: Mapping[str, Variable] = MappingProxyType({})) -> Table:
-        """What there is one of for every run, and more; all numbers are rows of one array.
+    def table(self) -> Table:
+        """All of it; the numbers per run are rows of one array.
 
         A part of many small datasets takes more time than its runs.
         """
         rows = [entry.name for entry in self.quantities if is_number(entry)]
-        single = {
+        variables = {
             entry.name: Variable((LEADING[entry.per], *entry.dims), self.data[entry.name])
             for entry in self.quantities
             if entry.name not in rows
         }
-        numbers = Variable(
-            ("quantity", LEADING[Per.RUN]), np.array([self.data[name] for name in rows])
-        )
-        return Table({**single, NUMBERS: numbers, **more}, {}, {ROWS: " ".join(rows)})
+        numbers = np.array([self.data[name] for name in rows])
+        variables[NUMBERS] = Variable(("quantity", LEADING[Per.RUN]), numbers)
+        if len(self.check_rows):
+            for name, values in self.state_layout.split(self.check_states).items():
+                dims = ("checked", "sample", f"entry_of_{name}")
+                variables[CHECKED + name] = Variable(dims, values)
+        return Table(variables, {}, {ROWS: " ".join(rows)})
 
-    def _initial(self) -> dict[str, Variable]:
-        """Initial states, which the first controller's parts hold; of one point where all share."""
-        part = self.part
-        runs = part.run_numbers
-        rows = (
-            np.arange(len(part)) if self.study.initial_varies else np.flatnonzero(part.points == 0)
-        )
-        if part.controller or not len(rows):
-            return {}
-        Q, V = initial_states(self.study, part.points[rows], runs[rows])
-        start = LEADING[Per.INITIAL]
-        return {
-            "initial_pose": Variable((start, "row", "col"), Q),
-            "initial_velocity": Variable((start, "axis"), V),
-        }
+
+def _blank(quantity: Quantity, shape: tuple[int, ...]) -> Array:
+    if quantity.dtype is None:
+        return np.full(shape, "", dtype=object)
+    missing = np.nan if quantity.dtype.kind == "f" else 0
+    return np.full(shape, missing, dtype=quantity.dtype)
+
+
+def checked_states(results: ResultFile, layout: StateLayout) -> Array:
+    """The states that a part holds of the runs that are redone, ``(checked, samples, n)``."""
+    return np.concatenate([results[CHECKED + name] for name in layout.lengths], axis=-1)
 
 
 def is_number(quantity: Quantity) -> bool:
@@ -257,30 +258,10 @@ def check_part(results: ResultFile, quantities: Sequence[Quantity]) -> list[str]
     return rows
 
 
-def _desired(study: Study, points: Array, states: Array) -> dict[str, Variable]:
-    """What is kept of references, one for each of the points."""
-    base = study.base
-    found: dict[str, list[Array]] = {name: [] for name in DESIRED}
-    dims = {entry.name: entry.dims for entry in quantities(base)}
-    for point, flat in zip(points, states, strict=True):
-        loop = next(iter(study.experiment(int(point)).loops.values()))
-        s = loop.tracking(base.times, flat)
-        for name, values in zip(DESIRED, (s.Qd, s.Vd, s.tau_d), strict=True):
-            # A torque of numbers alone has no axis of time.
-            own = values.shape[values.ndim - len(dims[name]) + 1 :]
-            whole = np.broadcast_to(values, (len(base.times), *own))
-            found[name].append(whole[:: base.config.store.decimate])
-    return {
-        name: Variable((LEADING[Per.DESIRED], *dims[name]), np.array(values))
-        for name, values in found.items()
-    }
-
-
 def _solved(
-    batch: Batch, reference: Array | None, context: TaskContext
+    batch: Batch, reference: Desired, context: TaskContext
 ) -> tuple[Solution, dict[str, Array], dict[str, Array]]:
     """The solution of a batch, its signals and its metrics."""
-    assert reference is not None
     problem, experiment = batch.problem, batch.experiment
     solution = batch.engine.solve(problem, context.progress, context.threads)
     with np.errstate(all="ignore"):  # runs that failed are NaN, or large
@@ -291,7 +272,7 @@ def _solved(
 
 
 def measured(
-    batch: Batch, solution: Solution, reference: Array
+    batch: Batch, solution: Solution, reference: Desired
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """The signals of a solution, and what of its runs is one number each."""
     problem: Problem = batch.problem
@@ -311,7 +292,9 @@ def measured(
     metrics |= {
         "group_drift": loop.group.drift(signals["pose"]).max(axis=-1),
         "unstable_distance": distance_to_unstable(loop.group, loop.gains.K, s.Q_E).min(axis=-1),
-        "reference_residual": reference_distance(loop, times, solution.states, reference),
+        "reference_residual": reference_distance(
+            s, reference["desired_pose"], reference["desired_velocity"]
+        ),
     }
     return signals, metrics
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
+from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.results.result import CrossCheck
 
 BOUND_PER_RTOL = 1000.0
@@ -33,13 +34,13 @@ def chosen_entries(study: Study) -> Array:
     return np.sort(random.choice(entries, size=count, replace=False))
 
 
-def cross_check(study: Study, found: dict[str, Array]) -> CrossCheck | None:
+def cross_check(study: Study, found: Mapping[str, Sequence[Array]]) -> CrossCheck | None:
     """Solve the chosen runs again and compare; None where none are chosen.
 
     Parameters
     ----------
     found
-        For each controller the states that were found for its chosen runs.
+        For each controller the states that were found for its chosen runs, some at a time.
     """
     chosen = chosen_entries(study)
     if not len(chosen):
@@ -84,11 +85,12 @@ def _differences(
 
 
 def _by_kind(
-    study: Study, chosen: Array, found: dict[str, Array]
+    study: Study, chosen: Array, found: Mapping[str, Sequence[Array]]
 ) -> list[list[tuple[Batch, Array]]]:
     """What one vectorised solve can take together, of all controllers and points."""
     groups: dict[Hashable, list[tuple[Batch, Array]]] = {}
-    for label, states in found.items():
+    for label in study.base.loops:
+        states = np.concatenate(found[label])
         for batch in batches(study, label, chosen):
             groups.setdefault(batch.kind, []).append((batch, states[batch.rows]))
     return list(groups.values())
@@ -101,10 +103,9 @@ def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:
     return largest
 
 
-def reference_distance(loop: ClosedLoop, times: Array, states: Array, reference: Array) -> Array:
+def reference_distance(s: Tracking, Qd: Array, Vd: Array) -> Array:
     """Like `distance`, between the reference within each run and the one solved by itself."""
-    a, b = loop.tracking(times, states), loop.tracking(times, reference)
-    largest: Array = np.maximum(frobenius(a.Qd - b.Qd), norm(a.Vd - b.Vd)).max(axis=-1)
+    largest: Array = np.maximum(frobenius(s.Qd - Qd), norm(s.Vd - Vd)).max(axis=-1)
     return largest
 
 

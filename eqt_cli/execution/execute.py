@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import time
 import warnings
@@ -19,10 +20,10 @@ from eqt_cli.execution.executors import MOST_TRIES, Executor
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
-from eqt_cli.execution.pack import BrokenPart, pack
+from eqt_cli.execution.pack import BrokenPart, pack, replace_runs
 from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.provenance import OTHERS, differences, provenance, together
-from eqt_cli.execution.rerun import patch, rerun_of
+from eqt_cli.execution.rerun import rerun_of
 from eqt_cli.execution.result_layout import described
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantities import quantities
@@ -189,7 +190,7 @@ class _Session:
         self.resumed(resumed)
         with _timed(self.seconds, "simulation"):
             self.task.prepare()
-            self._compute([number for number in wanted if number not in there])
+            self._compute(self.task, [number for number in wanted if number not in there])
         if shard is None:
             with _timed(self.seconds, "writing"):
                 self._pack(manifest["provenance"])
@@ -217,7 +218,7 @@ class _Session:
         for number in outdated:
             there[number].path.unlink()
         if outdated:
-            runs = sum(map(self.plan.runs_of, outdated))
+            runs = sum(map(task.runs_of, outdated))
             self.remark(
                 EqtWarning(
                     f"{self.folder.path}: {runs} of its runs were computed with a version of eqt "
@@ -237,22 +238,22 @@ class _Session:
         self._tell_versions([earlier], now)
         origin = together(earlier, now)
         with _timed(self.seconds, "simulation"):
-            again.parts.prepare()
-            self._forget_outdated(again.parts, again.failed)
-            for outcome in self.executor.outcomes(again, again.missing, self.progress):
-                self.progress(0 if outcome.failed is not None else again.runs_of(outcome.item))
+            again.prepare()
+            self._forget_outdated(again, range(len(again)))
+            self._compute(again, again.missing)
         with _timed(self.seconds, "writing"):
-            still = patch(again, self.folder.results, origin)
+            described = json.dumps(origin, ensure_ascii=False)
+            still = replace_runs(again, self.folder.results, {"provenance": described})
         self.folder.finish(manifest | {"failed": still, "provenance": origin})
         shutil.rmtree(place)
         done, total = self.plan.total - failed, self.plan.total
         return Execution(self.folder, False, [], total, still, done, True, self.seconds)
 
-    def _compute(self, missing: Sequence[int]) -> None:
-        for outcome in self.executor.outcomes(self.task, missing, self.progress):
+    def _compute(self, task: PartTask, missing: Sequence[int]) -> None:
+        for outcome in self.executor.outcomes(task, missing, self.progress):
             if outcome.failed is None:
                 message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
-                self.progress(self.task.lose(outcome.item, message))
+                self.progress(task.lose(outcome.item, message))
 
     def _pack(self, origin: dict[str, Any]) -> None:
         """Pack all parts; those that turn out to be damaged are computed again."""
@@ -260,14 +261,13 @@ class _Session:
         attributes = described(self.study, origin, config, plugins)
         while True:
             try:
-                pack(self.study, self.files, self.folder.results, attributes)
+                pack(self.task, self.folder.results, attributes)
                 return
             except BrokenPart as broken:
                 self._forget_outdated(self.task, range(len(self.plan)))
                 broken.path.unlink(missing_ok=True)
                 self.task.prepare()
-                there = self.files.listed()
-                self._compute([n for n in range(len(self.plan)) if n not in there])
+                self._compute(self.task, self.task.missing)
 
     def _tell_versions(self, earlier: Sequence[dict[str, Any]], now: dict[str, Any]) -> None:
         """Say that not all runs are of the same versions, if they are not."""

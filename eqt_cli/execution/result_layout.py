@@ -7,9 +7,10 @@ the root holds what there is one of for every run, and a group for each point ho
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from math import prod
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -24,6 +25,9 @@ from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.assembly import Assembly, Blank, assemble
 from eqt_cli.store.layout import point_group
 from eqt_cli.store.variables import Attribute, Variable
+
+TEXT_BYTES = 16
+"""Of a reference to a string in HDF5."""
 
 MIXED = "mixed"
 """The unit of a variable that has different ones at different points."""
@@ -79,10 +83,12 @@ class Layout:
         """Whether the points have values of their own."""
         return self.study.sweep is not None and self.varies.get(quantity.per, True)
 
-    def blanks(self, *, single: bool = False) -> dict[str, Blank]:
-        """The variables; of a `single` point, or of all together."""
+    def blanks(
+        self, wanted: Iterable[Quantity] | None = None, *, single: bool = False
+    ) -> dict[str, Blank]:
+        """The variables, all or some; of a `single` point, or of all together."""
         found = {}
-        for entry in self.quantities:
+        for entry in self.quantities if wanted is None else wanted:
             point = ("point",) if self.by_point(entry) and not single else ()
             dims = (*point, *self._leading(entry.per), *entry.dims)
             found[entry.name] = Blank(dims, entry.dtype, entry.attributes)
@@ -96,6 +102,15 @@ class Layout:
             Per.INITIAL: ("run",),
             Per.DESIRED: (),
         }[per]
+
+    def size(self, blanks: Mapping[str, Blank]) -> int:
+        """Bytes of some variables."""
+        sizes = {"point": len(self.study)} | _sizes(self.coordinates)
+        return sum(
+            prod(sizes[dim] for dim in blank.dims)
+            * (blank.dtype.itemsize if blank.dtype else TEXT_BYTES)
+            for blank in blanks.values()
+        )
 
     @property
     def coordinates(self) -> dict[str, Variable]:
@@ -134,14 +149,10 @@ def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[s
     swept = swept_coordinates(study)
     if not study.is_ragged:
         return layouts[0].blanks(), layouts[0].coordinates | swept
-    blanks = layouts[0].blanks()
-    rest = [layout.blanks() for layout in layouts[1:]]
+    first, *rest = [layout.blanks(layout.of(Per.RUN)) for layout in layouts]
     kept = {
-        entry.name: replace(
-            blanks[entry.name],
-            attributes=_agreed([one[entry.name].attributes for one in (blanks, *rest)]),
-        )
-        for entry in layouts[0].of(Per.RUN)
+        name: replace(blank, attributes=_agreed([one[name].attributes for one in (first, *rest)]))
+        for name, blank in first.items()
     }
     shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
     return kept, shared | swept
