@@ -45,10 +45,10 @@ def run_experiment(
     experiment: LoadedExperiment,
     out: Path | None,
     executor: Executor,
+    shard_text: str | None,
     *,
     force: bool,
     rerun_failed: bool,
-    shard: Shard | None,
     json: bool,
     quiet: bool,
 ) -> None:
@@ -57,6 +57,7 @@ def run_experiment(
     from eqt_cli.cli.output import say, warn
     from eqt_cli.cli.progress import progress
 
+    shard = shard_from(shard_text)
     out = out or Path("results") / experiment.name
     try:
         with progress(experiment.study.plans.total, quiet=quiet) as advance:
@@ -80,10 +81,7 @@ def run_experiment(
             say(f"{out} already holds this experiment; --force runs it again")
         elif done.resumed:
             say(f"{done.resumed} of {done.runs} runs were there already")
-    if not done.packed:
-        _print_shard(done, shard, json)
-    else:
-        report(done, json=json)
+    report(done, shard, json=json)
 
 
 def _interrupted(study: Study, out: Path) -> Exception:
@@ -99,56 +97,54 @@ def _interrupted(study: Study, out: Path) -> Exception:
     )
 
 
-def _print_shard(done: StoredResult, shard: Shard | None, json: bool) -> None:
-    if json:
-        _print_json(done, {"folder": str(done.path)}, ["some runs failed"] if done.failed else [])
-    else:
-        assert shard is not None
-        print(f"shard {shard.index}/{shard.count}: {done.runs} runs, {done.failed} failed")
-        print(f"next     eqt pack {done.path}  (when all shards are done)")
-    if done.failed:
-        raise typer.Exit(3)
-
-
-def report(done: StoredResult, *, json: bool) -> None:
+def report(done: StoredResult, shard: Shard | None = None, *, json: bool) -> None:
     """Print what came out, and exit with 3 or 4 where runs failed or the check did not hold."""
+    from eqt_cli.cli.output import print_found, print_json
     from eqt_cli.results.result import open_result
 
-    with open_result(done.file) as results:
-        check = results.cross_check
-        if json:
-            _print_document(done, results)
-        else:
-            _print_summary(done, results)
+    causes = ["some runs failed"] if done.failed else []
+    counted: dict[str, Any] = {
+        "runs": done.runs,
+        "failed": done.failed,
+        "resumed": done.resumed,
+        "seconds": done.seconds,
+        "causes": causes,
+    }
+    disagrees = False
+    if shard is not None:
+        text = (
+            f"shard {shard.index}/{shard.count}: {done.runs} runs, {done.failed} failed\n"
+            f"next     eqt pack {done.path}  (when all shards are done)"
+        )
+        print_found({"folder": str(done.path), **counted}, text, json=json)
+    else:
+        with open_result(done.file) as results:
+            check = results.cross_check
+            disagrees = check is not None and not check.holds
+            if disagrees:
+                causes.append("the cross-check does not hold")
+            if json:
+                print_json(_document(done, results, counted))
+            else:
+                _print_summary(done, results)
     if done.failed:
         raise typer.Exit(3)
-    if check is not None and not check.holds:
+    if disagrees:
         raise typer.Exit(4)
 
 
-def _print_json(done: StoredResult, first: dict[str, Any], causes: list[str], **last: Any) -> None:
-    from eqt_cli.cli.output import print_json
-
-    counted = {"runs": done.runs, "failed": done.failed, "resumed": done.resumed}
-    print_json({**first, **counted, "seconds": done.seconds, "causes": causes, **last})
-
-
-def _print_document(done: StoredResult, results: Result) -> None:
+def _document(done: StoredResult, results: Result, counted: dict[str, Any]) -> dict[str, Any]:
     from dataclasses import asdict
 
-    check = results.cross_check
-    points = results.dimensions.get("point")
-    first = {"results": str(done.file), "was_complete": done.was_complete}
-    causes = ["some runs failed"] if done.failed else []
-    if check and not check.holds:
-        causes.append("the cross-check does not hold")
-    _print_json(
-        done,
-        first if points is None else first | {"points": points},
-        causes,
-        controllers=results.headline(),
-        cross_check=asdict(check) | {"holds": check.holds} if check else None,
-    )
+    check, points = results.cross_check, results.dimensions.get("point")
+    return {
+        "results": str(done.file),
+        "was_complete": done.was_complete,
+        **({} if points is None else {"points": points}),
+        **counted,
+        "controllers": results.headline(),
+        "cross_check": asdict(check) | {"holds": check.holds} if check else None,
+    }
 
 
 def _print_summary(done: StoredResult, results: Result) -> None:

@@ -32,7 +32,7 @@ def run(
     Run it again after an interruption: it continues.
     """
     from eqt_cli.api import LoadedExperiment
-    from eqt_cli.cli.execution import executor_from, run_experiment, shard_from
+    from eqt_cli.cli.execution import executor_from, run_experiment
     from eqt_cli.config.source import read_config
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.sweeping import study
@@ -46,9 +46,9 @@ def run(
         found,
         out,
         executor_from(found, executor, workers, scheduler),
+        shard,
         force=force,
         rerun_failed=rerun_failed,
-        shard=shard_from(shard),
         json=json,
         quiet=quiet,
     )

@@ -54,7 +54,7 @@ def sweep(
     Run it again after an interruption: it continues.
     """
     from eqt_cli.api import LoadedExperiment
-    from eqt_cli.cli.execution import executor_from, run_experiment, shard_from
+    from eqt_cli.cli.execution import executor_from, run_experiment
     from eqt_cli.cli.output import say
     from eqt_cli.cli.progress import progress
     from eqt_cli.config.source import read_config
@@ -88,9 +88,9 @@ def sweep(
         found,
         out,
         chosen,
+        shard,
         force=force,
         rerun_failed=rerun_failed,
-        shard=shard_from(shard),
         json=json,
         quiet=quiet,
     )
