@@ -18,6 +18,7 @@ from typing import Any
 import typer
 
 from eqt_cli.config.catalogue import KINDS
+from eqt_cli.core.files import replace_file
 
 Completions = list[tuple[str, str]]
 """What may stand there, and what it means."""
@@ -117,9 +118,7 @@ def _known() -> dict[str, Any]:
     found = {"state": state} | _collected()
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        temporary = file.with_suffix(f".{os.getpid()}.tmp")
-        temporary.write_text(json.dumps(found), encoding="utf-8")
-        temporary.replace(file)
+        replace_file(file, json.dumps(found).encode())
     return found
 
 

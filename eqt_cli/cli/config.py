@@ -72,7 +72,7 @@ def check(
     quiet: options.Quiet = False,
 ) -> None:
     """Check a configuration without running it."""
-    from eqt_cli.cli.output import print_json, problem_records, say
+    from eqt_cli.cli.output import print_found, print_json, problem_records, say
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
     from eqt_cli.core.errors import ConfigError
@@ -85,25 +85,19 @@ def check(
             raise
         print_json(_document(config, problem_records(error.problems)))
         raise typer.Exit(error.exit_code) from error
-    experiment = found.base
-    if resolved and json:
-        print_json(found.resolved)
-        return
     if resolved:
-        print(dump(found.resolved), end="")
+        print_found(found.resolved, dump(found.resolved), json=json)
         return
-    if json:
-        print_json(_document(config, [], found))
-        return
-    runs = experiment.config.ensemble.runs
-    if not quiet:
+    if not (quiet or json):
         say(f"{config}: fine")
-    print(
+    experiment = found.base
+    text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")
-        + f"{len(experiment.loops)} controllers × "
-        f"{runs} runs, {experiment.config.time.duration:g} s, engine {experiment.engine.name}"
+        + f"{len(experiment.loops)} controllers × {experiment.config.ensemble.runs} runs, "
+        f"{experiment.config.time.duration:g} s, engine {experiment.engine.name}"
     )
+    print_found(_document(config, [], found), text, json=json)
 
 
 def _document(

@@ -86,10 +86,10 @@ def run_experiment(
 
 def _interrupted(study: Study, out: Path) -> Exception:
     from eqt_cli.core.errors import InterruptedRun
-    from eqt_cli.execution.folder import ResultFolder
+    from eqt_cli.execution.unfinished import unfinished
 
-    parts = ResultFolder(out).parts.listed()
-    done = sum(study.plans.runs_of(number) for number in parts if number < len(study.plans))
+    begun = unfinished(out)
+    done = begun.done if begun else 0
     whole = f" (whole parts of {study.plans.runs_of(0)} are)" if not done else ""
     return InterruptedRun(
         f"interrupted; {done} of {study.plans.total} runs are kept in {out}{whole}: "

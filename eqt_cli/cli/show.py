@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from eqt_cli.cli import completion, options
+from eqt_cli.cli import options
 
 if TYPE_CHECKING:
     from eqt_cli.execution.unfinished import Unfinished
@@ -29,11 +27,8 @@ def show(
     ] = False,
     format_: Annotated[
         str | None,
-        typer.Option(
-            "--format",
-            metavar="NAME",
-            autocompletion=completion.words("csv", "jsonl"),
-            help="Of the table: csv or jsonl; default: csv.",
+        options.one_of(
+            "csv", "jsonl", option="--format", help="Of the table: csv or jsonl; default: csv."
         ),
     ] = None,
     point: options.Point = None,

@@ -97,32 +97,32 @@ def sweep(
 
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
-    from eqt_cli.cli.output import duration, print_json, size
-    from eqt_cli.execution.cost import check_memory, estimate
+    from eqt_cli.cli.output import duration, print_found
+    from eqt_cli.execution.cost import check_memory, estimate, size
 
     assert study.sweep is not None
     check_memory(study)
     expected = estimate(study, executor)
     first = [study.sweep.point(k) for k in range(min(FIRST_POINTS, len(study)))]
     plan = study.plan
-    if json:
-        print_json(
-            {
-                "points": len(study),
-                "runs": plan.total,
-                "first": first,
-                "seconds": expected.seconds,
-                "workers": expected.workers,
-                "bytes": expected.size,
-            }
-        )
-        return
-    print(f"{len(study)} points × {plan.controllers} controllers × {plan.runs} runs = {plan.total}")
+    document = {
+        "points": len(study),
+        "runs": plan.total,
+        "first": first,
+        "seconds": expected.seconds,
+        "workers": expected.workers,
+        "bytes": expected.size,
+    }
+    lines = [
+        f"{len(study)} points × {plan.controllers} controllers × {plan.runs} runs = {plan.total}"
+    ]
     for index, point in enumerate(first):
-        print(f"  {index}  " + ", ".join(f"{key} = {value}" for key, value in point.items()))
+        values = ", ".join(f"{key} = {value}" for key, value in point.items())
+        lines.append(f"  {index}  {values}")
     if len(study) > FIRST_POINTS:
-        print("  …")
+        lines.append("  …")
     kept = f"{study.kept} trajectories each" if study.kept else "metrics only"
     workers = "1 worker" if expected.workers == 1 else f"{expected.workers} workers"
-    print(f"time     about {duration(expected.seconds)} with {workers}")
-    print(f"size     {size(expected.size)}, {kept}")
+    lines.append(f"time     about {duration(expected.seconds)} with {workers}")
+    lines.append(f"size     {size(expected.size)}, {kept}")
+    print_found(document, "\n".join(lines), json=json)

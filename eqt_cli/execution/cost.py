@@ -99,7 +99,7 @@ def check_resources(study: Study, folder: Path) -> None:
         _refuse(
             study,
             ("ensemble", "runs"),
-            f"the result takes {_size(needed)} on the disk, and {folder} has {_size(free)} left; "
+            f"the result takes {size(needed)} on the disk, and {folder} has {size(free)} left; "
             "take fewer runs, fewer samples, or store.trajectories: none",
         )
 
@@ -119,8 +119,8 @@ def check_memory(study: Study) -> None:
         _refuse(
             study,
             ("time", "samples"),
-            f"a part of the runs takes at least {_size(needed)} of memory at once, and this "
-            f"machine has {_size(there)}; take fewer samples",
+            f"a part of the runs takes at least {size(needed)} of memory at once, and this "
+            f"machine has {size(there)}; take fewer samples",
         )
 
 
@@ -152,9 +152,13 @@ def _free_disk(folder: Path) -> int:
     return shutil.disk_usage(there).free
 
 
-def _size(size: int) -> str:
-    unit, divisor = ("TB", 10**12) if size >= 10**12 else ("GB", 10**9)
-    return f"{size / divisor:.3g} {unit}"
+def size(count: float) -> str:
+    """A number of bytes in the unit that suits it."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} TB"
 
 
 def _refuse(study: Study, path: tuple[str, ...], message: str) -> None:

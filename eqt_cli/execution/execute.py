@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -22,13 +21,14 @@ from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
 from eqt_cli.execution.pack import BrokenPart, pack, replace_runs
 from eqt_cli.execution.part_task import PartTask
-from eqt_cli.execution.provenance import OTHERS, differences, provenance, together
+from eqt_cli.execution.provenance import OTHERS, differences, now, provenance, together
 from eqt_cli.execution.rerun import rerun_of
 from eqt_cli.execution.result_layout import described
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantities import quantities
 
-RERUN = "rerun"
+RERUN = "reruns"
+"""The folder, in that of a result, of failed runs that are computed once more."""
 
 Progress = Callable[[float], None]
 Remark = Callable[[EqtWarning], None]
@@ -116,11 +116,9 @@ def execute(
         If the folder holds something else, is in use, or cannot be written.
     """
     folder = ResultFolder(out)
-    complete = not force and folder.is_complete(study)
-    if complete:
-        failed = int((folder.manifest or {}).get("failed", 0))
-        if not (rerun_failed and failed):
-            return Execution(folder, True, [], study.plans.total, failed)
+    complete = None if force else _complete(study, folder)
+    if complete and not (rerun_failed and complete.failed):
+        return complete
     check_resources(study, out)
     with ExitStack() as locks:
         locks.enter_context(locked(out, shared=shard is not None, remark=remark))
@@ -128,7 +126,7 @@ def execute(
             locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
         session = _Session(study, folder, executor or Serial(), progress, resumed, remark)
         if complete:
-            return session.rerun(failed)
+            return session.rerun(complete.failed)
         if rerun_failed:
             session.forget_lost()
         done = session.run(force, shard)
@@ -145,9 +143,8 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
         If some are missing, or the folder is not this study's.
     """
     folder = ResultFolder(out)
-    if folder.is_complete(study):
-        failed = int((folder.manifest or {}).get("failed", 0))
-        return Execution(folder, True, [], study.plans.total, failed)
+    if complete := _complete(study, folder):
+        return complete
     with locked(out, remark=remark):
         missing = len(study.plans) - len(folder.parts.listed())
         if missing:
@@ -156,6 +153,14 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
                 "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
             )
         return _Session(study, folder, Serial(), remark=remark).run(False, None)
+
+
+def _complete(study: Study, folder: ResultFolder) -> Execution | None:
+    """What there is to say of a folder that holds the study's finished result; None of another."""
+    if not folder.is_complete(study):
+        return None
+    failed = int((folder.manifest or {}).get("failed", 0))
+    return Execution(folder, True, [], study.plans.total, failed)
 
 
 class _Session:
@@ -197,8 +202,7 @@ class _Session:
         listed = self.files.listed()
         failed = sum(listed[number].failed for number in wanted)
         if shard is None:
-            finished = datetime.now(UTC).isoformat(timespec="seconds")
-            ending = {"finished": finished, "seconds": self.seconds, "failed": failed}
+            ending = {"finished": now(), "seconds": self.seconds, "failed": failed}
             self.folder.finish(manifest | ending)
         runs = sum(self.plan.runs_of(number) for number in wanted)
         return Execution(
@@ -233,10 +237,10 @@ class _Session:
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
         manifest = self.folder.manifest or {}
-        now = provenance(self.study.source.folder)
-        earlier = manifest.get("provenance", now)
-        self._tell_versions([earlier], now)
-        origin = together(earlier, now)
+        here = provenance(self.study.source.folder)
+        earlier = manifest.get("provenance", here)
+        self._tell_versions([earlier], here)
+        origin = together(earlier, here)
         with _timed(self.seconds, "simulation"):
             again.prepare()
             self._forget_outdated(again, range(len(again)))
@@ -269,9 +273,9 @@ class _Session:
                 self.task.prepare()
                 self._compute(self.task, self.task.missing)
 
-    def _tell_versions(self, earlier: Sequence[dict[str, Any]], now: dict[str, Any]) -> None:
+    def _tell_versions(self, earlier: Sequence[dict[str, Any]], here: dict[str, Any]) -> None:
         """Say that not all runs are of the same versions, if they are not."""
-        differing = (differences(session, now) for session in earlier)
+        differing = (differences(session, here) for session in earlier)
         if listed := "; or ".join(filter(None, differing)):
             self.remark(
                 EqtWarning(
@@ -298,12 +302,8 @@ class _Session:
             "quantities": [entry.name for entry in quantities(study.base)],
             "config": study.numeric_config,
             "provenance": origin,
-            "begun": earlier["begun"] if same and "begun" in earlier else _now(),
+            "begun": earlier["begun"] if same and "begun" in earlier else now(),
         }
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 class _timed:

@@ -53,6 +53,7 @@ class Assembly:
 
     def __init__(self, file: Any, compression: Literal["gzip"] | None = None) -> None:
         self._file, self._compression = file, compression
+        self._texts: set[str] = set()
 
     def group(
         self,
@@ -71,9 +72,12 @@ class Assembly:
 
     def put(self, name: str, data: NDArray[Any], positions: tuple[int | slice, ...] = ()) -> None:
         """Write part of a variable: at `positions` along its first axes, all of the others."""
-        # Empty strings are left unwritten, as in `write`.
-        if data.size and not (data.dtype == object and (data == "").all()):
+        is_text = data.dtype == object
+        # Empty strings are left unwritten, as in `write`, unless they replace others.
+        if data.size and not (is_text and name not in self._texts and (data == "").all()):
             self._file[name][positions] = data
+            if is_text:
+                self._texts.add(name)
 
     def describe(self, attributes: Mapping[str, Attribute]) -> None:
         """Add attributes of the file, or of the group."""

@@ -386,7 +386,7 @@ def test_new_rows_that_lack_a_number_are_computed_again(make, whole, tmp_path, r
     execute(make(), out, executor=Losing({1, 2}))
     with pytest.raises(KeyboardInterrupt):
         execute(make(), out, rerun_failed=True, executor=Stopping(1))
-    edit(out / "rerun/000001.h5", unnamed)
+    edit(out / "reruns/000000.h5", unnamed)
     assert execute(make(), out, rerun_failed=True, remark=remarks.append).failed == 0
     assert len(remarks) == 1
     assert_same(contents(out), whole)
@@ -437,7 +437,7 @@ def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, tmp_path, text):
     for name in ("initial_pose", "initial_velocity"):  # rows of a lost part are drawn all the same
         np.testing.assert_array_equal(found[name], expected[name])
     assert_same(found, expected)
-    assert not (out / "rerun").exists()
+    assert not (out / "reruns").exists()
     assert execute(make(text), out, rerun_failed=True).was_complete
 
 
