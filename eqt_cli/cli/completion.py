@@ -23,8 +23,11 @@ from eqt_cli.core.files import replace_file
 Completions = list[tuple[str, str]]
 """What may stand there, and what it means."""
 
+Complete = Callable[[str], Completions]
+"""Completes the beginning of a word."""
 
-def names(kind: str) -> Callable[[str], Completions]:
+
+def names(kind: str) -> Complete:
     """Completes the name of a component."""
 
     def complete(incomplete: str) -> Completions:
@@ -45,7 +48,7 @@ def shipped(incomplete: str) -> Completions:
     return _starting(incomplete, dict.fromkeys(names(), ""))
 
 
-def words(*known: str) -> Callable[[str], Completions]:
+def words(*known: str) -> Complete:
     """Completes one of these words."""
     return lambda incomplete: _starting(incomplete, dict.fromkeys(known, ""))
 

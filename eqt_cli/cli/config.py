@@ -25,13 +25,7 @@ def new(
         ),
     ] = None,
     source: Annotated[
-        str,
-        typer.Option(
-            "--from",
-            metavar="NAME",
-            autocompletion=completion.shipped,
-            help="Shipped configuration to start from.",
-        ),
+        str, options.named("--from", completion.shipped, "Shipped configuration to start from.")
     ] = "paper",
     quiet: options.Quiet = False,
 ) -> None:

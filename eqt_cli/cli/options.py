@@ -43,22 +43,24 @@ def out(help: str) -> Any:
     return typer.Option("--out", metavar="DIR", parser=folder, help=help)
 
 
-def figure(help: str) -> Any:
-    """The option ``--figure``."""
-    complete = completion.names("figures")
-    return typer.Option("--figure", metavar="NAME", autocompletion=complete, help=help)
-
-
 def flag(*names: str, help: str) -> Any:
     """An option without a value."""
     return typer.Option(*names, metavar="", help=help)
 
 
-def one_of(*words: str, option: str, help: str) -> Any:
-    """An option that takes one of some words."""
-    return typer.Option(option, metavar="NAME", autocompletion=completion.words(*words), help=help)
+def named(option: str, complete: completion.Complete, help: str) -> Any:
+    """An option that takes a name, of those that a shell completes."""
+    return typer.Option(option, metavar="NAME", autocompletion=complete, help=help)
 
 
+def figure(help: str) -> Any:
+    """The option ``--figure``."""
+    return named("--figure", completion.names("figures"), help)
+
+
+Config = Annotated[
+    Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")
+]
 Result = Annotated[Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")]
 Set = Annotated[
     list[str] | None,
@@ -77,21 +79,14 @@ Workers = Annotated[
     typer.Option("--workers", min=1, metavar="N", help="Most cores to use; default: all."),
 ]
 Engine = Annotated[
-    str | None,
-    typer.Option(
-        "--engine",
-        metavar="NAME",
-        autocompletion=completion.names("engines"),
-        help="Engine, as solver.engine.",
-    ),
+    str | None, named("--engine", completion.names("engines"), "Engine, as solver.engine.")
 ]
 ExecutorName = Annotated[
     str | None,
-    typer.Option(
+    named(
         "--executor",
-        metavar="NAME",
-        autocompletion=completion.names("executors"),
-        help="auto, serial, threads, local or dask; default: what suits the engine.",
+        completion.names("executors"),
+        "auto, serial, threads, local or dask; default: what suits the engine.",
     ),
 ]
 Scheduler = Annotated[

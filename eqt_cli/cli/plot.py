@@ -37,16 +37,16 @@ def plot(
     ] = None,
     format_: Annotated[
         list[str] | None,
-        options.one_of(
-            *("pdf", "svg", "png", "json"),
-            option="--format",
-            help="pdf, svg, png, or json for the numbers; may be repeated; default: all pictures.",
+        options.named(
+            "--format",
+            completion.words("pdf", "svg", "png", "json"),
+            "pdf, svg, png, or json for the numbers; may be repeated; default: all pictures.",
         ),
     ] = None,
     width: Annotated[
         str,
-        options.one_of(
-            "column", "page", option="--width", help="column (3.5 in) or page (7.16 in)."
+        options.named(
+            "--width", completion.words("column", "page"), "column (3.5 in) or page (7.16 in)."
         ),
     ] = "column",
     style: Annotated[

@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
 from eqt_cli.cli import options
 
 
 def run(
-    config: Annotated[
-        Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")
-    ],
+    config: options.Config,
     out: options.Out = None,
     set_: options.Set = None,
     engine: options.Engine = None,

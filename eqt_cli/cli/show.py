@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eqt_cli.cli import options
+from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
     from eqt_cli.execution.unfinished import Unfinished
@@ -27,8 +27,10 @@ def show(
     ] = False,
     format_: Annotated[
         str | None,
-        options.one_of(
-            "csv", "jsonl", option="--format", help="Of the table: csv or jsonl; default: csv."
+        options.named(
+            "--format",
+            completion.words("csv", "jsonl"),
+            "Of the table: csv or jsonl; default: csv.",
         ),
     ] = None,
     point: options.Point = None,

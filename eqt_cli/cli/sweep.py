@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -21,9 +20,7 @@ MOST_CHECKED = 1000
 
 
 def sweep(
-    config: Annotated[
-        Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")
-    ],
+    config: options.Config,
     grid: Annotated[
         list[str] | None,
         typer.Option(
