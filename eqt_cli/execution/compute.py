@@ -12,7 +12,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
 from eqt_cli.engines import Problem, Solution, Status
 from eqt_cli.execution.batches import Batch, batches, initial_states, reference_batches
-from eqt_cli.execution.cross_check import chosen_entries, distance, reference_distance
+from eqt_cli.execution.cross_check import chosen_entries, difference, distance
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.plan import Part
@@ -292,8 +292,8 @@ def measured(
     metrics |= {
         "group_drift": loop.group.drift(signals["pose"]).max(axis=-1),
         "unstable_distance": distance_to_unstable(loop.group, loop.gains.K, s.Q_E).min(axis=-1),
-        "reference_residual": reference_distance(
-            s, reference["desired_pose"], reference["desired_velocity"]
+        "reference_residual": difference(
+            s.Qd - reference["desired_pose"], s.Vd - reference["desired_velocity"]
         ),
     }
     return signals, metrics

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
-from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.results.result import CrossCheck
 
 BOUND_PER_RTOL = 1000.0
@@ -23,6 +23,7 @@ BOUND_PER_RTOL = 1000.0
 in the paper's ensemble, near the unstable equilibria) with room to spare."""
 
 
+@lru_cache(maxsize=8)
 def chosen_entries(study: Study) -> Array:
     """Which runs of each controller are redone, counted over all points.
 
@@ -78,9 +79,9 @@ def _differences(
         again = engine.solve(problem, lambda runs: None)
         loop = problem.batched_loop(extra_axes=1)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-            difference = distance(loop, problem.times, states, again.states)
+            distances = distance(loop, problem.times, states, again.states)
         good = np.isfinite(states).all(axis=(1, 2))
-        found.append(np.nan_to_num(difference[good], nan=np.inf))
+        found.append(np.nan_to_num(distances[good], nan=np.inf))
     return np.concatenate(found)
 
 
@@ -97,15 +98,14 @@ def _by_kind(
 
 
 def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:
-    """max over samples of max(‖ΔQ‖_F, ‖ΔV‖), ``(runs, samples, n) -> (runs,)``."""
+    """The difference of poses and velocities of states, ``(runs, samples, n) -> (runs,)``."""
     a, b = loop.tracking(times, one), loop.tracking(times, other)
-    largest: Array = np.maximum(frobenius(a.Q - b.Q), norm(a.V - b.V)).max(axis=-1)
-    return largest
+    return difference(a.Q - b.Q, a.V - b.V)
 
 
-def reference_distance(s: Tracking, Qd: Array, Vd: Array) -> Array:
-    """Like `distance`, between the reference within each run and the one solved by itself."""
-    largest: Array = np.maximum(frobenius(s.Qd - Qd), norm(s.Vd - Vd)).max(axis=-1)
+def difference(pose: Array, velocity: Array) -> Array:
+    """max over samples of max(‖ΔQ‖_F, ‖ΔV‖), ``(runs,)``."""
+    largest: Array = np.maximum(frobenius(pose), norm(velocity)).max(axis=-1)
     return largest
 
 

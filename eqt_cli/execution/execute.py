@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import EqtError, EqtWarning, Remedy
 from eqt_cli.execution.cost import check_resources
 from eqt_cli.execution.executors import MOST_TRIES, Executor
@@ -32,6 +31,10 @@ RERUN = "reruns"
 
 Progress = Callable[[float], None]
 Remark = Callable[[EqtWarning], None]
+
+
+def _silent(runs: float) -> None:
+    """What is done with progress where nobody asks for it."""
 
 
 def warn(remark: EqtWarning) -> None:
@@ -87,8 +90,8 @@ def execute(
     force: bool = False,
     rerun_failed: bool = False,
     shard: Shard | None = None,
-    progress: Progress = lambda runs: None,
-    resumed: Progress = lambda runs: None,
+    progress: Progress = _silent,
+    resumed: Progress = _silent,
     remark: Remark = warn,
 ) -> Execution:
     """Compute what of a study is not in its folder yet, and pack the result file.
@@ -152,7 +155,7 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
                 f"{out}: {missing} of {len(study.plans)} parts are missing; run every shard to its "
                 "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
             )
-        return _Session(study, folder, Serial(), remark=remark).run(False, None)
+        return _Session(study, folder, Serial(), _silent, _silent, remark).run(False, None)
 
 
 def _complete(study: Study, folder: ResultFolder) -> Execution | None:
@@ -163,21 +166,19 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
     return Execution(folder, True, [], study.plans.total, failed)
 
 
+@dataclass
 class _Session:
-    def __init__(
-        self,
-        study: Study,
-        folder: ResultFolder,
-        executor: Executor,
-        progress: Progress = lambda runs: None,
-        resumed: Progress = lambda runs: None,
-        remark: Remark = warn,
-    ) -> None:
-        self.study, self.folder, self.executor = study, folder, executor
-        self.progress, self.resumed, self.remark = progress, resumed, remark
-        self.plan, self.files = study.plans, folder.parts
-        self.task = PartTask(study, self.files)
-        self.seconds: dict[str, float] = {}
+    study: Study
+    folder: ResultFolder
+    executor: Executor
+    progress: Progress
+    resumed: Progress
+    remark: Remark
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.plan, self.files = self.study.plans, self.folder.parts
+        self.task = PartTask(self.study, self.files)
 
     def run(self, force: bool, shard: Shard | None) -> Execution:
         earlier = self.folder.manifest or {}
@@ -261,8 +262,7 @@ class _Session:
 
     def _pack(self, origin: dict[str, Any]) -> None:
         """Pack all parts; those that turn out to be damaged are computed again."""
-        config, plugins = dump(self.study.resolved), dump(self.study.base.plugins)
-        attributes = described(self.study, origin, config, plugins)
+        attributes = described(self.study, origin)
         while True:
             try:
                 pack(self.task, self.folder.results, attributes)

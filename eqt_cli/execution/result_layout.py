@@ -233,15 +233,13 @@ def titles(study: Study) -> dict[str, str]:
     return {label: law.title if label == law.name else label for label, law in laws.items()}
 
 
-def described(
-    study: Study, provenance: dict[str, Any], config: str, plugins: str
-) -> dict[str, Any]:
+def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
     """The attributes with which a result can be understood and run again."""
     groups = {study.piece(index).base.group.name: None for index in range(len(study.shapes))}
     return {
         "title": study.name,
-        "config": config,
-        "plugins": plugins,
+        "config": dump(study.resolved),
+        "plugins": dump(study.base.plugins),
         "digest": study.digest,
         "group": ", ".join(groups),
         "titles": json.dumps(titles(study), ensure_ascii=False),
