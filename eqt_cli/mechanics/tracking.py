@@ -5,7 +5,7 @@ This is all that a control law may read. Everything is computed once, when first
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -76,6 +76,32 @@ class Tracking:
     def P_tilde(self) -> Array:
         """P̃ = P − P_d = 𝕀Ṽ, body frame."""
         return self.P - self.Pd
+
+    @cached_property
+    def Vd_dot(self) -> Array:
+        """V̇_d = 𝕀⁻¹(ad*_{V_d} P_d + τ_d − 𝕀̇V_d), body frame."""
+        rate = self.G.ad_star(self.Vd, self.Pd) + self.tau_d
+        return self.inertia.velocity(rate - self.inertia.rate_force(self.Vd))
+
+    @cached_property
+    def relative(self) -> Tracking:
+        """The same motion against its reference seen from the body: the errors Q_d⁻¹Q and V − ξ.
+
+        The desired velocity carried to the body is ξ = Ad_{Q_L⁻¹} V_d with Q_L = Q_d⁻¹Q; it
+        changes at the rate ξ̇ = Ad_{Q_L⁻¹} V̇_d − ad_{V−ξ} ξ, and the torque that drives it is
+        τ_ξ = 𝕀ξ̇ + 𝕀̇ξ − ad*_ξ 𝕀ξ. With Q_L in the place of the pose, I in that of the desired
+        pose and (𝕀ξ, τ_ξ) in those of its momentum and torque, all that this class calls an error
+        is the error in the body frame, and so a formula for one serves both: Ṽ is V − ξ, Q_E
+        is Q_L, and the gradient is L*_{Q_L}dΥ(Q_L).
+        """
+        G, inertia = self.G, self.inertia
+        Q_L = G.inverse(self.Qd) @ self.Q
+        carry = G.Ad_matrix(G.inverse(Q_L))
+        xi = apply_matrix(carry, self.Vd)
+        xi_dot = apply_matrix(carry, self.Vd_dot) - G.ad(self.V - xi, xi)
+        P_xi = inertia.momentum(xi)
+        tau_xi = inertia.momentum(xi_dot) + inertia.rate_force(xi) - G.ad_star(xi, P_xi)
+        return replace(self, Q=Q_L, Qd=G.identity, Pd=P_xi, tau_d=tau_xi)
 
     @cached_property
     def Q_E(self) -> Array:
