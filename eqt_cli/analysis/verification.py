@@ -165,16 +165,16 @@ class _Verifier:
         few = min(ERROR_SYSTEM_RUNS, len(states))
         return Runs(
             label=label,
-            claims_decrease=loop.controller.claims_decrease,
+            claims_decrease=loop.claims_decrease,
             rtol=engine.rtol,
             threshold=self.experiment.config.settling_threshold,
             times=self.times,
-            **self._signals(loop, problem, states),
+            **self._signals(loop, states),
             error_system=self._error_system(loop, states[:few], engine),
             failed=int(np.count_nonzero(~good)),
         )
 
-    def _signals(self, loop: ClosedLoop, problem: Problem, states: Array) -> dict[str, Array]:
+    def _signals(self, loop: ClosedLoop, states: Array) -> dict[str, Array]:
         """What is judged of the good runs; where there are none, no law is asked."""
         if not len(states):
             names = ("energy_residual", "group_drift", "final_pose_error", "final_velocity_error")
@@ -182,12 +182,9 @@ class _Verifier:
             return none | {"lyapunov": np.empty((0, len(self.times)))}
         signals = compute(loop, self.times, states)
         L = signals["lyapunov"]
-        residual = energy_residual(L, signals["energy_balance"])
-        if loop.controller.dissipation(loop.tracking(self.times[0], problem.states[:1])) is None:
-            residual = np.full_like(residual, np.nan)
         return {
             "lyapunov": L,
-            "energy_residual": residual,
+            "energy_residual": energy_residual(L, signals["energy_balance"]),
             "group_drift": loop.group.drift(signals["pose"]).max(axis=-1),
             "final_pose_error": signals["pose_error"][:, -1],
             "final_velocity_error": signals["velocity_error"][:, -1],
@@ -213,7 +210,7 @@ class _Verifier:
             L = kept[good[: len(kept)]]
         return Runs(
             label=label,
-            claims_decrease=loop.controller.claims_decrease,
+            claims_decrease=loop.claims_decrease,
             rtol=engine.rtol,
             threshold=self.experiment.config.settling_threshold,
             times=results["time"],

@@ -9,8 +9,6 @@ import dataclasses
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from eqt_cli.closed_loop.system import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.mechanics.lie_poisson import lie_poisson
@@ -22,7 +20,7 @@ from eqt_cli.mechanics.tracking import Tracking
 class ErrorSystem(ClosedLoop):
     """The Lie-Poisson system of E = X X_d⁻¹, with the inertia 𝕀̄_t and the reference beside it.
 
-    A flat state is (Q_E, P_E, Q_d, P_d, W): that of a closed loop with E in the place of X.
+    A flat state is that of the closed loop with E = (Q_E, P_E) in the place of X.
     """
 
     @staticmethod
@@ -33,17 +31,15 @@ class ErrorSystem(ClosedLoop):
 
     def error(self, state: Array) -> State:
         """E of a flat state of this system."""
-        pose, momentum, *_ = self._layout
-        return self.group.unpack(state[..., pose]), state[..., momentum]
+        found = self.layout.split(state)
+        return self.group.unpack(found["pose"]), found["momentum"]
 
     def state_from(self, loop_state: Array, t: float) -> Array:
         """The flat state of this system at one of the closed loop's."""
         s = super().tracking(t, loop_state)
         Q_E, P_E = Semidirect(self.group).error((s.Q, s.P), (s.Qd, s.Pd))
-        pose, momentum, *_ = self._layout
-        state = loop_state.copy()
-        state[..., pose], state[..., momentum] = self.group.pack(Q_E), P_E
-        return state
+        error = {"pose": self.group.pack(Q_E), "momentum": P_E}
+        return self.layout.join(self.layout.split(loop_state) | error, loop_state)
 
     def tracking(self, t: Any, state: Array) -> Tracking:
         """What a law may read at X = E X_d."""
@@ -59,15 +55,6 @@ class ErrorSystem(ClosedLoop):
         G, s = self.group, self.tracking(t, state)
         Q_E, P_E = self.error(state)
         V_E = G.Ad(s.Qd, s.inertia.velocity(G.Ad_star(s.Qd, P_E)))
-        tau = self.controller.torque(s)
-        _, tau_E = Semidirect(G).error_input((s.Qd, s.Pd), (s.V, tau), (s.Vd, s.tau_d))
+        _, tau_E = Semidirect(G).error_input((s.Qd, s.Pd), (s.V, self.torque(s)), (s.Vd, s.tau_d))
         Q_E_dot, P_E_dot = lie_poisson(G, Q_E, P_E, V_E, tau_E)
-        Qd_dot, Pd_dot = lie_poisson(G, s.Qd, s.Pd, s.Vd, s.tau_d)
-        derivative = np.empty(state.shape, dtype=state.dtype)
-        pose, momentum, desired_pose, desired_momentum, work = self._layout
-        derivative[..., pose] = G.pack(Q_E_dot)
-        derivative[..., momentum] = P_E_dot
-        derivative[..., desired_pose] = G.pack(Qd_dot)
-        derivative[..., desired_momentum] = Pd_dot
-        derivative[..., work] = 0.0
-        return derivative
+        return self._derivative(s, Q_E_dot, P_E_dot, 0.0, state)

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+import numpy as np
+
 from eqt_cli.closed_loop.system import ClosedLoop
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.groups import MatrixLieGroup, Part
@@ -103,13 +105,17 @@ def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
     Returns
     -------
     dict
-        One array ``(runs, samples, …)`` per signal, and ``energy_balance``, L(t) + W(t).
+        One array ``(runs, samples, …)`` per signal, and ``energy_balance``, L(t) + W(t), which is
+        NaN where the dissipation is not known.
     """
-    return dict(_compute(loop, loop.tracking(times, states), loop.work(states)))
+    found = dict(_compute(loop, loop.tracking(times, states), loop.work(states)))
+    if loop.dissipation(loop.tracking(times[:1], states[:, :1])) is None:
+        found["energy_balance"] = np.full_like(found["energy_balance"], np.nan)
+    return found
 
 
 def _compute(loop: ClosedLoop, s: Tracking, work: Array) -> Iterator[tuple[str, Array]]:
-    tau = loop.controller.torque(s)
+    tau = loop.torque(s)
     yield "pose", s.Q
     yield "velocity", s.V
     yield "torque", tau
@@ -117,8 +123,9 @@ def _compute(loop: ClosedLoop, s: Tracking, work: Array) -> Iterator[tuple[str, 
         yield entry.name, entry.of(s, tau)
         for part in _split(loop.group):
             yield f"{entry.name}_{part.name}", entry.of_part(s, tau, part)
-    yield "lyapunov", s.lyapunov
-    yield "energy_balance", s.lyapunov + work
+    L = loop.lyapunov(s)
+    yield "lyapunov", L
+    yield "energy_balance", L + work
 
 
 def _split(group: MatrixLieGroup) -> tuple[Part, ...]:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.tracking import Gains, Tracking
 
 
 @dataclass(frozen=True)
@@ -28,11 +29,21 @@ class Controller(ABC):
         As written in figures: ``EqT``.
     tasks
         The tasks of a configuration that it is for.
+    energy
+        Its Lyapunov function, as text: ``½⟨P̃, Ṽ⟩ + Υ(Q_E)``.
+    theorem
+        Where that function is shown to fall; "" where nothing is claimed.
+    matched
+        Whether its stiffness and damping for small errors are the Hessian of Υ and K_d, as those
+        of the paper's laws are, so that equal gains make a fair comparison.
     """
 
     name: ClassVar[str]
     title: ClassVar[str]
     tasks: ClassVar[tuple[str, ...]] = ("track",)
+    energy: ClassVar[str] = "½⟨P̃, Ṽ⟩ + Υ(Q_E)"
+    theorem: ClassVar[str] = "Theorems 3.2, 6.2"
+    matched: ClassVar[bool] = True
     # Read by pydantic when a configuration gives options: no other keys, no silent conversions.
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
@@ -59,9 +70,25 @@ class Controller(ABC):
         """Whether L is claimed to fall along every trajectory; None where the law does not say."""
         return None
 
+    def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
+        """As `claims_decrease`, with these gains."""
+        return self.claims_decrease
+
+    def misfit(self, G: MatrixLieGroup) -> str | None:
+        """Why the law says nothing on this group; None where it does."""
+        return None
+
     @abstractmethod
     def torque(self, s: Tracking) -> Array:
         """τ, body frame, ``(..., m)``."""
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """L, the function that the law claims to fall, ``(...)``: its own, as `energy` says."""
+        return s.lyapunov
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """y, the velocity at which a torque δ beside the law's raises L by ⟨δ, y⟩, ``(..., m)``."""
+        return s.V_tilde
 
     def dissipation(self, s: Tracking) -> Array | None:
         """The power −dL/dt that the law takes out of L, ``(...)``; None where it is not known.
@@ -69,6 +96,23 @@ class Controller(ABC):
         It is integrated along with every run, so that L(t) + ∫dissipation = L(0) can be checked.
         """
         return None
+
+    # A law with memory, such as an integral of the error, has states that are integrated too.
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """The law's own states: how many numbers each has, by name."""
+        return {}
+
+    def initial_memory(self, s: Tracking) -> Mapping[str, Array]:
+        """The states at the start of a run, ``(..., length)`` each; all 0 unless given here.
+
+        In `s` every one of them is 0.
+        """
+        return {}
+
+    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
+        """The time derivative of every one of the states, which are in `s.memory`."""
+        return {}
 
 
 def _is_parameter(value: Any) -> bool:

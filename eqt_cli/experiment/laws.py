@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -65,17 +66,21 @@ class _Torques:
         loop, G = next(iter(base.loops.values())), base.group
         Q, Qd = G.exp(random.standard_normal((2, STATES, G.dimension)))
         V, Vd = random.standard_normal((2, STATES, G.dimension))
-        self.state = loop.tracking(0.0, loop.initial_state(Q, V, Qd, Vd))
+        self.loop, self.start = loop, (Q, V, Qd, Vd)
         fitting = (kind for kind in controllers.all() if base.config.task in kind.tasks)
         laws = [kind() for kind in fitting if not option_names(kind)]
-        self.known = [(law.name, law.torque(self.state)) for law in laws]
+        self.known = [(law.name, self._of(law)) for law in laws]
 
     def name(self, law: Controller) -> str:
         """The first law that asks for the same torques, up to rounding; "" if there is none."""
-        asked = law.torque(self.state)
+        asked = self._of(law)
         bound = ROUNDING * np.abs(asked).max()
         equal = (name for name, torque in self.known if np.abs(torque - asked).max() <= bound)
         return next(equal, "")
+
+    def _of(self, law: Controller) -> Array:
+        loop = replace(self.loop, controller=law)
+        return loop.command(loop.tracking(0.0, loop.initial_state(*self.start)))
 
 
 def _law(entry: Any) -> Controller:

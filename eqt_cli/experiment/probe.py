@@ -90,7 +90,7 @@ def _probe_law(loop: ClosedLoop, state: Array, path: Path, problems: Problems) -
     for t, states in ((0.0, whole[:, 0]), (np.zeros(whole.shape[1]), whole)):
         with _noting(path, name, problems):
             s = loop.tracking(t, states)
-            torque, dissipation = law.torque(s), law.dissipation(s)
+            torque, dissipation = loop.torque(s), loop.dissipation(s)
         axes = (loop.group.dimension,)
         _fitting(torque, states, axes, path, name, type(law).torque, problems, exact=True)
         if dissipation is not None:

@@ -175,6 +175,8 @@ class EuclideanGroup(MatrixLieGroup):
         gives the others (Shepperd, J. Guidance and Control 1 (1978) 223).
         """
         R = self.rotation(Q)
+        if not self.rotations:
+            return super().half_turn(Q)
         if self.space == 2:
             return self._half_turn_in_plane(R[..., 0, 0], R[..., 1, 0])
         diagonal = [R[..., k, k] for k in range(3)]

@@ -5,7 +5,8 @@ This is all that a control law may read. Everything is computed once, when first
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -45,6 +46,8 @@ class Tracking:
         True and desired momentum.
     tau_d : (..., m)
         Torque that drives the desired state, body frame.
+    memory
+        The states of the law itself by name, ``(..., length)`` each, where it has any.
     """
 
     G: MatrixLieGroup
@@ -56,6 +59,7 @@ class Tracking:
     Qd: Array
     Pd: Array
     tau_d: Array
+    memory: Mapping[str, Array] = field(default_factory=dict)
 
     @cached_property
     def V(self) -> Array:
@@ -101,7 +105,9 @@ class Tracking:
         xi_dot = apply_matrix(carry, self.Vd_dot) - G.ad(self.V - xi, xi)
         P_xi = inertia.momentum(xi)
         tau_xi = inertia.momentum(xi_dot) + inertia.rate_force(xi) - G.ad_star(xi, P_xi)
-        return replace(self, Q=Q_L, Qd=G.identity, Pd=P_xi, tau_d=tau_xi)
+        seen = replace(self, Q=Q_L, Qd=G.identity, Pd=P_xi, tau_d=tau_xi)
+        vars(seen).update(V=self.V, Vd=xi, Vd_dot=xi_dot)  # known already
+        return seen
 
     @cached_property
     def Q_E(self) -> Array:
@@ -123,10 +129,47 @@ class Tracking:
         """
         return self.inertia.feedforward(self.V_tilde)
 
+    def feedforward(self, g: Any, c: Any, n: Any, q: Any = None) -> Array:
+        """τ_d − g ad*_Ṽ 𝕀V_d − c ad*_{V_d} 𝕀Ṽ + n 𝕀 ad_V V_d + Ṡ*S⁻* 𝕀Ṽ − q ad*_Ṽ 𝕀Ṽ.
+
+        The terms with g and q have no power. Without a q, its term is left out.
+        """
+        G = self.G
+        force = (
+            self.tau_d
+            - g * G.ad_star(self.V_tilde, self.Pd)
+            - c * G.ad_star(self.Vd, self.P_tilde)
+            + n * self.inertia.momentum(G.ad(self.V, self.Vd))
+            + self.inertia_force
+        )
+        return force if q is None else force - q * G.ad_star(self.V_tilde, self.P_tilde)
+
+    @cached_property
+    def cancelling_feedforward(self) -> Array:
+        """Ṗ_d − ad*_V P + Ṡ*S⁻* 𝕀Ṽ, which leaves d(𝕀Ṽ)/dt = Ṡ*S⁻* 𝕀Ṽ: `feedforward` (1, 1, 0, 1)."""
+        G = self.G
+        Pd_dot = self.tau_d + G.ad_star(self.Vd, self.Pd)
+        return Pd_dot - G.ad_star(self.V, self.P) + self.inertia_force
+
     @cached_property
     def gradient(self) -> Array:
         """L*_{Q_E} dΥ(Q_E), spatial frame."""
         return navigation.gradient(self.G, self.gains.K, self.Q_E)
+
+    @cached_property
+    def gradient_rate(self) -> Array:
+        """The rate at which `gradient` changes."""
+        return navigation.gradient_rate(self.G, self.gains.K, self.Q_E, self.V_E)
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """The Hessian of Υ at I, `gradient` for a small error, ``(..., m, m)``."""
+        return navigation.hessian_at_identity(self.G, self.gains.K)
+
+    @property
+    def kinetic_error(self) -> Array:
+        """½⟨𝕀Ṽ, Ṽ⟩."""
+        return dot(self.P_tilde, self.V_tilde) / 2
 
     @cached_property
     def spatial_damping(self) -> Array:
@@ -141,5 +184,4 @@ class Tracking:
     @property
     def lyapunov(self) -> Array:
         """L = ½⟨P_E, 𝕀̄_t⁻¹P_E⟩ + Υ(Q_E) = ½⟨P̃, Ṽ⟩ + Υ(Q_E), Theorems 3.2 and 6.2."""
-        potential = navigation.potential(self.G, self.gains.K, self.Q_E)
-        return dot(self.P_tilde, self.V_tilde) / 2 + potential
+        return self.kinetic_error + navigation.potential(self.G, self.gains.K, self.Q_E)

@@ -261,8 +261,6 @@ def _measured(
     loop, times = problem.batched_loop(extra_axes=1), problem.times
     signals = compute(loop, times, solution.states)
     balance, s = signals.pop("energy_balance"), loop.tracking(times, solution.states)
-    if loop.controller.dissipation(loop.tracking(times[0], problem.states[:, None])) is None:
-        balance = np.full_like(balance, np.nan)
     threshold = batch.experiment.config.settling_threshold
     metrics = {metric.name: metric.of(times, signals, threshold) for metric in METRICS}
     metrics |= {

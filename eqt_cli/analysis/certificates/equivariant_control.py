@@ -27,4 +27,4 @@ class EquivariantControl(Identity):
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The controller's torque against the theorem's."""
-        yield sample.loop.controller.torque(sample.s), tracking_control(sample.s)
+        yield sample.loop.command(sample.s), tracking_control(sample.s)

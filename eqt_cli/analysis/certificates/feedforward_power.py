@@ -34,4 +34,4 @@ class FeedforwardPower(Identity):
         bracket = s.G.vee(s.G.hat(s.V) @ s.G.hat(s.Vd) - s.G.hat(s.Vd) @ s.G.hat(s.V))
         transport = (law.transport + law.connection) * dot(s.P_tilde, bracket)
         inertia = dot(s.inertia_force + 0 * s.P, s.V_tilde)
-        yield dot(law.torque(s) - s.tau_d, s.V_tilde), transport + inertia
+        yield dot(sample.loop.command(s) - s.tau_d, s.V_tilde), transport + inertia

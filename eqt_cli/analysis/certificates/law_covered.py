@@ -19,6 +19,6 @@ class LawCovered(Hypothesis):
         """One row per law."""
         verdicts = {True: Verdict.HOLDS, False: Verdict.VIOLATED, None: Verdict.UNKNOWN}
         return [
-            self.row(verdicts[loop.controller.claims_decrease], controller=label)
+            self.row(verdicts[loop.claims_decrease], controller=label)
             for label, loop in setting.loops.items()
         ]

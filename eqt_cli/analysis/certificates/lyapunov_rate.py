@@ -21,6 +21,6 @@ class LyapunovRate(Identity):
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The derivative of L along the flow against the law's own dissipation, if it says it."""
-        dissipation = sample.loop.controller.dissipation(sample.s)
+        dissipation = sample.loop.dissipation(sample.s)
         if dissipation is not None:
-            yield rate_of(sample.s.lyapunov), -dissipation
+            yield rate_of(sample.loop.lyapunov(sample.s)), -dissipation

@@ -63,7 +63,7 @@ class SO3Law(Identity):
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The controller's torque against the formula."""
-        yield sample.loop.controller.torque(sample.s), self.torque(Rigid(sample.s))
+        yield sample.loop.command(sample.s), self.torque(Rigid(sample.s))
 
     @abstractmethod
     def torque(self, b: Rigid) -> Array:

@@ -36,7 +36,7 @@ class StabilisingControl(Identity):
         damping = apply_matrix(s.gains.K_d, s.V)
         compensated = isinstance(law, Stabilising) and law.feedforward
         feedforward = s.inertia.feedforward(s.V) if compensated else 0.0
-        yield law.torque(s), feedforward - damping - shaping
+        yield sample.loop.command(s), feedforward - damping - shaping
 
     def _slope(self, sample: Sample, E: Array) -> Array:
         """d/dε Υ(Q exp(εE) Q_target⁻¹)."""

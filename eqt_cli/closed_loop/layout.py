@@ -1,0 +1,54 @@
+"""The layout of a flat state: named stretches of numbers, one behind the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+
+
+@dataclass(frozen=True)
+class StateLayout:
+    """What a flat state holds, by name and in order; a part that has states adds a stretch.
+
+    Attributes
+    ----------
+    lengths
+        How many numbers each stretch has.
+    """
+
+    lengths: Mapping[str, int]
+
+    @property
+    def length(self) -> int:
+        """The number of entries of a flat state."""
+        return sum(self.lengths.values())
+
+    @cached_property
+    def slices(self) -> dict[str, slice]:
+        """Where each stretch is in a flat state."""
+        ends = accumulate(self.lengths.values())
+        return {
+            name: slice(end - length, end)
+            for (name, length), end in zip(self.lengths.items(), ends, strict=True)
+        }
+
+    def split(self, state: Array) -> dict[str, Array]:
+        """Every stretch of flat states ``(..., length)``."""
+        return {name: state[..., where] for name, where in self.slices.items()}
+
+    def join(self, stretches: Mapping[str, Any], like: Array) -> Array:
+        """Flat states with these stretches, of the shape and type of others; undoes `split`.
+
+        Stretches that the layout does not have are left out.
+        """
+        state = np.empty(like.shape, dtype=like.dtype)
+        for name, where in self.slices.items():
+            state[..., where] = stretches[name]
+        return state

@@ -1,0 +1,49 @@
+"""What laws share that shape an energy of the body error and cancel all other forces."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+
+from eqt_cli.controllers.base import Controller
+from eqt_cli.core.arrays import Array, dot
+from eqt_cli.mechanics.tracking import Tracking
+
+
+@dataclass(frozen=True)
+class CancellingLaw(Controller):
+    """τ = 𝕀ξ̇ + 𝕀̇ξ − ad*_V 𝕀V − K_d e − force, and + Ṡ*S⁻* 𝕀e where the inertia varies.
+
+    ξ = Ad_{Q_L⁻¹}V_d, e = V − ξ, Q_L = Q_d⁻¹Q. It leaves d(𝕀e)/dt = −K_d e − force, and with a force that
+    is the gradient of an energy U, L = ½⟨𝕀e, e⟩ + U falls at the rate ⟨K_d e, e⟩.
+    """
+
+    @property
+    def claims_decrease(self) -> bool | None:
+        """By the identity above; a subclass with a torque of its own claims nothing."""
+        return True if type(self).torque is CancellingLaw.torque else None
+
+    def torque(self, s: Tracking) -> Array:
+        """τ, body frame."""
+        r = s.relative
+        return r.cancelling_feedforward - r.body_damping - self.force(r)
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """½⟨𝕀e, e⟩ + U."""
+        return s.relative.kinetic_error + self.potential(s.relative)
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """The error e."""
+        return s.relative.V_tilde
+
+    def dissipation(self, s: Tracking) -> Array | None:
+        """⟨K_d e, e⟩."""
+        return dot(s.relative.body_damping, s.relative.V_tilde)
+
+    @abstractmethod
+    def force(self, r: Tracking) -> Array:
+        """The force of the pose error, body frame; in `r` the errors are those of the body frame."""
+
+    @abstractmethod
+    def potential(self, r: Tracking) -> Array:
+        """The energy U of the pose error."""

@@ -1,0 +1,53 @@
+"""Proportional action on the logarithm of the body error, with feedforward that cancels the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.controllers.body_errors import CancellingLaw
+from eqt_cli.core.arrays import Array, apply_matrix, dot
+from eqt_cli.core.errors import ComponentError
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.tracking import Tracking
+
+
+@dataclass(frozen=True)
+class Logarithmic(CancellingLaw):
+    """Logarithmic PD after Johnson and Beard (2021), on every group.
+
+    force = J_r⁻ᵀ(x) H x with x = log(Q_d⁻¹Q), J_r the right Jacobian and H the Hessian of Υ at I,
+    which gives it the stiffness of the other laws for small errors; the energy is ½⟨H x, x⟩. On
+    SO(3), arXiv 2109.07025, eq. (22) and (32); the text of the paper could not be opened where
+    this was written, the equation numbers are those of the design of eqt.
+
+    The torque stays large up to a half-turn, where it changes its sign: at an angle of π exactly either
+    of two opposite turns may be taken. A run that crosses an angle of π meets a jump of the torque there,
+    and L, which is continuous, goes on falling from its largest potential.
+    """
+
+    name: ClassVar[str] = "logarithmic"
+    title: ClassVar[str] = "logarithmic"
+    energy: ClassVar[str] = "½⟨𝕀e, e⟩ + ½⟨H log Q_L, log Q_L⟩"
+    theorem: ClassVar[str] = "Johnson, Beard (2021)"
+
+    def misfit(self, G: MatrixLieGroup) -> str | None:
+        """A group that does not give the derivative of its logarithm."""
+        zero = np.zeros(G.dimension)
+        try:
+            G.log_force(zero, zero)
+        except ComponentError as error:
+            return f"{self.name}: {error}"
+        return None
+
+    def force(self, r: Tracking) -> Array:
+        """J_r⁻ᵀ(x) H x."""
+        x = r.G.log(r.Q)
+        return r.G.log_force(x, apply_matrix(r.stiffness, x))
+
+    def potential(self, r: Tracking) -> Array:
+        """½⟨H x, x⟩."""
+        x = r.G.log(r.Q)
+        return dot(apply_matrix(r.stiffness, x), x) / 2
