@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
@@ -10,12 +10,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.component import Component
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Gains, Tracking
 
 
 @dataclass(frozen=True)
-class Controller(ABC):
+class Controller(Component):
     """A control law: a frozen dataclass whose fields are its options in a configuration.
 
     Every attribute that is a float is a runtime parameter: an engine may replace it by an array
@@ -38,14 +40,11 @@ class Controller(ABC):
         of the paper's laws are, so that equal gains make a fair comparison.
     """
 
-    name: ClassVar[str]
     title: ClassVar[str]
     tasks: ClassVar[tuple[str, ...]] = ("track",)
     energy: ClassVar[str] = "½⟨P̃, Ṽ⟩ + Υ(Q_E)"
     theorem: ClassVar[str] = "Theorems 3.2, 6.2"
     matched: ClassVar[bool] = True
-    # Read by pydantic when a configuration gives options: no other keys, no silent conversions.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -74,9 +73,8 @@ class Controller(ABC):
         """As `claims_decrease`, with these gains."""
         return self.claims_decrease
 
-    def misfit(self, G: MatrixLieGroup) -> str | None:
-        """Why the law says nothing on this group; None where it does."""
-        return None
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note what of the law or its options does not fit the group."""
 
     @abstractmethod
     def torque(self, s: Tracking) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 
 from eqt_cli.controllers.body_errors import CancellingLaw
 from eqt_cli.core.arrays import Array, apply_matrix, dot
-from eqt_cli.core.errors import ComponentError
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Tracking
 
@@ -33,14 +33,11 @@ class Logarithmic(CancellingLaw):
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + ½⟨H log Q_L, log Q_L⟩"
     theorem: ClassVar[str] = "Johnson, Beard (2021)"
 
-    def misfit(self, G: MatrixLieGroup) -> str | None:
-        """A group that does not give the derivative of its logarithm."""
-        zero = np.zeros(G.dimension)
-        try:
-            G.log_force(zero, zero)
-        except ComponentError as error:
-            return f"{self.name}: {error}"
-        return None
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """A group must give the derivative of its logarithm."""
+        super().check(G, problems)
+        with problems.catching():
+            G.log_force(np.zeros(G.dimension), np.zeros(G.dimension))
 
     def force(self, r: Tracking) -> Array:
         """J_r⁻ᵀ(x) H x."""

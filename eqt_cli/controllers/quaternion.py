@@ -9,6 +9,7 @@ import numpy as np
 
 from eqt_cli.controllers.body_errors import CancellingLaw
 from eqt_cli.core.arrays import Array, apply_matrix, dot
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.mechanics.navigation import hessian_at_identity
@@ -33,11 +34,11 @@ class Quaternion(CancellingLaw):
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + 4h(1 − q₀)"
     theorem: ClassVar[str] = "Wie, Weiss, Arapostathis (1989)"
 
-    def misfit(self, G: MatrixLieGroup) -> str | None:
-        """Any group but the rotations of space."""
-        if G.compact and G.dimension == G.size == 3:
-            return None
-        return f"{self.name} is a law for SO3, the rotations of space; group is {G.name}"
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Only the rotations of space have quaternions."""
+        super().check(G, problems)
+        if not (G.compact and G.dimension == G.size == 3):
+            problems.add(f"{self.name} is a law for the rotations of space, SO3; group: {G.name}")
 
     def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
         """Where the stiffness is the same about every axis."""

@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.component import Component
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia
 
 
 @dataclass(frozen=True)
-class Reference(ABC):
+class Reference(Component):
     """A desired trajectory, integrated with each run from Q_d(0) and V_d(0).
 
     A frozen dataclass whose fields are its options in a configuration, beside `pose` and
     `velocity`, which every reference takes.
     """
 
-    name: ClassVar[str]
     keeps_velocity: ClassVar[bool] = False
     """Whether V_d(t) = V_d(0) by construction."""
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     @abstractmethod
     def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
         """τ_d at time t, body frame, ``(..., m)``."""
 
-    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
-        """What of its options does not fit the group, as (option, message)."""
-        return []
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note what of its options does not fit the group."""

@@ -7,8 +7,8 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from eqt_cli.core.arrays import Array, stack
-from eqt_cli.core.errors import ExpressionError
-from eqt_cli.core.expressions import Expression, parse
+from eqt_cli.core.expressions import Expression, formula
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.references.base import Reference
@@ -31,21 +31,18 @@ class TorqueReference(Reference):
     @cached_property
     def expressions(self) -> list[Expression]:
         """The torque, parsed."""
-        return [parse(str(text)) for text in self.torque]
+        return [formula(entry) for entry in self.torque]
 
     def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
         """τ_d(t)."""
         return stack([expression.evaluate({"t": t}) for expression in self.expressions])
 
-    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Expressions that do not parse, or a number of them that is not m."""
-        found = []
+        problems = problems.at("torque")
         if len(self.torque) != G.dimension:
-            expected = f"expected {G.dimension} expressions for {G.name}, got {len(self.torque)}"
-            found.append(("torque", expected))
-        for index, text in enumerate(self.torque):
-            try:
-                parse(str(text))
-            except ExpressionError as error:
-                found.append((f"torque[{index}]", f"'{text}': {error}"))
-        return found
+            expected = f"expected {G.dimension} expressions for {G.name}"
+            problems.add(f"{expected}, got {len(self.torque)}")
+        for index, entry in enumerate(self.torque):
+            with problems.catching(index):
+                formula(entry)
