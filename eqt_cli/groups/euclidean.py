@@ -17,7 +17,6 @@ from eqt_cli.core.arrays import (
     dot,
     frobenius,
     less,
-    maximum,
     sqrt,
     stack,
     transpose,
@@ -183,11 +182,14 @@ class EuclideanGroup(MatrixLieGroup):
         trace = diagonal[0] + diagonal[1] + diagonal[2]
         sines = [R[..., k - 1, k - 2] - R[..., k - 2, k - 1] for k in range(3)]
         sums = [R[..., k - 1, k - 2] + R[..., k - 2, k - 1] for k in range(3)]
-        far, second = less(trace, 0.0), less(diagonal[0], diagonal[1])
-        third = less(maximum(diagonal[0], diagonal[1]), diagonal[2])
+        far = less(trace, 0.0)
+        # Near I the axis does not matter, and an engine is to see no comparison change there.
+        first, second, third = (where(far, entry, k) for k, entry in enumerate(diagonal))
+        is_second = less(first, second)
+        is_third = less(where(is_second, second, first), third)
 
         def chosen(w: Any, x: Any, y: Any, z: Any) -> Any:
-            return where(far, where(third, z, where(second, y, x)), w)
+            return where(far, where(is_third, z, where(is_second, y, x)), w)
 
         # 4 q_k² and 4 q_k q for the entry q_k that is chosen.
         square = chosen(1 + trace, *(1 + 2 * diagonal[k] - trace for k in range(3)))
