@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from eqt_cli.controllers.base import Controller
-from eqt_cli.core.arrays import Array, dot
+from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Positive
 from eqt_cli.mechanics.tracking import Tracking
 
@@ -36,8 +36,8 @@ class Maithripala2006(Controller):
 
     @property
     def claims_decrease(self) -> bool | None:
-        """L falls at the rate of `dissipation`; a subclass with its own torque claims nothing."""
-        return True if type(self).torque is Maithripala2006.torque else None
+        """L falls at the rate of `dissipation`."""
+        return True
 
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""

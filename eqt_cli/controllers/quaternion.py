@@ -11,8 +11,8 @@ from eqt_cli.controllers.body_errors import CancellingLaw
 from eqt_cli.core.arrays import Array, apply_matrix, dot
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.mechanics.navigation import hessian_at_identity
+from eqt_cli.mechanics.tracking import Gains, Tracking
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,16 @@ class Quaternion(CancellingLaw):
     def potential(self, r: Tracking) -> Array:
         """4h(1 − q₀) with h the mean stiffness."""
         scalar, _ = r.G.half_turn(r.Q)
-        return 4 * self._mean(r) * (1 - scalar)
+        return (4 * (1 - scalar)[..., None] * self._mean(r))[..., 0]
 
     def dissipation(self, s: Tracking) -> Array | None:
         """⟨K_d e, e⟩, and where the stiffness is not the same about every axis, what that adds."""
         r = s.relative
         _, twice_q = r.G.half_turn(r.Q)
-        uneven = apply_matrix(r.stiffness, twice_q) - self._mean(r)[..., None] * twice_q
+        uneven = apply_matrix(r.stiffness, twice_q) - self._mean(r) * twice_q
         return dot(r.body_damping + uneven, r.V_tilde)
 
     def _mean(self, r: Tracking) -> Array:
-        return sum(r.stiffness[..., k, k] for k in range(3)) / 3
+        """h, ``(..., 1)``."""
+        H = r.stiffness
+        return (H[..., 0, :1] + H[..., 1, 1:2] + H[..., 2, 2:]) / 3

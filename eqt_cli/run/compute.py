@@ -248,15 +248,16 @@ def _solved(
     problem, experiment = batch.problem, batch.experiment
     solution = batch.engine.solve(problem, ways.progress, ways.threads)
     with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-        signals, metrics = _measured(batch, solution, reference)
+        signals, metrics = measured(batch, solution, reference)
         metrics["error_estimate"] = _error_estimate(batch, solution, ways.threads)
     _judge(solution, metrics["error_estimate"], experiment.solver.judgement.max_error)
     return solution, signals, metrics
 
 
-def _measured(
+def measured(
     batch: Batch, solution: Solution, reference: Array
 ) -> tuple[dict[str, Array], dict[str, Array]]:
+    """The signals of a solution, and what of its runs is one number each."""
     problem: Problem = batch.problem
     loop, times = problem.batched_loop(extra_axes=1), problem.times
     signals = compute(loop, times, solution.states)

@@ -1,4 +1,4 @@
-"""The runs of one law, as far as a result keeps them."""
+"""The runs of one law as far as a result keeps them, and the setting that all laws share."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 
 ENERGY_PER_RTOL = 100.0
@@ -85,6 +86,31 @@ class Runs:
             return float("nan")
         slopes = np.polyfit(t, np.log(L[usable]).T, 1)[0]
         return float(-np.median(slopes))
+
+
+@dataclass(frozen=True)
+class Setting:
+    """An experiment's assumptions.
+
+    Attributes
+    ----------
+    loops
+        The closed loops by label; all but the controller is common to them.
+    times : (samples,)
+        The horizon.
+    desired_pose, desired_velocity : (samples, …)
+        Q_d and V_d along it.
+    """
+
+    loops: dict[str, ClosedLoop]
+    times: Array
+    desired_pose: Array
+    desired_velocity: Array
+
+    @property
+    def loop(self) -> ClosedLoop:
+        """Any of the loops, for what they have in common."""
+        return next(iter(self.loops.values()))
 
 
 def largest(values: Array) -> float:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from eqt_cli.analysis.bounded import UNIT, lifted, value_of
+from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.system import MEMORY
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.semidirect import Input, Semidirect, State
-from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.mechanics.tracking import Gains, Tracking
 
 STATES = 5
 """Random states per identity: an error in a formula shows at any one of them."""
@@ -32,6 +33,11 @@ class Sample:
         Elements X, Y, Z of G ⋉ g*, at rest.
     inputs
         Elements U, W of its algebra.
+    drawn
+        The poses and velocities Q, V, Q_d, V_d that the flat states were made of, as floats.
+    gains
+        Gains without symmetries that could hide a fault: K commutes with no rotation, and K_d is
+        not symmetric.
     """
 
     label: str
@@ -41,6 +47,8 @@ class Sample:
     errors: Array
     states: tuple[State, State, State]
     inputs: tuple[Input, Input]
+    drawn: tuple[Array, Array, Array, Array]
+    gains: Gains
 
     @cached_property
     def s(self) -> Tracking:
@@ -48,6 +56,11 @@ class Sample:
         field = self.loop.vector_field(lifted(self.times), lifted(self.flat, self.errors))
         moving = lifted(self.flat, self.errors, *value_of(field))
         return self.loop.tracking(lifted(self.times, rates=1.0), moving)
+
+    @cached_property
+    def generic(self) -> Tracking:
+        """The same states with `gains` instead of the experiment's."""
+        return replace(self.s, gains=self.gains)
 
     @property
     def G(self) -> MatrixLieGroup:
@@ -61,7 +74,7 @@ class Sample:
 
     def moving(self, X: State, X_dot: State) -> State:
         """X with X_dot as its rate."""
-        return _with_rate(X[0], X_dot[0]), _with_rate(X[1], X_dot[1])
+        return with_rate(X[0], X_dot[0]), with_rate(X[1], X_dot[1])
 
     def near_identity(self, U: Input) -> State:
         """A curve through (I, 0) with velocity U: (exp(tV), tP) to first order."""
@@ -100,9 +113,31 @@ def sampled(
     free = [lifted(Q, G.drift(Q)[:, None, None]) for Q in poses[2:]]
     states = [(Q, lifted(P)) for Q, P in zip(free, vectors[2:5], strict=True)]
     inputs = [(lifted(vectors[k]), lifted(vectors[k + 1])) for k in (5, 7)]
+    gains = _without_symmetry(loop, random)
+    _fill_memory(loop, flat, random)
     return Sample(
-        label, exact, times, flat, errors, (states[0], states[1], states[2]), (inputs[0], inputs[1])
+        label,
+        exact,
+        times,
+        flat,
+        errors,
+        (states[0], states[1], states[2]),
+        (inputs[0], inputs[1]),
+        (poses[0], vectors[0], poses[1], Vd),
+        gains,
     )
+
+
+def _fill_memory(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
+    """Any numbers for what a law remembers, which is 0 at the start."""
+    for name, where in loop.layout.slices.items():
+        if name.startswith(MEMORY):
+            flat[:, where] = random.standard_normal(flat[:, where].shape)
+
+
+def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:
+    A, B = (random.standard_normal(given.shape) for given in (loop.gains.K, loop.gains.K_d))
+    return Gains(A @ A.T / len(A) + np.eye(len(A)), B + len(B) * np.eye(len(B)))
 
 
 def _with_errors(parameters: dict[str, Array]) -> dict[str, Array]:
@@ -121,5 +156,6 @@ def _with_errors(parameters: dict[str, Array]) -> dict[str, Array]:
     return found
 
 
-def _with_rate(numbers: Array, rates: Array) -> Array:
+def with_rate(numbers: Array, rates: Array) -> Array:
+    """The numbers with these rates of change, whatever theirs were."""
     return lifted(*value_of(numbers), *value_of(rates))
