@@ -14,8 +14,8 @@ from eqt_cli.mechanics.tracking import Tracking
 class CancellingLaw(Controller):
     """τ = 𝕀ξ̇ + 𝕀̇ξ − ad*_V 𝕀V − K_d e − force, and + Ṡ*S⁻* 𝕀e where the inertia varies.
 
-    ξ = Ad_{Q_L⁻¹}V_d, e = V − ξ, Q_L = Q_d⁻¹Q. It leaves d(𝕀e)/dt = −K_d e − force, and with a force that
-    is the gradient of an energy U, L = ½⟨𝕀e, e⟩ + U falls at the rate ⟨K_d e, e⟩.
+    Here ξ = Ad_{Q_L⁻¹}V_d, e = V − ξ and Q_L = Q_d⁻¹Q. It leaves d(𝕀e)/dt = −K_d e − force, and where
+    the force is the gradient of an energy U, L = ½⟨𝕀e, e⟩ + U falls at the rate ⟨K_d e, e⟩.
     """
 
     @property
@@ -42,7 +42,7 @@ class CancellingLaw(Controller):
 
     @abstractmethod
     def force(self, r: Tracking) -> Array:
-        """The force of the pose error, body frame; in `r` the errors are those of the body frame."""
+        """The force of the pose error, body frame; `r` holds the errors of the body frame."""
 
     @abstractmethod
     def potential(self, r: Tracking) -> Array:

@@ -10,7 +10,7 @@ from eqt_cli.controllers.family import Frame, Member
 class BulloMurray(Member):
     """Bullo and Murray (1999), with the transport map of the body error, on every group.
 
-    τ = 𝕀(ξ̇ + ∇_V ξ) − K_d e − L*dΥ(Q_L), where ξ = Ad_{Q_L⁻¹}V_d is the desired velocity transported
+    τ = 𝕀(ξ̇ + ∇_V ξ) − K_d e − L*dΥ(Q_L), where ξ = Ad_{Q_L⁻¹}V_d is the desired velocity carried
     to the body and ∇ the Levi-Civita connection of 𝕀. Automatica 35, 17-34; of the paper only the
     abstract could be read where this was written.
     """

@@ -17,14 +17,15 @@ from eqt_cli.mechanics.tracking import Tracking
 class Goodarzi2013(Controller):
     """Geometric PID after Goodarzi, Lee and Lee (2013), on every group.
 
-    τ = τ_ξ + 𝕀 ad_e ξ − L*dΥ(Q_L) − K_d e − k_I b tanh(e_I / b) with ė_I = e + c₂ e_R, e_I(0) = 0: on SO(3)
-    −k_R e_R − k_Ω e_Ω − k_I e_I + (RᵀR_dΩ_d) × J(RᵀR_dΩ_d) + JRᵀR_dΩ̇_d, with K = (k_R/2) I and
-    K_d = k_Ω I. The error e_R = ½(R_dᵀR − RᵀR_d)^∨ is, on every group, the projection of Q_L onto the algebra. Geometric
-    nonlinear PID control of a quadrotor UAV on SE(3), European Control Conference 2013; only its abstract could be read
-    where this was written. Without the bound b the integral enters as it is.
+    τ = τ_ξ + 𝕀 ad_e ξ − L*dΥ(Q_L) − K_d e − k_I b tanh(e_I / b), ė_I = e + c₂ e_R, e_I(0) = 0.
+    On SO(3): −k_R e_R − k_Ω e_Ω − k_I e_I + (RᵀR_dΩ_d) × J(RᵀR_dΩ_d) + JRᵀR_dΩ̇_d with
+    K = (k_R/2) I and K_d = k_Ω I. There e_R = ½(R_dᵀR − RᵀR_d)^∨; on every group it is the
+    projection of Q_L onto the algebra. Geometric nonlinear PID control of a quadrotor UAV on SE(3),
+    European Control Conference 2013; only the abstract could be read where this was written. The
+    smooth bound b is eqt's; without it, the integral enters as it is.
 
-    L = ½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + k_I Σ b² log cosh(e_I/b) is the paper's function with no disturbance,
-    which falls for a c₂ that is small enough; how small is not computed, so no decrease is claimed.
+    L = ½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + k_I Σ b² log cosh(e_I/b), where there is no disturbance,
+    falls near the reference if c₂ is small enough. How small is not computed: nothing is claimed.
 
     Attributes
     ----------

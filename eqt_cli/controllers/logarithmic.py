@@ -1,4 +1,4 @@
-"""Proportional action on the logarithm of the body error, with feedforward that cancels the rest."""
+"""Proportional action on the logarithm of the body error; the feedforward cancels the rest."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Logarithmic(CancellingLaw):
     SO(3), arXiv 2109.07025, eq. (22) and (32); the text of the paper could not be opened where
     this was written, the equation numbers are those of the design of eqt.
 
-    The torque stays large up to a half-turn, where it changes its sign: at an angle of π exactly either
-    of two opposite turns may be taken. A run that crosses an angle of π meets a jump of the torque there,
-    and L, which is continuous, goes on falling from its largest potential.
+    The torque does not vanish towards an error angle of π and changes its sign there: at π either
+    of two opposite turns may be taken. The energy is continuous there, so that L falls through it, on
+    rotations always, and beside translations where H weighs those the same in every direction.
     """
 
     name: ClassVar[str] = "logarithmic"

@@ -19,7 +19,8 @@ class Maithripala2006(Controller):
     momentum error. IEEE Trans. Automatic Control 51 (2), 216-225; only the abstract could be read
     where this was written, the form is that of the design of eqt.
 
-    Damping by k_d 𝕀 is not that by K_d: stiffness is matched, damping is not. `gains.kd` is not used.
+    Damping by k_d 𝕀 is not that by K_d: the stiffness is matched, the damping is not. `gains.kd` is
+    not used.
 
     Attributes
     ----------

@@ -19,14 +19,14 @@ from eqt_cli.mechanics.tracking import Gains, Tracking
 class Quaternion(CancellingLaw):
     """Quaternion feedback after Wie, Weiss and Arapostathis (1989), on SO(3).
 
-    force = 2 H q with q = sin(θ/2) u the vector part of the unit quaternion of Q_d⁻¹Q that has a
-    scalar part q₀ ≥ 0, and H the Hessian of Υ at I: the paper's D is K_d, its K is 2H. Its Euler
-    axis rotations are regulation; here its cancelling of ω × Jω is completed to tracking. J. Guidance,
-    Control, and Dynamics 12, 375-380; the text of the paper could not be opened where this was written.
+    force = 2 H q with q = sin(θ/2) u the vector part of the unit quaternion of Q_d⁻¹Q whose scalar
+    part is q₀ ≥ 0, and H the Hessian of Υ at I: the paper's D is K_d, its K is 2H. The paper turns
+    to a pose at rest and cancels ω × Jω; the feedforward here does so for a moving reference. J.
+    Guidance, Control, and Dynamics 12, 375-380; it could not be opened where this was written.
 
     With H = h I, L = ½⟨𝕀e, e⟩ + 4h(1 − q₀) falls. With another H the force has no potential, and
-    nothing is claimed. The choice q₀ ≥ 0 takes the shorter turn, so that nothing unwinds; the torque is
-    largest at an angle of π, where it changes its sign.
+    nothing is claimed. The choice q₀ ≥ 0 takes the shorter turn, so that nothing unwinds; the
+    torque is largest at an error angle of π, where it changes its sign.
     """
 
     name: ClassVar[str] = "quaternion"

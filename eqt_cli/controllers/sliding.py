@@ -15,9 +15,9 @@ from eqt_cli.mechanics.tracking import Tracking
 class Sliding(SlidingVariable):
     """Sliding mode with a smooth boundary layer.
 
-    reaching = gain · tanh(s / layer), coordinate by coordinate: the saturation of Slotine and Li (1991),
-    section 7.2, with tanh in its place, which has the same slope at 0 and the same bounds and no corners.
-    The book could not be opened where this was written. `gains.kd` is not used.
+    reaching = gain · tanh(s / layer), coordinate by coordinate: the saturation of Slotine and Li
+    (1991), section 7.2, with tanh in its place, which has its slope at 0 and its bounds, and no
+    corners. The book could not be opened where this was written. `gains.kd` is not used.
 
     Attributes
     ----------

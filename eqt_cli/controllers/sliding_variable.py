@@ -18,8 +18,8 @@ class SlidingVariable(Controller):
 
     V_r = ξ − Λ L*dΥ(Q_L) with Q_L = Q_d⁻¹Q, ξ = Ad_{Q_L⁻¹}V_d and Λ = slope · I, from g* to g. Then
     d½⟨𝕀s, s⟩/dt = −⟨reaching(s), s⟩, and where s is 0 the potential Υ(Q_L) falls at the rate
-    ⟨L*dΥ, Λ L*dΥ⟩. For small errors the modes are real: no choice of gains gives the stiffness and damping of
-    the other laws.
+    ⟨L*dΥ, Λ L*dΥ⟩. For small errors all modes are real: no choice of gains gives the stiffness and
+    damping of the other laws.
 
     Attributes
     ----------

@@ -146,7 +146,10 @@ class Tracking:
 
     @cached_property
     def cancelling_feedforward(self) -> Array:
-        """Ṗ_d − ad*_V P + Ṡ*S⁻* 𝕀Ṽ, which leaves d(𝕀Ṽ)/dt = Ṡ*S⁻* 𝕀Ṽ: `feedforward` (1, 1, 0, 1)."""
+        """Ṗ_d − ad*_V P + Ṡ*S⁻* 𝕀Ṽ, equal to `feedforward` with (1, 1, 0, 1).
+
+        It leaves d(𝕀Ṽ)/dt = Ṡ*S⁻* 𝕀Ṽ.
+        """
         G = self.G
         Pd_dot = self.tau_d + G.ad_star(self.Vd, self.Pd)
         return Pd_dot - G.ad_star(self.V, self.P) + self.inertia_force

@@ -293,7 +293,7 @@ class SmallErrors(Identity):
         yield rate_of(command(moved)), at_rest.inertia.feedforward(lifted(x)) - damping
 
     def check(self, sample: Sample) -> list[Row]:
-        """Whether they are those of the gains; of a law with gains of its own, that they are not."""
+        """Whether they are those of the gains; a law with gains of its own is not matched."""
         if sample.loop.controller.matched:
             return super().check(sample)
         remark = "not matched: the law has gains of its own"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from eqt_cli.analysis.certificates.base import Identity, LiteralForm, registered_name
+from eqt_cli.analysis.certificates.base import Identity, LiteralForm, Row, registered_name
 from eqt_cli.analysis.certificates.error_system import feedforward
 from eqt_cli.analysis.evidence.running_error import rate_of
 from eqt_cli.analysis.evidence.sample import Sample
@@ -167,6 +167,15 @@ class LyapunovRate(Identity):
         dissipation = sample.loop.dissipation(sample.s)
         if dissipation is not None:
             yield rate_of(sample.loop.lyapunov(sample.s)), -dissipation
+
+    def check(self, sample: Sample) -> list[Row]:
+        """With the theorem and the function of the law."""
+        law = sample.loop.controller
+        remark = "" if law.energy == Controller.energy else f"L = {law.energy}"
+        return [
+            replace(row, statement=law.theorem, remark=row.remark or remark)
+            for row in super().check(sample)
+        ]
 
 
 def bracket(G: MatrixLieGroup, U: Array, V: Array) -> Array:
