@@ -14,8 +14,8 @@ from eqt_cli.mechanics.tracking import Tracking
 class CancellingLaw(Controller):
     """τ = 𝕀ξ̇ + 𝕀̇ξ − ad*_V 𝕀V − K_d e − force, and + Ṡ*S⁻* 𝕀e where the inertia varies.
 
-    Here ξ = Ad_{Q_L⁻¹}V_d, e = V − ξ and Q_L = Q_d⁻¹Q. It leaves d(𝕀e)/dt = −K_d e − force, and where
-    the force is the gradient of an energy U, L = ½⟨𝕀e, e⟩ + U falls at the rate ⟨K_d e, e⟩.
+    Here ξ = Ad_{Q_L⁻¹}V_d, e = V − ξ and Q_L = Q_d⁻¹Q. It leaves d(𝕀e)/dt = −K_d e − force, and
+    where the force is the gradient of an energy U, L = ½⟨𝕀e, e⟩ + U falls at ⟨K_d e, e⟩.
     """
 
     @property

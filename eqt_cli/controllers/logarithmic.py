@@ -24,8 +24,8 @@ class Logarithmic(CancellingLaw):
     this was written, the equation numbers are those of the design of eqt.
 
     The torque does not vanish towards an error angle of π and changes its sign there: at π either
-    of two opposite turns may be taken. The energy is continuous there, so that L falls through it, on
-    rotations always, and beside translations where H weighs those the same in every direction.
+    of two opposite turns may be taken. The energy is continuous there, so that L falls through it,
+    on rotations always, beside translations where H weighs those the same in every direction.
     """
 
     name: ClassVar[str] = "logarithmic"
