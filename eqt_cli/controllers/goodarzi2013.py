@@ -64,7 +64,7 @@ class Goodarzi2013(Controller):
     def lyapunov(self, s: Tracking) -> Array:
         """The paper's function with no disturbance."""
         r = s.relative
-        return r.lyapunov + self.c2 * dot(r.P_tilde, self._e_R(r)) + self.ki * self._stored(s)
+        return r.lyapunov + dot(self.c2 * r.P_tilde, self._e_R(r)) + self._stored(s)
 
     def velocity_error(self, s: Tracking) -> Array:
         """e + c₂ e_R."""
@@ -78,8 +78,8 @@ class Goodarzi2013(Controller):
         # d(𝕀e)/dt = Ṗ − d(𝕀ξ)/dt.
         force = G.ad_star(r.V, r.P) + self.torque(s) - G.ad_star(r.Vd, r.Pd) - r.tau_d
         without_integral = force + self.ki * self._limited(s)
-        moved = dot(without_integral, self._e_R(r)) + dot(P, G.vee(r.Q @ G.hat(e)))
-        return dot(r.body_damping, e) - self.c2 * moved
+        moved = dot(self.c2 * without_integral, self._e_R(r))
+        return dot(r.body_damping, e) - moved - dot(self.c2 * P, G.vee(r.Q @ G.hat(e)))
 
     def _e_R(self, r: Tracking) -> Array:
         return r.G.vee(r.Q)
@@ -90,10 +90,10 @@ class Goodarzi2013(Controller):
         return integral if self.bound is None else self.bound * tanh(integral / self.bound)
 
     def _stored(self, s: Tracking) -> Array:
-        """The function of the integral of which `_limited` is the gradient."""
+        """The energy of the integral, of which k_I `_limited` is the gradient."""
         integral = s.memory["integral"]
         if self.bound is None:
-            return dot(integral, integral) / 2
+            return dot(self.ki * integral, integral) / 2
         size = absolute(integral / self.bound)
         stored = size + log(1 + exp(-2 * size)) - log(2.0)  # log cosh without overflow
-        return (self.bound**2 * stored).sum(axis=-1)
+        return (self.ki * self.bound**2 * stored).sum(axis=-1)

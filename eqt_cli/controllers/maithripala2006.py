@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from eqt_cli.controllers.base import Controller
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, dot
 from eqt_cli.core.numbers import Positive
 from eqt_cli.mechanics.tracking import Tracking
 
@@ -47,4 +47,4 @@ class Maithripala2006(Controller):
 
     def dissipation(self, s: Tracking) -> Array | None:
         """k_d⟨𝕀Ṽ, Ṽ⟩."""
-        return self.damping_rate * 2 * s.kinetic_error
+        return dot(self.damping_rate * s.P_tilde, s.V_tilde)
