@@ -269,12 +269,30 @@ class Variables(Generated):
                 [
                     code(name),
                     ", ".join(results.dims(name)),
-                    results.units(name) if name != "message" else "",
+                    results.units(name),
                     escaped(results.long_name(name)),
                 ]
                 for name in results.names
             ]
         yield from table(["variable", "dimensions", "units", "meaning"], rows)
+
+
+class Metrics(Generated):
+    """What controllers are compared by, from the table of quantities."""
+
+    def lines(self) -> Iterable[str]:
+        from eqt_cli.core.registry import summary
+        from eqt_cli.results.metrics import METRICS
+
+        rows = []
+        for quantity in METRICS:
+            over = "any" if quantity.windowed else str(quantity.window)
+            stored = "yes" if quantity.stored else ""
+            meaning = escaped(summary(quantity.of))
+            rows.append(
+                [code(quantity.name), quantity.described, meaning, over, quantity.better, stored]
+            )
+        yield from table(["name", "is", "formula", "window", "better", "stored"], rows)
 
 
 class Attributes(Generated):

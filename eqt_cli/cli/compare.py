@@ -13,8 +13,8 @@ from eqt_cli.cli import options
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
-    from eqt_cli.analysis.comparison.measures import Measure
-    from eqt_cli.store.reader import Results
+    from eqt_cli.results.quantity import Quantity
+    from eqt_cli.results.result import Result
 
 
 class Format(StrEnum):
@@ -81,12 +81,12 @@ def compare(
     from eqt_cli.analysis.comparison import compare as compare_results
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.point import open_point
+    from eqt_cli.results.result import open_result
 
     if json and format is not Format.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
     windows = [Window.parse(text) for text in window or ()]
-    with open_point(result, point) as results:
+    with open_result(result, point) as results:
         if list_:
             _print_metrics(results, json)
             return
@@ -106,18 +106,17 @@ def compare(
         if table is None and not quiet:
             say("these are the pairs; --table controllers and --table claims print the others")
     else:
-        _print_sheets(comparison, table, against or (), format, quiet=quiet)
+        _print_tables(comparison, table, against or (), format, quiet=quiet)
 
 
-def _print_metrics(results: Results, json: bool) -> None:
+def _print_metrics(results: Result, json: bool) -> None:
     from eqt_cli.analysis.comparison.notation import Plain
-    from eqt_cli.analysis.comparison.samples import Source
     from eqt_cli.cli.output import print_json, table
 
     write = Plain()
     rows = [
-        [measure.name, write.symbol(measure), _windows(measure)]
-        for measure in Source(results).measures.values()
+        [measure.name, write.name(measure), _windows(measure)]
+        for measure in results.comparable.values()
     ]
     header = ["metric", "is", "window"]
     if json:
@@ -126,13 +125,13 @@ def _print_metrics(results: Results, json: bool) -> None:
         print(table(header, rows))
 
 
-def _windows(measure: Measure) -> str:
+def _windows(measure: Quantity) -> str:
     """The windows that a measure can be taken over."""
-    from eqt_cli.analysis.comparison.windows import WHOLE
+    from eqt_cli.results.windows import WHOLE
 
     if measure.windowed:
         return "any"
-    return "whole run" if measure.only == WHOLE else f"{measure.only} s"
+    return "whole run" if measure.window == WHOLE else f"{measure.window} s"
 
 
 def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None:
@@ -171,7 +170,7 @@ def _document(comparison: Comparison, path: Path) -> dict[str, object]:
 
 def _print_csv(comparison: Comparison, table: Table) -> None:
     from eqt_cli.analysis.comparison import records
-    from eqt_cli.cli.sheets import as_csv
+    from eqt_cli.cli.text_tables import as_csv
 
     of = {
         Table.CONTROLLERS: records.controller_records,
@@ -181,7 +180,7 @@ def _print_csv(comparison: Comparison, table: Table) -> None:
     print(as_csv(of[table](comparison)))
 
 
-def _print_sheets(
+def _print_tables(
     comparison: Comparison,
     table: Table | None,
     against: list[str] | tuple[()],
@@ -190,14 +189,14 @@ def _print_sheets(
     quiet: bool,
 ) -> None:
     from eqt_cli.analysis.comparison.notation import Latex, Plain
-    from eqt_cli.analysis.comparison.tables import sheets
+    from eqt_cli.analysis.comparison.tables import text_tables
     from eqt_cli.cli.output import say
-    from eqt_cli.cli.sheets import as_latex, as_text
+    from eqt_cli.cli.text_tables import as_latex, as_text
 
     # A table of every pair of many controllers is long: without a wish, pairs with the first one.
     chosen = against or ((), comparison.labels[:1])[table is None and format is Format.TEXT]
     notation = Latex() if format is Format.LATEX else Plain()
-    made = sheets(comparison, notation, chosen)
+    made = text_tables(comparison, notation, chosen)
     shown = [made[name] for name in ([table] if table else made) if name in made]
     print("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
     if quiet:

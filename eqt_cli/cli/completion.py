@@ -70,8 +70,7 @@ def settings(ctx: typer.Context, incomplete: str) -> Completions:
 
 def figure_options(ctx: typer.Context, incomplete: str) -> Completions:
     """Completes ``KEY=``, an option of the figures that are asked for, or of any; and of one."""
-    bases = ("eqt_cli.plots.base", "eqt_cli.plots.drawing.first_runs")
-    classes = {name: node for m in (*bases, KINDS["figures"]) for name, node in _classes(m).items()}
+    classes = _classes("eqt_cli.plots.base") | _classes(KINDS["figures"])
     wanted = ctx.params.get("figure") or _names(KINDS["figures"])
     found = [
         (str(_name(node)), option)

@@ -39,21 +39,20 @@ def new(
     from eqt_cli.cli.output import say
     from eqt_cli.config import shipped
     from eqt_cli.core.errors import EqtError
+    from eqt_cli.core.files import refusals
 
     text = shipped.text(source)
     if file == Path("-"):
         print(text, end="")
         return
     file = file or Path(f"{source}.yaml")
-    try:
+    with refusals(file, "written"):
         file.parent.mkdir(parents=True, exist_ok=True)
-        with file.open("x", encoding="utf-8") as stream:
-            stream.write(text)
-    except OSError as error:
-        if file.exists():
+        try:
+            with file.open("x", encoding="utf-8") as stream:
+                stream.write(text)
+        except FileExistsError:
             raise EqtError(f"{file}: exists already; give another name, or remove it") from None
-        reason = (error.strerror or str(error)).lower()
-        raise EqtError(f"{file}: cannot be written: {reason}") from error
     print(file)
     if not quiet:
         say(f"next: eqt run {file}")

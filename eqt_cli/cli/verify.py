@@ -39,7 +39,8 @@ def verify(
     from eqt_cli.config.source import read_config, source_of
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.build import build
-    from eqt_cli.experiment.point import config_at, open_point
+    from eqt_cli.experiment.point import config_at
+    from eqt_cli.results.result import open_result
 
     is_result = target.suffix == ".h5" or target.is_dir()
     if is_result and (set_ or engine or runs):
@@ -49,7 +50,7 @@ def verify(
         )
     workers = workers or options.cores()
     if is_result:
-        with open_point(target, point) as results:
+        with open_result(target, point) as results:
             experiment = build(source_of(results), trust_plugins=trust_plugins)
             found = verify_results(experiment, results, workers)
     else:
@@ -100,14 +101,14 @@ def _document(
 
 
 def _print(experiment: Experiment, found: Verification) -> None:
-    from eqt_cli.analysis.certificate_sheet import certificate_sheet, doubtful, tally
+    from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally
     from eqt_cli.cli.output import table
 
-    if (sheet := certificate_sheet(found.rows)) is not None:
-        for section in sheet.sections:
-            print(f"{section.title}\n{table(sheet.header, section.rows)}\n")
-        if sheet.notes:
-            print("\n".join(sheet.notes), end="\n\n")
+    if (made := certificate_table(found.rows)) is not None:
+        for block in made.blocks:
+            print(f"{block.title}\n{table(made.header, block.rows)}\n")
+        if made.notes:
+            print("\n".join(made.notes), end="\n\n")
     counted = f"{found.runs} runs with engine {experiment.engine.name}"
     print(f"{experiment.name} on {experiment.group.name}: {tally(found.rows)}, {counted}")
     for doubt in doubtful(found.rows):

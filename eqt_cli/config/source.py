@@ -11,10 +11,11 @@ from typing import Any
 from eqt_cli.config import yaml_source
 from eqt_cli.config.yaml_source import Source
 from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
+from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.store.layout import FILE_NAME
-from eqt_cli.store.reader import Results, open_results
+from eqt_cli.store.reader import ResultFile, open_results
 
 _MOST_FILES = 5
 """Named in a message."""
@@ -88,17 +89,12 @@ def read_config(
 
 
 def _text(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise EqtError(
-            f"{path}: does not exist; give a YAML file, which `eqt config new` writes, or a result"
-        ) from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise EqtError(
-            f"{path}: cannot be read: {reason}; check the path and its permissions"
-        ) from error
+    with refusals(path, "read", "check the path and its permissions"):
+        try:
+            return path.read_bytes()
+        except FileNotFoundError:
+            wanted = "give a YAML file, which `eqt config new` writes, or a result"
+            raise EqtError(f"{path}: does not exist; {wanted}") from None
 
 
 def _name(path: Path) -> str:
@@ -111,7 +107,7 @@ def _from_result(path: Path) -> ConfigSource:
         return source_of(results)
 
 
-def source_of(results: Results) -> ConfigSource:
+def source_of(results: ResultFile) -> ConfigSource:
     """The configuration inside an open result, with the plugins that it was run with."""
     text = str(results.attributes["config"])
     plugins = yaml_source.load(str(results.attributes["plugins"]), "plugins").data

@@ -22,6 +22,7 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar
 
 from eqt_cli.core.errors import ComponentError, suggestion
+from eqt_cli.core.files import refusals
 
 T = TypeVar("T")
 
@@ -149,11 +150,8 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
     ComponentError
         If the file cannot be read, fails when executed, or defines no component.
     """
-    try:
+    with refusals(f"plugin {path}", "read", kind=ComponentError):
         text = path.read_text(encoding="utf-8") if source is None else source
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ComponentError(f"plugin {path}: cannot be read: {reason.lower()}") from error
     digest = sha256(text.encode()).hexdigest()
     module = _loaded_plugins.get(digest) or _executed(path, text, digest)
     # Messages quote its lines, also where the text is not that of the file, or there is none.

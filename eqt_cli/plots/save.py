@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -16,6 +16,7 @@ from matplotlib.backends.backend_pdf import PdfFile
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.files import refusals, replace_file
 from eqt_cli.core.marks import is_eqts
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.drawing.style import HOUSE, Style, house_style
@@ -23,6 +24,7 @@ from eqt_cli.plots.drawing.style import HOUSE, Style, house_style
 Format = Literal["pdf", "svg", "png"]
 
 _MAKER = f"eqt {__version__}"
+_ELSEWHERE = "choose another folder with --out"
 
 
 def encode(
@@ -48,7 +50,7 @@ def check_targets(paths: Iterable[Path]) -> None:
         If one of them is a folder or a file that eqt did not write, or its folder is none.
     """
     for path in paths:
-        try:
+        with refusals(path, "written", _ELSEWHERE):
             if path.is_dir():
                 example = path / "report.html"
                 raise EqtError(f"{path}: is a folder; expected a file, such as {example}")
@@ -58,12 +60,10 @@ def check_targets(paths: Iterable[Path]) -> None:
                     "place with --out"
                 )
             folder = next(parent for parent in path.absolute().parents if parent.exists())
-        except OSError as error:
-            raise _refused(path, (error.strerror or str(error)).lower()) from error
-        if not folder.is_dir():
-            raise _refused(path, "not a directory")
-        if not os.access(folder, os.W_OK | os.X_OK):
-            raise _refused(path, "permission denied")
+            if not folder.is_dir():
+                raise NotADirectoryError("not a directory")
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise PermissionError("permission denied")
 
 
 def write(contents: Mapping[Path, bytes]) -> None:
@@ -76,20 +76,9 @@ def write(contents: Mapping[Path, bytes]) -> None:
     """
     check_targets(contents)
     for path, content in contents.items():
-        temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-        try:
+        with refusals(path, "written", _ELSEWHERE):
             path.parent.mkdir(parents=True, exist_ok=True)
-            temporary.write_bytes(content)
-            temporary.replace(path)
-        except OSError as error:
-            raise _refused(path, (error.strerror or str(error)).lower()) from error
-        finally:
-            with suppress(OSError):
-                temporary.unlink(missing_ok=True)
-
-
-def _refused(path: Path, reason: str) -> EqtError:
-    return EqtError(f"{path}: cannot be written: {reason}; choose another folder with --out")
+            replace_file(path, content)
 
 
 @contextmanager

@@ -12,15 +12,16 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.animation.motion import Course, Motion, motion
 from eqt_cli.plots.animation.scene import AZIMUTH, ELEVATION, FACES, corners
-from eqt_cli.report.curves import SIGNALS, looks
+from eqt_cli.report.curves import looks
 from eqt_cli.report.document import TEMPLATES, environment
-from eqt_cli.store.reader import Results
+from eqt_cli.report.runs import columns
+from eqt_cli.results.result import Result
 
 SAMPLES = 401
 """Samples of the run that the page holds, at most; it interpolates between them."""
 
 
-def animation(results: Results, run: int, controllers: Sequence[str] = ()) -> str:
+def animation(result: Result, run: int, controllers: Sequence[str] = ()) -> str:
     """The page; it needs no network and no other file.
 
     Parameters
@@ -33,28 +34,28 @@ def animation(results: Results, run: int, controllers: Sequence[str] = ()) -> st
     EqtError
         If the run cannot be shown; see `motion`.
     """
-    shown = motion(results, run, controllers)
+    shown = motion(result, run, controllers)
     css, js = ("report.css", "animation.css"), "animation.js"
     return (
         environment()
         .get_template("animation.html.j2")
         .render(
             version=__version__,
-            title=str(results.attributes.get("title", results.path.parent.name)),
-            group=str(results.attributes.get("group", "")),
+            title=result.title,
+            group=result.group_name,
             labels=[ensemble.title for ensemble in shown.ensembles],
             run=run,
             samples=len(shown.times),
-            data=_document(shown, results),
+            data=_document(shown, result),
             css=Markup("".join((TEMPLATES / name).read_text(encoding="utf-8") for name in css)),
             js=Markup((TEMPLATES / js).read_text(encoding="utf-8")),
         )
     )
 
 
-def _document(shown: Motion, results: Results) -> dict[str, Any]:
+def _document(shown: Motion, result: Result) -> dict[str, Any]:
     kept = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
-    styles = looks(results)
+    styles, heads = looks(result), columns(result, list(shown.norms))
     return {
         "run": shown.run,
         "times": _rounded(shown.times[kept]),
@@ -72,15 +73,8 @@ def _document(shown: Motion, results: Results) -> dict[str, Any]:
         "corners": corners().tolist(),
         "faces": [list(face) for face in FACES],
         "panels": [
-            {
-                "name": SIGNALS[name.partition("_rotation")[0]],
-                "unit": "" if unit == "1" else unit,
-                "curves": [_rounded(curve[kept]) for curve in values],
-            }
-            for name, unit, values in (
-                (shown.error_name, shown.error_unit, shown.error),
-                (shown.torque_name, shown.torque_unit, shown.torque),
-            )
+            {**head, "curves": [_rounded(curve[kept]) for curve in values]}
+            for head, values in zip(heads, shown.norms.values(), strict=True)
         ],
     }
 

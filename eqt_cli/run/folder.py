@@ -3,23 +3,24 @@
 from __future__ import annotations
 
 import json
-import os
 import shutil
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.files import refusals, replace_file
 from eqt_cli.core.marks import is_eqts
 from eqt_cli.core.problems import KeyPath, dotted
 from eqt_cli.core.validation import shown
 from eqt_cli.experiment.study import Study
-from eqt_cli.run.listing import MANIFEST, PARTS, RESULTS
-from eqt_cli.run.part_files import PartFiles
+from eqt_cli.run.part_files import MANIFEST, PARTS, PartFiles
+from eqt_cli.store.layout import FILE_NAME
 
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
-_OURS = (RESULTS, PARTS, FIGURES, PLUGINS, REPORT, CONFIG, MANIFEST)
+_OURS = (FILE_NAME, PARTS, FIGURES, PLUGINS, REPORT, CONFIG, MANIFEST)
 
 MOST_NAMES = 3
 """Of other results in a folder, in a message."""
@@ -34,7 +35,7 @@ class ResultFolder:
     @property
     def results(self) -> Path:
         """The result file."""
-        return self.path / RESULTS
+        return self.path / FILE_NAME
 
     @property
     def parts(self) -> PartFiles:
@@ -44,12 +45,11 @@ class ResultFolder:
     @property
     def manifest(self) -> dict[str, Any] | None:
         """What the folder's last experiment was; None if it holds none."""
-        try:
-            text = (self.path / MANIFEST).read_text(encoding="utf-8")
-        except FileNotFoundError:
-            return None
-        except OSError as error:
-            raise _refused(self.path, error) from error
+        with self._refusals():
+            try:
+                text = (self.path / MANIFEST).read_text(encoding="utf-8")
+            except FileNotFoundError:
+                return None
         try:
             manifest: dict[str, Any] = json.loads(text)
             return manifest if "digest" in manifest else None
@@ -71,16 +71,14 @@ class ResultFolder:
             If it holds results of another experiment and `force` is not given, or files that are
             not eqt's. What was begun and left without results is replaced.
         """
-        try:
+        with self._refusals():
             removed = self._clear(study, force)
             self.path.mkdir(parents=True, exist_ok=True)
             # First, so that what follows is known as eqt's own, whenever this process may die.
-            _write(self.path / MANIFEST, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
+            self._write(MANIFEST, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
             plugins = self._copy_plugins(study)
-            _write(self.path / CONFIG, dump(study.resolved | {"plugins": plugins}))
+            self._write(CONFIG, dump(study.resolved | {"plugins": plugins}))
             self.parts.folder.mkdir(exist_ok=True)
-        except OSError as error:
-            raise _refused(self.path, error) from error
         return removed
 
     def tidy(self) -> None:
@@ -91,11 +89,15 @@ class ResultFolder:
 
     def finish(self, manifest: dict[str, Any]) -> None:
         """Write down how the run went, and remove the parts, which the result file holds."""
-        try:
-            _write(self.path / MANIFEST, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
+        with self._refusals():
+            self._write(MANIFEST, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
             shutil.rmtree(self.parts.folder, ignore_errors=True)
-        except OSError as error:
-            raise _refused(self.path, error) from error
+
+    def _write(self, name: str, text: str) -> None:
+        replace_file(self.path / name, text.encode())
+
+    def _refusals(self) -> AbstractContextManager[None]:
+        return refusals(self.path, "used", "choose another folder with --out")
 
     def _clear(self, study: Study, force: bool) -> list[str]:
         ours = [self.path / name for name in _OURS]
@@ -137,7 +139,7 @@ class ResultFolder:
         for index, (path, text) in enumerate(study.base.plugins.items()):
             copy = f"{PLUGINS}/{index}-{Path(path).name}"
             (self.path / PLUGINS).mkdir(exist_ok=True)
-            _write(self.path / copy, text)
+            self._write(copy, text)
             copies.append(copy)
         return copies
 
@@ -185,21 +187,3 @@ def _differences(old: Any, new: Any, path: KeyPath = ()) -> list[str]:
 
 def _given(value: Any) -> str:
     return "not given" if value is _ABSENT else shown(value)
-
-
-def _write(path: Path, text: str) -> None:
-    """Replace a small text file in one step."""
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("w", encoding="utf-8") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
-
-
-def _refused(path: Path, error: OSError) -> EqtError:
-    reason = (error.strerror or str(error)).lower()
-    return EqtError(f"{path}: cannot be used: {reason}; choose another folder with --out")

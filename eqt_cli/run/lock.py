@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.files import refusals
 
 LOCK = ".lock"
 
@@ -58,13 +59,9 @@ def locked(
         If another process has it, or the folder cannot be written to.
     """
     path = folder / name
-    try:
+    with refusals(folder, "used", "choose another folder with --out"):
         folder.mkdir(parents=True, exist_ok=True)
         handle, is_locked = _opened(path, shared)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        message = f"{folder}: cannot be used: {reason}; choose another folder with --out"
-        raise EqtError(message) from error
     try:
         if not is_locked:
             remark(

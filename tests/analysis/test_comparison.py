@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison import Window, compare
-from eqt_cli.analysis.comparison.measures import decay_rate, largest_rise
 from eqt_cli.analysis.comparison.records import claim_records
 from eqt_cli.core.errors import EqtError
+from eqt_cli.results.metrics import decay_rate, largest_rise
 
 RUNS = 40
 NOISE = np.random.default_rng(5).normal(size=RUNS)
@@ -38,13 +38,13 @@ def test_effect_sizes(torques):
     pair = only(compare(torques, metrics=["mean_torque"]).pairs)
     differences = -0.5 - 0.01 * NOISE**2
     assert pair.cohen_d == pytest.approx(differences.mean() / differences.std(ddof=1), rel=1e-9)
-    assert pair.superiority == 1.0
+    assert pair.first_better == 1.0
 
 
 def test_ties_count_half(make_result):
     signals = {"torque_norm": make_result.constant([1, 1, 1, 1], [1, 1, 2, 0])}
     results = make_result(["a", "b"], signals | {"lyapunov": signals["torque_norm"]})
-    assert only(compare(results, metrics=["mean_torque"]).pairs).superiority == 0.5
+    assert only(compare(results, metrics=["mean_torque"]).pairs).first_better == 0.5
 
 
 def test_what_differs_by_rounding_is_equal(make_result):
@@ -53,7 +53,7 @@ def test_what_differs_by_rounding_is_equal(make_result):
     results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
     comparison = compare(results, metrics=["mean_torque"])
     pair = only(comparison.pairs)
-    assert (pair.difference, pair.low, pair.high, pair.superiority) == (0, 0, 0, 0.5)
+    assert (pair.difference, pair.low, pair.high, pair.first_better) == (0, 0, 0, 0.5)
     assert pair.runs_to_decide is None
     assert [j.verdict for j in comparison.judgements if j.pair] == ["undecided"]
 
@@ -62,7 +62,7 @@ def test_more_of_a_rate_is_better(make_result):
     fast, slow = np.exp(-2 * make_result.times), np.exp(-make_result.times)
     results = make_result(["a", "b"], {"lyapunov": np.array([[fast] * 3, [slow] * 3])})
     comparison = compare(results, metrics=["decay_rate"])
-    assert only(comparison.pairs).superiority == 1.0
+    assert only(comparison.pairs).first_better == 1.0
     assert [level.mean for level in comparison.levels] == pytest.approx([1.0, 0.5], rel=1e-12)
 
 
@@ -89,7 +89,7 @@ def test_runs_that_never_settle_count_as_the_horizon(make_result):
     assert [level.censored for level in comparison.levels] == [2, 2]
     assert comparison.levels[0].mean == pytest.approx((3 + 4 + 20 + 5 + 20 + 6) / 6)
     # Earlier in three runs, later in two, and both beyond the horizon in one.
-    assert pair.superiority == pytest.approx(3.5 / 6)
+    assert pair.first_better == pytest.approx(3.5 / 6)
 
 
 def test_a_failed_run_is_not_censored(make_result):
@@ -121,7 +121,7 @@ def test_stored_metrics_are_used_where_they_are_the_same_number(make_result):
 def test_results_without_trajectories_have_their_metrics(make_result):
     metrics = {"early_torque": [[1.0] * 6, [2.0] * 6], "settling_time": [[1.0] * 6] * 2}
     comparison = compare(make_result(["eqt", "gt"], metrics=metrics))
-    assert [level.samples.measure.name for level in comparison.levels[::2]] == [
+    assert [level.measured.quantity.name for level in comparison.levels[::2]] == [
         "mean_torque",
         "settling_time",
     ]
@@ -176,8 +176,8 @@ def test_norms_with_mixed_units_are_compared_by_their_parts(make_result):
         ["eqt", "gt"], dict.fromkeys(names, values) | {"lyapunov": values}, units=units
     )
     comparison = compare(results)
-    early = [level.samples for level in comparison.levels[::2]][:4]
-    assert [(s.measure.name, s.unit) for s in early if s.window.stop == 5] == [
+    early = [level.measured for level in comparison.levels[::2]][:4]
+    assert [(s.quantity.name, s.unit) for s in early if s.window.stop == 5] == [
         ("mean_torque_rotation", "N m"),
         ("mean_torque_translation", "N"),
     ]
@@ -272,7 +272,7 @@ def test_sweeps_need_a_point(make_result):
 def test_windows_do_not_cut_what_is_of_whole_runs(make_result):
     results = make_result(["a"], metrics={"settling_time": [[1.0] * 6]})
     comparison = compare(results, metrics=["settling_time"], windows=[Window(0, 5)])
-    assert comparison.levels[0].samples.window == Window(0, 20)
+    assert comparison.levels[0].measured.window == Window(0, 20)
     assert comparison.missing[0] == (
         "Windows do not apply to settling_time, which has a window of its own."
     )

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from eqt_cli.cli import completion
-from eqt_cli.cli.tables import FORMATS
+from eqt_cli.cli.run_table import FORMATS
 from eqt_cli.config import shipped
 from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.config.json_schema import json_schema

@@ -6,20 +6,24 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from eqt_cli.config import catalogue
+from eqt_cli.config.json_schema import json_schema
+from eqt_cli.core.problems import Problems, dotted
+from eqt_cli.ensemble.designs import Design, designs
 from eqt_cli.ensemble.sweep import Sweep
 
 
 def sweep(*blocks):
-    noted = []
-    found = Sweep.parse(list(blocks), lambda path, message: noted.append((path, message)))
-    assert not noted
+    problems = Problems()
+    found = Sweep.read(list(blocks), problems)
+    assert not problems
     return found
 
 
 def notes(*blocks):
-    noted = []
-    assert Sweep.parse(list(blocks), lambda path, message: noted.append((path, message))) is None
-    return noted
+    problems = Problems()
+    assert Sweep.read(list(blocks), problems) is None
+    return [(problem.path, problem.message) for problem in problems]
 
 
 def points(found):
@@ -146,7 +150,7 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
         (
             [{"grid": {"a": []}}],
             (0, "grid", "a"),
-            "expected at least one value, got an empty list",
+            "expected at least 1 entry, got []",
         ),
         (
             [{"grid": {"a": {"low": 0, "high": 1, "points": 1}}}],
@@ -172,12 +176,12 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
         (
             [{"random": {"points": 4, "axes": {"a": {"low": 0, "high": math.inf}}}}],
             (0, "random", "axes", "a", "high"),
-            "expected a finite number",
+            "expected a finite number, got .inf",
         ),
         (
             [{"random": {"points": 4, "axes": {"a": {"low": 0, "high": 10**400}}}}],
             (0, "random", "axes", "a", "high"),
-            "expected a finite number",
+            f"expected a number, got 1{56 * '0'}...",
         ),
         (
             [{"random": {"points": 4, "axes": {"a": {"lo": 0, "high": 1, "low": 0}}}}],
@@ -197,4 +201,64 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
     ],
 )
 def test_what_is_wrong_is_said_at_its_place(blocks, path, message):
-    assert notes(*blocks) == [(path, message)]
+    assert notes(*blocks) == [(dotted(path), message)]
+
+
+# A plugin of the first version parses its section, and writes its schema, by hand ----------------
+
+
+class Diagonal(Design):
+    """The same number for every key."""
+
+    name = "diagonal"
+
+    def __init__(self, keys, count):
+        self.keys, self.count = keys, count
+
+    @classmethod
+    def parse(cls, section, note):
+        if isinstance(section.get("count"), int):
+            return cls(tuple(section["keys"]), section["count"])
+        note(("count",), "expected a whole number")
+        return None
+
+    @classmethod
+    def schema(cls, around):
+        axes = around.axes({"type": "number"})
+        return {"properties": {"keys": axes, "of": around.block, "count": {"type": "integer"}}}
+
+    def __len__(self):
+        return self.count
+
+    def values(self, point):
+        return (point,) * len(self.keys)
+
+    def place(self, point, key):
+        return ("count",)
+
+
+@pytest.fixture
+def diagonal(monkeypatch):
+    monkeypatch.setitem(designs._plugins, Diagonal.name, Diagonal)
+
+
+@pytest.mark.usefixtures("diagonal")
+def test_a_section_that_a_design_parses_by_itself():
+    found = sweep({"diagonal": {"keys": ["a", "b"], "count": 2}})
+    assert points(found) == [{"a": 0, "b": 0}, {"a": 1, "b": 1}]
+    assert found.place(1, "b") == (0, "diagonal", "count")
+
+
+@pytest.mark.usefixtures("diagonal")
+def test_what_a_design_notes_is_noted_at_its_place():
+    assert notes({"concat": [{"diagonal": {"keys": []}}]}) == [
+        ("[0].concat[0].diagonal.count", "expected a whole number")
+    ]
+
+
+@pytest.mark.usefixtures("diagonal")
+def test_a_schema_that_a_design_writes_by_itself():
+    options = json_schema()["$defs"]["SweepBlock"]["properties"]["diagonal"]["properties"]
+    assert options["of"] == {"$ref": "#/$defs/SweepBlock"}
+    assert {"type": "number"} in options["keys"]["patternProperties"].values()
+    assert list(catalogue.options(Diagonal)["properties"]) == ["keys", "of", "count"]

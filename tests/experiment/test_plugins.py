@@ -12,10 +12,10 @@ from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.sweeping import study
-from eqt_cli.run.execute import Outcome, execute
-from eqt_cli.store.reader import Results, open_results
+from eqt_cli.run.execute import Execution, execute
+from eqt_cli.store.reader import ResultFile, open_results
 
-Run = Callable[..., Outcome]
+Run = Callable[..., Execution]
 Build = Callable[..., Experiment]
 Message = Callable[..., str]
 
@@ -96,7 +96,7 @@ def law(folder: Path) -> Path:
     return path
 
 
-def datasets(results: Results) -> dict[str, np.ndarray]:
+def datasets(results: ResultFile) -> dict[str, np.ndarray]:
     return {name: results[name] for name in (*results.names, *results.coordinates)}
 
 

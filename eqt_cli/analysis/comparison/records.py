@@ -6,8 +6,8 @@ from typing import Any
 
 from eqt_cli.analysis.comparison.compare import Comparison
 from eqt_cli.analysis.comparison.pairs import Level, Pair
-from eqt_cli.analysis.comparison.samples import Samples
 from eqt_cli.analysis.comparison.verdicts import Judgement
+from eqt_cli.results.result import PerRun
 
 Record = dict[str, Any]
 
@@ -27,46 +27,32 @@ def claim_records(comparison: Comparison) -> list[Record]:
     return [_judgement(judgement) for judgement in comparison.judgements]
 
 
-def _what(samples: Samples) -> Record:
+def _what(measured: PerRun) -> Record:
     return {
-        "metric": samples.measure.name,
-        "window_start": samples.window.start,
-        "window_stop": samples.window.stop,
-        "units": samples.unit,
+        "metric": measured.quantity.name,
+        "window_start": measured.window.start,
+        "window_stop": measured.window.stop,
+        "units": measured.unit,
     }
+
+
+def _fields(row: Level | Pair | Judgement, *names: str) -> Record:
+    return {name: getattr(row, name) for name in names}
 
 
 def _level(level: Level) -> Record:
     return {
-        **_what(level.samples),
-        "controller": level.controller,
-        "runs": level.runs,
-        "failed": level.failed,
-        "undefined": level.undefined,
-        "censored": level.censored,
-        "mean": level.mean,
-        "low": level.low,
-        "high": level.high,
-        "standard_deviation": level.deviation,
-        "median": level.median,
+        **_what(level.measured),
+        **_fields(level, "controller", "runs", "failed", "undefined", "censored"),
+        **_fields(level, "mean", "low", "high", "standard_deviation", "median"),
     }
 
 
 def _pair(pair: Pair) -> Record:
     return {
-        **_what(pair.samples),
-        "first": pair.first,
-        "second": pair.second,
-        "pairs": pair.pairs,
-        "failed": pair.failed,
-        "undefined": pair.undefined,
-        "censored": pair.censored,
-        "difference": pair.difference,
-        "low": pair.low,
-        "high": pair.high,
-        "relative": pair.relative,
-        "cohen_d": pair.cohen_d,
-        "first_better": pair.superiority,
+        **_what(pair.measured),
+        **_fields(pair, "first", "second", "pairs", "failed", "undefined", "censored"),
+        **_fields(pair, "difference", "low", "high", "relative", "cohen_d", "first_better"),
         "runs_to_decide": pair.runs_to_decide,
     }
 
@@ -82,13 +68,12 @@ def _judgement(judgement: Judgement) -> Record:
         pair = _pair(judgement.pair)
         pair.pop("runs_to_decide")
         return {**common, "statement": "first is less than second", **pair}
-    assert judgement.samples is not None
+    assert judgement.measured is not None
     return {
         **common,
         "statement": judgement.statement,
-        **_what(judgement.samples),
+        **_what(judgement.measured),
         "first": judgement.controller,
         "pairs": judgement.runs,
-        "held": judgement.held,
-        "low": judgement.low,
+        **_fields(judgement, "held", "low"),
     }

@@ -12,9 +12,9 @@ import pytest
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import build
-from eqt_cli.run.execute import Outcome
+from eqt_cli.run.execute import Execution
 
-Run = Callable[..., Outcome]
+Run = Callable[..., Execution]
 
 OWN_FIGURE = b"%PDF-1.4\n<< /Creator (eqt 0.0.1) >>"
 
@@ -44,6 +44,7 @@ def test_what_it_holds(run: Run) -> None:
         "runs",
         "controllers",
         "plan",
+        "quantities",
         "config",
         "begun",
         "provenance",

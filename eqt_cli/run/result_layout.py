@@ -19,7 +19,8 @@ from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.arrays import Array
 from eqt_cli.experiment.law_names import LAW, law_names
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import Per, Quantity, coordinates, quantities
+from eqt_cli.results.quantities import coordinates, quantities
+from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.assembly import Assembly, Blank, assemble
 from eqt_cli.store.layout import point_group
 from eqt_cli.store.variables import Attribute, Variable
@@ -30,7 +31,7 @@ MIXED = "mixed"
 Positions = tuple[int | slice, ...]
 
 
-class Place(Protocol):
+class Destination(Protocol):
     """Where the variables of a piece are written."""
 
     def put(self, name: str, data: Array, positions: Positions = ()) -> None:
@@ -39,7 +40,7 @@ class Place(Protocol):
 
 
 @dataclass(frozen=True)
-class Frame:
+class ResultFile:
     """An unfinished result file, all of whose variables are there.
 
     Attributes
@@ -54,10 +55,10 @@ class Frame:
 
     root: Assembly
     groups: list[Assembly]
-    places: Sequence[Place]
+    places: Sequence[Destination]
 
 
-class Form:
+class Layout:
     """What is kept of points of one shape, and along which dimensions."""
 
     def __init__(self, study: Study) -> None:
@@ -103,10 +104,10 @@ class Form:
 
 
 @contextmanager
-def framed(study: Study, path: Path) -> Iterator[Frame]:
+def new_result_file(study: Study, path: Path) -> Iterator[ResultFile]:
     """The result file of a study, to be filled; it appears when the block ends."""
-    forms = [Form(study.piece(index)) for index in range(len(study.shapes))]
-    blanks, found = _root(study, forms)
+    layouts = [Layout(study.piece(index)) for index in range(len(study.shapes))]
+    blanks, found = _root(study, layouts)
     laws = law_names(study)
     if laws is not None:
         meaning = {"long_name": "registered law without options that the controller equals"}
@@ -117,32 +118,32 @@ def framed(study: Study, path: Path) -> Iterator[Frame]:
         if laws is not None:
             file.put(LAW, laws)
         if not study.is_ragged:
-            yield Frame(file, [], [file])
+            yield ResultFile(file, [], [file])
             return
-        of_point = {p: forms[index] for index, points in enumerate(study.shapes) for p in points}
+        of_point = {p: layouts[index] for index, points in enumerate(study.shapes) for p in points}
         groups = [_group(file, study, point, of_point[point]) for point in range(len(study))]
         places = [
-            _Spread(file, [groups[p] for p in points], points, forms[index])
+            _Spread(file, [groups[p] for p in points], points, layouts[index])
             for index, points in enumerate(study.shapes)
         ]
-        yield Frame(file, groups, places)
+        yield ResultFile(file, groups, places)
 
 
-def _root(study: Study, forms: list[Form]) -> tuple[dict[str, Blank], dict[str, Variable]]:
+def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[str, Variable]]:
     """Variables and coordinates of the root."""
     swept = swept_coordinates(study)
     if not study.is_ragged:
-        return forms[0].blanks(), forms[0].coordinates | swept
-    blanks = forms[0].blanks()
-    rest = [form.blanks() for form in forms[1:]]
+        return layouts[0].blanks(), layouts[0].coordinates | swept
+    blanks = layouts[0].blanks()
+    rest = [layout.blanks() for layout in layouts[1:]]
     kept = {
         entry.name: replace(
             blanks[entry.name],
             attributes=_agreed([one[entry.name].attributes for one in (blanks, *rest)]),
         )
-        for entry in forms[0].of(Per.RUN)
+        for entry in layouts[0].of(Per.RUN)
     }
-    shared = {name: forms[0].coordinates[name] for name in ("controller", "run")}
+    shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
     return kept, shared | swept
 
 
@@ -153,10 +154,10 @@ def _agreed(attributes: list[Mapping[str, Attribute]]) -> dict[str, Attribute]:
     return same if "units" in same or "units" not in first else {"units": MIXED, **same}
 
 
-def _group(file: Assembly, study: Study, point: int, form: Form) -> Assembly:
+def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly:
     """The group of a point, laid out as the result of a single experiment."""
-    found = form.coordinates
-    group = file.group(point_group(point), _sizes(found), found, form.blanks(single=True))
+    found = layout.coordinates
+    group = file.group(point_group(point), _sizes(found), found, layout.blanks(single=True))
     experiment = study.experiment(point)
     config = dump(experiment.resolved | {"store": study.resolved["store"]})
     group.describe({"config": config, "group": experiment.group.name})
@@ -171,11 +172,11 @@ class _Spread:
     """Brings what is of a piece to the groups of its points, and metrics to the root as well."""
 
     def __init__(
-        self, root: Assembly, groups: list[Assembly], points: Sequence[int], form: Form
+        self, root: Assembly, groups: list[Assembly], points: Sequence[int], layout: Layout
     ) -> None:
         self.root, self.groups, self.points = root, groups, points
-        self.by_point = {entry.name for entry in form.quantities if form.by_point(entry)}
-        self.in_root = {entry.name for entry in form.of(Per.RUN)}
+        self.by_point = {entry.name for entry in layout.quantities if layout.by_point(entry)}
+        self.in_root = {entry.name for entry in layout.of(Per.RUN)}
 
     def put(self, name: str, data: Array, positions: Positions = ()) -> None:
         if name not in self.by_point:

@@ -1,4 +1,4 @@
-"""How far an experiment has come, told from a listing of its folder alone."""
+"""How far an unfinished result has come, told from a listing of its folder; it opens no part."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.experiment.plan import Plans
-from eqt_cli.run.listing import MANIFEST, PARTS, RESULTS, finished_parts
 from eqt_cli.run.lock import holder
+from eqt_cli.run.part_files import MANIFEST, PARTS, FinishedPart, PartFiles
+from eqt_cli.store.layout import FILE_NAME
 
 RECENT = 200
 """The rate is that of the latest so many parts."""
 
 
 @dataclass(frozen=True)
-class Status:
-    """The state of an unfinished result folder.
+class Unfinished:
+    """A result folder that holds parts, but no result yet.
 
     Attributes
     ----------
@@ -52,9 +53,9 @@ class Status:
         )
 
 
-def status_of(path: Path) -> Status | None:
-    """The state of a folder that holds parts but no result; None for any other path."""
-    if not path.is_dir() or (path / RESULTS).exists():
+def unfinished(path: Path) -> Unfinished | None:
+    """How far a folder has come that holds no result yet; None for any other path."""
+    if not path.is_dir() or (path / FILE_NAME).exists():
         return None
     try:
         manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
@@ -62,22 +63,21 @@ def status_of(path: Path) -> Status | None:
         name, begun = str(manifest["name"]), str(manifest["begun"])
     except (OSError, ValueError, TypeError, KeyError):
         return None
-    listed = finished_parts(path / PARTS)
+    listed = PartFiles(path / PARTS).listed()
     done = sum(plan.runs_of(number) for number in listed if number < len(plan))
-    failed = sum(entry.failed for entry in listed.values())
+    failed = sum(part.failed for part in listed.values())
     writer = holder(path)
     since = None if writer is None else writer.get("since")
-    rate = _rate(plan, {number: entry.path for number, entry in listed.items()}, since)
-    return Status(name, plan.total, done, failed, begun, writer, rate)
+    return Unfinished(name, plan.total, done, failed, begun, writer, _rate(plan, listed, since))
 
 
-def _rate(plan: Plans, paths: dict[int, Path], since: str | None) -> float | None:
+def _rate(plan: Plans, parts: dict[int, FinishedPart], since: str | None) -> float | None:
     """Runs per second over the latest parts, of this session if one is under way."""
     start = datetime.fromisoformat(since).timestamp() if since else 0.0
     found = []
-    for number, path in paths.items():
+    for number, part in parts.items():
         try:
-            finished = os.stat(path).st_mtime  # noqa: PTH116  # thousands, quickly
+            finished = os.stat(part.path).st_mtime  # noqa: PTH116  # thousands, quickly
         except FileNotFoundError:
             continue
         if finished >= start:

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.comparison import Window
 from eqt_cli.core.errors import EqtError
+from eqt_cli.results.windows import Window
 
 TIMES = np.linspace(0.0, 10.0, 11)
 

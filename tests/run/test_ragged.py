@@ -9,13 +9,13 @@ import pytest
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError, ResultError
 from eqt_cli.engines import Status
-from eqt_cli.experiment.point import open_point
 from eqt_cli.experiment.sweeping import MOST_GROUPS, add_grids, study
+from eqt_cli.results.result import open_result
 from eqt_cli.run.execute import Shard, execute, pack_folder
 from eqt_cli.run.executors import Executor, Outcome
 from eqt_cli.run.executors.local import Local
 from eqt_cli.run.executors.serial import Serial
-from eqt_cli.run.status import status_of
+from eqt_cli.run.unfinished import unfinished
 from eqt_cli.store.reader import open_results
 
 CONFIG = """\
@@ -149,8 +149,8 @@ def test_an_interrupted_one_continues_and_ends_the_same(make, text, whole, tmp_p
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
         execute(make(text), out, executor=Stopping(1))
-    unfinished = status_of(out)
-    assert (unfinished.runs, unfinished.done) == (40, 15)
+    found = unfinished(out)
+    assert (found.runs, found.done) == (40, 15)
     outcome = execute(make(text), out)
     assert (outcome.resumed, outcome.failed) == (15, 0)
     assert_same(contents(out), whole)
@@ -243,7 +243,7 @@ def test_one_point_of_a_sweep_without_groups(make, tmp_path):
     execute(make("", grids=["gains.kp=1,2"]), tmp_path / "out")
     execute(make("", "gains.kp=2"), tmp_path / "alone")
     with (
-        open_point(tmp_path / "out", 1) as point,
+        open_result(tmp_path / "out", 1) as point,
         open_results(tmp_path / "out") as whole,
         open_results(tmp_path / "alone") as alone,
     ):

@@ -7,13 +7,13 @@ from eqt_cli.engines import Problem, Status
 from eqt_cli.experiment.study import Study
 from eqt_cli.run.compute import (
     REFERENCE_STATES,
-    Gathered,
+    PartArrays,
     compute_part,
     read_part,
     reference_table,
 )
 from eqt_cli.run.cross_check import chosen_entries, distance
-from eqt_cli.run.executors import Ways
+from eqt_cli.run.executors import TaskContext
 
 TAYLOR = "{engine: taylor, rtol: 1.0e-6, tol: 1.0e-6, cross_check: 0}"
 
@@ -24,10 +24,10 @@ def simulate(experiment):
     shared = reference_table(study).variables[REFERENCE_STATES].data[0]
     assert len(study.plan) == len(experiment.loops)
     tables = [
-        compute_part(study, study.plan.part(number), shared, Ways())
+        compute_part(study, study.plan.part(number), shared, TaskContext())
         for number in range(len(study.plan))
     ]
-    kept = Gathered(study, study.plan.part(0)).quantities
+    kept = PartArrays(study, study.plan.part(0)).quantities
     found = [read_part(_Read(table), kept) for table in tables]
     start = {name: tables[0].variables[name].data for name in ("initial_pose", "initial_velocity")}
     return start | {name: np.array([one[name] for one in found]) for name in found[0]}
@@ -37,7 +37,7 @@ class _Read:
     """A table in memory, read as a file is."""
 
     def __init__(self, table):
-        self.variables = table.variables
+        self.variables, self.attributes = table.variables, table.attributes
 
     def has(self, name):
         return name in self.variables

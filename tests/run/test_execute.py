@@ -22,7 +22,7 @@ from eqt_cli.run.executors.local import Local
 from eqt_cli.run.executors.serial import Serial
 from eqt_cli.run.folder import ResultFolder
 from eqt_cli.run.lock import holder, locked
-from eqt_cli.run.status import status_of
+from eqt_cli.run.unfinished import unfinished
 from eqt_cli.store.reader import open_results
 
 CONFIG = """\
@@ -304,6 +304,107 @@ def test_packing_parts_of_shards_of_other_versions(make, tmp_path, remarks):
     assert [session["numpy"] for session in origin_of(out)["other_sessions"]] == ["1.0"]
 
 
+# Parts of versions that keep other numbers.
+
+
+def edit(path, change):
+    """Give a finished part other names for its rows of numbers, or other rows."""
+    with h5py.File(path, "r+") as file:
+        rows, names = file["numbers"][()], file.attrs["rows_of_numbers"].split()
+        file["numbers"][()], names = change(rows, names)
+        if names is None:
+            del file.attrs["rows_of_numbers"]
+        else:
+            file.attrs["rows_of_numbers"] = " ".join(names)
+
+
+def exchanged(rows, names):
+    """As a version writes them in whose source effort and peak torque have changed places."""
+    assert names[:2] == ["effort", "peak_torque"]
+    order = [1, 0, *range(2, len(rows))]
+    return rows[order], [names[index] for index in order]
+
+
+def unnamed(rows, names):
+    return rows, None
+
+
+def renamed(rows, names):
+    return rows, ["exertion" if name == "effort" else name for name in names]
+
+
+def forget_what_was_kept(out):
+    """Let the folder be of a session that kept other quantities."""
+    path = out / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(manifest | {"quantities": []}), encoding="utf-8")
+
+
+@pytest.mark.parametrize("told", [True, False], ids=["told", "not told"])
+def test_numbers_of_a_part_are_read_by_name(make, whole, tmp_path, remarks, told):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    edit(out / "parts/000001.h5", exchanged)
+    if told:
+        forget_what_was_kept(out)
+    assert execute(make(), out, remark=remarks.append).resumed == 6
+    assert remarks == []
+    assert_same(contents(out), whole)
+
+
+@pytest.mark.parametrize("change", [unnamed, renamed])
+@pytest.mark.parametrize("told", [True, False], ids=["told", "not told"])
+def test_a_part_that_lacks_a_number_is_computed_again(make, whole, tmp_path, remarks, change, told):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    edit(out / "parts/000001.h5", change)
+    if told:
+        forget_what_was_kept(out)
+    assert execute(make(), out, remark=remarks.append).resumed == (3 if told else 6)
+    assert remarks == [
+        f"{out}: 3 of its runs were computed with a version of eqt that keeps other numbers of "
+        "each; they are computed again"
+    ]
+    assert_same(contents(out), whole)
+
+
+def test_a_shard_computes_its_own_outdated_parts_again(make, whole, tmp_path, remarks):
+    out = tmp_path / "out"
+    execute(make(), out, shard=Shard(1, 2))
+    for name in ("000000", "000002"):
+        edit(out / f"parts/{name}.h5", unnamed)
+    assert execute(make(), out, shard=Shard(2, 2), remark=remarks.append).resumed == 0
+    assert remarks == []
+    assert execute(make(), out, shard=Shard(1, 2), remark=remarks.append).resumed == 1
+    assert len(remarks) == 1
+    pack_folder(make(), out)
+    assert_same(contents(out), whole)
+
+
+def test_new_rows_that_lack_a_number_are_computed_again(make, whole, tmp_path, remarks):
+    out = tmp_path / "out"
+    execute(make(), out, executor=Losing({1, 2}))
+    with pytest.raises(KeyboardInterrupt):
+        execute(make(), out, rerun_failed=True, executor=Stopping(1))
+    edit(out / "rerun/000001.h5", unnamed)
+    assert execute(make(), out, rerun_failed=True, remark=remarks.append).failed == 0
+    assert len(remarks) == 1
+    assert_same(contents(out), whole)
+
+
+def test_failed_runs_of_a_result_with_other_variables_are_not_mixed_in(make, tmp_path):
+    out = tmp_path / "out"
+    execute(make(), out, executor=Losing({1}))
+    with h5py.File(out / "results.h5", "r+") as file:
+        file.move("effort", "exertion")
+    with pytest.raises(EqtError) as caught:
+        execute(make(), out, rerun_failed=True)
+    assert str(caught.value) == (
+        f"{out}/results.h5: was written by a version of eqt that keeps other variables; compute "
+        "its failed runs with that version, or start over with --force"
+    )
+
+
 # Workers.
 
 
@@ -475,12 +576,12 @@ def test_status_counts_from_the_listing_alone(make, tmp_path):
     out = tmp_path / "out"
     interrupted(make(), out, after=4)
     (out / "parts/000001.h5").rename(out / "parts/000001.f2.h5")
-    status = status_of(out)
-    assert (status.runs, status.done, status.failed) == (14, 12, 2)
-    assert status.writer is None
-    assert status.remaining is None
+    found = unfinished(out)
+    assert (found.runs, found.done, found.failed) == (14, 12, 2)
+    assert found.writer is None
+    assert found.remaining is None
     execute(make(), out)
-    assert status_of(out) is None
+    assert unfinished(out) is None
 
 
 # Sweeps.

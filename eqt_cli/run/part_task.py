@@ -5,41 +5,51 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
+from eqt_cli.core.errors import ResultError
 from eqt_cli.experiment.study import Study
-from eqt_cli.run.compute import REFERENCE_STATES, compute_part, lost_part, reference_table
-from eqt_cli.run.executors import Ways
+from eqt_cli.run.compute import (
+    REFERENCE_STATES,
+    OutdatedPart,
+    check_part,
+    compute_part,
+    lost_part,
+    reference_table,
+)
+from eqt_cli.run.executors import TaskContext
 from eqt_cli.run.part_files import PartFiles
+from eqt_cli.run.result_layout import Layout
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.variables import Table
 
 
 @dataclass(frozen=True, eq=False)
-class Work:
+class PartTask:
     """Computes parts of a study into a folder; it can be sent to other processes."""
 
     study: Study
     files: PartFiles
 
     @blamed()
-    def __call__(self, item: int, ways: Ways) -> int:
+    def __call__(self, item: int, context: TaskContext) -> int:
         """Compute and save one part; returns how many of its runs failed."""
         index, number = self.study.plans.where(item)
         piece = self.study.piece(index)
-        return self._save(
-            item, compute_part(piece, piece.plan.part(number), self.shared(index), ways)
+        return self.save(
+            item, compute_part(piece, piece.plan.part(number), self.shared(index), context)
         )
 
     def lose(self, item: int, message: str) -> int:
         """Save a part that could not be computed; returns the number of its runs."""
         index, number = self.study.plans.where(item)
         piece = self.study.piece(index)
-        return self._save(item, lost_part(piece, piece.plan.part(number), message))
+        return self.save(item, lost_part(piece, piece.plan.part(number), message))
 
     @blamed()
     def prepare(self) -> None:
@@ -48,6 +58,18 @@ class Work:
             piece, path = self.study.piece(index), self.files.reference(index)
             if not piece.desired_varies and not path.exists():
                 self.files.save_reference(index, reference_table(piece))
+
+    def is_outdated(self, item: int, path: Path) -> bool:
+        """Whether a part was written by a version of eqt that did not keep all of this one's."""
+        index, _ = self.study.plans.where(item)
+        try:
+            with open_results(path) as results:
+                check_part(results, Layout(self.study.piece(index)).quantities)
+        except OutdatedPart:
+            return True
+        except ResultError:
+            return False  # but damaged: whoever reads all of it finds that too
+        return False
 
     def runs_of(self, item: int) -> int:
         """The number of runs of a part."""
@@ -64,10 +86,11 @@ class Work:
         with open_results(self.files.reference(index)) as results:
             return results.read(REFERENCE_STATES)[0]
 
-    def _save(self, item: int, table: Table) -> int:
+    def save(self, item: int, table: Table) -> int:
+        """Save a finished part as one of this study; returns how many of its runs failed."""
         failed = int(np.count_nonzero(table.variables["status"].data))
-        described = Table(table.variables, table.coordinates, {"digest": self.study.digest})
-        self.files.save(item, described, failed)
+        attributes = {**table.attributes, "digest": self.study.digest}
+        self.files.save(item, Table(table.variables, {}, attributes), failed)
         return failed
 
     def __getstate__(self) -> dict[str, Any]:

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from eqt_cli.core.errors import ConfigError
-from eqt_cli.run import room
-from eqt_cli.run.execute import Outcome
+from eqt_cli.run import cost
+from eqt_cli.run.execute import Execution
 
-Run = Callable[..., Outcome]
+Run = Callable[..., Execution]
 
 
 def refusal(run: Run, *overrides: str) -> str:
@@ -23,7 +23,7 @@ def refusal(run: Run, *overrides: str) -> str:
 
 def test_memory(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     """25 states and 19 signals: 3 runs × 1e8 samples × 44 numbers × 8 bytes × 3 copies."""
-    monkeypatch.setattr(room, "_memory", lambda: 64 * 10**9)
+    monkeypatch.setattr(cost, "_memory", lambda: 64 * 10**9)
     assert refusal(run, "time.samples=100000000") == (
         "--set[0]: time.samples: a part of the runs takes at least 317 GB of memory at once, and "
         "this machine has 64 GB; take fewer samples"
@@ -31,7 +31,7 @@ def test_memory(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_disk(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room, "_free_disk", lambda folder: 64 * 10**9)
+    monkeypatch.setattr(cost, "_free_disk", lambda folder: 64 * 10**9)
     text = refusal(run, "ensemble.runs=100000000")
     start = "--set[0]: ensemble.runs: the result takes "
     end = (
@@ -44,5 +44,5 @@ def test_disk(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_what_there_is(tmp_path: Path) -> None:
-    assert room._free_disk(tmp_path / "not" / "there") > 0
-    assert (room._memory() or 10**9) > 10**8
+    assert cost._free_disk(tmp_path / "not" / "there") > 0
+    assert (cost._memory() or 10**9) > 10**8

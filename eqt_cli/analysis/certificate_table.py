@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from eqt_cli.analysis.certificates import Row, Verdict
-from eqt_cli.analysis.comparison.tables import Section, Sheet
+from eqt_cli.analysis.text_tables import Block, TextTable
 
 _KINDS = {
     "identity": "Identities, at random states: difference of both sides, bound of its rounding",
@@ -29,23 +29,23 @@ _LEGEND = {
 _HEADER = ["statement", "what", "law", "measured", "bound", "verdict", "remark"]
 
 
-def certificate_sheet(rows: Sequence[Row]) -> Sheet | None:
-    """A section per kind, in the order of the rows; None if there are none."""
-    sections = [
-        Section(title, [_cells(row) for row in rows if row.kind == kind])
+def certificate_table(rows: Sequence[Row]) -> TextTable | None:
+    """A block per kind, in the order of the rows; None if there are none."""
+    blocks = [
+        Block(title, [_cells(row) for row in rows if row.kind == kind])
         for kind, title in _KINDS.items()
     ]
-    sections = [section for section in sections if section.rows]
-    if not sections:
+    blocks = [block for block in blocks if block.rows]
+    if not blocks:
         return None
     doubts = doubtful(rows)
     assumed = f"; of the hypotheses {'; '.join(doubts)}" if doubts else ""
     occurring = {row.verdict for row in rows}
-    return Sheet(
+    return TextTable(
         "certificates",
         f"The paper's statements, checked on this experiment: {tally(rows)}{assumed}",
         _HEADER,
-        sections,
+        blocks,
         [f"{verdict}: {meaning}." for verdict, meaning in _LEGEND.items() if verdict in occurring],
     )
 

@@ -12,8 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 
 from eqt_cli.plots.drawing.curves import BAND
-from eqt_cli.plots.drawing.good_metrics import Sample
 from eqt_cli.plots.drawing.style import ink
+from eqt_cli.plots.shown import Sample
 
 MOST_POINTS = 50
 """Runs that are drawn as points on their box; of more, only the smallest and the largest."""
@@ -32,18 +32,9 @@ _GOLDEN = (5**0.5 - 1) / 2
 
 
 _MEDIAN: dict[str, Any] = {"linewidth": 1.2, "solid_capstyle": "butt"}
-_MEAN: dict[str, Any] = {
-    "linestyle": "none",
-    "marker": "D",
-    "markersize": 3,
-    "markeredgewidth": 0.6,
-}
-_POINT: dict[str, Any] = {
-    "linestyle": "none",
-    "marker": "o",
-    "markersize": 1.6,
-    "markeredgewidth": 0,
-}
+_MARK: dict[str, Any] = {"linestyle": "none"}
+_MEAN = _MARK | {"marker": "D", "markersize": 3, "markeredgewidth": 0.6}
+_POINT = _MARK | {"marker": "o", "markersize": 1.6, "markeredgewidth": 0}
 
 
 def draw_box(axes: Axes, row: int, sample: Sample, end: float, colour: str, label: str) -> None:

@@ -10,46 +10,46 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from eqt_cli.analysis.comparison.tables import Sheet
+    from eqt_cli.analysis.text_tables import TextTable
 
 _NUMBER = re.compile(r"[-+$]*\d[\d.]*( \\?%)?")
 _WIDTH = 100
 """Of notes, at most."""
 
 
-def as_text(sheet: Sheet) -> str:
-    """For a terminal: caption, columns under their headings, sections, notes."""
+def as_text(table: TextTable) -> str:
+    """For a terminal: caption, columns under their headings, blocks, notes."""
     from eqt_cli.cli.output import columns, room
 
-    titled = any(section.title for section in sheet.sections)
+    titled = any(block.title for block in table.blocks)
     indent = "  " if titled else ""
-    rows = [row for section in sheet.sections for row in section.rows]
+    rows = [row for block in table.blocks for row in block.rows]
     width = room()
-    head, lines = columns(sheet.header, rows, width and width - len(indent))
-    out = [sheet.caption, "", *(indent + line for line in head)]
+    head, lines = columns(table.header, rows, width and width - len(indent))
+    out = [table.caption, "", *(indent + line for line in head)]
     remaining = (line.replace("\n", "\n" + indent) for line in lines)
-    for section in sheet.sections:
-        if section.title:
-            out.append(section.title)
-        out += [indent + next(remaining) for _ in section.rows]
-    if sheet.notes:
-        out += ["", *(textwrap.fill(note, min(width or _WIDTH, _WIDTH)) for note in sheet.notes)]
+    for block in table.blocks:
+        if block.title:
+            out.append(block.title)
+        out += [indent + next(remaining) for _ in block.rows]
+    if table.notes:
+        out += ["", *(textwrap.fill(note, min(width or _WIDTH, _WIDTH)) for note in table.notes)]
     return "\n".join(out)
 
 
-def as_latex(sheet: Sheet) -> str:
+def as_latex(table: TextTable) -> str:
     """A `tabular` of the package booktabs, with the caption and the notes as comments."""
-    numeric = [_is_numeric(column) for column in zip(*_all_rows(sheet), strict=True)]
+    numeric = [_is_numeric(column) for column in zip(*_all_rows(table), strict=True)]
     layout = "".join("r" if right else "l" for right in numeric)
-    lines = [f"% {sheet.caption}", rf"\begin{{tabular}}{{{layout}}}", r"\toprule"]
-    lines.append(_latex_row([_latex_heading(heading) for heading in sheet.header]))
-    for section in sheet.sections:
+    lines = [f"% {table.caption}", rf"\begin{{tabular}}{{{layout}}}", r"\toprule"]
+    lines.append(_latex_row([_latex_heading(heading) for heading in table.header]))
+    for block in table.blocks:
         lines.append(r"\midrule")
-        if section.title:
-            width = len(sheet.header)
-            lines.append(rf"\multicolumn{{{width}}}{{l}}{{{section.title}}} \\")
-        lines += [_latex_row(row) for row in section.rows]
-    lines += [r"\bottomrule", r"\end{tabular}", *(f"% {note}" for note in sheet.notes)]
+        if block.title:
+            width = len(table.header)
+            lines.append(rf"\multicolumn{{{width}}}{{l}}{{{block.title}}} \\")
+        lines += [_latex_row(row) for row in block.rows]
+    lines += [r"\bottomrule", r"\end{tabular}", *(f"% {note}" for note in table.notes)]
     return "\n".join(lines)
 
 
@@ -76,8 +76,8 @@ def _latex_heading(text: str) -> str:
     return {"d": "$d$", "P(better)": r"$P(\text{better})$"}.get(text, text)
 
 
-def _all_rows(sheet: Sheet) -> list[list[str]]:
-    return [row for section in sheet.sections for row in section.rows]
+def _all_rows(table: TextTable) -> list[list[str]]:
+    return [row for block in table.blocks for row in block.rows]
 
 
 def _is_numeric(column: Iterable[str]) -> bool:
