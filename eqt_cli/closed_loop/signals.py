@@ -39,7 +39,7 @@ class Signal:
     of
         From the state, the torque and L.
     of_part
-        From state and torque, the same of one part of the coordinates, for a norm; None for all else.
+        The same of one part of the coordinates, for a norm; None for all else.
     """
 
     name: str
