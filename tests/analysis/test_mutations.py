@@ -478,7 +478,7 @@ PLANTS = {
 # Which rows turn red ------------------------------------------------------------------------------
 
 ALL = "eqt,gt,nog,asym"
-WEIGHTS = "weights (g, c, n) of the law"
+WEIGHTS = "weights (g, c, n, q) of the law"
 THROUGH = on("eqt", "control through G ⋉ g*") | on(ALL, WEIGHTS)  # both go through G ⋉ g*
 LITERAL = {(f"{title} on SO(3)", title.lower()) for title in ("EqT", "GT", "nog", "asym")}
 POWER = "power of the feedforward"
