@@ -8,13 +8,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import controllers
 from eqt_cli.controllers.family import Family
-from eqt_cli.core.arrays import apply_matrix, dot, transpose
+from eqt_cli.core.arrays import apply_matrix, dot, norm, transpose
 from eqt_cli.core.expressions import parse
 from eqt_cli.core.problems import Problems
 from eqt_cli.mechanics import navigation
@@ -377,6 +377,14 @@ def skip_unless_fitting(name, G):
         pytest.skip(f"{name} is not for {G.name}")
 
 
+def assume_away_from_half_turns(s):
+    """Differences across an angle of π mean nothing for a law whose torque jumps there."""
+    x = s.G.log(s.relative.Q)
+    for part in s.G.parts:
+        if part.name.startswith("rotation"):
+            assume((norm(x[..., part.axes]) < np.pi - 0.1).all())
+
+
 def rate_of_L(some, data, controller, inertia, derivative):
     """dL/dt and dW/dt of a closed loop at any state, and what its law may read there."""
     G, t = some.G, 0.5
@@ -456,6 +464,8 @@ def test_closed_loop_integrates_the_rate_of_L_without_feedforward(
 def test_closed_loop_integrates_the_rate_of_L(samples, data, name, derivative):
     skip_unless_fitting(name, samples.G)
     rate, power, s = rate_of_L(samples, data, law(name), constant, derivative)
+    if name in ("logarithmic", "quaternion"):
+        assume_away_from_half_turns(s)
     if law(name).dissipation(s) is None:
         assert_equal(power, 0.0, tolerance=0)
     else:
