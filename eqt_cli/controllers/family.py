@@ -127,6 +127,8 @@ class Family(Controller):
 class Member(Family):
     """A point of the family with a name of its own, of which nothing is an option.
 
+    A class that extends a member may fix other numbers.
+
     Attributes
     ----------
     weights
@@ -146,9 +148,10 @@ class Member(Family):
     quadratic: float = field(init=False)
 
     def __post_init__(self) -> None:
-        values = dict(
-            zip(("gyroscopic", "transport", "connection", "quadratic"), self.weights, strict=True)
-        )
-        for name, value in {**values, "error": self.frames[0], "damping": self.frames[1]}.items():
-            object.__setattr__(self, name, value)
+        names = ("gyroscopic", "transport", "connection", "quadratic", "error", "damping")
+        above = type(self).__mro__
+        fixed = {name for kind in above[: above.index(Member)] for name in vars(kind)}
+        for name, value in zip(names, (*self.weights, *self.frames), strict=True):
+            if name not in fixed:
+                object.__setattr__(self, name, value)
         super().__post_init__()

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.controllers.body_errors import CancellingLaw
-from eqt_cli.core.arrays import Array, apply_matrix, dot
+from eqt_cli.core.arrays import Array, apply_matrix, dot, stack
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.navigation import hessian_at_identity
@@ -54,7 +54,7 @@ class Quaternion(CancellingLaw):
     def potential(self, r: Tracking) -> Array:
         """4h(1 − q₀) with h the mean stiffness."""
         scalar, _ = r.G.half_turn(r.Q)
-        return (4 * (1 - scalar)[..., None] * self._mean(r))[..., 0]
+        return (4 * (1 - stack([scalar])) * self._mean(r))[..., 0]
 
     def dissipation(self, s: Tracking) -> Array | None:
         """⟨K_d e, e⟩, and where the stiffness is not the same about every axis, what that adds."""

@@ -140,14 +140,14 @@ class EuclideanGroup(MatrixLieGroup):
     def log(self, Q: Array) -> Array:
         """log in closed form, with rotation angles in [0, π] (n = 3) or [−π, π] (n = 2)."""
         c, y = self.half_turn(Q)
-        turn = ratio_to_sine(c)[..., None] * y
+        turn = ratio_to_sine(stack([c])) * y
         if not self.columns:
             return turn
-        psi, _ = inverse_jacobian_terms(dot(turn, turn))
+        psi, _ = inverse_jacobian_terms(stack([dot(turn, turn)]))
         W = (turn @ self._turns.reshape(self.rotations, -1)).reshape(self.rotation(Q).shape)
         X = self.translations(Q)
         twice = W @ X
-        X = X - twice / 2 + psi[..., None, None] * (W @ twice)  # J(ω)⁻¹ x
+        X = X - twice / 2 + psi[..., None] * (W @ twice)  # J(ω)⁻¹ x
         return np.concatenate([turn, transpose(X).reshape(*turn.shape[:-1], -1)], axis=-1)
 
     def log_force(self, x: Array, p: Array) -> Array:
@@ -157,14 +157,14 @@ class EuclideanGroup(MatrixLieGroup):
         with the rotation, so that values and slopes of the even part fix its polynomial.
         """
         turn = x[..., : self.rotations]
-        square = dot(turn, turn)
-        psi, slope = (term[..., None] for term in inverse_jacobian_terms(square))
+        square = stack([dot(turn, turn)])
+        psi, slope = inverse_jacobian_terms(square)
         once = self.ad_star(x, p)
         twice = self.ad_star(x, once)
         if not self.columns or self.space == 2:
             return p + once / 2 + psi * twice
         fourth = self.ad_star(x, self.ad_star(x, twice))
-        return p + once / 2 + (psi - square[..., None] * slope) * twice - slope * fourth
+        return p + once / 2 + (psi - square * slope) * twice - slope * fourth
 
     def half_turn(self, Q: Array) -> tuple[Array, Array]:
         """cos(θ/2) ≥ 0 and 2 sin(θ/2) times the unit axis, ``(...)`` and ``(..., 3)`` or 1.

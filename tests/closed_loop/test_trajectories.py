@@ -91,17 +91,22 @@ def assert_constant(quantity):
     assert change.max() < TOLERANCE * np.abs(quantity).max()
 
 
+def fitting(name, G):
+    """The law of this name, where it is one for the group."""
+    law, problems = controllers.get(name)(), Problems()
+    law.check(G, problems)
+    if problems:
+        pytest.skip(f"{name} is not for {G.name}")
+    return law
+
+
 # Theorems 3.2 and 6.2 along trajectories ----------------------------------------------------------
 
 
 @pytest.fixture(scope="module", params=controllers.names())
 def controlled(G, request):
     """A loop with each registered controller, its trajectories, and L and W along them."""
-    law, problems = controllers.get(request.param)(), Problems()
-    law.check(G, problems)
-    if problems:
-        pytest.skip(f"{request.param} is not for {G.name}")
-    loop = closed_loop(G, law)
+    loop = closed_loop(G, fitting(request.param, G))
     states = trajectories(loop)
     s = loop.tracking(TIMES, states)
     if loop.dissipation(s) is None:
@@ -229,7 +234,7 @@ def test_flat_state_holds_what_it_was_made_of(G):
 @pytest.mark.parametrize("name", controllers.names())
 def test_vector_field_takes_object_arrays(G, name):
     """What a compiling engine relies on, with numbers in the place of its symbols."""
-    loop = closed_loop(G, controllers.get(name)())
+    loop = closed_loop(G, fitting(name, G))
     state = initial_states(loop)
     symbolic = loop.with_parameters(
         {key: value.astype(object) for key, value in loop.parameters.items()}

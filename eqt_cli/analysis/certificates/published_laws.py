@@ -262,7 +262,10 @@ class Lee2012OnSO3(LeeOnSO3):
 
 
 class SmallErrors(Identity):
-    """Near a pose at rest the torque is −H x − K_d v: H the Hessian of Υ at I, v the velocity."""
+    """Near a pose at rest the torque is −H x − K_d v: H the Hessian of Υ at I, v the velocity.
+
+    The inertia is held, so that what makes up for its change does not count as damping.
+    """
 
     name: ClassVar[str] = "stiffness and damping of small errors"
     statement: ClassVar[str] = "Υ and K_d to first order"
@@ -277,7 +280,7 @@ class SmallErrors(Identity):
         at_rest = replace(
             s,
             t=times,
-            inertia=sample.loop.inertia.at(times),
+            inertia=replace(sample.loop.inertia.at(times), change=None),
             Q=lifted(identity),
             P=lifted(still),
             Qd=lifted(identity),
@@ -289,8 +292,7 @@ class SmallErrors(Identity):
         turned = replace(at_rest, Q=lifted(identity, rates=G.hat(x)))
         yield rate_of(command(turned)), -apply_matrix(stiffness(s), lifted(x))
         moved = replace(at_rest, P=with_rate(at_rest.P, at_rest.inertia.momentum(lifted(x))))
-        damping = apply_matrix(s.gains.K_d, lifted(x))
-        yield rate_of(command(moved)), at_rest.inertia.feedforward(lifted(x)) - damping
+        yield rate_of(command(moved)), -apply_matrix(s.gains.K_d, lifted(x))
 
     def check(self, sample: Sample) -> list[Row]:
         """Whether they are those of the gains; a law with gains of its own is not matched."""
