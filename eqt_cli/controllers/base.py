@@ -37,20 +37,20 @@ class Controller(Component):
         Where that function is shown to fall; "" where nothing is claimed.
     matched
         Whether its stiffness and damping for small errors are the Hessian of Υ and K_d, as those
-        of the paper's laws are, so that equal gains make a fair comparison.
+        of the paper's laws are, so that equal gains make a fair comparison. None: not known.
     """
 
     title: ClassVar[str]
     tasks: ClassVar[tuple[str, ...]] = ("track",)
     energy: ClassVar[str] = "½⟨P̃, Ṽ⟩ + Υ(Q_E)"
     theorem: ClassVar[str] = "Theorems 3.2, 6.2"
-    matched: ClassVar[bool] = True
+    matched: ClassVar[bool | None] = None
 
     def __init_subclass__(cls, **options: Any) -> None:
         """A class with a torque of its own claims only what it says itself, not what it extends."""
         super().__init_subclass__(**options)
         if "torque" in vars(cls):
-            for claim in {"claims_decrease", "dissipation"} - set(vars(cls)):
+            for claim in {"claims_decrease", "dissipation", "matched"} - set(vars(cls)):
                 setattr(cls, claim, vars(Controller)[claim])
 
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import ClassVar
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, dot
@@ -17,6 +18,8 @@ class CancellingLaw(Controller):
     Here ξ = Ad_{Q_L⁻¹}V_d, e = V − ξ and Q_L = Q_d⁻¹Q. It leaves d(𝕀e)/dt = −K_d e − force, and
     where the force is the gradient of an energy U, L = ½⟨𝕀e, e⟩ + U falls at ⟨K_d e, e⟩.
     """
+
+    matched: ClassVar[bool | None] = True
 
     @property
     def claims_decrease(self) -> bool | None:

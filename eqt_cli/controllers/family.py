@@ -52,6 +52,7 @@ class Family(Controller):
 
     name: ClassVar[str] = "family"
     title: ClassVar[str] = "family"
+    matched: ClassVar[bool | None] = True
 
     gyroscopic: Real = 1.0
     transport: Real = 1.0

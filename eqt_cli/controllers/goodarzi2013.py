@@ -40,6 +40,7 @@ class Goodarzi2013(Controller):
     name: ClassVar[str] = "goodarzi2013"
     title: ClassVar[str] = "Goodarzi 2013"
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + ½k_I|e_I|²"
+    matched: ClassVar[bool | None] = True
     theorem: ClassVar[str] = "Goodarzi, Lee, Lee (2013)"
 
     ki: Positive = 0.2

@@ -31,7 +31,7 @@ class Maithripala2006(Controller):
     name: ClassVar[str] = "maithripala2006"
     title: ClassVar[str] = "Maithripala 2006"
     theorem: ClassVar[str] = "Maithripala, Berg, Dayawansa (2006)"
-    matched: ClassVar[bool] = False
+    matched: ClassVar[bool | None] = False
 
     damping_rate: Positive = 0.5
 

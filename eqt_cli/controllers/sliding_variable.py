@@ -28,7 +28,7 @@ class SlidingVariable(Controller):
     """
 
     energy: ClassVar[str] = "½⟨𝕀s, s⟩"
-    matched: ClassVar[bool] = False
+    matched: ClassVar[bool | None] = False
 
     slope: Positive = 0.5
 

@@ -62,6 +62,7 @@ class TwiceTheStiffness(Lee2012):
     """k_R enters as it is, and again in e_R."""
 
     name: ClassVar[str] = "lee2012"
+    matched: ClassVar[bool | None] = True
     dissipation = Lee2012.dissipation
 
     def torque(self, s):

@@ -272,6 +272,10 @@ class SmallErrors(Identity):
     section: ClassVar[float] = 8.9
     per_law: ClassVar[bool] = True
 
+    def applies(self, loop: ClosedLoop) -> bool:
+        """To laws that say whether their gains are matched."""
+        return loop.controller.matched is not None
+
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The rates of the torque as the pose, and as the velocity, leaves the desired one."""
         s, G = sample.s, sample.G
