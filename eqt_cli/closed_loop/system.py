@@ -80,7 +80,11 @@ class ClosedLoop:
     @property
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None where nothing is said."""
-        return self.controller.claims_decrease
+        return self.controller.claims(self.group, self.gains)
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """L, the Lyapunov function of the law, ``(...)``; laws may have different ones."""
+        return self.controller.lyapunov(s)
 
     def work(self, state: Array) -> Array:
         """W, the work that the damping has taken out up to a flat state."""
