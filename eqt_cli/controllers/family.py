@@ -75,7 +75,8 @@ class Family(Controller):
     def structure(self) -> Hashable:
         """The same for all members in one frame; a law built on one has its own."""
         own = type(self)
-        inherited = own.torque is Family.torque and own.dissipation is Family.dissipation
+        methods = ("torque", "dissipation", "memory", "initial_memory", "memory_rate")
+        inherited = all(getattr(own, name) is getattr(Family, name) for name in methods)
         return (Family, self.error, self.has_quadratic) if inherited else super().structure
 
     @property

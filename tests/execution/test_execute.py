@@ -700,7 +700,7 @@ REMEMBERING = '''\
 from dataclasses import dataclass
 from typing import ClassVar
 
-from eqt_cli.extend import EqT
+from eqt_cli.controllers.eqt import EqT
 
 
 @dataclass(frozen=True)
