@@ -49,12 +49,12 @@ def show(
         _unfinished(result, found, json)
         return
 
-    from eqt_cli import api
     from eqt_cli.cli.run_table import print_run_table
+    from eqt_cli.results.result import open_result
 
     if json and table:
         raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
-    with api.open_results(result, "arrays", point) as results:
+    with open_result(result, point) as results:
         if table:
             print_run_table(results, format_ or "csv")
         else:
