@@ -16,6 +16,7 @@ from typing import Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, transpose
+from eqt_cli.core.errors import TraceError
 
 
 @dataclass(frozen=True)
@@ -117,6 +118,30 @@ class MatrixLieGroup(ABC):
     @abstractmethod
     def drift(self, Q: Array) -> Array:
         """How far Q has left the group, as a norm that is 0 on it, ``(..., d, d) -> (...)``."""
+
+    # Motion along one algebra element, which engines trace where it depends on time.
+
+    def screw(self, V: Array) -> tuple[Array, Array]:
+        """Algebra elements as ``rates`` along an axis, ``(..., m) -> (..., m), (..., k)``.
+
+        ``exp_along(axis, a * rates)`` is exp(aV) for every number a; k is up to the group.
+        """
+        return V, np.ones((*V.shape[:-1], 1))
+
+    def exp_along(self, axis: Array, angles: Array) -> Array:
+        """exp along an axis that `screw` has given, by ``(..., k)`` angles, also of symbols.
+
+        Raises
+        ------
+        TraceError
+            Of symbols, where the group does not say how.
+        """
+        if angles.dtype == object or axis.dtype == object:
+            raise TraceError(
+                f"group '{self.name}' has no method `exp_along` that takes symbols; "
+                "give it one, as EuclideanGroup has, or use `engine: solve_ivp`"
+            )
+        return self.exp(angles * axis)
 
     # What follows from the basis alone.
 

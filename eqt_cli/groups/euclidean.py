@@ -9,8 +9,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from eqt_cli.core.arrays import Array, apply_matrix, frobenius, transpose
+from eqt_cli.core.arrays import Array, apply_matrix, frobenius, norm, sin, transpose
 from eqt_cli.groups.base import MatrixLieGroup, Part
+
+SMALLEST_RATE = 1e-100
+"""Of a rotation; what is less is none."""
 
 
 class EuclideanGroup(MatrixLieGroup):
@@ -123,6 +126,23 @@ class EuclideanGroup(MatrixLieGroup):
         for index in range(len(self.columns)):
             translations[..., index] = _left_jacobian_times(turn, columns[..., index, :])
         return self.assemble(rotation, translations)
+
+    def screw(self, V: Array) -> tuple[Array, Array]:
+        """The axis with unit rotation and its rate of rotation; where none, V and 1."""
+        rates = norm(V[..., : self.rotations])[..., None]
+        rates = np.where(rates < SMALLEST_RATE, 1.0, rates)
+        return V / rates, rates
+
+    def exp_along(self, axis: Array, angles: Array) -> Array:
+        """I + φX + (1 − cos φ)X² + (φ − sin φ)X³ with X = axis^.
+
+        X⁴ = −X² where its rotation is of unit rate, and X² = 0 where it has none. The factors
+        lose no digits that count where φ is small and the translation along the axis large.
+        """
+        X, phi = self.hat(axis), angles[..., None]
+        X2 = X @ X
+        half = sin(phi / 2)
+        return self.identity + phi * X + 2 * half * half * X2 + (phi - sin(phi)) * (X2 @ X)
 
     def log(self, Q: Array) -> Array:
         """log in closed form, with rotation angles in [0, π] (n = 3) or (−π, π] (n = 2)."""

@@ -96,6 +96,24 @@ class ProductGroup(MatrixLieGroup):
             [factor.exp(V[..., coordinates]) for factor, _, coordinates in self._layout()]
         )
 
+    def screw(self, V: Array) -> tuple[Array, Array]:
+        """Axes and rates of the factors, one behind the other."""
+        found = [factor.screw(V[..., coordinates]) for factor, _, coordinates in self._layout()]
+        axes, rates = zip(*found, strict=True)
+        return np.concatenate(axes, axis=-1), np.concatenate(rates, axis=-1)
+
+    def exp_along(self, axis: Array, angles: Array) -> Array:
+        """Block by block."""
+        counts = [factor.screw(np.zeros(factor.dimension))[1].size for factor in self.factors]
+        return self.assemble(
+            [
+                factor.exp_along(axis[..., coordinates], angles[..., own])
+                for (factor, _, coordinates), own in zip(
+                    self._layout(), _slices(counts), strict=True
+                )
+            ]
+        )
+
     def log(self, Q: Array) -> Array:
         """Block by block."""
         logs = [factor.log(Q[..., block, block]) for factor, block, _ in self._layout()]
@@ -108,7 +126,8 @@ class ProductGroup(MatrixLieGroup):
 
     def assemble(self, poses: list[Array]) -> Array:
         """The pose with these poses of the factors as its blocks."""
-        Q = np.zeros((*poses[0].shape[:-2], self.size, self.size))
+        dtype = np.result_type(*poses)
+        Q = np.zeros((*poses[0].shape[:-2], self.size, self.size), dtype=dtype)
         for pose, block in zip(poses, self.blocks, strict=True):
             Q[..., block, block] = pose
         return Q

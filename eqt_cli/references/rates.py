@@ -1,0 +1,45 @@
+"""A reference whose body velocity is given as expressions in time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, stack
+from eqt_cli.core.differentiation import value_and_derivative
+from eqt_cli.core.expressions import Expression, parse
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.references.base import ByRates
+
+
+@dataclass(frozen=True)
+class RatesReference(ByRates):
+    """A body velocity V_d(t), one expression per coordinate; the pose is integrated.
+
+    Attributes
+    ----------
+    rates
+        m expressions in t, body frame.
+    """
+
+    name: ClassVar[str] = "rates"
+
+    rates: list[str | float]
+
+    @cached_property
+    def expressions(self) -> list[Expression]:
+        """The velocity, parsed."""
+        return [parse(str(text)) for text in self.rates]
+
+    def velocity(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array]:
+        """V_d(t) and its exact derivative."""
+        pairs = [value_and_derivative(expression, {"t": t}) for expression in self.expressions]
+        values, rates = zip(*pairs, strict=True)
+        return stack(values), stack(rates)
+
+    def instants(self, G: MatrixLieGroup) -> Array:
+        """Where an expression changes its piece."""
+        return np.unique([t for expression in self.expressions for t in expression.instants])
