@@ -38,7 +38,7 @@ def options(component: type) -> dict[str, Any]:
 
     from pydantic import TypeAdapter
 
-    from eqt_cli.config.components import option_names
+    from eqt_cli.core.validation import option_names
     from eqt_cli.ensemble.designs import Design, Surroundings
 
     if issubclass(component, Design):

@@ -6,12 +6,12 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from eqt_cli.config.components import option_names
 from eqt_cli.config.keys import keys_of
 from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement
-from eqt_cli.config.source import parse_key
 from eqt_cli.controllers import controllers
+from eqt_cli.core.problems import parse_key
 from eqt_cli.core.registry import Registry, meanings, summary
+from eqt_cli.core.validation import option_names
 from eqt_cli.engines import engines
 from eqt_cli.ensemble.designs import Surroundings, designs
 from eqt_cli.ensemble.poses import pose_distributions
@@ -149,7 +149,7 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
     swept = {
         each.key: {"description": each.meaning}
         for each in keys_of(schema)
-        if parse_key(each.key, "")[0] not in FIXED and each.key != "ensemble.runs"
+        if parse_key(each.key)[0] not in FIXED and each.key != "ensemble.runs"
     }
     sections = "|".join(name for name in schema["properties"] if name not in FIXED)
 

@@ -87,7 +87,7 @@ def _joined(key: str, entries: list[tuple[Schema, list[str]]], schema: Schema) -
     return Key(key, value_of(together, schema), " or ".join(defaults), meaning)
 
 
-def resolved(entry: Schema, schema: Schema) -> Schema:
+def dereferenced(entry: Schema, schema: Schema) -> Schema:
     """What a reference refers to; any other entry as it is."""
     name = entry.get("$ref", "").rpartition("/")[2]
     found: Schema = schema["$defs"][name] if name else entry
@@ -96,7 +96,7 @@ def resolved(entry: Schema, schema: Schema) -> Schema:
 
 def choices(entry: Schema, schema: Schema) -> list[Schema]:
     """The alternatives at a place of a schema."""
-    entry = resolved(entry, schema)
+    entry = dereferenced(entry, schema)
     # Where a reference has a description beside it, pydantic 2.8 wraps it into an `allOf`.
     several = entry.get("anyOf") or entry.get("allOf")
     if not several or "properties" in entry:
@@ -106,7 +106,7 @@ def choices(entry: Schema, schema: Schema) -> list[Schema]:
 
 def described(entry: Schema, schema: Schema) -> str:
     """The first paragraph of what is said of an entry."""
-    text = entry.get("description") or resolved(entry, schema).get("description", "")
+    text = entry.get("description") or dereferenced(entry, schema).get("description", "")
     return str(text).partition("\n\n")[0]
 
 

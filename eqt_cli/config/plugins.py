@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from eqt_cli.config.problems import Problems
 from eqt_cli.config.source import ConfigSource, source_of
-from eqt_cli.config.translate import shown
 from eqt_cli.core.errors import ComponentError
+from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import load_plugin
+from eqt_cli.core.validation import shown
 from eqt_cli.store.reader import Results
 
 
@@ -20,23 +20,20 @@ def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dic
     paths = source.data.get("plugins", [])
     if not isinstance(paths, list):
         expected = "expected a list of paths to Python files"
-        problems.add(("plugins",), f"{expected}, got {shown(paths)}")
+        problems.at("plugins").add(f"{expected}, got {shown(paths)}")
         return {}
     sources: dict[str, str] = {}
     owners: dict[str, str] = {}
     for index, path in enumerate(paths):
-        try:
+        with problems.catching("plugins", index):
             text = _text(source, path, trusted)
             added = load_plugin(source.folder / path, text)
-        except ComponentError as error:
-            problems.add(("plugins", index), str(error))
-            continue
-        sources[path] = text
-        for component in added:
-            if component in owners:
-                taken = f"{component} is defined by {owners[component]} already; rename one"
-                problems.add(("plugins", index), taken)
-            owners[component] = path
+            sources[path] = text
+            for component in added:
+                if component in owners:
+                    taken = f"{component} is defined by {owners[component]} already; rename one"
+                    problems.at("plugins", index).add(taken)
+                owners[component] = path
     return sources
 
 

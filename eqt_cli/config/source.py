@@ -9,16 +9,15 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.config import yaml_source
-from eqt_cli.config.translate import shown
-from eqt_cli.config.yaml_source import Source, dotted
-from eqt_cli.core.errors import ConfigError, EqtError, Problem
+from eqt_cli.config.yaml_source import Source
+from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
+from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
+from eqt_cli.core.validation import shown
 from eqt_cli.store.layout import FILE_NAME
 from eqt_cli.store.reader import Results, open_results
 
 _MOST_FILES = 5
 """Named in a message."""
-
-KeyPath = tuple[str | int, ...]
 
 _STORED = "[config]"
 """Behind the name of a result file: the place is in the configuration that it holds."""
@@ -72,7 +71,7 @@ def read_config(
     else:
         source = yaml_source.load(_text(path), str(path))
         config = ConfigSource(source, source.data, path.parent)
-    problems: list[Problem] = []
+    problems: list[InputProblem] = []
     places = [(f"--set[{index}]", override) for index, override in enumerate(overrides)]
     if engine is not None:
         places.append(("--engine", f"solver.engine={engine}"))
@@ -121,26 +120,29 @@ def source_of(results: Results) -> ConfigSource:
 
 
 def _apply(config: ConfigSource, override: str, place: str) -> None:
-    """Set one ``key.path[0]=value``."""
-    key, equals, text = override.partition("=")
-    if not equals or not key.strip():
-        raise ConfigError([Problem("", f"expected KEY=VALUE, got '{override}'", place)])
-    path = parse_key(key.strip(), place)
+    """Set one ``key.path[0]=value``.
+
+    Raises
+    ------
+    ConfigError
+        If it does not parse, or leads nowhere.
+    """
+    problems = Problems(lambda path: place)
+    with problems.catching():
+        key, equals, text = override.partition("=")
+        if not equals or not key.strip():
+            raise InputError(f"expected KEY=VALUE, got '{override}'")
+        path = parse_key(key.strip())
+    problems.raise_if_any()
     value = _value(text, path, place)
-    container: Any = config.data
-    for depth, step in enumerate(path):
-        wrong = _unfit(container, path[:depth], step)
-        if wrong:
-            raise ConfigError([Problem(dotted(path), wrong, place)])
-        if depth == len(path) - 1:
-            container[step] = value
-        elif isinstance(step, str) and step not in container:
-            container[step] = {}
-            config.overrides[path[: depth + 1]] = place
-        container = container[step]
+    held: Any = config.data
+    config.data = with_value(config.data, path, value, place)
     for earlier in [other for other in config.overrides if other[: len(path)] == path]:
         del config.overrides[earlier]
-    config.overrides[path] = place
+    for depth, step in enumerate(path, start=1):
+        held = held[step] if isinstance(step, int) else (held or {}).get(step)
+        if held is None or depth == len(path):
+            config.overrides[path[:depth]] = place
 
 
 def _value(text: str, path: KeyPath, place: str) -> Any:
@@ -148,7 +150,7 @@ def _value(text: str, path: KeyPath, place: str) -> Any:
         return yaml_source.parse_value(text, place)
     except ConfigError as error:
         raise ConfigError(
-            Problem(_joined(dotted(path), problem.path), problem.message, place)
+            InputProblem(_joined(dotted(path), problem.path), problem.message, place)
             for problem in error.problems
         ) from error
 
@@ -177,7 +179,7 @@ def _kind(value: Any) -> str:
     return shown(value)
 
 
-def with_value(data: Any, path: KeyPath, value: Any, place: str, depth: int = 0) -> Any:
+def with_value(data: Any, path: KeyPath, value: Any, place: str = "") -> Any:
     """A copy of `data` with the value at `path` replaced; what did not change is shared.
 
     Mappings on the way that do not exist yet are made.
@@ -187,29 +189,21 @@ def with_value(data: Any, path: KeyPath, value: Any, place: str, depth: int = 0)
     ConfigError
         If the path leads through something that is no mapping, or beyond the end of a list.
     """
+    problems = Problems(lambda path: place)
+    with problems.catching(*path):
+        data = _replaced(data, path, value)
+    problems.raise_if_any()
+    return data
+
+
+def _replaced(data: Any, path: KeyPath, value: Any, depth: int = 0) -> Any:
     if depth == len(path):
         return value
     step = path[depth]
     wrong = None if data is None and isinstance(step, str) else _unfit(data, path[:depth], step)
     if wrong:
-        raise ConfigError([Problem(dotted(path), wrong, place)])
+        raise InputError(wrong)
     if isinstance(step, int):
-        inner = with_value(data[step], path, value, place, depth + 1)
-        return [*data[:step], inner, *data[step + 1 :]]
+        return [*data[:step], _replaced(data[step], path, value, depth + 1), *data[step + 1 :]]
     known = data or {}
-    return known | {step: with_value(known.get(step), path, value, place, depth + 1)}
-
-
-def parse_key(text: str, place: str) -> KeyPath:
-    """``controllers[0].label`` as ``("controllers", 0, "label")``."""
-    steps: list[str | int] = []
-    for part in text.split("."):
-        name, *indices = part.split("[")
-        numbers = [
-            index[:-1] for index in indices if index.endswith("]") and index[:-1].isdecimal()
-        ]
-        if not name or len(numbers) != len(indices):
-            message = f"expected a key such as gains.kp or controllers[0].label, got '{text}'"
-            raise ConfigError([Problem("", message, place)])
-        steps += [name, *map(int, numbers)]
-    return tuple(steps)
+    return known | {step: _replaced(known.get(step), path, value, depth + 1)}

@@ -18,7 +18,8 @@ from typing import Any, Final, NoReturn, TypeAlias
 
 import yaml
 
-from eqt_cli.core.errors import ConfigError, Problem
+from eqt_cli.core.errors import ConfigError, InputProblem
+from eqt_cli.core.problems import KeyPath, dotted
 
 MAX_BYTES: Final = 4_000_000
 """The largest text, in bytes of UTF-8."""
@@ -29,7 +30,6 @@ MAX_DEPTH: Final = 64
 MAX_VALUES: Final = 100_000
 """The most keys and values of a document, aliases followed."""
 
-Path: TypeAlias = tuple[str | int, ...]
 _Position: TypeAlias = tuple[int, int]  # line and column, from 1
 _Scalar: TypeAlias = str | int | float | bool | None
 
@@ -53,18 +53,18 @@ class Source:
     data: dict[str, Any]
     _root: _Node = field(repr=False)
 
-    def place(self, path: Path) -> str:
+    def place(self, path: KeyPath) -> str:
         """``name:line:column`` of the value at `path`, or of its nearest ancestor that exists."""
         return _place(self.name, self._nearest(path)[0].position)
 
-    def key_place(self, path: Path) -> str:
+    def key_place(self, path: KeyPath) -> str:
         """``name:line:column`` of the key that ends `path`, or what `place` gives if it is none."""
         parent, rest = self._nearest(path[:-1])
         if not rest and path and path[-1] in parent.keys:
             return _place(self.name, parent.keys[path[-1]])
         return self.place(path)
 
-    def _nearest(self, path: Path) -> tuple[_Node, Path]:
+    def _nearest(self, path: KeyPath) -> tuple[_Node, KeyPath]:
         """The deepest node along `path`, and what of the path is left there."""
         node = self._root
         for depth, step in enumerate(path):
@@ -100,12 +100,6 @@ def parse_value(text: str, name: str) -> Any:
     """
     root = _Reader(name, located=False).read(text)
     return None if root is None else root.plain()
-
-
-def dotted(path: Path) -> str:
-    """A path as users write it, such as ``controllers[0].label``."""
-    steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
-    return "".join(steps).removeprefix(".")
 
 
 # Reading --------------------------------------------------------------------------------------
@@ -150,7 +144,7 @@ class _Reader:
     def __init__(self, name: str, *, located: bool) -> None:
         self._name = name
         self._located = located
-        self._problems: list[Problem] = []
+        self._problems: list[InputProblem] = []
         self._anchors: dict[str, _Node | None] = {}  # None while the node is being built
         self._size = 0
 
@@ -162,13 +156,13 @@ class _Reader:
             raise ConfigError(self._problems)
         return root
 
-    def stop(self, path: Path, message: str, position: _Position | None) -> NoReturn:
+    def stop(self, path: KeyPath, message: str, position: _Position | None) -> NoReturn:
         """Report a problem after which nothing can be read."""
         self._report(path, message, position)
         raise ConfigError(self._problems)
 
-    def _report(self, path: Path, message: str, position: _Position | None) -> None:
-        self._problems.append(Problem(dotted(path), message, self._place(position)))
+    def _report(self, path: KeyPath, message: str, position: _Position | None) -> None:
+        self._problems.append(InputProblem(dotted(path), message, self._place(position)))
 
     def _place(self, position: _Position | None) -> str:
         return _place(self._name, position if self._located else None)
@@ -221,7 +215,7 @@ class _Reader:
                 root = None
         return root
 
-    def _node(self, event: Any, events: Iterator[Any], path: Path, depth: int) -> _Node:
+    def _node(self, event: Any, events: Iterator[Any], path: KeyPath, depth: int) -> _Node:
         """The node that starts with `event`, inside `depth` containers."""
         self._size += 1
         if isinstance(event, yaml.AliasEvent):
@@ -237,7 +231,7 @@ class _Reader:
             self.stop(path, message, position)
         return node
 
-    def _alias(self, event: Any, path: Path) -> _Node:
+    def _alias(self, event: Any, path: KeyPath) -> _Node:
         """What the alias refers to, at the place of the alias; parts of it keep their own place."""
         position = _mark(event.start_mark)
         target = self._anchors.get(event.anchor)
@@ -251,7 +245,7 @@ class _Reader:
         self._report(path, message, position)
         return _Node(position)
 
-    def _written(self, event: Any, events: Iterator[Any], path: Path, depth: int) -> _Node:
+    def _written(self, event: Any, events: Iterator[Any], path: KeyPath, depth: int) -> _Node:
         position = _mark(event.start_mark)
         if event.tag is not None:
             tag = _short(event.tag.replace("tag:yaml.org,2002:", "!!"))
@@ -270,7 +264,7 @@ class _Reader:
             self._anchors[event.anchor] = node
         return node
 
-    def _scalar(self, event: Any, path: Path) -> _Node:
+    def _scalar(self, event: Any, path: KeyPath) -> _Node:
         position = _mark(event.start_mark)
         value: _Scalar = event.value
         if not event.style:
@@ -283,7 +277,7 @@ class _Reader:
         return _Node(position, value)
 
     def _sequence(
-        self, position: _Position, events: Iterator[Any], path: Path, depth: int
+        self, position: _Position, events: Iterator[Any], path: KeyPath, depth: int
     ) -> _Node:
         children: dict[int, _Node] = {}
         while not isinstance(event := next(events), yaml.SequenceEndEvent):
@@ -291,7 +285,9 @@ class _Reader:
             children[index] = self._node(event, events, (*path, index), depth)
         return _Node(position, children=children, is_mapping=False)
 
-    def _mapping(self, position: _Position, events: Iterator[Any], path: Path, depth: int) -> _Node:
+    def _mapping(
+        self, position: _Position, events: Iterator[Any], path: KeyPath, depth: int
+    ) -> _Node:
         children: dict[str, _Node] = {}
         keys: dict[str, _Position] = {}
         while not isinstance(event := next(events), yaml.MappingEndEvent):
@@ -309,7 +305,7 @@ class _Reader:
             children[key] = value
         return _Node(position, children=children, keys=keys)
 
-    def _key(self, event: Any, events: Iterator[Any], path: Path, depth: int) -> str | None:
+    def _key(self, event: Any, events: Iterator[Any], path: KeyPath, depth: int) -> str | None:
         """The text of a key, or None if it is none, which is then reported."""
         position = _mark(event.start_mark)
         if not isinstance(event, yaml.ScalarEvent):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar
@@ -10,12 +10,14 @@ from typing import Any, ClassVar
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.component import Component
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Tracking
 
 
 @dataclass(frozen=True)
-class Controller(ABC):
+class Controller(Component):
     """A control law: a frozen dataclass whose fields are its options in a configuration.
 
     Every attribute that is a float is a runtime parameter: an engine may replace it by an array
@@ -31,11 +33,8 @@ class Controller(ABC):
         The tasks of a configuration that it is for.
     """
 
-    name: ClassVar[str]
     title: ClassVar[str]
     tasks: ClassVar[tuple[str, ...]] = ("track",)
-    # Read by pydantic when a configuration gives options: no other keys, no silent conversions.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     @property
     def attributes(self) -> dict[str, Any]:
@@ -59,6 +58,9 @@ class Controller(ABC):
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None where the law does not say."""
         return None
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note what of its options does not fit the group."""
 
     @abstractmethod
     def torque(self, s: Tracking) -> Array:

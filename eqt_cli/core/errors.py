@@ -13,7 +13,11 @@ class EqtError(Exception):
     exit_code = 2
 
 
-class ExpressionError(EqtError):
+class InputError(EqtError):
+    """A value that will not do; `Problems.catching` notes it with its place in the input."""
+
+
+class ExpressionError(InputError):
     """An expression that does not parse; `column` counts from 1 within the expression."""
 
     def __init__(self, message: str, column: int) -> None:
@@ -21,7 +25,7 @@ class ExpressionError(EqtError):
         self.column = column
 
 
-class ComponentError(EqtError):
+class ComponentError(InputError):
     """A group, controller, reference, engine or figure that does not exist or cannot be loaded."""
 
 
@@ -34,7 +38,7 @@ class ResultError(EqtError):
 
 
 @dataclass(frozen=True)
-class Problem:
+class InputProblem:
     """One thing wrong with a configuration: where (`path`, as `solver.method`) and what."""
 
     path: str
@@ -55,7 +59,7 @@ class InterruptedRun(EqtError):
 class ConfigError(EqtError):
     """Every problem found in one configuration, together."""
 
-    def __init__(self, problems: Iterable[Problem]) -> None:
+    def __init__(self, problems: Iterable[InputProblem]) -> None:
         self.problems = tuple(problems)
         super().__init__("\n".join(map(str, self.problems)))
 

@@ -21,7 +21,7 @@ from typing import Any, NoReturn, TypeAlias
 import numpy as np
 
 from eqt_cli.core.arrays import FUNCTIONS, apply, clip, less, maximum, minimum, where
-from eqt_cli.core.errors import ExpressionError, suggestion
+from eqt_cli.core.errors import ExpressionError, InputError, suggestion
 
 MAX_LENGTH = 10_000
 """The most characters of an expression."""
@@ -169,6 +169,20 @@ def parse(text: str, variables: Collection[str] = ("t",)) -> Expression:
     with np.errstate(all="ignore"):
         fold(tree, _constant_value)
     return Expression(text, used, tree)
+
+
+def formula(entry: str | float) -> Expression:
+    """The expression in t that an entry of a configuration is, text or a number.
+
+    Raises
+    ------
+    InputError
+        If it is none; the message quotes it.
+    """
+    try:
+        return parse(str(entry))
+    except ExpressionError as error:
+        raise InputError(f"'{entry}': {error}") from error
 
 
 def constant(text: str) -> float:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.component import Component
+from eqt_cli.core.problems import Problems
 
 
 class Status(IntEnum):
@@ -139,10 +141,9 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True)
-class Engine(ABC):
+class Engine(Component):
     """An integrator: a frozen dataclass whose fields are its keys in `solver`."""
 
-    name: ClassVar[str]
     estimates_errors: ClassVar[bool] = False
     """Whether a second, tighter solve is cheap enough to estimate every run's error by default."""
     threads: ClassVar[bool] = False
@@ -151,7 +152,6 @@ class Engine(ABC):
     """About how many runs make a part: enough to outweigh a file, few enough to lose."""
     rtol: float
     """The accuracy that the results are judged by."""
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     @classmethod
     def unavailable(cls) -> str | None:
@@ -177,6 +177,5 @@ class Engine(ABC):
         """How many runs to give to one `solve`, near `most`; it must not change the results."""
         return max(1, most)
 
-    def problems(self) -> list[tuple[str, str]]:
-        """What is wrong with its options, as (option, message)."""
-        return []
+    def check(self, problems: Problems) -> None:
+        """Note what is wrong with its options."""

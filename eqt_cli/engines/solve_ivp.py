@@ -19,6 +19,7 @@ from scipy.integrate import solve_ivp
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Count, Positive
+from eqt_cli.core.problems import Problems
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Status
 
 EXPLICIT_BLOCK = 100
@@ -57,12 +58,11 @@ class SolveIvp(Engine):
         explicit = self.method in ("DOP853", "RK45", "RK23")
         return self.block or (EXPLICIT_BLOCK if explicit else 1)
 
-    def problems(self) -> list[tuple[str, str]]:
+    def check(self, problems: Problems) -> None:
         """A relative tolerance that SciPy cannot work with, or that asks for nothing."""
-        if SMALLEST_RTOL <= self.rtol < 1:
-            return []
-        limits = f"expected a number from {SMALLEST_RTOL:.3g} (SciPy's smallest) to 1"
-        return [("rtol", f"{limits}, got {self.rtol:g}")]
+        if not SMALLEST_RTOL <= self.rtol < 1:
+            limits = f"expected a number from {SMALLEST_RTOL:.3g} (SciPy's smallest) to 1"
+            problems.at("rtol").add(f"{limits}, got {self.rtol:g}")
 
     def tightened(self, factor: float) -> SolveIvp:
         """Both tolerances times `factor`."""

@@ -27,6 +27,7 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
 from eqt_cli.core.errors import EqtError, TraceError
 from eqt_cli.core.numbers import Count, Positive
+from eqt_cli.core.problems import Problems
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Status
 from eqt_cli.engines.switching import Comparisons, Crossing, Switchboard, recording
 
@@ -83,15 +84,14 @@ class Taylor(Engine):
         """`tol`, or its default."""
         return self.rtol / 10 if self.tol is None else self.tol
 
-    def problems(self) -> list[tuple[str, str]]:
+    def check(self, problems: Problems) -> None:
         """A tolerance that doubles cannot meet, or that asks for nothing."""
         if self.tol is None:
             key, value, smallest = "rtol", self.rtol, 10 * SMALLEST_TOL
         else:
             key, value, smallest = "tol", self.tol, SMALLEST_TOL
-        if smallest <= value < 1:
-            return []
-        return [(key, f"expected a number from {smallest:.3g} to 1, got {value:g}")]
+        if not smallest <= value < 1:
+            problems.at(key).add(f"expected a number from {smallest:.3g} to 1, got {value:g}")
 
     def tightened(self, factor: float) -> Taylor:
         """The step tolerance times `factor`."""

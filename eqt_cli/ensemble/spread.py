@@ -9,6 +9,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
+from eqt_cli.core.problems import Problems
 
 
 @dataclass(frozen=True)
@@ -29,12 +30,11 @@ class Spread:
         """`length` independent normals."""
         return np.asarray(self.std) * generator.standard_normal(length)
 
-    def problems(self, key: str, length: int) -> list[tuple[str, str]]:
-        """A wrong number of standard deviations, or a negative one."""
+    def check(self, length: int, problems: Problems) -> None:
+        """Note a wrong number of standard deviations, or a negative one."""
+        problems = problems.at("std")
         if isinstance(self.std, list) and len(self.std) != length:
-            return [
-                (key, f"expected a number or a list of {length}, got a list of {len(self.std)}")
-            ]
-        if np.min(self.std) < 0:
-            return [(key, f"expected no negative standard deviation, got {np.min(self.std):g}")]
-        return []
+            got = f"got a list of {len(self.std)}"
+            problems.add(f"expected a number or a list of {length}, {got}")
+        elif np.min(self.std) < 0:
+            problems.add(f"expected no negative standard deviation, got {np.min(self.std):g}")

@@ -16,25 +16,22 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.config.components import component, option_path, resolved
 from eqt_cli.config.plugins import load_plugins
-from eqt_cli.config.problems import Path as KeyPath
-from eqt_cli.config.problems import Problems
 from eqt_cli.config.schema import Config, GainsSection, Section
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.config.translate import UNKNOWN_KEY, problems_of, shown
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
-from eqt_cli.core.errors import ComponentError
+from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.core.registry import Registry
+from eqt_cli.core.validation import as_section, component, note_errors, shown
 from eqt_cli.engines import Engine
 from eqt_cli.ensemble.factor_poses import FactorPoses
 from eqt_cli.ensemble.poses import PoseDistribution, pose_distributions
 from eqt_cli.ensemble.velocities import VelocityDistribution, velocity_distributions
+from eqt_cli.experiment.desired import desired_from
 from eqt_cli.experiment.gains import gains_from
 from eqt_cli.experiment.inertia import inertia_from
-from eqt_cli.experiment.motion import motion_from
 from eqt_cli.experiment.probe import probe
 from eqt_cli.experiment.solver import Solver, solver_from
 from eqt_cli.groups import MatrixLieGroup, group_named
@@ -119,52 +116,47 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     plugins = load_plugins(source, trust_plugins, problems)
     problems.raise_if_any()  # without its plugins a configuration cannot be judged
     sections = _sections(source.data, problems)
-    group = _group(sections["group"], problems)
-    motion = None
+    task, initial = sections["task"], sections["initial"]
+    group = _group(sections["group"], problems.at("group"))
+    laws = _controllers(sections["controllers"] or [], task, group, problems.at("controllers"))
+    desired = inertia = gains = poses = velocities = solver = None
     if sections["reference"] is not None or source.data.get("reference") is None:
-        motion = motion_from(
-            sections["task"], sections["reference"], sections["target"], group, problems
-        )
-    laws = _controllers(sections["controllers"] or [], sections["task"], problems)
-    solver = None if sections["solver"] is None else solver_from(sections["solver"], problems)
-    inertia = gains = poses = velocities = None
+        desired = desired_from(task, sections["reference"], sections["target"], group, problems)
+    if sections["solver"] is not None:
+        solver = solver_from(sections["solver"], problems.at("solver"))
     if group and sections["inertia"] is not None:
         horizon = sections["time"].duration if sections["time"] else 0.0
-        inertia = inertia_from(sections["inertia"], group, horizon, problems)
+        inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
     if group:
-        gains = gains_from(_good_keys(GainsSection, source.data.get("gains")), group, problems)
-    if sections["initial"]:
-        poses = _pose_distribution(sections["initial"].pose, group, problems)
-        velocities = _distribution(
-            velocity_distributions,
-            sections["initial"].velocity,
-            group,
-            ("initial", "velocity"),
-            problems,
-        )
+        known = _good_keys(GainsSection, source.data.get("gains"))
+        gains = gains_from(known, group, problems.at("gains"))
+    if initial:
+        poses = _poses(initial.pose, group, problems.at("initial", "pose"))
+        at_velocity = problems.at("initial", "velocity")
+        velocities = _fitting(velocity_distributions, initial.velocity, group, at_velocity)
     problems.raise_if_any()
-    assert group and motion and inertia and gains and poses and velocities and solver
+    assert group and desired and inertia and gains and poses and velocities and solver
     config = Config.model_validate(source.data)
     complete = config.model_dump(exclude_none=True, warnings="none") | {
-        **motion.resolved,
-        "controllers": [resolved(law) | {"label": label} for label, law in laws.items()],
-        "initial": {"pose": _resolved_poses(poses), "velocity": resolved(velocities)},
+        **desired.resolved,
+        "controllers": [as_section(law) | {"label": label} for label, law in laws.items()],
+        "initial": {"pose": _poses_section(poses), "velocity": as_section(velocities)},
         "solver": solver.resolved,
     }
     loops = {
-        label: ClosedLoop(group, inertia, gains, motion.reference, law)
+        label: ClosedLoop(group, inertia, gains, desired.reference, law)
         for label, law in laws.items()
     }
     seed = config.ensemble.seed
-    probe(loops, poses, velocities, motion.pose, motion.velocity, seed, problems)
+    probe(loops, poses, velocities, desired.pose, desired.velocity, seed, problems)
     problems.raise_if_any()
     return Experiment(
         config,
         complete,
         group,
         loops,
-        motion.pose,
-        motion.velocity,
+        desired.pose,
+        desired.velocity,
         poses,
         velocities,
         solver,
@@ -174,18 +166,14 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
 
 def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
     """The validated sections by name; None for those that are missing or broken."""
-    broken = set()
     try:
         config = Config.model_validate(data)
         return {name: getattr(config, name) for name in Config.model_fields}
     except ValidationError as error:
-        data = deepcopy(data)
-        for path, message in problems_of(error, data, _known_keys, _elsewhere):
-            problems.add(path, message)
-            if message.startswith(UNKNOWN_KEY):
-                _remove(data, path)  # the rest of its section can still be judged
-            else:
-                broken.add(path[0])
+        unknown, wrong = note_errors(error, data, _known_keys, problems, _elsewhere)
+    data, broken = deepcopy(data), {path[0] for path in wrong}
+    for path in unknown:
+        _remove(data, path)  # the rest of its section can still be judged
     sections: dict[str, Any] = dict.fromkeys(Config.model_fields)
     for name, field in Config.model_fields.items():
         if name in broken:
@@ -244,54 +232,35 @@ def _sections_in(annotation: Any) -> list[type[Section]]:
 
 
 def _group(name: str | None, problems: Problems) -> MatrixLieGroup | None:
-    if name is None:
-        return None
-    try:
-        return group_named(name)
-    except ComponentError as error:
-        problems.add(("group",), str(error))
-        return None
+    if name is not None:
+        with problems.catching():
+            return group_named(name)
+    return None
 
 
-def _controllers(entries: list[Any], task: str | None, problems: Problems) -> dict[str, Controller]:
+def _controllers(
+    entries: list[Any], task: str | None, G: MatrixLieGroup | None, problems: Problems
+) -> dict[str, Controller]:
     """The control laws by label."""
     laws: dict[str, Controller] = {}
     for index, entry in enumerate(entries):
-        path: KeyPath = ("controllers", index)
-        label = None
-        if isinstance(entry, dict):
-            entry = dict(entry)
-            label = entry.pop("label", None)
-        law = component(controllers, entry, path, problems, ("label",))
+        here = problems.at(index)
+        entry = dict(entry) if isinstance(entry, dict) else entry
+        label = entry.pop("label", None) if isinstance(entry, dict) else None
+        law = _fitting(controllers, entry, G, here, ("label",))
         if law is None:
             continue
         if task is not None and task not in law.tasks:
-            problems.add(path, _wrong_task(law, task))
+            here.add(_wrong_task(law, task))
             continue
         label = law.name if label is None else label
         if not isinstance(label, str) or not label.strip() or not label.isprintable():
-            problems.add((*path, "label"), f"expected text on one line, got {shown(label)}")
+            here.at("label").add(f"expected text on one line, got {shown(label)}")
         elif label in laws:
-            message = f"label '{label}' is taken by an earlier controller; give this one a `label`"
-            problems.add(path, message)
+            here.add(f"label '{label}' is taken by an earlier controller; give this one a `label`")
         else:
             laws[label] = law
     return laws
-
-
-def _distribution(
-    registry: Registry[Any],
-    value: Any,
-    G: MatrixLieGroup | None,
-    path: KeyPath,
-    problems: Problems,
-) -> Any:
-    distribution = component(registry, value, path, problems)
-    if distribution is None or G is None:
-        return None
-    for option, message in distribution.problems(G):
-        problems.add(option_path(path, option), message)
-    return distribution
 
 
 def _wrong_task(law: Controller, task: str) -> str:
@@ -299,27 +268,39 @@ def _wrong_task(law: Controller, task: str) -> str:
     return f"{law.name} is for task: {' or '.join(law.tasks)}; task: {task} takes {fitting}"
 
 
-def _pose_distribution(
-    value: Any, G: MatrixLieGroup | None, problems: Problems
-) -> PoseDistribution | None:
+def _fitting(
+    registry: Registry[Any],
+    value: Any,
+    G: MatrixLieGroup | None,
+    problems: Problems,
+    common: tuple[str, ...] = (),
+) -> Any:
+    """A component, checked against the group where there is one."""
+    found = component(registry, value, problems, common)
+    if found is not None and G is not None:
+        found.check(G, problems)
+    return found
+
+
+def _poses(value: Any, G: MatrixLieGroup | None, problems: Problems) -> PoseDistribution | None:
     """One distribution, or one per factor of a product."""
-    path: KeyPath = ("initial", "pose")
     if not isinstance(value, list):
-        return _distribution(pose_distributions, value, G, path, problems)
+        found: PoseDistribution | None = _fitting(pose_distributions, value, G, problems)
+        return found
     factors = G.factors if isinstance(G, ProductGroup) else ()
     if len(value) != len(factors):
         if G is not None:
             expected = f"one entry per factor of {G.name}" if factors else "one distribution"
-            problems.add(path, f"expected {expected}, got a list of {len(value)}")
+            problems.add(f"expected {expected}, got a list of {len(value)}")
         return None
-    found = [
-        _distribution(pose_distributions, entry, factor, (*path, index), problems)
+    entries = [
+        _fitting(pose_distributions, entry, factor, problems.at(index))
         for index, (entry, factor) in enumerate(zip(value, factors, strict=True))
     ]
-    return None if None in found else FactorPoses(tuple(found))
+    return None if None in entries else FactorPoses(tuple(entries))
 
 
-def _resolved_poses(poses: PoseDistribution) -> Any:
+def _poses_section(poses: PoseDistribution) -> Any:
     if isinstance(poses, FactorPoses):
-        return [resolved(factor) for factor in poses.factors]
-    return resolved(poses)
+        return [as_section(factor) for factor in poses.factors]
+    return as_section(poses)

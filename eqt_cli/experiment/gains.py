@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from scipy.linalg import block_diag
 
-from eqt_cli.config.problems import Problems
 from eqt_cli.core.arrays import Array
-from eqt_cli.experiment import tensors
+from eqt_cli.core.errors import InputError
+from eqt_cli.core.problems import Problems
+from eqt_cli.experiment.tensors import require_definite, require_minimum, require_symmetric, square
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.product import ProductGroup
 from eqt_cli.mechanics.tracking import Gains
@@ -23,45 +23,33 @@ def gains_from(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) -
     section
         Those of the keys `kp` and `kd` that are there and of the right type.
     """
-
-    def flaw_of_weight(K: Array) -> str | None:
-        return tensors.asymmetry(K) or tensors.degenerate_minimum(K, G)
-
     K = K_d = None
     if "kp" in section:
-        K = _checked("kp", _weight(section["kp"], G), flaw_of_weight, problems)
+        with problems.catching("kp"):
+            K = _weight(section["kp"], G)
+            require_symmetric(K)
+            require_minimum(K, G)
     if "kd" in section:
-        tensor = tensors.square(section["kd"], G.dimension, G)
-        K_d = _checked("kd", tensor, tensors.indefiniteness, problems)
+        with problems.catching("kd"):
+            K_d = square(section["kd"], G.dimension, G)
+            require_definite(K_d)
     return None if K is None or K_d is None else Gains(K, K_d)
 
 
-def _checked(
-    key: str,
-    matrix: Array | str,
-    flaw_of: Callable[[Array], str | None],
-    problems: Problems,
-) -> Array | None:
-    """The matrix, or None after noting what is wrong with its shape or its entries."""
-    wrong = matrix if isinstance(matrix, str) else flaw_of(matrix)
-    if wrong:
-        problems.add(("gains", key), wrong)
-    return None if isinstance(matrix, str) else matrix
-
-
-def _weight(value: Any, G: MatrixLieGroup) -> Array | str:
+def _weight(value: Any, G: MatrixLieGroup) -> Array:
     """The d×d weight, from one matrix or from one per factor."""
     if not isinstance(G, ProductGroup) or not isinstance(value, list):
-        return tensors.square(value, G.size, G)
+        return square(value, G.size, G)
     if len(value) == G.size and len(value) != len(G.factors):
-        return tensors.square(value, G.size, G)
+        return square(value, G.size, G)
     if len(value) != len(G.factors):
-        return f"expected {len(G.factors)} entries, one per factor of {G.name}, got {len(value)}"
+        expected = f"expected {len(G.factors)} entries, one per factor of {G.name}"
+        raise InputError(f"{expected}, got {len(value)}")
     blocks = []
     for index, (entry, factor) in enumerate(zip(value, G.factors, strict=True)):
-        block = tensors.square(entry, factor.size, factor)
-        if isinstance(block, str):
-            return f"entry {index}: {block}"
-        blocks.append(block)
+        try:
+            blocks.append(square(entry, factor.size, factor))
+        except InputError as error:
+            raise InputError(f"entry {index}: {error}") from error
     weight: Array = block_diag(*blocks)
     return weight

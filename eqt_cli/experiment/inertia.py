@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eqt_cli.config.problems import Path, Problems
 from eqt_cli.config.schema import FactoredInertiaSection, PrescribedInertiaSection
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import ExpressionError
-from eqt_cli.core.expressions import Expression, parse
+from eqt_cli.core.errors import InputError
+from eqt_cli.core.expressions import Expression, formula
+from eqt_cli.core.problems import Problems
 from eqt_cli.experiment import tensors
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, InertiaLaw, PrescribedInertia
@@ -34,113 +34,97 @@ IDENTITY_TOLERANCE = 1e-12
 """Largest deviation of S(0) from the identity: rounding of the expressions."""
 
 Constant = float | list[float] | list[list[float]]
-Section = Constant | FactoredInertiaSection | PrescribedInertiaSection
 
 
 def inertia_from(
-    section: Section, G: MatrixLieGroup, horizon: float, problems: Problems
+    section: Constant | FactoredInertiaSection | PrescribedInertiaSection,
+    G: MatrixLieGroup,
+    horizon: float,
+    problems: Problems,
 ) -> InertiaLaw | None:
     """The inertia that a section describes, or None after noting what is wrong with it."""
     if isinstance(section, PrescribedInertiaSection):
-        law: InertiaLaw | None = _prescribed(section, G, problems)
+        rows = _expressions(section.matrix, G, problems.at("matrix"))
+        law: InertiaLaw | None = PrescribedInertia(rows) if rows else None
     elif isinstance(section, FactoredInertiaSection):
         law = _factored(section, G, problems)
     else:
-        matrix = _constant(section, G, ("inertia",), problems)
+        matrix = _constant(section, G, problems)
         return None if matrix is None else Inertia(matrix, np.linalg.inv(matrix))
-    return law if law and _definite(law, horizon, problems) else None
-
-
-def _prescribed(
-    section: PrescribedInertiaSection, G: MatrixLieGroup, problems: Problems
-) -> PrescribedInertia | None:
-    rows = _expressions(section.matrix, G, ("inertia", "matrix"), problems)
-    return PrescribedInertia(rows) if rows else None
+    if law is not None:
+        with problems.catching():
+            _require_definite(law, np.linspace(0.0, horizon, INSTANTS))
+    return law
 
 
 def _factored(
     section: FactoredInertiaSection, G: MatrixLieGroup, problems: Problems
 ) -> FactoredInertia | None:
-    initial = _constant(section.initial, G, ("inertia", "initial"), problems)
-    rows = _expressions(section.factor, G, ("inertia", "factor"), problems)
+    initial = _constant(section.initial, G, problems.at("initial"))
+    rows = _expressions(section.factor, G, problems.at("factor"))
     if initial is None or not rows:
         return None
     law = FactoredInertia(initial, rows)
-    return law if _starts_at_identity(law, problems) else None
-
-
-def _constant(
-    value: Constant,
-    G: MatrixLieGroup,
-    path: Path,
-    problems: Problems,
-) -> Array | None:
-    matrix = tensors.square(value, G.dimension, G)
-    if isinstance(matrix, str):
-        problems.add(path, matrix)
-        return None
-    wrong = tensors.asymmetry(matrix) or tensors.indefiniteness(matrix)
-    if wrong:
-        problems.add(path, wrong)
-        return None
-    return matrix
-
-
-def _expressions(
-    rows: Sequence[Sequence[str | float]], G: MatrixLieGroup, path: Path, problems: Problems
-) -> tuple[tuple[Expression, ...], ...] | None:
-    before = len(problems)
-    shape = tensors.square([[0.0] * len(row) for row in rows], G.dimension, G)
-    if isinstance(shape, str):
-        problems.add(path, shape)
-    parsed = []
-    for i, row in enumerate(rows):
-        for j, text in enumerate(row):
-            try:
-                parsed.append(parse(str(text)))
-            except ExpressionError as error:
-                problems.add((*path, i, j), f"'{text}': {error}")
-    if len(problems) > before:
-        return None
-    m = G.dimension
-    return tuple(tuple(parsed[m * row : m * (row + 1)]) for row in range(m))
-
-
-def _starts_at_identity(law: FactoredInertia, problems: Problems) -> bool:
-    with np.errstate(all="ignore"):
-        start = law.factor_at(np.zeros(1)).reshape(law.initial.shape)
-    deviation = np.abs(start - np.eye(len(start)))
-    if deviation.max() <= IDENTITY_TOLERANCE:
-        return True
-    i, j = np.unravel_index(deviation.argmax(), deviation.shape)
-    expected = f"expected the identity at t = 0, got [{i}][{j}] = {start[i, j]:g}"
-    problems.add(("inertia", "factor"), expected)
-    return False
-
-
-def _definite(law: InertiaLaw, horizon: float, problems: Problems) -> bool:
-    times = np.linspace(0.0, horizon, INSTANTS)
-    wrong = _first_wrong(law, times) or _singular_between(law, times)
-    if wrong:
-        problems.add(("inertia",), wrong)
-    return wrong is None
-
-
-def _first_wrong(law: InertiaLaw, times: Array) -> str | None:
-    """What is wrong with the inertia at the first of some instants at which something is."""
-    for t, matrix in zip(times, _matrices(law, times), strict=True):
-        if not np.isfinite(matrix).all():
-            i, j = np.argwhere(~np.isfinite(matrix))[0]
-            got = f"got [{i}][{j}] = {matrix[i, j]:g}"
-            return f"at t = {t:g} s: expected finite entries, {got}"
-        wrong = tensors.asymmetry(matrix) or tensors.indefiniteness(matrix)
-        if wrong:
-            return f"at t = {t:g} s: {wrong}"
+    with problems.catching("factor"):
+        _require_identity(law)
+        return law
     return None
 
 
-def _singular_between(law: InertiaLaw, times: Array) -> str | None:
-    """Where the inertia is singular between instants of a grid at all of which it is definite.
+def _constant(value: Constant, G: MatrixLieGroup, problems: Problems) -> Array | None:
+    with problems.catching():
+        matrix = tensors.square(value, G.dimension, G)
+        tensors.require_symmetric(matrix)
+        tensors.require_definite(matrix)
+        return matrix
+    return None
+
+
+def _expressions(
+    rows: Sequence[Sequence[str | float]], G: MatrixLieGroup, problems: Problems
+) -> tuple[tuple[Expression, ...], ...] | None:
+    with problems.catching():
+        tensors.square([[0.0] * len(row) for row in rows], G.dimension, G)
+    parsed: list[tuple[Expression, ...]] = []
+    for i, row in enumerate(rows):
+        found = []
+        for j, entry in enumerate(row):
+            with problems.catching(i, j):
+                found.append(formula(entry))
+        parsed.append(tuple(found))
+    return None if problems else tuple(parsed)
+
+
+def _require_identity(law: FactoredInertia) -> None:
+    """Raise an `InputError` if S(0) is not the identity."""
+    with np.errstate(all="ignore"):
+        start = law.factor_at(np.zeros(1)).reshape(law.initial.shape)
+    deviation = np.abs(start - np.eye(len(start)))
+    if not deviation.max() <= IDENTITY_TOLERANCE:
+        i, j = np.unravel_index(deviation.argmax(), deviation.shape)
+        raise InputError(f"expected the identity at t = 0, got [{i}][{j}] = {start[i, j]:g}")
+
+
+def _require_definite(law: InertiaLaw, times: Array) -> None:
+    """Raise an `InputError` that says when the inertia is no inertia, on a grid or within it."""
+    for t, matrix in zip(times, _matrices(law, times), strict=True):
+        try:
+            if not np.isfinite(matrix).all():
+                i, j = np.argwhere(~np.isfinite(matrix))[0]
+                got = f"got [{i}][{j}] = {matrix[i, j]:g}"
+                raise InputError(f"expected finite entries, {got}")
+            tensors.require_symmetric(matrix)
+            tensors.require_definite(matrix)
+        except InputError as error:
+            raise InputError(f"at t = {t:g} s: {error}") from error
+    singular = _singular_between(law, times)
+    if singular is not None:
+        expected = "expected a positive definite matrix, got the eigenvalue 0"
+        raise InputError(f"at t = {singular:.6g} s: {expected}")
+
+
+def _singular_between(law: InertiaLaw, times: Array) -> float | None:
+    """When the inertia is singular between instants of a grid at all of which it is definite.
 
     S* 𝕀_0 S is nowhere negative, and zero only for the instants at which S is singular. Each local
     minimum of the smallest eigenvalue is searched on ever finer grids.
@@ -162,10 +146,7 @@ def _singular_between(law: InertiaLaw, times: Array) -> str | None:
         centre, found = finer[best], values[best]
         reach *= OFFSETS[1] - OFFSETS[0]
     singular = np.flatnonzero(found <= SINGULAR * scale)
-    if not len(singular):
-        return None
-    t = centre[singular[0]]
-    return f"at t = {t:.6g} s: expected a positive definite matrix, got the eigenvalue 0"
+    return float(centre[singular[0]]) if len(singular) else None
 
 
 def _matrices(law: InertiaLaw, times: Array) -> Array:

@@ -6,10 +6,10 @@ import dataclasses
 from functools import lru_cache
 from pathlib import Path
 
-from eqt_cli.config.problems import Problems
-from eqt_cli.config.source import ConfigSource, parse_key, source_of, with_value
+from eqt_cli.config.source import ConfigSource, source_of, with_value
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.ensemble.sweep import Sweep
 from eqt_cli.store.reader import Results, open_results
 
@@ -41,7 +41,7 @@ def section_of(key: str) -> str:
 @lru_cache(maxsize=256)
 def path_of(key: str) -> tuple[str | int, ...]:
     """A dotted key as steps."""
-    return parse_key(key, "")
+    return parse_key(key)
 
 
 def without_sweep(source: ConfigSource) -> ConfigSource:
@@ -92,7 +92,7 @@ def config_at(source: ConfigSource, point: int) -> ConfigSource:
     if not section:
         raise EqtError(f"{name}: sweeps nothing, so it has no point to choose; leave it out")
     problems = Problems(source.place)
-    sweep = Sweep.parse(section, lambda path, message: problems.add(("sweep", *path), message))
+    sweep = Sweep.parse(section, lambda path, message: problems.at("sweep", *path).add(message))
     problems.raise_if_any()
     assert sweep is not None
     if not 0 <= point < len(sweep):

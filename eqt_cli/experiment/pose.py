@@ -8,12 +8,12 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
-from eqt_cli.config.problems import Path, Problems
-from eqt_cli.config.translate import UNKNOWN_KEY, problems_of, shown
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
 from eqt_cli.core.numbers import Real
+from eqt_cli.core.problems import Problems
+from eqt_cli.core.validation import shown, validated
 from eqt_cli.experiment.tensors import square, vector
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
@@ -23,41 +23,38 @@ GROUP_TOLERANCE = 1e-9
 """Largest ‖QᵀQ − I‖ of a pose written in decimal; less than the integrators' own tolerances."""
 
 
-def pose_from(value: Any, G: MatrixLieGroup, path: Path, problems: Problems) -> Array | None:
+def pose_from(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None:
     """The pose that `value` describes, or None after noting what is wrong with it."""
     if value == "identity":
         return G.identity
     if isinstance(G, ProductGroup) and isinstance(value, list) and len(value) != G.size:
         if len(value) != len(G.factors):
-            problems.add(path, f"expected {_alternatives(G)}, got a list of {len(value)}")
+            problems.add(f"expected {_alternatives(G)}, got a list of {len(value)}")
             return None
         found = [
-            pose_from(entry, factor, (*path, index), problems)
+            pose_from(entry, factor, problems.at(index))
             for index, (entry, factor) in enumerate(zip(value, G.factors, strict=True))
         ]
         poses = [pose for pose in found if pose is not None]
         return G.assemble(poses) if len(poses) == len(found) else None
-    if isinstance(value, dict):
-        return _from_parts(value, G, path, problems)
+    if isinstance(value, dict) and isinstance(G, EuclideanGroup):
+        return _from_parts(value, G, problems)
     if not isinstance(value, list):
-        problems.add(path, f"expected {_alternatives(G)}, got {shown(value)}")
+        problems.add(f"expected {_alternatives(G)}, got {shown(value)}")
         return None
-    rows = _validated(list[list[Real]], value, path, problems)
+    rows = validated(list[list[Real]], value, problems)
     if rows is None:
         return None
-    Q = square(rows, G.size, G)
-    if isinstance(Q, str):
-        problems.add(path, Q)
-        return None
-    violation = G.violation(Q)
-    if violation > GROUP_TOLERANCE:
-        problems.add(
-            path,
+    with problems.catching():
+        Q = square(rows, G.size, G)
+        violation = G.violation(Q)
+        if violation <= GROUP_TOLERANCE:
+            return Q
+        raise InputError(
             f"expected an element of {G.name}, got a matrix that is {violation:.2g} away from one "
-            f"(at most {GROUP_TOLERANCE:g} is rounding); give {_alternatives(G)}",
+            f"(at most {GROUP_TOLERANCE:g} is rounding); give {_alternatives(G)}"
         )
-        return None
-    return Q
+    return None
 
 
 def _alternatives(G: MatrixLieGroup) -> str:
@@ -77,39 +74,21 @@ def _lengths(G: EuclideanGroup) -> dict[str, int]:
     return turn | dict.fromkeys(G.columns, G.space)
 
 
-def _from_parts(
-    value: dict[str, Any], G: MatrixLieGroup, path: Path, problems: Problems
-) -> Array | None:
-    if not isinstance(G, EuclideanGroup):
-        problems.add(path, f"expected {_alternatives(G)}, got {shown(value)}")
-        return None
+def _from_parts(value: dict[str, Any], G: EuclideanGroup, problems: Problems) -> Array | None:
     known = _lengths(G)
-    coordinates = {name: np.zeros(length) for name, length in known.items()}
-    before = len(problems)
+    parts = {name: np.zeros(length) for name, length in known.items()}
     for key, entry in value.items():
         if key not in known:
-            problems.add((*path, key), f"{UNKNOWN_KEY}; a pose of {G.name} has {', '.join(known)}")
+            has = f"a pose of {G.name} has {', '.join(known)}"
+            problems.at(key).add(f"unknown key; {has}")
             continue
-        numbers = _validated(Real | list[Real], entry, (*path, key), problems)
-        if numbers is None:
-            continue
-        entries = vector(numbers, known[key], G)
-        if isinstance(entries, str):
-            problems.add((*path, key), entries)
-        else:
-            coordinates[key] = entries
-    if len(problems) > before:
+        numbers = validated(Real | list[Real], entry, problems.at(key))
+        if numbers is not None:
+            with problems.catching(key):
+                parts[key] = vector(numbers, known[key], G)
+    if problems:
         return None
     turn = np.zeros(G.dimension)
-    turn[: G.rotations] = coordinates.get("rotvec", 0.0)
-    columns = np.array([coordinates[name] for name in G.columns]).reshape(-1, G.space).T
+    turn[: G.rotations] = parts.get("rotvec", 0.0)
+    columns = np.array([parts[name] for name in G.columns]).reshape(-1, G.space).T
     return G.assemble(G.rotation(G.exp(turn)), columns)
-
-
-def _validated(kind: Any, value: Any, path: Path, problems: Problems) -> Any:
-    try:
-        return TypeAdapter(kind).validate_python(value)
-    except ValidationError as error:
-        for place, message in problems_of(error, value, lambda _: {}):
-            problems.add((*path, *place), message)
-        return None

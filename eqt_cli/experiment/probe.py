@@ -15,20 +15,16 @@ import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.signals import compute
-from eqt_cli.config.problems import Path, Problems
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import described, place_of, place_of_function
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import EqtError, InputError
+from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.core.registry import is_foreign
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.ensemble.poses import PoseDistribution
 from eqt_cli.ensemble.velocities import VelocityDistribution
 
 WHEN = "at the start of run 0"
-
-
-class _Wrong(Exception):
-    """Something was noted, and what depends on it is skipped; it never leaves this module."""
 
 
 def probe(
@@ -45,57 +41,55 @@ def probe(
     if not any(is_foreign(type(part).__module__) for part in [*parts, poses, velocities]):
         return
     first = next(iter(loops.values()))
-    try:
-        with _noting(("initial",), "the initial states", problems):
-            Q, V = draw_initial_states(
-                first.group, poses, velocities, Qd=Qd, Vd=Vd, seed=seed, runs=[0]
-            )
-            state = first.initial_state(Q, V, Qd, Vd)[0]
-        _probe_reference(first, state, problems)
-    except _Wrong:
+    with problems.catching("initial"), _failing("the initial states"):
+        Q, V = draw_initial_states(
+            first.group, poses, velocities, Qd=Qd, Vd=Vd, seed=seed, runs=[0]
+        )
+        state = first.initial_state(Q, V, Qd, Vd)[0]
+    if not problems:
+        path, name = _suspect(first.reference, ("reference",), "reference", first)
+        with problems.catching(*path):
+            _probe_reference(first, state, name)
+    if problems:
         return
     for index, loop in enumerate(loops.values()):
-        try:
-            _probe_law(loop, state, ("controllers", index), problems)
-        except _Wrong:
-            continue
+        path, name = _suspect(loop.controller, ("controllers", index), "controller", loop)
+        with problems.catching(*path):
+            _probe_law(loop, state, name)
 
 
 def _parts(loop: ClosedLoop) -> tuple[object, ...]:
     return loop.group, loop.reference, loop.controller
 
 
-def _suspect(part: Any, path: Path, kind: str, loop: ClosedLoop) -> tuple[Path, str]:
+def _suspect(part: Any, path: KeyPath, kind: str, loop: ClosedLoop) -> tuple[KeyPath, str]:
     """Where to look and at what: at the group of the user's, where the part itself is eqt's."""
     if not is_foreign(type(part).__module__) and is_foreign(type(loop.group).__module__):
         return ("group",), f"group '{loop.group.name}'"
     return path, f"{kind} '{part.name}'"
 
 
-def _probe_reference(loop: ClosedLoop, state: Array, problems: Problems) -> None:
-    path, name = _suspect(loop.reference, ("reference",), "reference", loop)
+def _probe_reference(loop: ClosedLoop, state: Array, name: str) -> None:
     states = _repeated(loop, state)[:, 0]
-    with _noting(path, name, problems):
+    with _failing(name):
         torque = loop.tracking(0.0, states).tau_d
     function = type(loop.reference).driving_torque
-    axes = (loop.group.dimension,)
-    _fitting(torque, states, axes, path, name, function, problems)
+    _require_fit(torque, states, (loop.group.dimension,), name, function)
 
 
-def _probe_law(loop: ClosedLoop, state: Array, path: Path, problems: Problems) -> None:
+def _probe_law(loop: ClosedLoop, state: Array, name: str) -> None:
     """The law as engines call it, on runs at one time, and as it is measured, on all samples."""
     law = loop.controller
-    path, name = _suspect(law, path, "controller", loop)
     whole = _repeated(loop, state)
     for t, states in ((0.0, whole[:, 0]), (np.zeros(whole.shape[1]), whole)):
-        with _noting(path, name, problems):
+        with _failing(name):
             s = loop.tracking(t, states)
             torque, dissipation = loop.torque(s), loop.dissipation(s)
         axes = (loop.group.dimension,)
-        _fitting(torque, states, axes, path, name, type(law).torque, problems, exact=True)
+        _require_fit(torque, states, axes, name, type(law).torque, exact=True)
         if dissipation is not None:
-            _fitting(dissipation, states, (), path, name, type(law).dissipation, problems)
-    with _noting(path, name, problems):
+            _require_fit(dissipation, states, (), name, type(law).dissipation)
+    with _failing(name):
         loop.vector_field(0.0, whole[:, 0])
         compute(loop, np.zeros(whole.shape[1]), whole)
 
@@ -106,26 +100,23 @@ def _repeated(loop: ClosedLoop, state: Array) -> Array:
     return np.broadcast_to(state, (m + 2, m + 3, len(state))).copy()
 
 
-def _fitting(
+def _require_fit(
     value: Any,
     states: Array,
     axes: tuple[int, ...],
-    path: Path,
     name: str,
     function: Any,
-    problems: Problems,
     *,
     exact: bool = False,
 ) -> None:
-    """Note where a function returns no numbers, or not for every run, sample and axis.
+    """Raise an `InputError` if a function returns no numbers for every run, sample and axis.
 
     What is the same for all runs or samples may lack their axes, unless it is to be `exact`.
     """
-    problem = _unfit(value, states.shape[:-1], axes, exact)
-    if problem:
+    wrong = _unfit(value, states.shape[:-1], axes, exact)
+    if wrong:
         place = f"{place_of_function(function)}: {function.__name__}"
-        problems.add(path, f"{name} is wrong {WHEN}: {place} returns {problem}")
-        raise _Wrong
+        raise InputError(f"{name} is wrong {WHEN}: {place} returns {wrong}")
 
 
 def _unfit(value: Any, leading: tuple[int, ...], axes: tuple[int, ...], exact: bool) -> str | None:
@@ -145,17 +136,15 @@ def _unfit(value: Any, leading: tuple[int, ...], axes: tuple[int, ...], exact: b
 
 
 @contextmanager
-def _noting(path: Path, name: str, problems: Problems) -> Iterator[None]:
-    """Note an exception, with the line of the user's component where it was raised."""
+def _failing(name: str) -> Iterator[None]:
+    """Turn an exception into an `InputError` with the line of the user's component it is from."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")
             yield
     except EqtError as error:
-        problems.add(path, str(error))
-        raise _Wrong from error
+        raise InputError(str(error)) from error
     except Exception as error:
         place = place_of(error)
         at = f" at {place}" if place else ""
-        problems.add(path, f"{name} fails {WHEN}: {described(error)}{at}")
-        raise _Wrong from error
+        raise InputError(f"{name} fails {WHEN}: {described(error)}{at}") from error

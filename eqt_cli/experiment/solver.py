@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from eqt_cli.config.components import option_names, options_into
-from eqt_cli.config.problems import Problems
 from eqt_cli.config.schema import DEFAULT_ENGINE, Judgement
-from eqt_cli.config.translate import UNKNOWN_KEY, shown
-from eqt_cli.core.errors import ComponentError, suggestion
+from eqt_cli.core.errors import InputError
+from eqt_cli.core.problems import Problems
+from eqt_cli.core.validation import option_names, shown, unknown_key, with_options
 from eqt_cli.engines import Engine, engines
 
 
@@ -37,50 +36,42 @@ class Solver:
 
 def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     """The solver that a section asks for, or None after noting what is wrong with it."""
-    before = len(problems)
     name = section.get("engine", DEFAULT_ENGINE)
-    owners: dict[str, type[Any]] = {entry.name: entry for entry in engines.all()}
-    _note_unknown_keys(section, [Judgement, *owners.values()], problems)
-    _note_engine(name, problems)
-    built = {owner: _build(entry, section, problems) for owner, entry in owners.items()}
-    judgement = _build(Judgement, section, problems)
-    engine = built.pop(name, None) if isinstance(name, str) else None
-    for option, message in engine.problems() if engine else ():
-        problems.add(("solver", option), message)
-    if engine is None or len(problems) > before:
+    with problems.catching("engine"):
+        _require_available(name)
+    owners: list[type[Any]] = [Judgement, *engines.all()]
+    known = ["engine", *dict.fromkeys(key for own in owners for key in option_names(own))]
+    for key in section:
+        if key not in known:
+            problems.at(key).add(unknown_key(key, known))
+    judgement, *built = (_with_own_keys(owner, section, problems) for owner in owners)
+    engine = next((entry for entry in built if entry and entry.name == name), None)
+    if engine is not None:
+        engine.check(problems)
+    if engine is None or problems:
         return None
-    others = [entry for entry in built.values() if _can_check(entry)]
     keys = {**section, **asdict(engine), **asdict(judgement), "engine": name}
     given = {key: value for key, value in keys.items() if value is not None}
-    resolved = {"engine": name} | given
-    return Solver(engine, others[0] if others else None, judgement, resolved)
+    others = (entry for entry in built if entry is not engine and _can_check(entry))
+    return Solver(engine, next(others, None), judgement, {"engine": name} | given)
+
+
+def _require_available(name: Any) -> None:
+    """Raise an `InputError` if there is no engine of this name, or none on this machine."""
+    if not isinstance(name, str):
+        raise InputError(f"expected the name of an engine, got {shown(name)}")
+    unavailable = engines.get(name).unavailable()
+    if unavailable:
+        raise InputError(unavailable)
+
+
+def _with_own_keys(owner: type[Any], section: dict[str, Any], problems: Problems) -> Any:
+    options = {key: section[key] for key in option_names(owner) if key in section}
+    return with_options(owner, options, problems)
 
 
 def _can_check(engine: Engine) -> bool:
     """Whether another engine is there, and can work with the keys that it shares."""
-    return engine.unavailable() is None and not engine.problems()
-
-
-def _note_unknown_keys(section: dict[str, Any], owners: list[type], problems: Problems) -> None:
-    known = list(dict.fromkeys(["engine", *(key for own in owners for key in option_names(own))]))
-    for key in section:
-        if key not in known:
-            hint = suggestion(key, known) or f"; known here: {', '.join(known)}"
-            problems.add(("solver", key), UNKNOWN_KEY + hint)
-
-
-def _note_engine(name: Any, problems: Problems) -> None:
-    if not isinstance(name, str):
-        problems.add(("solver", "engine"), f"expected the name of an engine, got {shown(name)}")
-        return
-    try:
-        unavailable = engines.get(name).unavailable()
-    except ComponentError as error:
-        unavailable = str(error)
-    if unavailable:
-        problems.add(("solver", "engine"), unavailable)
-
-
-def _build(owner: type[Any], section: dict[str, Any], problems: Problems) -> Any:
-    options = {key: section[key] for key in option_names(owner) if key in section}
-    return options_into(owner, options, ("solver",), problems)
+    found = Problems()
+    engine.check(found)
+    return engine.unavailable() is None and not found

@@ -6,11 +6,11 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
-from eqt_cli.config.problems import Problems
 from eqt_cli.config.schema import FIXED, Config
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.yaml_source import parse_value
-from eqt_cli.core.errors import ConfigError, EqtError, Problem
+from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
+from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.sweep import Sweep
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.point import at_point, section_of, without_sweep
@@ -50,7 +50,7 @@ def add_grids(source: ConfigSource, grids: Sequence[str]) -> None:
         key, equals, text = grid.partition("=")
         if not equals or not key.strip() or not text.strip():
             message = f"expected KEY=VALUE,VALUE,…, got '{grid}'"
-            raise ConfigError([Problem("", message, place)])
+            raise ConfigError([InputProblem("", message, place)])
         source.overrides[("sweep", len(blocks))] = place
         blocks.append({"grid": {key.strip(): parse_value(f"[{text}]", place)}})
     if blocks:
@@ -119,32 +119,33 @@ def spread(count: int, most: int | None) -> Sequence[int]:
 
 def _sweep(source: ConfigSource, section: Any) -> Sweep:
     problems = Problems(source.place)
-    sweep = Sweep.parse(section, lambda path, message: problems.add(("sweep", *path), message))
+    sweep = Sweep.parse(section, lambda path, message: problems.at("sweep", *path).add(message))
     problems.raise_if_any()
     assert sweep is not None
     for key in sweep.keys:
-        path = ("sweep", *sweep.place(0, key))
-        try:
-            name = section_of(key)
-        except ConfigError as error:
-            problems.add(path, error.problems[0].message)
-            continue
-        if name in FIXED:
-            problems.add(path, f"{name} cannot be swept: it {FIXED[name]}; run one after the other")
-        elif key == "time":
-            problems.add(path, "time is swept by its keys: zip time.duration and time.samples")
-        elif key == "ensemble.runs":
-            problems.add(path, RUNS)
-        elif name not in Config.model_fields:
-            known = [field for field in Config.model_fields if field not in FIXED]
-            problems.add(path, f"unknown key '{key}'; keys are in: {', '.join(known)}")
+        with problems.catching("sweep", *sweep.place(0, key)):
+            _require_sweepable(key)
     problems.raise_if_any()
     return sweep
 
 
+def _require_sweepable(key: str) -> None:
+    """Raise an `InputError` if points cannot differ in a key."""
+    name = section_of(key)
+    if name in FIXED:
+        raise InputError(f"{name} cannot be swept: it {FIXED[name]}; run one after the other")
+    if key == "time":
+        raise InputError("time is swept by its keys: zip time.duration and time.samples")
+    if key == "ensemble.runs":
+        raise InputError(RUNS)
+    if name not in Config.model_fields:
+        known = [field for field in Config.model_fields if field not in FIXED]
+        raise InputError(f"unknown key '{key}'; keys are in: {', '.join(known)}")
+
+
 def _check_points(found: Study, points: Sequence[int], advance: Callable[[float], None]) -> None:
     """Build points; a value that is wrong at many of them is reported once."""
-    problems: dict[Problem, None] = {}
+    problems: dict[InputProblem, None] = {}
     for point in points:
         advance(len(found) / len(points))
         try:
@@ -157,7 +158,7 @@ def _check_points(found: Study, points: Sequence[int], advance: Callable[[float]
         wrong = _unlike(experiment, found.base)
         if wrong:
             place = found.source.place(("sweep",))
-            problems[Problem("sweep", f"point {point}: {wrong}", place)] = None
+            problems[InputProblem("sweep", f"point {point}: {wrong}", place)] = None
             break
     if problems:
         raise ConfigError(problems)

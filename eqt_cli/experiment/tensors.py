@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics import navigation
 
@@ -14,63 +15,61 @@ SYMMETRY_TOLERANCE = 1e-12
 """Largest asymmetry, relative to the largest entry: rounding of numbers written in decimal."""
 
 
-def square(value: float | list[Any], n: int, group: MatrixLieGroup) -> Array | str:
-    """The n×n matrix that `value` stands for, or what is wrong with its shape."""
+def square(value: float | list[Any], n: int, group: MatrixLieGroup) -> Array:
+    """The n×n matrix that `value` stands for; raises `InputError` if its shape is wrong."""
     if not isinstance(value, list):
         return value * np.eye(n)
     if not any(isinstance(row, list) for row in value):
         if len(value) != n:
-            return f"expected {n} diagonal entries for {group.name}, got {len(value)}"
+            raise InputError(f"expected {n} diagonal entries for {group.name}, got {len(value)}")
         return np.diag(np.array(value, dtype=float))
     widths = {len(row) for row in value}
     if len(widths) > 1:
         listed = ", ".join(str(len(row)) for row in value)
-        return f"expected rows of equal length, got rows of {listed} entries"
+        raise InputError(f"expected rows of equal length, got rows of {listed} entries")
     shape = (len(value), widths.pop())
     if shape != (n, n):
-        return f"expected {n}×{n} for {group.name}, got {shape[0]}×{shape[1]}"
+        raise InputError(f"expected {n}×{n} for {group.name}, got {shape[0]}×{shape[1]}")
     return np.array(value, dtype=float)
 
 
-def vector(value: float | list[float], n: int, group: MatrixLieGroup) -> Array | str:
-    """The vector of n entries that `value` stands for, or what is wrong with its length."""
+def vector(value: float | list[float], n: int, group: MatrixLieGroup) -> Array:
+    """The vector of n entries that `value` stands for; raises `InputError` if it has others."""
     if not isinstance(value, list):
         return np.full(n, float(value))
     if len(value) != n:
-        return f"expected {n} entries for {group.name}, got {len(value)}"
+        raise InputError(f"expected {n} entries for {group.name}, got {len(value)}")
     return np.array(value, dtype=float)
 
 
-def asymmetry(matrix: Array) -> str | None:
-    """Where a matrix is not symmetric, if it is not."""
+def require_symmetric(matrix: Array) -> None:
+    """Raise an `InputError` that says where a matrix is not symmetric."""
     difference = np.abs(matrix - matrix.T)
-    if difference.max() <= SYMMETRY_TOLERANCE * np.abs(matrix).max():
-        return None
-    i, j = np.unravel_index(difference.argmax(), matrix.shape)
-    return (
-        f"expected a symmetric matrix, got [{i}][{j}] = {matrix[i, j]:g} "
-        f"but [{j}][{i}] = {matrix[j, i]:g}"
-    )
+    if difference.max() > SYMMETRY_TOLERANCE * np.abs(matrix).max():
+        i, j = np.unravel_index(difference.argmax(), matrix.shape)
+        raise InputError(
+            f"expected a symmetric matrix, got [{i}][{j}] = {matrix[i, j]:g} "
+            f"but [{j}][{i}] = {matrix[j, i]:g}"
+        )
 
 
-def indefiniteness(matrix: Array) -> str | None:
-    """The eigenvalues of a matrix's symmetric part, if they are not all positive."""
+def require_definite(matrix: Array) -> None:
+    """Raise an `InputError` if the symmetric part of a matrix is not positive definite."""
     eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
-    if _positive(eigenvalues):
-        return None
-    return f"expected a positive definite matrix, got eigenvalues {_listed(eigenvalues)}"
+    if not _positive(eigenvalues):
+        got = f"got eigenvalues {_listed(eigenvalues)}"
+        raise InputError(f"expected a positive definite matrix, {got}")
 
 
-def degenerate_minimum(K: Array, group: MatrixLieGroup) -> str | None:
-    """Why Υ has no non-degenerate minimum at I, if it has none."""
+def require_minimum(K: Array, group: MatrixLieGroup) -> None:
+    """Raise an `InputError` if Υ has no non-degenerate minimum at I."""
     eigenvalues = np.linalg.eigvalsh(navigation.hessian_at_identity(group, K))
-    if _positive(eigenvalues):
-        return None
-    return (
-        "expected a weight whose navigation function has a non-degenerate minimum at I, "
-        f"got Hessian eigenvalues {_listed(eigenvalues)} on {group.name}; "
-        "all must be positive (on SO3: the sums of two eigenvalues of kp)"
-    )
+    if not _positive(eigenvalues):
+        raise InputError(
+            "expected a weight whose navigation function has a non-degenerate minimum at I, "
+            f"got Hessian eigenvalues {_listed(eigenvalues)} on {group.name}; "
+            "all must be positive (on SO3: the sums of two eigenvalues of kp)"
+        )
 
 
 def _positive(eigenvalues: Array) -> bool:

@@ -2,16 +2,34 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from abc import abstractmethod
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.component import Component
+from eqt_cli.core.expressions import Expression, formula
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia
+
+
+def check_expressions(entries: list[str | float], G: MatrixLieGroup, problems: Problems) -> None:
+    """Note expressions that do not parse, or a number of them that is not m."""
+    if len(entries) != G.dimension:
+        expected = f"expected {G.dimension} expressions for {G.name}"
+        problems.add(f"{expected}, got {len(entries)}")
+    for index, entry in enumerate(entries):
+        with problems.catching(index):
+            formula(entry)
+
+
+def instants_of(expressions: Iterable[Expression]) -> Array:
+    """Where expressions change their piece, in order."""
+    return np.unique([t for expression in expressions for t in expression.instants])
 
 
 class Desired(NamedTuple):
@@ -31,19 +49,17 @@ class Desired(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Reference(ABC):
+class Reference(Component):
     """A desired motion; this class is of those that a torque drives, from Q_d(0) and V_d(0).
 
     A frozen dataclass whose fields are its options in a configuration, beside those of `pose` and
     `velocity` that it starts from.
     """
 
-    name: ClassVar[str]
     keeps_velocity: ClassVar[bool] = False
     """Whether V_d(t) = V_d(0) by construction."""
     starts_from: ClassVar[tuple[str, ...]] = ("pose", "velocity")
     """What of Q_d(0) and V_d(0) is given beside the options; it is integrated with each run."""
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     @abstractmethod
     def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
@@ -80,9 +96,8 @@ class Reference(ABC):
         """The same motion between two instants, by the numbers of `held`, which may be symbols."""
         return self
 
-    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
-        """What of its options does not fit the group, as (option, message)."""
-        return []
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note what of its options does not fit the group."""
 
 
 class _Moving(Reference):

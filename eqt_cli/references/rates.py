@@ -6,13 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
-import numpy as np
-
 from eqt_cli.core.arrays import Array, stack
 from eqt_cli.core.differentiation import value_and_derivative
-from eqt_cli.core.expressions import Expression, parse
+from eqt_cli.core.expressions import Expression, formula
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.references.base import ByRates
+from eqt_cli.references.base import ByRates, check_expressions, instants_of
 
 
 @dataclass(frozen=True)
@@ -32,7 +31,7 @@ class RatesReference(ByRates):
     @cached_property
     def expressions(self) -> list[Expression]:
         """The velocity, parsed."""
-        return [parse(str(text)) for text in self.rates]
+        return [formula(entry) for entry in self.rates]
 
     def velocity(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array]:
         """V_d(t) and its exact derivative."""
@@ -42,4 +41,8 @@ class RatesReference(ByRates):
 
     def instants(self, G: MatrixLieGroup) -> Array:
         """Where an expression changes its piece."""
-        return np.unique([t for expression in self.expressions for t in expression.instants])
+        return instants_of(self.expressions)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Expressions that do not parse, or a number of them that is not m."""
+        check_expressions(self.rates, G, problems.at("rates"))

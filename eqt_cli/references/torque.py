@@ -7,11 +7,11 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 from eqt_cli.core.arrays import Array, stack
-from eqt_cli.core.errors import ExpressionError
-from eqt_cli.core.expressions import Expression, parse
+from eqt_cli.core.expressions import Expression, formula
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.references.base import Reference
+from eqt_cli.references.base import Reference, check_expressions, instants_of
 
 
 @dataclass(frozen=True)
@@ -31,21 +31,16 @@ class TorqueReference(Reference):
     @cached_property
     def expressions(self) -> list[Expression]:
         """The torque, parsed."""
-        return [parse(str(text)) for text in self.torque]
+        return [formula(entry) for entry in self.torque]
 
     def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
         """τ_d(t)."""
         return stack([expression.evaluate({"t": t}) for expression in self.expressions])
 
-    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+    def instants(self, G: MatrixLieGroup) -> Array:
+        """Where an expression changes its piece."""
+        return instants_of(self.expressions)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Expressions that do not parse, or a number of them that is not m."""
-        found = []
-        if len(self.torque) != G.dimension:
-            expected = f"expected {G.dimension} expressions for {G.name}, got {len(self.torque)}"
-            found.append(("torque", expected))
-        for index, text in enumerate(self.torque):
-            try:
-                parse(str(text))
-            except ExpressionError as error:
-                found.append((f"torque[{index}]", f"'{text}': {error}"))
-        return found
+        check_expressions(self.torque, G, problems.at("torque"))

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.config.translate import Path as Steps
-from eqt_cli.config.translate import shown
-from eqt_cli.config.yaml_source import dotted, dump
+from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.marks import is_eqts
+from eqt_cli.core.problems import KeyPath, dotted
+from eqt_cli.core.validation import shown
 from eqt_cli.experiment.study import Study
 from eqt_cli.run.listing import MANIFEST, PARTS, RESULTS
 from eqt_cli.run.part_files import PartFiles
@@ -171,7 +171,7 @@ def _removed(entry: Path) -> list[Path]:
 _ABSENT = object()
 
 
-def _differences(old: Any, new: Any, path: Steps = ()) -> list[str]:
+def _differences(old: Any, new: Any, path: KeyPath = ()) -> list[str]:
     """The keys in which two configurations differ, with both values."""
     pairs: dict[str | int, tuple[Any, Any]] = {}
     if isinstance(old, dict) and isinstance(new, dict):

@@ -17,7 +17,7 @@ import numpy as np
 
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.arrays import Array
-from eqt_cli.experiment.laws import LAW, law_names
+from eqt_cli.experiment.law_names import LAW, law_names
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantities import Per, Quantity, coordinates, quantities
 from eqt_cli.store.assembly import Assembly, Blank, assemble

@@ -7,7 +7,7 @@ import shutil
 from math import prod
 from pathlib import Path
 
-from eqt_cli.core.errors import ConfigError, Problem
+from eqt_cli.core.errors import ConfigError, InputProblem
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantities import Per, quantities
 from eqt_cli.run.estimate import result_size
@@ -94,4 +94,4 @@ def _size(size: int) -> str:
 
 
 def _refuse(study: Study, path: tuple[str, ...], message: str) -> None:
-    raise ConfigError([Problem(".".join(path), message, study.source.place(path))])
+    raise ConfigError([InputProblem(".".join(path), message, study.source.place(path))])

@@ -14,10 +14,10 @@ from eqt_cli.cli import completion
 from eqt_cli.cli.tables import FORMATS
 from eqt_cli.config import shipped
 from eqt_cli.config.catalogue import KINDS, registry
-from eqt_cli.config.components import option_names
 from eqt_cli.config.json_schema import json_schema
 from eqt_cli.config.keys import keys_of
 from eqt_cli.core.registry import summary
+from eqt_cli.core.validation import option_names
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import FORMATS as PICTURES
 

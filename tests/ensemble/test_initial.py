@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.seeds import Stream, generator
@@ -36,6 +37,13 @@ def draw(G, poses, velocities=None, runs=range(5), seed=SEED, Qd=None, Vd=None):
         seed=seed,
         runs=runs,
     )
+
+
+def wrong_options(distribution, G):
+    """What the distribution notes of its options, as (option, message)."""
+    found = Problems()
+    distribution.check(G, found)
+    return [(problem.path, problem.message) for problem in found]
 
 
 def assert_mean(values, expected, sigma):
@@ -94,7 +102,7 @@ def test_streams_of_seeds_and_runs_differ():
 def test_run_draws_the_same_state_in_any_company(G, name):
     """For any number of runs and any order, bit for bit."""
     poses = pose_distribution(name)
-    if poses.problems(G):
+    if wrong_options(poses, G):
         pytest.skip(f"{name} is not for {G.name}")
     Qd, Vd = G.exp(np.linspace(0.1, 1.0, G.dimension)), np.linspace(-1.0, 1.0, G.dimension)
     Q, V = draw(G, poses, runs=range(12), Qd=Qd, Vd=Vd)
@@ -123,7 +131,7 @@ def test_pose_and_velocity_do_not_share_their_numbers():
 @pytest.mark.parametrize("name", pose_distributions.names())
 def test_pose_distribution_draws_elements_or_reports_a_problem(G, name):
     poses = pose_distribution(name)
-    problems = poses.problems(G)
+    problems = wrong_options(poses, G)
     assert all(option == "kind" and message for option, message in problems)
     if not problems:
         Q, _ = draw(G, poses, runs=range(20))
@@ -134,7 +142,7 @@ def test_pose_distribution_draws_elements_or_reports_a_problem(G, name):
 @pytest.mark.parametrize("name", velocity_distributions.names())
 def test_velocity_distribution_draws_coordinates(G, name):
     velocities = velocity_distribution(name)
-    assert velocities.problems(G) == []
+    assert wrong_options(velocities, G) == []
     _, V = draw(G, pose_distribution("exp_normal"), velocities, runs=range(20))
     assert V.shape == (20, G.dimension)
     assert np.isfinite(V).all()
@@ -172,7 +180,7 @@ def test_draws_are_errors_to_the_desired_state(G):
     ],
 )
 def test_options_that_do_not_fit_are_reported(distribution, group, options):
-    problems = distribution.problems(group_named(group))
+    problems = wrong_options(distribution, group_named(group))
     assert [option for option, _ in problems] == options
 
 
@@ -280,5 +288,5 @@ def test_exp_normal_is_drawn_around_its_centre():
 
 def test_a_centre_has_one_number_per_coordinate():
     G = group_named("SE3")
-    [(option, message)] = pose_distribution("exp_normal", centre=[1.0, 2.0]).problems(G)
+    [(option, message)] = wrong_options(pose_distribution("exp_normal", centre=[1.0, 2.0]), G)
     assert (option, message) == ("centre", "expected 6 numbers for SE3, got 2")

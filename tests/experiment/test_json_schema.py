@@ -11,13 +11,13 @@ import pytest
 import yaml
 
 from eqt_cli.config import shipped
-from eqt_cli.config.components import option_names
 from eqt_cli.config.json_schema import json_schema
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.yaml_source import load
 from eqt_cli.controllers import controllers
 from eqt_cli.core.errors import ConfigError
 from eqt_cli.core.registry import Registry
+from eqt_cli.core.validation import option_names
 from eqt_cli.engines import engines
 from eqt_cli.ensemble.designs import designs
 from eqt_cli.ensemble.poses import pose_distributions

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.component import Component
+from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.spread import Spread
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
@@ -16,14 +17,11 @@ from eqt_cli.groups.product import ProductGroup
 
 
 @dataclass(frozen=True)
-class PoseDistribution(ABC):
+class PoseDistribution(Component):
     """A distribution on a group: a frozen dataclass whose fields are its options.
 
     Run k starts at Q(0) = Q_d(0) · draw.
     """
-
-    name: ClassVar[str]
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
     @abstractmethod
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
@@ -36,9 +34,8 @@ class PoseDistribution(ABC):
         Apart from `draw`, so that many runs cost one array operation.
         """
 
-    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
-        """What of its options does not fit the group, as (option, message)."""
-        return []
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note what of its options does not fit the group."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +53,7 @@ class RotationDistribution(PoseDistribution):
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
         """The numbers of the rotation, then those of the columns from left to right."""
-        assert isinstance(G, EuclideanGroup)  # `problems` lets no other group through
+        assert isinstance(G, EuclideanGroup)  # `check` lets no other group through
         numbers = [self.draw_rotation(G, generator)]
         for column in G.columns:
             spread: Spread | None = getattr(self, column)
@@ -78,21 +75,20 @@ class RotationDistribution(PoseDistribution):
     def place_rotation(self, G: EuclideanGroup, numbers: Array) -> Array:
         """The rotations of many runs, ``(runs, k) -> (runs, n, n)``."""
 
-    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A group without rotations, or a column that it does not have."""
         if not isinstance(G, EuclideanGroup) or not G.rotations:
             takes = f"{G.name} takes exp_normal"
             if isinstance(G, ProductGroup):
                 takes += f", or a list of {len(G.factors)}, one per factor"
-            return [("kind", f"{self.name} needs a group of rotations; {takes}")]
-        found = []
+            problems.at("kind").add(f"{self.name} needs a group of rotations; {takes}")
+            return
         for column in ("position", "velocity"):
             spread: Spread | None = getattr(self, column)
             if spread is None:
                 continue
             if column not in G.columns:
                 has = ", ".join(G.columns) or "no translations"
-                found.append((column, f"{G.name} has no {column} column; it has {has}"))
+                problems.at(column).add(f"{G.name} has no {column} column; it has {has}")
             else:
-                found += spread.problems(f"{column}.std", G.space)
-        return found
+                spread.check(G.space, problems.at(column))

@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
+from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.poses.base import RotationDistribution
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
@@ -43,18 +44,16 @@ class Euler(RotationDistribution):
         rotations: Array = Rotation.from_euler(self.sequence, numbers).as_matrix()
         return rotations
 
-    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A group without rotations of space, an unknown sequence, bounds in the wrong order."""
-        found = super().problems(G)
+        super().check(G, problems)
         if isinstance(G, EuclideanGroup) and G.space != 3:
-            found.append(
-                ("kind", f"euler is for rotations of space; {G.name} takes haar or exp_normal")
-            )
+            takes = f"{G.name} takes haar or exp_normal"
+            problems.at("kind").add(f"euler is for rotations of space; {takes}")
         axes = self.sequence.upper()
         valid = len(axes) == 3 and set(axes) <= set("XYZ") and axes[1] not in (axes[0], axes[2])
         if not valid or self.sequence not in (axes, axes.lower()):
             expected = "expected three axes such as ZYX (intrinsic) or xyz (extrinsic)"
-            found.append(("sequence", f"{expected}, got '{self.sequence}'"))
+            problems.at("sequence").add(f"{expected}, got '{self.sequence}'")
         if self.low > self.high:
-            found.append(("low", f"expected at most high = {self.high:g}, got {self.low:g}"))
-        return found
+            problems.at("low").add(f"expected at most high = {self.high:g}, got {self.low:g}")

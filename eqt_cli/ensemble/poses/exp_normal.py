@@ -9,6 +9,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
+from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.poses.base import PoseDistribution
 from eqt_cli.ensemble.spread import Spread
 from eqt_cli.groups import MatrixLieGroup
@@ -40,10 +41,9 @@ class ExpNormal(PoseDistribution):
         drawn = G.exp(numbers)
         return drawn if self.centre is None else G.exp(np.array(self.centre)) @ drawn
 
-    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A wrong number of standard deviations or coordinates, or a negative deviation."""
-        found = Spread(self.std).problems("std", G.dimension)
+        Spread(self.std).check(G.dimension, problems)
         if self.centre is not None and len(self.centre) != G.dimension:
-            got = len(self.centre)
-            found.append(("centre", f"expected {G.dimension} numbers for {G.name}, got {got}"))
-        return found
+            expected = f"expected {G.dimension} numbers for {G.name}"
+            problems.at("centre").add(f"{expected}, got {len(self.centre)}")

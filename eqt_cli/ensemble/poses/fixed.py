@@ -9,6 +9,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
+from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.poses.base import PoseDistribution
 from eqt_cli.groups import MatrixLieGroup
 
@@ -35,9 +36,8 @@ class FixedPose(PoseDistribution):
         """exp of the coordinates."""
         return G.exp(numbers)
 
-    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A wrong number of coordinates."""
-        if self.coordinates is None or len(self.coordinates) == G.dimension:
-            return []
-        got = len(self.coordinates)
-        return [("coordinates", f"expected {G.dimension} numbers for {G.name}, got {got}")]
+        if self.coordinates is not None and len(self.coordinates) != G.dimension:
+            expected = f"expected {G.dimension} numbers for {G.name}"
+            problems.at("coordinates").add(f"{expected}, got {len(self.coordinates)}")

@@ -9,6 +9,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
+from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.velocities.base import VelocityDistribution
 from eqt_cli.groups import MatrixLieGroup
 
@@ -31,9 +32,8 @@ class FixedVelocity(VelocityDistribution):
         """The coordinates, the same in every run."""
         return np.zeros(G.dimension) if self.coordinates is None else np.array(self.coordinates)
 
-    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A wrong number of coordinates."""
-        if self.coordinates is None or len(self.coordinates) == G.dimension:
-            return []
-        got = len(self.coordinates)
-        return [("coordinates", f"expected {G.dimension} numbers for {G.name}, got {got}")]
+        if self.coordinates is not None and len(self.coordinates) != G.dimension:
+            expected = f"expected {G.dimension} numbers for {G.name}"
+            problems.at("coordinates").add(f"{expected}, got {len(self.coordinates)}")

@@ -9,6 +9,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
+from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.spread import Spread
 from eqt_cli.ensemble.velocities.base import VelocityDistribution
 from eqt_cli.groups import MatrixLieGroup
@@ -32,6 +33,6 @@ class Normal(VelocityDistribution):
         """std · N(0, 1)^m."""
         return Spread(self.std).draw(G.dimension, generator)
 
-    def problems(self, G: MatrixLieGroup) -> list[tuple[str, str]]:
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A wrong number of standard deviations, or a negative one."""
-        return Spread(self.std).problems("std", G.dimension)
+        Spread(self.std).check(G.dimension, problems)

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.config.components import component, option_names
-from eqt_cli.config.problems import Problems
 from eqt_cli.config.source import with_value
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.problems import Problems
+from eqt_cli.core.validation import component, option_names
 from eqt_cli.experiment.point import path_of, section_of
 from eqt_cli.experiment.study import Study
 
@@ -48,7 +48,7 @@ def law_names(study: Study) -> Array | None:
         values = sweep.point(point)
         data: Any = {"controllers": study.source.data["controllers"]}
         for key in keys:
-            data = with_value(data, path_of(key), values[key], "")
+            data = with_value(data, path_of(key), values[key])
         for index, entry in enumerate(data["controllers"]):
             law = _law(entry)
             identity = _identity(law)
@@ -85,16 +85,11 @@ class _Torques:
 
 def _law(entry: Any) -> Controller:
     """The law that an entry of the configuration, which is right, asks for."""
-    path = ("controllers",)
-    law = component(controllers, _without_label(entry), path, Problems(str))
+    if isinstance(entry, dict):
+        entry = {key: value for key, value in entry.items() if key != "label"}
+    law = component(controllers, entry, Problems())
     assert law is not None
     return law
-
-
-def _without_label(entry: Any) -> Any:
-    if not isinstance(entry, dict):
-        return entry
-    return {key: value for key, value in entry.items() if key != "label"}
 
 
 def _identity(law: Controller) -> Hashable:

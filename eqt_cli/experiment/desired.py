@@ -6,16 +6,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
-from eqt_cli.config.components import component, option_path, resolved
-from eqt_cli.config.problems import Path, Problems
 from eqt_cli.config.schema import TargetSection
-from eqt_cli.config.translate import problems_of
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
-from eqt_cli.experiment import tensors
+from eqt_cli.core.problems import Problems
+from eqt_cli.core.validation import as_section, component, validated
 from eqt_cli.experiment.pose import pose_from
+from eqt_cli.experiment.tensors import vector
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.references import Reference, references
 from eqt_cli.references.constant import ConstantReference
@@ -25,8 +23,8 @@ DEFAULTS = {"pose": "identity", "velocity": 0.0}
 
 
 @dataclass(frozen=True)
-class Motion:
-    """The desired motion.
+class DesiredTrajectory:
+    """Where the loop is to go.
 
     Attributes
     ----------
@@ -44,54 +42,65 @@ class Motion:
     resolved: dict[str, Any]
 
 
-def motion_from(
+def desired_from(
     task: str | None,
     reference: dict[str, Any] | None,
     target: TargetSection | None,
     G: MatrixLieGroup | None,
     problems: Problems,
-) -> Motion | None:
-    """The motion that a configuration asks for, or None after noting what is wrong with it."""
+) -> DesiredTrajectory | None:
+    """What a configuration asks to track, or None after noting what is wrong with it.
+
+    Parameters
+    ----------
+    problems
+        Of the whole configuration.
+    """
+    at_reference, at_target = problems.at("reference"), problems.at("target")
     if task == "stabilise":
         if reference is not None:
-            problems.add(("reference",), "belongs to task: track; task: stabilise has a target")
-        return _rest(target or TargetSection(), G, problems)
+            at_reference.add("belongs to task: track; task: stabilise has a target")
+        return _rest(target or TargetSection(), G, at_target)
     if target is not None:
-        problems.add(("target",), "belongs to task: stabilise; task: track has a reference")
+        at_target.add("belongs to task: stabilise; task: track has a reference")
     if reference is None:
         if task == "track":
-            problems.add(("reference",), "missing; task: track needs the trajectory to follow")
+            at_reference.add("missing; task: track needs the trajectory to follow")
         return None
-    return _tracked(reference, G, problems)
+    return _tracked(reference, G, at_reference)
 
 
-def _rest(target: TargetSection, G: MatrixLieGroup | None, problems: Problems) -> Motion | None:
+def _rest(
+    target: TargetSection, G: MatrixLieGroup | None, problems: Problems
+) -> DesiredTrajectory | None:
     """The target pose, at rest for all time."""
-    if G is None:
-        return None
-    pose = pose_from(target.pose, G, ("target", "pose"), problems)
-    if pose is None:
+    pose = None if G is None else pose_from(target.pose, G, problems.at("pose"))
+    if G is None or pose is None:
         return None
     section = {"target": {"pose": _as_floats(target.pose)}}
-    return Motion(ConstantReference(), pose, np.zeros(G.dimension), section)
+    return DesiredTrajectory(ConstantReference(), pose, np.zeros(G.dimension), section)
 
 
 def _tracked(
     section: dict[str, Any], G: MatrixLieGroup | None, problems: Problems
-) -> Motion | None:
+) -> DesiredTrajectory | None:
     common = {key: section.get(key, default) for key, default in DEFAULTS.items()}
     options = {"kind": "torque"} | {k: v for k, v in section.items() if k not in common}
-    reference = component(references, options, ("reference",), problems, tuple(DEFAULTS))
+    reference = component(references, options, problems, tuple(DEFAULTS))
     if G is None:
         return None
-    for option, message in reference.problems(G) if reference else ():
-        problems.add(option_path(("reference",), option), message)
-    pose = pose_from(common["pose"], G, ("reference", "pose"), problems)
-    velocity = _velocity(common["velocity"], G, problems)
+    if reference is not None:
+        reference.check(G, problems)
+    pose = pose_from(common["pose"], G, problems.at("pose"))
+    velocity = None
+    numbers = validated(Real | list[Real], common["velocity"], problems.at("velocity"))
+    if numbers is not None:
+        with problems.catching("velocity"):
+            velocity = vector(numbers, G.dimension, G)
     if reference is None or pose is None or velocity is None:
         return None
-    described = {**resolved(reference), **_as_floats(common)}
-    return Motion(reference, pose, velocity, {"reference": described})
+    described = {**as_section(reference), **_as_floats(common)}
+    return DesiredTrajectory(reference, pose, velocity, {"reference": described})
 
 
 def _as_floats(value: Any) -> Any:
@@ -101,18 +110,3 @@ def _as_floats(value: Any) -> Any:
     if isinstance(value, list):
         return [_as_floats(entry) for entry in value]
     return float(value) if isinstance(value, int) else value
-
-
-def _velocity(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None:
-    path: Path = ("reference", "velocity")
-    try:
-        numbers = TypeAdapter(Real | list[Real]).validate_python(value)
-    except ValidationError as error:
-        for place, message in problems_of(error, value, lambda _: {}):
-            problems.add((*path, *place), message)
-        return None
-    velocity = tensors.vector(numbers, G.dimension, G)
-    if isinstance(velocity, str):
-        problems.add(path, velocity)
-        return None
-    return velocity

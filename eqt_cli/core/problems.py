@@ -1,0 +1,99 @@
+"""Collects what is wrong with an input, each with its place, so that all is reported together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from copy import copy
+from typing import TypeAlias
+
+from eqt_cli.core.errors import ConfigError, InputError, InputProblem
+
+KeyPath: TypeAlias = tuple[str | int, ...]
+"""Where in an input: ``("controllers", 0, "label")``."""
+
+
+class Problems:
+    """What is wrong at a place of an input, and within it.
+
+    Whoever checks an input is handed the problems of its place, and hands on those of the places
+    within: ``problems.at("reference", "torque")``. All of them fill one list.
+
+    Parameters
+    ----------
+    located
+        Gives ``file:line:column``, or ``--set[0]``, for a path.
+    """
+
+    def __init__(self, located: Callable[[KeyPath], str] = lambda path: "") -> None:
+        self._located = located
+        self._path: KeyPath = ()
+        self._found: dict[InputProblem, KeyPath] = {}
+
+    def at(self, *steps: str | int) -> Problems:
+        """The problems of a place within this one."""
+        inner = copy(self)  # which shares the list
+        inner._path = (*self._path, *steps)
+        return inner
+
+    def add(self, message: str) -> None:
+        """Note what is wrong at this place; the same is noted once."""
+        problem = InputProblem(dotted(self._path), message, self._located(self._path))
+        self._found.setdefault(problem, self._path)
+
+    @contextmanager
+    def catching(self, *steps: str | int) -> Iterator[None]:
+        """Note an `InputError` that is raised inside, at a place within this one, and go on."""
+        try:
+            yield
+        except InputError as error:
+            self.at(*steps).add(str(error))
+
+    def __iter__(self) -> Iterator[InputProblem]:
+        depth = len(self._path)
+        return (problem for problem, path in self._found.items() if path[:depth] == self._path)
+
+    def __bool__(self) -> bool:
+        """Whether anything is wrong at this place, or within it."""
+        return any(True for _ in self)
+
+    def raise_if_any(self) -> None:
+        """Raise a `ConfigError` with everything that was noted, in the order of the file."""
+        if self:
+            raise ConfigError(sorted(self, key=_position))
+
+
+def _position(problem: InputProblem) -> tuple[str, int, int]:
+    name, _, column = problem.place.rpartition(":")
+    name, _, line = name.rpartition(":")
+    if line.isdigit() and column.isdigit():
+        return name, int(line), int(column)
+    return problem.place, 0, 0
+
+
+def dotted(path: KeyPath) -> str:
+    """A path as users write it, such as ``controllers[0].label``."""
+    steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in path)
+    return "".join(steps).removeprefix(".")
+
+
+def parse_key(text: str) -> KeyPath:
+    """``controllers[0].label`` as ``("controllers", 0, "label")``.
+
+    Raises
+    ------
+    InputError
+        If it is no key.
+    """
+    steps: list[str | int] = []
+    for part in text.split("."):
+        name, *indices = part.split("[")
+        numbers = [
+            index[:-1] for index in indices if index.endswith("]") and index[:-1].isdecimal()
+        ]
+        if not name or len(numbers) != len(indices):
+            raise InputError(
+                f"expected a key such as gains.kp or controllers[0].label, got '{text}'"
+            )
+        steps += [name, *map(int, numbers)]
+    return tuple(steps)

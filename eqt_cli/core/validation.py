@@ -1,0 +1,245 @@
+"""Plain data as typed values and as components; what will not do is noted in eqt's words."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache, partial
+from typing import Any, TypeVar, get_args, get_type_hints
+
+from pydantic import TypeAdapter, ValidationError
+
+from eqt_cli.core.errors import suggestion
+from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.core.registry import Registry
+
+T = TypeVar("T")
+
+KnownKeys = Callable[[KeyPath], Mapping[str, str]]
+"""The keys that a mapping at a path may have, for suggestions, with their meanings."""
+
+_UNKNOWN_KEY = "unknown key"
+_MISSING = "missing; this key has no default"
+
+_EXPECTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "text",
+    "bool_type": "true or false",
+    "list_type": "a list",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+    "dataclass_type": "a mapping",
+    "finite_number": "a finite number",
+    "greater_than": "a number greater than {gt:g}",
+    "greater_than_equal": "a whole number of at least {ge}",
+    "less_than": "a whole number less than {lt}",
+    "too_short": "at least {min_length} entry",
+    "literal_error": "{expected}",
+    "string_pattern_mismatch": "a letter or digit, then letters, digits, '.', '_' and '-'",
+}
+"""pydantic's kinds of errors: what was expected."""
+
+
+# Values -------------------------------------------------------------------------------------------
+
+
+def validated(kind: Any, value: Any, problems: Problems) -> Any:
+    """The value as the type `kind`, or None after noting what is wrong with it."""
+    try:
+        return _adapter(kind).validate_python(value)
+    except ValidationError as error:
+        note_errors(error, value, lambda _: {}, problems)
+        return None
+
+
+def note_errors(
+    error: ValidationError,
+    data: Any,
+    known: KnownKeys,
+    problems: Problems,
+    elsewhere: Callable[[KeyPath], str | None] = lambda path: None,
+) -> tuple[list[KeyPath], list[KeyPath]]:
+    """Note what pydantic found in `data`, at the places that the user wrote.
+
+    Parameters
+    ----------
+    elsewhere
+        Where a key belongs that is unknown at a path, if that is clear.
+
+    Returns
+    -------
+    unknown : list of KeyPath
+        The keys that do not belong where they are.
+    wrong : list of KeyPath
+        Everything else.
+    """
+    unknown: dict[KeyPath, str] = {}
+    messages: dict[KeyPath, str] = {}
+    expected: dict[KeyPath, list[str]] = {}
+    for detail in error.errors(include_url=False):
+        kind, context = detail["type"], detail.get("ctx", {})
+        path = _written(detail["loc"], data, missing=kind == "missing")
+        if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+            unknown[path] = unknown_key(str(path[-1]), known(path[:-1]), elsewhere(path))
+        elif kind == "missing":
+            meaning = known(path[:-1]).get(str(path[-1]))
+            messages[path] = f"missing; expected: {meaning}" if meaning else _MISSING
+        elif kind == "value_error":
+            messages[path] = str(context["error"])
+        else:
+            words = _EXPECTED.get(kind, detail["msg"]).format(**context)
+            expected.setdefault(path, []).append(words)
+    noted = [*expected, *messages, *unknown]
+    for path, alternatives in expected.items():
+        # The alternatives of a union fail one by one at the same place, or deeper in its value.
+        if not any(_below(other, path) for other in noted):
+            words, value = _listed(list(dict.fromkeys(alternatives))), _at(path, data)
+            alone = len(path) == 1 and isinstance(value, str)
+            if alone and words == _EXPECTED["list_type"]:
+                words += f", as [{value}]"
+            messages.setdefault(path, f"expected {words}, got {shown(value)}")
+    for path, message in (messages | unknown).items():
+        problems.at(*path).add(message)
+    return list(unknown), [path for path in messages if path not in unknown]
+
+
+def unknown_key(key: str, known: Iterable[str], deeper: str | None = None) -> str:
+    """What is said of a key that does not belong where it is, but may belong at `deeper`."""
+    if deeper:
+        return f"{_UNKNOWN_KEY}; did you mean '{deeper}'?"
+    others = [name for name in known if name != key]  # of a union, `key` may be known elsewhere
+    return _UNKNOWN_KEY + (suggestion(key, others) or f"; known here: {', '.join(others)}")
+
+
+def shown(value: Any) -> str:
+    """A value as it would stand on one line of YAML, shortened."""
+    text = _flow(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _flow(value: Any) -> str:
+    if isinstance(value, str):
+        return repr(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
+    if isinstance(value, list):
+        return f"[{', '.join(map(_flow, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key}: {_flow(entry)}" for key, entry in value.items()) + "}"
+    return json.dumps(value, default=str)
+
+
+def _listed(alternatives: list[str]) -> str:
+    """``a, b or c``; an alternative may itself be such a list."""
+    *first, last = alternatives
+    return f"{', '.join(first).replace(' or ', ', ')} or {last}" if first else last
+
+
+def _written(location: KeyPath, data: Any, *, missing: bool) -> KeyPath:
+    """The steps of a pydantic location that are in the data; the others name union members."""
+    path: list[str | int] = []
+    for index, step in enumerate(location):
+        inside = (isinstance(data, dict) and step in data) or (
+            isinstance(data, list) and isinstance(step, int) and step < len(data)
+        )
+        if inside:
+            path.append(step)
+            data = data[step]
+        elif missing and index == len(location) - 1:
+            path.append(step)
+    return tuple(path)
+
+
+def _at(path: KeyPath, data: Any) -> Any:
+    for step in path:
+        data = data[step]
+    return data
+
+
+def _below(path: KeyPath, ancestor: KeyPath) -> bool:
+    return len(path) > len(ancestor) and path[: len(ancestor)] == ancestor
+
+
+@lru_cache(maxsize=256)
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(kind)
+
+
+# Components ---------------------------------------------------------------------------------------
+
+
+def component(
+    registry: Registry[T],
+    value: Any,
+    problems: Problems,
+    common: tuple[str, ...] = (),
+) -> T | None:
+    """The component that `value` asks for, or None after noting what is wrong with it.
+
+    `eqt`, or `{kind: family, gyroscopic: 0.5}`; `common` are the keys that a mapping takes beside
+    `kind` and the component's own.
+    """
+    if not isinstance(value, str | Mapping):
+        problems.add(f"expected text or a mapping, got {shown(value)}")
+        return None
+    options = {} if isinstance(value, str) else dict(value)
+    kind = value if isinstance(value, str) else options.pop("kind", None)
+    at_kind = problems if isinstance(value, str) else problems.at("kind")
+    if not isinstance(kind, str):
+        expected = f"expected a {registry.kind}, one of {', '.join(registry.names())}"
+        at_kind.add(f"missing; {expected}" if kind is None else f"{expected}, got {shown(kind)}")
+        return None
+    found = None
+    with at_kind.catching():
+        found = registry.get(kind)
+    return None if found is None else with_options(found, options, problems, ("kind", *common))
+
+
+def with_options(
+    component: type[T],
+    options: Mapping[str, Any],
+    problems: Problems,
+    common: tuple[str, ...] = (),
+) -> T | None:
+    """An instance with these options, or None after noting what is wrong with them.
+
+    Keys that do not belong there are noted, and the rest is judged without them.
+    """
+    try:
+        # As JSON, since strict validation takes a mapping for a dataclass only from there.
+        adapter: TypeAdapter[T] = _adapter(component)  # type: ignore[arg-type]  # is hashable
+        return adapter.validate_json(json.dumps(options))
+    except ValidationError as error:
+        known = partial(_known_options, component, common)
+        unknown, _ = note_errors(error, options, known, problems)
+    wrong = {path[0] for path in unknown}
+    rest = {key: value for key, value in options.items() if key not in wrong}
+    return with_options(component, rest, problems, common) if wrong else None
+
+
+def _known_options(component: type, common: tuple[str, ...], path: KeyPath) -> dict[str, str]:
+    """The keys at a place within a component's options; their meanings are in its docstring."""
+    for step in path:
+        kinds = get_args(get_type_hints(component)[str(step)])
+        component = next(kind for kind in kinds if hasattr(kind, "__dataclass_fields__"))
+    return dict.fromkeys([*(() if path else common), *option_names(component)], "")
+
+
+def option_names(component: type) -> list[str]:
+    """The options that a component takes in a configuration."""
+    return [field.name for field in dataclasses.fields(component) if field.init]
+
+
+def as_section(component: Any) -> dict[str, Any]:
+    """A component as a mapping with `kind` and every option, defaults included."""
+    options = {name: getattr(component, name) for name in option_names(type(component))}
+    plain = {
+        name: dataclasses.asdict(value) if hasattr(value, "__dataclass_fields__") else value
+        for name, value in options.items()
+        if value is not None
+    }
+    return {"kind": component.name, **plain}
