@@ -12,11 +12,10 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import as_section, component, validated
-from eqt_cli.experiment.pose import pose_from
-from eqt_cli.experiment.tensors import vector
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.references import Reference, references
 from eqt_cli.references.constant import ConstantReference
+from eqt_cli.written.poses import pose_from, vector
 
 DEFAULTS = {"pose": "identity", "velocity": 0.0}
 """Q_d(0) and V_d(0), which every reference takes beside its own options."""

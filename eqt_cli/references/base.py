@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from copy import copy
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.motions import Pieces, motion_of_piece
+
+T = TypeVar("T")
 
 
 def check_expressions(entries: list[str | float], G: MatrixLieGroup, problems: Problems) -> None:
@@ -78,9 +82,24 @@ class Reference(Component):
         assert Qd is not None and Pd is not None
         return Desired(Qd, Pd, self.driving_torque(G, inertia, t, Pd))
 
-    def start(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
+    def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
         """Q_d(0) and V_d(0), where `pose` and `velocity` are given beside the options."""
         return pose, velocity
+
+    def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
+        """The times, s, between which the motion is given."""
+        return -np.inf, np.inf
+
+    # Files that hold a part of it.
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The files that it needs, relative to the configuration, by the option that names each."""
+        return {}
+
+    def with_files(self, texts: Mapping[str, str]) -> Self:
+        """The same with the contents of its files, by their names."""
+        return self
 
     # Instants that are known in advance, at which the motion goes on in another way.
 
@@ -131,7 +150,7 @@ class ByRates(_Moving):
         """The velocity and the force at time t, at the pose that was integrated."""
         return self._driven(G, inertia, Qd, *self.velocity(G, t))
 
-    def start(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
+    def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
         """Q_d(0) as given, and V_d(0) = V_d(t) at t = 0."""
         return pose, self.velocity(G, 0.0)[0]
 
@@ -152,7 +171,43 @@ class Closed(_Moving):
         """All of it at time t."""
         return self._driven(G, inertia, *self.motion(G, t))
 
-    def start(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
+    def initial(self, G: MatrixLieGroup, pose: Array, velocity: Array) -> tuple[Array, Array]:
         """Q_d(0) and V_d(0), which follow from the motion."""
         Q, V, _ = self.motion(G, 0.0)
         return Q, V
+
+    def prepared(self, G: MatrixLieGroup, make: Callable[[MatrixLieGroup], T], name: str = "") -> T:
+        """What `make` makes of a group, which is done once."""
+        kept = vars(self).setdefault("_prepared", {})
+        if (G.name, name) not in kept:
+            kept[G.name, name] = make(G)
+        found: T = kept[G.name, name]
+        return found
+
+
+@dataclass(frozen=True)
+class Piecewise(Closed):
+    """A reference in closed form that is given piece by piece, between instants."""
+
+    @abstractmethod
+    def pieces(self, G: MatrixLieGroup) -> Pieces:
+        """All of its pieces."""
+
+    def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
+        """The motion of the piece that is held, or else of those that the times are in."""
+        held = vars(self).get("_held") or self.held(G, t)
+        return motion_of_piece(G, held, t)
+
+    def instants(self, G: MatrixLieGroup) -> Array:
+        """Where a piece begins."""
+        return self.prepared(G, self.pieces).starts
+
+    def held(self, G: MatrixLieGroup, t: Any) -> dict[str, Array]:
+        """The numbers of a piece."""
+        return self.prepared(G, self.pieces).at(G, t)
+
+    def holding(self, held: Mapping[str, Array]) -> Self:
+        """The same in one piece, or in one for each run."""
+        found = copy(self)
+        vars(found)["_held"] = held
+        return found
