@@ -24,14 +24,12 @@ from eqt_cli.config import yaml_source
 from eqt_cli.config.source import ConfigSource, read_config
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.experiment.build import Experiment
-from eqt_cli.experiment.point import open_point, point_folder, point_of
 from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.sweeping import study
+from eqt_cli.results.result import Result, open_result, point_folder
 from eqt_cli.run.execute import Progress, execute
 from eqt_cli.run.executors import Executor, executors
 from eqt_cli.store.layout import point_group
-from eqt_cli.store.reader import Results
-from eqt_cli.store.reader import open_results as open_arrays
 
 if TYPE_CHECKING:
     import xarray
@@ -231,18 +229,18 @@ def open_results(
 @overload
 def open_results(
     path: str | os.PathLike[str], kind: Literal["arrays"], point: int | None = None
-) -> Results: ...
+) -> Result: ...
 @overload
 def open_results(
     path: str | os.PathLike[str], kind: None = None, point: int | None = None
-) -> xarray.Dataset | Results: ...
+) -> xarray.Dataset | Result: ...
 
 
 def open_results(
     path: str | os.PathLike[str],
     kind: Literal["xarray", "arrays"] | None = None,
     point: int | None = None,
-) -> xarray.Dataset | Results:
+) -> xarray.Dataset | Result:
     """Open a result, after checking that its file is safe to read.
 
     Parameters
@@ -258,7 +256,7 @@ def open_results(
 
     Returns
     -------
-    xarray.Dataset or Results
+    xarray.Dataset or Result
         Both read values when they are asked for, and are closed by a ``with`` block.
 
     Raises
@@ -271,18 +269,18 @@ def open_results(
     if kind not in (None, "xarray", "arrays"):
         raise EqtError(f"kind {kind!r}: expected 'xarray', 'arrays' or None")
     if kind == "arrays":
-        return open_point(Path(path), point)
+        return open_result(Path(path), point)
     if find_spec("xarray") is None or find_spec("h5netcdf") is None:
         if kind is None:
-            return open_point(Path(path), point)
+            return open_result(Path(path), point)
         raise EqtError(
             "xarray is not installed; install eqt-cli[xarray], or open with kind='arrays'"
         )
     import xarray
 
-    with open_arrays(Path(path)) as checked:
+    with open_result(path) as checked:
         file, in_group = checked.path, checked.has_groups
-        attributes = None if point is None else dict(point_of(checked, point).attributes)
+        attributes = None if point is None else dict(checked.point(point).attributes)
     if point is None or attributes is None:
         return xarray.open_dataset(file, engine="h5netcdf")
     group = point_group(point) if in_group else None
@@ -327,7 +325,7 @@ def compare(
     if isinstance(windows, str | Window):
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = [_window(window) for window in windows]
-    with open_point(_path("result", result), point) as results:
+    with open_result(_path("result", result), point) as results:
         return compare_results(
             results,
             metrics=metrics,
@@ -395,7 +393,7 @@ def plot(
     if not paths:
         raise EqtError("result: expected a result or several, got none")
     with ExitStack() as stack:
-        opened = [stack.enter_context(open_point(Path(path), point)) for path in paths]
+        opened = [stack.enter_context(open_result(Path(path), point)) for path in paths]
         shown = issubclass(figures.get(figure), OfCertificates)
         rows = verify_stored(opened[0], trust_plugins=trust_plugins).rows if shown else []
         within = Path("figures") if point is None else point_folder(point)
@@ -447,14 +445,14 @@ def write_report(
     from eqt_cli.report import report
     from eqt_cli.report.figures import named
 
-    with open_point(Path(result), point) as opened:
+    with open_result(Path(result), point) as opened:
         within = Path() if point is None else point_folder(point)
         path = opened.path.parent / within / "report.html" if out is None else Path(out)
         check_targets([path])  # before the work, and not after it
         wanted = named(figures) if figures else None
         rows: list[Row] = []
         unverified = ""
-        if "point" not in opened.dimensions:
+        if not opened.is_sweep:
             try:
                 rows = verify_stored(opened, trust_plugins=trust_plugins, workers=workers).rows
             except EqtError as error:
@@ -503,7 +501,7 @@ def verify(
         if path.suffix == ".h5" or path.is_dir():
             if runs is not None:
                 raise EqtError(f"{path}: a result is verified as it is; leave runs out")
-            with open_point(path, point) as opened:
+            with open_result(path, point) as opened:
                 return verify_stored(opened, trust_plugins=trust_plugins, workers=workers)
     if not isinstance(target, LoadedExperiment):
         target = load_experiment(target, trust_plugins=trust_plugins)

@@ -18,9 +18,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from eqt_cli.cli import main
+from eqt_cli.config.source import read_config
 from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.sweeping import study
 from eqt_cli.groups import MatrixLieGroup, group_named, groups
-from eqt_cli.store.reader import open_results
+from eqt_cli.results.result import open_result
+from eqt_cli.run.execute import Execution, execute
 from eqt_cli.store.variables import Table, Variable
 from eqt_cli.store.writer import write
 
@@ -194,6 +198,58 @@ def invoke() -> Callable[..., Called]:
     return call
 
 
+LINES = {
+    "group": "SO3",
+    "inertia": "[2, 1, 3]",
+    "gains": "{kp: 1.0, kd: 0.5}",
+    "reference": '{torque: ["cos(t)", "sin(t)", "0"]}',
+    "controllers": "[eqt, gt]",
+    "initial": "{pose: haar, velocity: normal}",
+    "ensemble": "{runs: 3, seed: 1}",
+    "time": "{duration: 1.0, samples: 11}",
+    "solver": "{rtol: 1.0e-6, cross_check: 0}",
+}
+"""A configuration that is fine: one section a line, from line 1 on."""
+
+
+def configuration(**changes: str | None) -> str:
+    """`LINES` with sections replaced, left out (None) or, where new, added at the end."""
+    lines = {**LINES, **changes}
+    return "".join(f"{key}: {value}\n" for key, value in lines.items() if value is not None)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty current folder."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
+def experiment(folder: Path) -> Callable[..., Experiment]:
+    """Builds `c.yaml`: `LINES` with changes, and overrides as of ``--set``."""
+
+    def built(*overrides: str, **changes: str | None) -> Experiment:
+        Path("c.yaml").write_text(configuration(**changes), encoding="utf-8")
+        return build(read_config(Path("c.yaml"), overrides))
+
+    return built
+
+
+@pytest.fixture
+def run(folder: Path) -> Callable[..., Execution]:
+    """Runs `c.yaml`, with changes and overrides, in the folder `out`."""
+
+    def done(
+        *overrides: str, out: str = "out", force: bool = False, **changes: str | None
+    ) -> Execution:
+        Path("c.yaml").write_text(configuration(**changes), encoding="utf-8")
+        source = read_config(Path("c.yaml"), overrides)
+        return execute(study(source), Path(out), force=force)
+
+    return done
+
+
 @pytest.fixture(scope="session")
 def paper_result(invoke: Callable[..., Called], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the paper's experiment with 60 runs per controller."""
@@ -280,7 +336,7 @@ class MakeResult:
         )
         path = self.folder / f"results{len(self.opened)}.h5"
         write(path, table)
-        self.opened.append(open_results(path))
+        self.opened.append(open_result(path))
         return self.opened[-1]
 
 

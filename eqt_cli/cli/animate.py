@@ -60,16 +60,16 @@ def animate(
     from eqt_cli.config.plugins import load_stored_plugins
     from eqt_cli.config.source import source_of
     from eqt_cli.core.errors import ComponentError, EqtError
-    from eqt_cli.experiment.point import open_point, point_folder
     from eqt_cli.plots.animation.gif import gif
     from eqt_cli.plots.animation.motion import motion
     from eqt_cli.plots.save import check_targets, write
     from eqt_cli.report.animation import animation
+    from eqt_cli.results.result import open_result, point_folder
 
     wanted = dict.fromkeys(format or Format)
     contents = {}
     within = Path("figures") if point is None else point_folder(point)
-    with open_point(result, point) as results:
+    with open_result(result, point) as results:
         if trust_plugins:
             load_stored_plugins(results)
         try:

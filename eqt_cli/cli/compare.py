@@ -13,8 +13,8 @@ from eqt_cli.cli import options
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
-    from eqt_cli.analysis.comparison.measures import Measure
-    from eqt_cli.store.reader import Results
+    from eqt_cli.results.quantity import Quantity
+    from eqt_cli.results.result import Result
 
 
 class Format(StrEnum):
@@ -81,12 +81,12 @@ def compare(
     from eqt_cli.analysis.comparison import compare as compare_results
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.point import open_point
+    from eqt_cli.results.result import open_result
 
     if json and format is not Format.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
     windows = [Window.parse(text) for text in window or ()]
-    with open_point(result, point) as results:
+    with open_result(result, point) as results:
         if list_:
             _print_metrics(results, json)
             return
@@ -109,15 +109,14 @@ def compare(
         _print_sheets(comparison, table, against or (), format, quiet=quiet)
 
 
-def _print_metrics(results: Results, json: bool) -> None:
+def _print_metrics(results: Result, json: bool) -> None:
     from eqt_cli.analysis.comparison.notation import Plain
-    from eqt_cli.analysis.comparison.samples import Source
     from eqt_cli.cli.output import print_json, table
 
     write = Plain()
     rows = [
         [measure.name, write.symbol(measure), _windows(measure)]
-        for measure in Source(results).measures.values()
+        for measure in results.comparable.values()
     ]
     header = ["metric", "is", "window"]
     if json:
@@ -126,13 +125,13 @@ def _print_metrics(results: Results, json: bool) -> None:
         print(table(header, rows))
 
 
-def _windows(measure: Measure) -> str:
+def _windows(measure: Quantity) -> str:
     """The windows that a measure can be taken over."""
-    from eqt_cli.analysis.comparison.windows import WHOLE
+    from eqt_cli.results.windows import WHOLE
 
     if measure.windowed:
         return "any"
-    return "whole run" if measure.only == WHOLE else f"{measure.only} s"
+    return "whole run" if measure.window == WHOLE else f"{measure.window} s"
 
 
 def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None:

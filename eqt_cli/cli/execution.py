@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from eqt_cli.experiment.study import Study
-    from eqt_cli.run.execute import Outcome, Shard
+    from eqt_cli.run.execute import Execution, Shard
     from eqt_cli.run.executors import Executor
 
 
@@ -105,7 +105,7 @@ def _interrupted(study: Study, out: Path) -> Exception:
     )
 
 
-def _print_shard(outcome: Outcome, shard: Shard | None, json: bool) -> None:
+def _print_shard(outcome: Execution, shard: Shard | None, json: bool) -> None:
     from eqt_cli.cli.output import print_json
 
     if json:
@@ -127,37 +127,34 @@ def _print_shard(outcome: Outcome, shard: Shard | None, json: bool) -> None:
         raise typer.Exit(3)
 
 
-def report(outcome: Outcome, *, json: bool) -> None:
+def report(outcome: Execution, *, json: bool) -> None:
     """Print what came out, and exit with 3 or 4 where runs failed or the check did not hold."""
     from eqt_cli.cli.output import print_json
-    from eqt_cli.cli.summary import cross_check
-    from eqt_cli.store.reader import open_results
+    from eqt_cli.results.result import open_result
 
-    with open_results(outcome.folder.results) as results:
-        check = cross_check(results)
+    with open_result(outcome.folder.results) as results:
+        check = results.cross_check
     if json:
         print_json(_document(outcome))
     else:
         _print_summary(outcome)
     if outcome.failed:
         raise typer.Exit(3)
-    if check is not None and not check["holds"]:
+    if check is not None and not check.holds:
         raise typer.Exit(4)
 
 
-def _document(outcome: Outcome) -> dict[str, Any]:
+def _document(outcome: Execution) -> dict[str, Any]:
     from dataclasses import asdict
 
-    from eqt_cli.cli.summary import cross_check
-    from eqt_cli.results.headline import headline
-    from eqt_cli.store.reader import open_results
+    from eqt_cli.results.result import open_result
 
-    with open_results(outcome.folder.results) as results:
-        rows = [asdict(row) for row in headline(results)]
-        check = cross_check(results)
+    with open_result(outcome.folder.results) as results:
+        rows = results.headline()
+        check = results.cross_check
         points = results.dimensions.get("point")
     causes = ["some runs failed"] if outcome.failed else []
-    if check and not check["holds"]:
+    if check and not check.holds:
         causes.append("the cross-check does not hold")
     return {
         "results": str(outcome.folder.results),
@@ -169,15 +166,15 @@ def _document(outcome: Outcome) -> dict[str, Any]:
         "seconds": outcome.seconds,
         "causes": causes,
         "controllers": rows,
-        "cross_check": check,
+        "cross_check": asdict(check) | {"holds": check.holds} if check else None,
     }
 
 
-def _print_summary(outcome: Outcome) -> None:
+def _print_summary(outcome: Execution) -> None:
     from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
-    from eqt_cli.store.reader import open_results
+    from eqt_cli.results.result import open_result
 
-    with open_results(outcome.folder.results) as results:
+    with open_result(outcome.folder.results) as results:
         points = results.dimensions.get("point")
         print_headline(results)
         print()

@@ -12,7 +12,7 @@ import typer
 from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
-    from eqt_cli.store.reader import Results
+    from eqt_cli.results.result import Result
 
 
 def plot(
@@ -105,18 +105,18 @@ def plot(
     from eqt_cli.analysis.verification import verify_stored
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.point import open_point, point_folder
     from eqt_cli.plots.base import OfCertificates
     from eqt_cli.plots.drawing.style import Style
     from eqt_cli.plots.figures import figures
     from eqt_cli.plots.render import FORMATS, render
     from eqt_cli.plots.save import check_targets
+    from eqt_cli.results.result import open_result, point_folder
 
     if len(result) > 1 and out is None and check is None:
         raise EqtError("several results have no common folder; say with --out DIR where to draw")
     with ExitStack() as stack:
         chosen = [(path, one) for path in result for one in point or (None,)]
-        results = [stack.enter_context(open_point(path, one)) for path, one in chosen]
+        results = [stack.enter_context(open_result(path, one)) for path, one in chosen]
         names = figure or _default(results[0], quiet=quiet or json)
         given = _options(names, option or ())
         if check is not None:
@@ -161,7 +161,7 @@ def plot(
 
 
 def _check(
-    results: Sequence[Results],
+    results: Sequence[Result],
     names: list[str],
     folder: Path,
     options: dict[str, dict[str, Any]],
@@ -192,7 +192,7 @@ def _check(
         raise typer.Exit(4)
 
 
-def _default(results: Results, *, quiet: bool) -> list[str]:
+def _default(results: Result, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
     from eqt_cli.cli.output import say
     from eqt_cli.plots.drawing.swept import Swept

@@ -35,12 +35,12 @@ def report(
     from eqt_cli.analysis.verification import verify_stored
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.point import open_point, point_folder
     from eqt_cli.plots.save import check_targets, write
     from eqt_cli.report import report as make_page
     from eqt_cli.report.figures import named
+    from eqt_cli.results.result import open_result, point_folder
 
-    with open_point(result, point) as results:
+    with open_result(result, point) as results:
         within = Path() if point is None else point_folder(point)
         path = out or results.path.parent / within / "report.html"
         check_targets([path])

@@ -10,8 +10,8 @@ import typer
 from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
-    from eqt_cli.run.status import Status
-    from eqt_cli.store.reader import Results
+    from eqt_cli.results.result import Result
+    from eqt_cli.run.unfinished import Unfinished
 
 
 def show(
@@ -48,86 +48,76 @@ def show(
 ) -> None:
     """Summarise a result: what was run, where, and what came out."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.run.status import status_of
+    from eqt_cli.run.unfinished import unfinished
 
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
     asked = ((config, _config), (plugins, _plugins), (variables, _variables), (failed, _failed))
     view = next((view for wanted, view in asked if wanted), None)
-    unfinished = None if view or table else status_of(result)
-    if unfinished is not None:
-        _print_status(result, unfinished, json)
+    found = None if view or table else unfinished(result)
+    if found is not None:
+        _print_unfinished(result, found, json)
         return
 
     from eqt_cli.cli.tables import print_table
-    from eqt_cli.experiment.point import open_point
+    from eqt_cli.results.result import open_result
 
     if json and table:
         raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
-    with open_point(result, point) as results:
+    with open_result(result, point) as results:
         if table:
             print_table(results, format_ or "csv")
         else:
             (view or _summary)(results, json)
 
 
-def _print_status(path: Path, status: Status, json: bool) -> None:
+def _print_unfinished(path: Path, found: Unfinished, json: bool) -> None:
     from dataclasses import asdict
 
     from eqt_cli.cli.output import duration, print_json
 
     if json:
-        print_json({"path": str(path), **asdict(status), "remaining_s": status.remaining})
+        print_json({"path": str(path), **asdict(found), "remaining_s": found.remaining})
         return
-    share = 100 * status.done / status.runs
-    print(f"{status.name}, unfinished  ({path})")
-    print(f"begun    {status.begun}")
-    print(f"done     {status.done} of {status.runs} runs ({share:.1f} %)")
-    print(f"failed   {status.failed}")
-    if status.writer is None:
+    share = 100 * found.done / found.runs
+    print(f"{found.name}, unfinished  ({path})")
+    print(f"begun    {found.begun}")
+    print(f"done     {found.done} of {found.runs} runs ({share:.1f} %)")
+    print(f"failed   {found.failed}")
+    if found.writer is None:
         print("running  no; the same eqt run or eqt sweep continues")
     else:
-        by = (
-            f" by process {status.writer['pid']} on {status.writer['host']}"
-            if status.writer
-            else ""
-        )
+        by = f" by process {found.writer['pid']} on {found.writer['host']}" if found.writer else ""
         print(f"running  yes{by}")
-    if status.rate is not None:
-        print(f"rate     {status.rate:.1f} runs/s")
-    if status.remaining is not None:
-        print(f"left     about {duration(status.remaining)}")
+    if found.rate is not None:
+        print(f"rate     {found.rate:.1f} runs/s")
+    if found.remaining is not None:
+        print(f"left     about {duration(found.remaining)}")
 
 
-def _document(results: Results) -> dict[str, object]:
-    import json
-    from dataclasses import asdict
-
+def _document(results: Result) -> dict[str, object]:
     from eqt_cli.config import yaml_source
-    from eqt_cli.results.headline import headline
 
     return {
         "path": str(results.path),
         "title": results.attributes["title"],
         "digest": results.attributes["digest"],
         "config": yaml_source.load(str(results.attributes["config"]), "config").data,
-        "provenance": json.loads(str(results.attributes["provenance"])),
+        "provenance": results.provenance,
         "dimensions": dict(results.dimensions),
         "variables": {
             name: {"dims": list(results.dims(name)), "units": _units(results, name)}
             for name in results.names
         },
-        "controllers": [asdict(row) for row in headline(results)],
+        "controllers": results.headline(),
     }
 
 
-def _units(results: Results, name: str) -> str:
+def _units(results: Result, name: str) -> str:
     return "" if name == "message" else results.units(name)
 
 
-def _summary(results: Results, as_json: bool) -> None:
-    import json
-
+def _summary(results: Result, as_json: bool) -> None:
     from eqt_cli.cli.output import print_json
     from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
     from eqt_cli.run.provenance import OTHERS, differences
@@ -135,7 +125,7 @@ def _summary(results: Results, as_json: bool) -> None:
     if as_json:
         print_json(_document(results))
         return
-    origin = json.loads(str(results.attributes["provenance"]))
+    origin = results.provenance
     packages = ", ".join(f"{name} {origin[name]}" for name in ("eqt", "python", "numpy", "scipy"))
     sizes = ", ".join(f"{name} {size}" for name, size in results.dimensions.items())
     print(f"{results.attributes['title']} on {results.attributes['group']}  ({results.path})")
@@ -147,11 +137,11 @@ def _summary(results: Results, as_json: bool) -> None:
     print_headline(results)
     print()
     print_accuracy(results)
-    if results["status"].any():
+    if results.status.any():
         print_failures(results)
 
 
-def _config(results: Results, as_json: bool) -> None:
+def _config(results: Result, as_json: bool) -> None:
     from eqt_cli.cli.output import print_json
     from eqt_cli.config import yaml_source
 
@@ -162,7 +152,7 @@ def _config(results: Results, as_json: bool) -> None:
         print(text, end="")
 
 
-def _variables(results: Results, as_json: bool) -> None:
+def _variables(results: Result, as_json: bool) -> None:
     from eqt_cli.cli.output import print_json, table
 
     header = ["variable", "dimensions", "units", "meaning"]
@@ -177,33 +167,30 @@ def _variables(results: Results, as_json: bool) -> None:
         print(table(header, rows))
 
 
-def _failed(results: Results, as_json: bool) -> None:
-    import numpy as np
-
+def _failed(results: Result, as_json: bool) -> None:
     from eqt_cli.cli.output import print_json, say
-    from eqt_cli.cli.summary import place_of
 
-    status = results["status"]
-    messages = results["message"] if status.any() else status
-    places = [tuple(where) for where in np.argwhere(status).tolist()]
+    failures = results.failures
+    messages = results.messages(failures) if len(failures) else []
+    places = [tuple(where) for where in failures.tolist()]
     if as_json:
-        dims, labels = results.dims("status"), results.coordinate("controller")
+        dims, labels = results.dims("status"), results.labels
         print_json(
             [
                 dict(zip(dims, where, strict=True))
-                | {"controller": labels[where[-2]], "status": int(status[where])}
-                | {"message": messages[where]}
-                for where in places
+                | {"controller": labels[where[-2]], "status": int(results.status[where])}
+                | {"message": message}
+                for where, message in zip(places, messages, strict=True)
             ]
         )
         return
     if not places:
         say("no run failed")
-    for where in places:
-        print(f"{place_of(results, where)}: {messages[where]}")
+    for where, message in zip(places, messages, strict=True):
+        print(f"{results.place(where)}: {message}")
 
 
-def _plugins(results: Results, as_json: bool) -> None:
+def _plugins(results: Result, as_json: bool) -> None:
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.config import yaml_source
 

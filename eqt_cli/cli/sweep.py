@@ -92,8 +92,7 @@ def sweep(
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     from eqt_cli.cli.output import duration, print_json, size
-    from eqt_cli.run.estimate import estimate
-    from eqt_cli.run.room import check_memory
+    from eqt_cli.run.cost import check_memory, estimate
 
     assert study.sweep is not None
     check_memory(study)

@@ -39,7 +39,8 @@ def verify(
     from eqt_cli.config.source import read_config, source_of
     from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.build import build
-    from eqt_cli.experiment.point import config_at, open_point
+    from eqt_cli.experiment.point import config_at
+    from eqt_cli.results.result import open_result
 
     is_result = target.suffix == ".h5" or target.is_dir()
     if is_result and (set_ or engine or runs):
@@ -49,7 +50,7 @@ def verify(
         )
     workers = workers or options.cores()
     if is_result:
-        with open_point(target, point) as results:
+        with open_result(target, point) as results:
             experiment = build(source_of(results), trust_plugins=trust_plugins)
             found = verify_results(experiment, results, workers)
     else:

@@ -16,6 +16,9 @@ from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.mechanics.tracking import Tracking
 
+MIXED = "mixed"
+"""The unit of what has different ones in different parts of the coordinates."""
+
 
 @dataclass(frozen=True)
 class Signal:
@@ -27,69 +30,91 @@ class Signal:
         Its name in a result file.
     dims
         Dimensions beyond run and time: ``("row", "col")``, ``("axis",)`` or none.
-    units, long_name
-        For figures and result files.
+    symbol
+        The paper's, in LaTeX.
+    long_name
+        In words.
+    unit_in
+        Its unit in a part of the coordinates.
+    of
+        From the state and the torque.
+    of_part
+        The same of one part of the coordinates, for a norm; None for all else.
     """
 
     name: str
     dims: tuple[str, ...]
-    units: str
+    symbol: str
     long_name: str
-
-
-@dataclass(frozen=True)
-class _Norm:
-    """One of the three error norms, for the whole and for each part of the coordinates."""
-
-    name: str
-    long_name: str
-    unit: Callable[[Part], str]
+    unit_in: Callable[[Part], str]
     of: Callable[[Tracking, Array], Array]
-    of_part: Callable[[Tracking, Array, Part], Array]
+    of_part: Callable[[Tracking, Array, Part], Array] | None = None
+
+    def units(self, group: MatrixLieGroup) -> str:
+        """Its unit on a group."""
+        found = {self.unit_in(part) for part in group.parts}
+        return found.pop() if len(found) == 1 else MIXED
+
+    def parts(self, group: MatrixLieGroup) -> tuple[Part, ...]:
+        """The parts with a norm of their own: none where there is only one, or it is no norm."""
+        return group.parts if self.of_part and len(group.parts) > 1 else ()
 
 
-_NORMS = (
-    _Norm(
+SIGNALS = (
+    Signal("pose", ("row", "col"), "Q", "pose Q", lambda part: part.pose_unit, lambda s, tau: s.Q),
+    Signal(
+        "velocity",
+        ("axis",),
+        "V",
+        "body velocity V",
+        lambda part: part.velocity_unit,
+        lambda s, tau: s.V,
+    ),
+    Signal(
+        "torque",
+        ("axis",),
+        r"\tau",
+        "control torque tau, body frame",
+        lambda part: part.force_unit,
+        lambda s, tau: tau,
+    ),
+    Signal(
         "pose_error",
+        (),
+        r"\|I - Q_E\|_{\mathrm{F}}",
         "pose error ||I - Q Qd^-1||_F",
         lambda part: part.pose_unit,
         lambda s, tau: frobenius(s.G.identity - s.Q_E),
         lambda s, tau, part: frobenius((s.G.identity - s.Q_E)[(..., *part.entries)]),
     ),
-    _Norm(
+    Signal(
         "velocity_error",
+        (),
+        r"\|V - V_d\|",
         "velocity error ||V - Vd||",
         lambda part: part.velocity_unit,
         lambda s, tau: norm(s.V_tilde),
         lambda s, tau, part: norm(s.V_tilde[..., part.axes]),
     ),
-    _Norm(
+    Signal(
         "torque_norm",
+        (),
+        r"\|\tau\|",
         "torque norm ||tau||",
         lambda part: part.force_unit,
         lambda s, tau: norm(tau),
         lambda s, tau, part: norm(tau[..., part.axes]),
     ),
+    Signal(
+        "lyapunov",
+        (),
+        r"\mathcal{L}",
+        "Lyapunov function L",
+        lambda part: "J",
+        lambda s, tau: s.lyapunov,
+    ),
 )
-
-
-def signals(group: MatrixLieGroup) -> list[Signal]:
-    """Every signal of a closed loop on this group, in the order of `compute`."""
-    velocity = _common([part.velocity_unit for part in group.parts])
-    force = _common([part.force_unit for part in group.parts])
-    found = [
-        Signal("pose", ("row", "col"), _common([part.pose_unit for part in group.parts]), "pose Q"),
-        Signal("velocity", ("axis",), velocity, "body velocity V"),
-        Signal("torque", ("axis",), force, "control torque tau, body frame"),
-    ]
-    for entry in _NORMS:
-        units = [entry.unit(part) for part in group.parts]
-        found.append(Signal(entry.name, (), _common(units), entry.long_name))
-        for part in _split(group):
-            long_name = f"{entry.long_name}, {part.name} part"
-            found.append(Signal(f"{entry.name}_{part.name}", (), entry.unit(part), long_name))
-    found.append(Signal("lyapunov", (), "J", "Lyapunov function L"))
-    return found
+"""Every signal, in the order of `compute`."""
 
 
 def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
@@ -116,21 +141,9 @@ def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
 
 def _compute(loop: ClosedLoop, s: Tracking, work: Array) -> Iterator[tuple[str, Array]]:
     tau = loop.torque(s)
-    yield "pose", s.Q
-    yield "velocity", s.V
-    yield "torque", tau
-    for entry in _NORMS:
-        yield entry.name, entry.of(s, tau)
-        for part in _split(loop.group):
-            yield f"{entry.name}_{part.name}", entry.of_part(s, tau, part)
-    yield "lyapunov", s.lyapunov
+    for signal in SIGNALS:
+        yield signal.name, signal.of(s, tau)
+        for part in signal.parts(loop.group):
+            assert signal.of_part is not None
+            yield f"{signal.name}_{part.name}", signal.of_part(s, tau, part)
     yield "energy_balance", s.lyapunov + work
-
-
-def _split(group: MatrixLieGroup) -> tuple[Part, ...]:
-    """The parts worth a norm of their own: none where there is only one."""
-    return group.parts if len(group.parts) > 1 else ()
-
-
-def _common(units: list[str]) -> str:
-    return units[0] if len(set(units)) == 1 else "mixed"

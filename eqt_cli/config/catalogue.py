@@ -41,9 +41,10 @@ def options(component: type) -> dict[str, Any]:
     from eqt_cli.core.validation import option_names
     from eqt_cli.ensemble.designs import Design, Surroundings
 
-    if issubclass(component, Design):
-        return component.schema(Surroundings(lambda axis: {"type": "object"}, {}))
-    if not is_dataclass(component):
+    if issubclass(component, Design) and hasattr(component, "schema"):  # of the first version
+        found: dict[str, Any] = component.schema(Surroundings(lambda axis: {"type": "object"}, {}))
+        return found
+    if not is_dataclass(component) or getattr(component, "whole_section", False):
         return {}
     schema = TypeAdapter(component).json_schema()
     properties = {name: schema["properties"][name] for name in option_names(component)}

@@ -16,6 +16,7 @@ from eqt_cli.engines import engines
 from eqt_cli.ensemble.designs import Surroundings, designs
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.spread import Spread
+from eqt_cli.ensemble.sweep import BLOCK
 from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.groups import groups
 from eqt_cli.references import references
@@ -162,9 +163,12 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
             "additionalProperties": False,
         }
 
-    around = Surroundings(axes, {"$ref": "#/$defs/SweepBlock"})
+    block = {"$ref": "#/$defs/SweepBlock"}
     kinds = {
-        design.name: {"description": summary(design), **design.schema(around)}
+        design.name: {
+            "description": summary(design),
+            **_design(design, Surroundings(axes, block), schema["$defs"]),
+        }
         for design in designs.all()
     }
     return {
@@ -175,6 +179,32 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
         "maxProperties": 1,
         "additionalProperties": False,
     }
+
+
+def _design(design: Any, around: Surroundings, shared: dict[str, Any]) -> dict[str, Any]:
+    """The schema of the section of a design."""
+    if hasattr(design, "schema"):  # of the first version
+        found: dict[str, Any] = design.schema(around)
+        return found
+    options = _options(design, shared)
+    if design.whole_section:
+        option = options["properties"][design.whole_section]
+        return _around(option | {"description": summary(design)}, around)
+    whole = {"type": "object", **options, "additionalProperties": False}
+    return _around(whole, around)
+
+
+def _around(schema: Any, around: Surroundings) -> Any:
+    """The same with keys of this configuration in mappings with any keys, and with its blocks."""
+    if isinstance(schema, list):
+        return [_around(entry, around) for entry in schema]
+    if not isinstance(schema, dict):
+        return schema
+    if schema == BLOCK:
+        return around.block
+    if isinstance(axis := schema.get("additionalProperties"), dict):
+        return schema | around.axes(axis)
+    return {key: _around(entry, around) for key, entry in schema.items()}
 
 
 _KEY_IN = r"^(?!ensemble\.runs$)({})(\[[0-9]+\])*(\.[^.\[\]]+(\[[0-9]+\])*)*$"

@@ -6,13 +6,13 @@ What depends on the group or on a component (shapes, options, definiteness) is c
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag
+from pydantic import BaseModel, ConfigDict, Field, Tag
 
 from eqt_cli.core.numbers import Count, CountOrNone, Positive, Real
+from eqt_cli.core.validation import one_of
 
 
 def _rank(value: Any) -> str | None:
@@ -22,17 +22,12 @@ def _rank(value: Any) -> str | None:
     return "matrix" if any(isinstance(row, list) for row in value) else "list"
 
 
-def _one_of(kind: Callable[[Any], str | None], expected: str) -> Discriminator:
-    """Tells the members of a union apart; what is none of them is reported by `expected`."""
-    return Discriminator(kind, custom_error_type="none_of", custom_error_message=expected)
-
-
 Row = list[Real]
 Matrix = Annotated[
     Annotated[Real, Tag("scalar")]
     | Annotated[Row, Tag("list")]
     | Annotated[list[Row], Tag("matrix")],
-    _one_of(_rank, "a number, a list (the diagonal) or a list of rows"),
+    one_of(_rank, "a number, a list (the diagonal) or a list of rows"),
 ]
 """A number (times the identity), a list (a diagonal) or a list of rows."""
 
@@ -49,7 +44,7 @@ Weight = Annotated[
     | Annotated[Row, Tag("list")]
     | Annotated[list[Row], Tag("matrix")]
     | Annotated[list[Matrix], Tag("factors")],
-    _one_of(_weight_kind, "a number, a list (the diagonal) or a list of rows"),
+    one_of(_weight_kind, "a number, a list (the diagonal) or a list of rows"),
 ]
 """A matrix, or for a product of groups a list with one matrix per factor."""
 
@@ -140,7 +135,7 @@ InertiaValue = Annotated[
     | Annotated[list[Row], Tag("matrix")]
     | Annotated[FactoredInertiaSection, Tag("factored")]
     | Annotated[PrescribedInertiaSection, Tag("prescribed")],
-    _one_of(_inertia_kind, "a number, a list (the diagonal), a list of rows or a mapping"),
+    one_of(_inertia_kind, "a number, a list (the diagonal), a list of rows or a mapping"),
 ]
 """A constant tensor, or a mapping with expressions in t."""
 

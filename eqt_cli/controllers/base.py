@@ -36,6 +36,13 @@ class Controller(Component):
     title: ClassVar[str]
     tasks: ClassVar[tuple[str, ...]] = ("track",)
 
+    def __init_subclass__(cls, **options: Any) -> None:
+        """A class with a torque of its own claims only what it says itself, not what it extends."""
+        super().__init_subclass__(**options)
+        if "torque" in vars(cls):
+            for claim in {"claims_decrease", "dissipation"} - set(vars(cls)):
+                setattr(cls, claim, vars(Controller)[claim])
+
     @property
     def attributes(self) -> dict[str, Any]:
         """Every attribute of the law by name, also a field that its class has fixed."""

@@ -58,12 +58,7 @@ class Family(Controller):
 
     @property
     def claims_decrease(self) -> bool | None:
-        """On the plane c + n = 1, where the two terms make up for the moving reference.
-
-        A subclass with a torque of its own claims nothing unless it says so.
-        """
-        if type(self).torque is not Family.torque:
-            return None
+        """On the plane c + n = 1, where the two terms make up for the moving reference."""
         return abs(self.transport + self.connection - 1) <= 1e-12  # rounding of 0.1 + 0.9
 
     def torque(self, s: Tracking) -> Array:

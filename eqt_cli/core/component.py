@@ -38,7 +38,7 @@ class Component(ABC):
 
         A plugin of the first version says here what is wrong, and may ask the class above it.
         """
-        kinds = type(self).__mro__[: -len(Component.__mro__)]
+        kinds = [kind for kind in type(self).__mro__ if kind is not Component]
         listing = [index for index, kind in enumerate(kinds) if "problems" in vars(kind)]
         above = kinds[listing[-1] + 1 :] if listing else kinds
         check = next(vars(kind)["check"] for kind in above if "check" in vars(kind))

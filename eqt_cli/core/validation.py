@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import lru_cache, partial
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Discriminator, TypeAdapter, ValidationError
 
 from eqt_cli.core.component import option_of_field
 from eqt_cli.core.errors import suggestion
@@ -48,13 +48,42 @@ _EXPECTED = {
 # Values -------------------------------------------------------------------------------------------
 
 
-def validated(kind: Any, value: Any, problems: Problems) -> Any:
-    """The value as the type `kind`, or None after noting what is wrong with it."""
+def validated(kind: Any, data: Any, problems: Problems) -> Any:
+    """The data as the type `kind`, or None after noting what is wrong with it."""
+    return _validated(kind, data, problems, ())[0]
+
+
+def _validated(
+    kind: Any, data: Any, problems: Problems, common: tuple[str, ...]
+) -> tuple[Any, list[KeyPath]]:
+    """The data as the type `kind`, and the keys that do not belong there."""
     try:
-        return _adapter(kind).validate_python(value)
+        # As JSON, since strict validation takes a mapping for a dataclass only from there.
+        return _adapter(kind).validate_json(json.dumps(data, default=str)), []
     except ValidationError as error:
-        note_errors(error, value, lambda _: {}, problems)
-        return None
+        known = partial(_known_options, kind, common)
+        return None, note_errors(error, data, known, problems)[0]
+
+
+def _known_options(kind: Any, common: tuple[str, ...], path: KeyPath) -> dict[str, str]:
+    """The keys at a place within data of a type; their meanings are in docstrings."""
+    for step in path:
+        hints = [get_type_hints(owner) for owner in _dataclasses_in(kind)]
+        kind = next((hint[str(step)] for hint in hints if str(step) in hint), kind)
+    names = [name for owner in _dataclasses_in(kind) for name in option_names(owner)]
+    return dict.fromkeys([*(() if path else common), *names], "")
+
+
+def _dataclasses_in(kind: Any) -> list[type]:
+    """The dataclasses that a value of a type may be, or contain."""
+    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+        return [kind]
+    return [found for part in get_args(kind) for found in _dataclasses_in(part)]
+
+
+def one_of(kind: Callable[[Any], str | None], expected: str) -> Discriminator:
+    """Tells the members of a union apart; what is none of them is reported by `expected`."""
+    return Discriminator(kind, custom_error_type="none_of", custom_error_message=expected)
 
 
 def note_errors(
@@ -92,7 +121,7 @@ def note_errors(
         elif kind == "value_error":
             messages[path] = str(context["error"])
         else:
-            words = _EXPECTED.get(kind, detail["msg"]).format(**context)
+            words = _EXPECTED[kind].format(**context) if kind in _EXPECTED else detail["msg"]
             expected.setdefault(path, []).append(words)
     noted = [*expected, *messages, *unknown]
     for path, alternatives in expected.items():
@@ -210,24 +239,11 @@ def with_options(
 
     Keys that do not belong there are noted, and the rest is judged without them.
     """
-    try:
-        # As JSON, since strict validation takes a mapping for a dataclass only from there.
-        adapter: TypeAdapter[T] = _adapter(component)  # type: ignore[arg-type]  # is hashable
-        return adapter.validate_json(json.dumps(options))
-    except ValidationError as error:
-        known = partial(_known_options, component, common)
-        unknown, _ = note_errors(error, options, known, problems)
-    wrong = {path[0] for path in unknown}
+    found: T | None
+    found, unknown = _validated(component, options, problems, common)
+    wrong = {path[0] for path in unknown if len(path) == 1}
     rest = {key: value for key, value in options.items() if key not in wrong}
-    return with_options(component, rest, problems, common) if wrong else None
-
-
-def _known_options(component: type, common: tuple[str, ...], path: KeyPath) -> dict[str, str]:
-    """The keys at a place within a component's options; their meanings are in its docstring."""
-    for step in (step for step in path if isinstance(step, str)):
-        kinds = get_args(get_type_hints(component)[step])
-        component = next(kind for kind in kinds if hasattr(kind, "__dataclass_fields__"))
-    return dict.fromkeys([*(() if path else common), *option_names(component)], "")
+    return with_options(component, rest, problems, common) if wrong else found
 
 
 def option_names(component: type) -> list[str]:

@@ -6,8 +6,13 @@ from collections.abc import Mapping
 from math import prod
 from typing import Any, ClassVar, Self
 
-from eqt_cli.core.errors import ComponentError
-from eqt_cli.ensemble.designs import Design, Note, Path, Schema, Surroundings, designs
+from pydantic_core import core_schema
+
+from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.ensemble.designs import Design, designs
+
+BLOCK: dict[str, Any] = {"type": "object", "title": "a block of a sweep"}
+"""What stands in JSON schemas of designs for one block of any design."""
 
 
 class Sweep(Design):
@@ -18,53 +23,56 @@ class Sweep(Design):
     blocks
         Designs over different keys.
     data
-        The section that describes them.
+        The section that describes them: a list, or a single block by itself.
     """
 
     name: ClassVar[str]  # none: it is the whole section, not a kind of block
 
-    def __init__(self, blocks: list[Design], data: list[Any]) -> None:
+    def __init__(self, blocks: list[Design], data: Any) -> None:
         self.blocks, self.data = blocks, data
         self.keys = tuple(key for block in blocks for key in block.keys)
 
     @classmethod
-    def parse(cls, section: Any, note: Note) -> Self | None:
+    def read(cls, section: Any, problems: Problems) -> Self | None:
         if not isinstance(section, list) or not section:
-            note((), "expected a list of blocks such as {grid: {gains.kp: [1, 2]}}")
+            problems.add("expected a list of blocks such as {grid: {gains.kp: [1, 2]}}")
             return None
-        blocks = [_block(entry, index, note) for index, entry in enumerate(section)]
-        seen: dict[str, int] = {}
-        for index, block in enumerate(blocks):
-            for key in block.keys if block else ():
-                if (other := next((k for k in seen if _overlap(k, key)), None)) is not None:
+        read = ((k, _block(entry, problems.at(k))) for k, entry in enumerate(section))
+        blocks = {index: block for index, block in read if block is not None}
+        seen: list[str] = []
+        for index, block in blocks.items():
+            for key in block.keys:
+                if other := next((k for k in seen if _overlap(k, key)), None):
                     what = "is swept" if other == key else f"overlaps with {other}, which is swept"
-                    note(_key_path(section, index, key), f"{key} {what} by an earlier block")
+                    at_key = problems.at(index, *_key_path(block, key))
+                    at_key.add(f"{key} {what} by an earlier block")
                     return None
-                seen[key] = index
-        found = [block for block in blocks if block is not None]
-        return cls(found, section) if len(found) == len(section) else None
+                seen.append(key)
+        return None if problems else cls(list(blocks.values()), section)
 
     @classmethod
-    def schema(cls, around: Surroundings) -> Schema:
-        return {"type": "array", "minItems": 1, "items": around.block}
+    def part(cls, section: Any, problems: Problems) -> Self | None:
+        """A sweep whose section may also be a single block."""
+        if isinstance(section, list):
+            return cls.read(section, problems)
+        block = _block(section, problems)
+        return None if block is None else cls([block], section)
 
     def __len__(self) -> int:
         return prod(len(block) for block in self.blocks)
 
     def values(self, point: int) -> tuple[Any, ...]:
-        found: tuple[Any, ...] = ()
-        for block, inner in self._split(point):
-            found += block.values(inner)
-        return found
+        return tuple(value for block, inner in self._split(point) for value in block.values(inner))
 
     def point(self, point: int) -> dict[str, Any]:
         """The values at a point, by key."""
         return dict(zip(self.keys, self.values(point), strict=True))
 
-    def place(self, point: int, key: str) -> Path:
+    def place(self, point: int, key: str) -> KeyPath:
         for index, (block, inner) in enumerate(self._split(point)):
             if key in block.keys:
-                return (index, block.name, *block.place(inner, key))
+                path = (block.name, *block.place(inner, key))
+                return (index, *path) if isinstance(self.data, list) else path
         raise KeyError(key)
 
     def _split(self, point: int) -> list[tuple[Design, int]]:
@@ -75,29 +83,33 @@ class Sweep(Design):
             found.append((block, inner))
         return found[::-1]
 
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        return core_schema.is_instance_schema(cls)
 
-def _block(entry: Any, index: int, note: Note) -> Design | None:
-    names = ", ".join(designs.names())
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: Any, handler: Any) -> dict[str, Any]:
+        return {"anyOf": [BLOCK, {"type": "array", "minItems": 1, "items": BLOCK}]}
+
+
+def _block(entry: Any, problems: Problems) -> Design | None:
     if not isinstance(entry, Mapping) or len(entry) != 1:
-        note((index,), f"expected one block, such as {{grid: {{…}}}}; known: {names}")
+        names = ", ".join(designs.names())
+        problems.add(f"expected one block, such as {{grid: {{…}}}}; known: {names}")
         return None
     ((name, section),) = entry.items()
-    try:
-        design = designs.get(str(name))
-    except ComponentError as error:
-        note((index, str(name)), str(error))
-        return None
-    return design.parse(section, lambda path, message: note((index, name, *path), message))
+    with problems.catching(name):
+        return designs.get(name).read(section, problems.at(name))
+    return None
+
+
+def _key_path(block: Design, key: str) -> KeyPath:
+    """Where a block gives a key its values."""
+    path = block.place(0, key)
+    return (block.name, *(path if path[-1] == key else path[:-1]))
 
 
 def _overlap(one: str, other: str) -> bool:
     """Whether one key is the other, or within it."""
     short, long = sorted((one, other), key=len)
     return long == short or long.startswith((short + ".", short + "["))
-
-
-def _key_path(section: list[Any], index: int, key: str) -> Path:
-    name = next(iter(section[index]))
-    inner = section[index][name]
-    axes: Path = ("axes",) if isinstance(inner, Mapping) and "axes" in inner else ()
-    return (index, name, *axes, key)

@@ -1,17 +1,14 @@
-"""One point of a sweep: its configuration, and its result; it computes nothing."""
+"""The configuration of one point of a sweep; it computes nothing."""
 
 from __future__ import annotations
 
 import dataclasses
 from functools import lru_cache
-from pathlib import Path
 
-from eqt_cli.config.source import ConfigSource, source_of, with_value
-from eqt_cli.config.yaml_source import dump
+from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.ensemble.sweep import Sweep
-from eqt_cli.store.reader import Results, open_results
 
 
 def at_point(source: ConfigSource, sweep: Sweep | None, point: int) -> ConfigSource:
@@ -50,36 +47,6 @@ def without_sweep(source: ConfigSource) -> ConfigSource:
     return dataclasses.replace(source, data=data)
 
 
-def open_point(path: Path, point: int | None) -> Results:
-    """Open a result, or one point of a sweep's as the result of a single experiment.
-
-    Raises
-    ------
-    ResultError
-        If there is no such result, or no such point.
-    """
-    results = open_results(path)
-    try:
-        return results if point is None else point_of(results, point)
-    except BaseException:
-        results.close()
-        raise
-
-
-def point_of(results: Results, point: int) -> Results:
-    """One point of an open sweep, with the configuration of that point."""
-    view = results.at(point)
-    attributes = {"title": f"{view.attributes['title']}, point {point}"}
-    if not results.has_groups:  # which have a configuration each
-        attributes["config"] = dump(config_at(source_of(results), point).data)
-    return results.at(point, attributes)
-
-
-def point_folder(*points: int) -> Path:
-    """Where in a result folder goes what is made of points of a sweep."""
-    return Path("figures") / "_".join(["point", *map(str, points)])
-
-
 def config_at(source: ConfigSource, point: int) -> ConfigSource:
     """The configuration at a point of the sweep that it describes.
 
@@ -92,7 +59,7 @@ def config_at(source: ConfigSource, point: int) -> ConfigSource:
     if not section:
         raise EqtError(f"{name}: sweeps nothing, so it has no point to choose; leave it out")
     problems = Problems(source.place)
-    sweep = Sweep.parse(section, lambda path, message: problems.at("sweep", *path).add(message))
+    sweep = Sweep.read(section, problems.at("sweep"))
     problems.raise_if_any()
     assert sweep is not None
     if not 0 <= point < len(sweep):

@@ -144,7 +144,9 @@ class Study:
         assert self.sweep is not None
         points = self.shapes[index]
         columns = zip(*map(self.sweep.values, points), strict=True)
-        axes = {key: list(values) for key, values in zip(self.sweep.keys, columns, strict=True)}
+        axes: dict[str, Any] = {
+            key: list(values) for key, values in zip(self.sweep.keys, columns, strict=True)
+        }
         store = {"store": self.resolved["store"]}  # what is kept is decided for all together
         source = dataclasses.replace(self.source, data=self.source.data | store)
         sweep = Sweep([Zip(axes)], [{Zip.name: axes}])

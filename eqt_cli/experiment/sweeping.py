@@ -119,7 +119,7 @@ def spread(count: int, most: int | None) -> Sequence[int]:
 
 def _sweep(source: ConfigSource, section: Any) -> Sweep:
     problems = Problems(source.place)
-    sweep = Sweep.parse(section, lambda path, message: problems.at("sweep", *path).add(message))
+    sweep = Sweep.read(section, problems.at("sweep"))
     problems.raise_if_any()
     assert sweep is not None
     for key in sweep.keys:

@@ -12,15 +12,16 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.animation.motion import Course, Motion, motion
 from eqt_cli.plots.animation.scene import AZIMUTH, ELEVATION, FACES, corners
-from eqt_cli.report.curves import SIGNALS, looks
+from eqt_cli.report.curves import looks
 from eqt_cli.report.document import TEMPLATES, environment
-from eqt_cli.store.reader import Results
+from eqt_cli.report.runs import column
+from eqt_cli.results.result import Result
 
 SAMPLES = 401
 """Samples of the run that the page holds, at most; it interpolates between them."""
 
 
-def animation(results: Results, run: int, controllers: Sequence[str] = ()) -> str:
+def animation(results: Result, run: int, controllers: Sequence[str] = ()) -> str:
     """The page; it needs no network and no other file.
 
     Parameters
@@ -40,8 +41,8 @@ def animation(results: Results, run: int, controllers: Sequence[str] = ()) -> st
         .get_template("animation.html.j2")
         .render(
             version=__version__,
-            title=str(results.attributes.get("title", results.path.parent.name)),
-            group=str(results.attributes.get("group", "")),
+            title=results.title,
+            group=results.group_name,
             labels=[ensemble.title for ensemble in shown.ensembles],
             run=run,
             samples=len(shown.times),
@@ -52,7 +53,7 @@ def animation(results: Results, run: int, controllers: Sequence[str] = ()) -> st
     )
 
 
-def _document(shown: Motion, results: Results) -> dict[str, Any]:
+def _document(shown: Motion, results: Result) -> dict[str, Any]:
     kept = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
     styles = looks(results)
     return {
@@ -73,13 +74,12 @@ def _document(shown: Motion, results: Results) -> dict[str, Any]:
         "faces": [list(face) for face in FACES],
         "panels": [
             {
-                "name": SIGNALS[name.partition("_rotation")[0]],
-                "unit": "" if unit == "1" else unit,
+                **column(results, name),
                 "curves": [_rounded(curve[kept]) for curve in values],
             }
-            for name, unit, values in (
-                (shown.error_name, shown.error_unit, shown.error),
-                (shown.torque_name, shown.torque_unit, shown.torque),
+            for name, values in (
+                (shown.error_name, shown.error),
+                (shown.torque_name, shown.torque),
             )
         ],
     }

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.plots.drawing.ensembles import title_of
 from eqt_cli.plots.drawing.style import house_style, line_style
-from eqt_cli.store.reader import Results
+from eqt_cli.report.runs import column
+from eqt_cli.results.result import Result
 
 SAMPLES = 101
 """Samples of a run that are kept, at most."""
@@ -24,17 +24,12 @@ POWER = 4
 LEVELS = 65534
 """The code of the largest value; the one after it says that there is none."""
 
-SIGNALS = {
-    "pose_error": "‖I − Q_E‖",
-    "velocity_error": "‖V − V_d‖",
-    "torque_norm": "‖τ‖",
-    "lyapunov": "L",
-}
+SIGNALS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
 
 Document = dict[str, Any]
 
 
-def curves(results: Results) -> Document | None:
+def curves(result: Result) -> Document | None:
     """What the page needs to draw runs; None if the result holds no trajectories.
 
     Returns
@@ -44,47 +39,34 @@ def curves(results: Results) -> Document | None:
         styles, and ``panels``: name, unit, largest value, and codes of 16 bits, little endian, by
         controller, run and sample, in base 64.
     """
-    if not (results.has("lyapunov") and "time" in results.dims("lyapunov")):
+    stored, times = result.stored_runs, result.times
+    if not stored.size:
         return None
-    names = [name for signal in SIGNALS for name in _norms(results, signal)]
-    times: Array = results.coordinate("time")
+    names = [
+        name
+        for signal in SIGNALS
+        for name in (result.split(signal) if result.units(signal) == "mixed" else [signal])
+    ]
     kept = np.unique(np.linspace(0, len(times) - 1, SAMPLES).round().astype(int))
-    labels = [str(label) for label in results.coordinate("controller")]
-    (dimension,) = (dim for dim in results.dims("lyapunov") if dim.endswith("run"))
-    stored: Array = results.coordinate(dimension)
-    per_run = len(names) * len(labels) * len(kept) * 2 * 4 / 3
+    per_run = len(names) * len(result.labels) * len(kept) * 2 * 4 / 3
     runs = slice(0, min(len(stored), max(1, int(LARGEST / per_run))))
+    chosen = {result.run_dimension: runs, "time": kept.tolist()}
     return {
         "times": [round(float(t), 6) for t in times[kept]],
         "runs": stored[runs].tolist(),
         "stored": len(stored),
         "samples": len(times),
-        "controllers": looks(results),
+        "controllers": looks(result),
         "power": POWER,
         "levels": LEVELS,
-        "panels": [
-            _panel(results, name, {dimension: runs, "time": kept.tolist()}) for name in names
-        ],
+        "panels": [_panel(result, name, result.read(name, **chosen)) for name in names],
     }
 
 
-def _norms(results: Results, signal: str) -> list[str]:
-    """The signal, or its parts where they have units of their own."""
-    if results.units(signal) != "mixed":
-        return [signal]
-    parts = [name for name in results.names if name.startswith(signal + "_")]
-    return [name for name in parts if "time" in results.dims(name)] or [signal]
-
-
-def _panel(results: Results, name: str, selection: dict[str, Any]) -> Document:
-    signal = next(signal for signal in SIGNALS if name.startswith(signal))
-    part = name.removeprefix(signal).replace("_", " ")
-    values = results.read(name, **selection)
+def _panel(result: Result, name: str, values: Array) -> Document:
     codes, largest = quantised(values)
-    unit = results.units(name)
     return {
-        "name": SIGNALS[signal] + part,
-        "unit": "" if unit == "1" else unit,
+        **column(result, name),
         "largest": largest,
         "codes": b64encode(codes.astype("<u2").tobytes()).decode("ascii"),
     }
@@ -99,17 +81,16 @@ def quantised(values: Array) -> tuple[Array, float]:
     return codes, largest
 
 
-def looks(results: Results) -> list[Document]:
+def looks(result: Result) -> list[Document]:
     """Label, title, colour and dashes of every controller, as in the figures."""
-    labels = [str(label) for label in results.coordinate("controller")]
     with house_style():
-        styles = [line_style(index) for index in range(len(labels))]
+        styles = [line_style(index) for index in range(len(result.labels))]
     return [
         {
             "label": label,
-            "title": title_of(results, label),
+            "title": title,
             "colour": style["color"],
             "dashes": [] if style["linestyle"] == "-" else list(style["linestyle"][1]),
         }
-        for label, style in zip(labels, styles, strict=True)
+        for label, title, style in zip(result.labels, result.titles, styles, strict=True)
     ]

@@ -21,7 +21,7 @@ from eqt_cli.report.facts import facts
 from eqt_cli.report.figures import DEFAULT, SWEPT, Wanted, inline_figures
 from eqt_cli.report.points import best_points, point_table
 from eqt_cli.report.runs import run_table
-from eqt_cli.store.reader import Results
+from eqt_cli.results.result import Result
 
 _NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
 """A number, perhaps with a percent sign, a spread or an interval."""
@@ -32,7 +32,7 @@ TEMPLATES = Path(__file__).with_name("templates")
 
 
 def report(
-    results: Results,
+    results: Result,
     wanted: Sequence[Wanted] | None = None,
     certificates: Sequence[Row] = (),
     unverified: str = "",
@@ -53,7 +53,7 @@ def report(
     unverified
         Why there are no certificates, if there are none.
     """
-    sweeps = "point" in results.dimensions
+    sweeps = results.is_sweep
     default = SWEPT if sweeps else DEFAULT
     drawn, remarks = inline_figures(results, default if wanted is None else wanted, certificates)
     return (
@@ -73,7 +73,7 @@ def report(
     )
 
 
-def _of_experiment(results: Results) -> dict[str, Any]:
+def _of_experiment(results: Result) -> dict[str, Any]:
     comparison = compare(results)
     made = sheets(comparison, Plain())
     return {
@@ -87,7 +87,7 @@ def _of_experiment(results: Results) -> dict[str, Any]:
     }
 
 
-def _of_sweep(results: Results) -> dict[str, Any]:
+def _of_sweep(results: Result) -> dict[str, Any]:
     absent = dict.fromkeys(("claims", "levels", "pairs", "missing", "picker"))
     return {**absent, "best": _table(best_points(results)), "table": point_table(results)}
 

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.plots.drawing.swept import Swept
-from eqt_cli.results.headline import MEANS, headline
-from eqt_cli.store.reader import Results
+from eqt_cli.core.arrays import Array
+from eqt_cli.results.result import HEADLINE, Result
 
 Fact = tuple[str, str]
 
@@ -54,78 +53,71 @@ class Facts:
     failed: int
 
 
-def facts(results: Results) -> Facts:
+def facts(result: Result) -> Facts:
     """Everything that a result says of itself."""
-    attributes = results.attributes
-    labels = [str(label) for label in results.coordinate("controller")]
-    sweeps = "point" in results.dimensions
-    horizon = float(results.coordinate("time")[-1]) if results.has("time") else None
+    labels, horizon = result.labels, result.horizon
     controllers = f"{len(labels)} controllers" if len(labels) > 1 else "one controller"
     shared = "the same initial states for all of them"
     return Facts(
-        title=str(attributes.get("title", results.path.parent.name)),
-        group=str(attributes.get("group", "")),
+        title=result.title,
+        group=result.group_name,
         lead=(
-            f"{_points(results) if sweeps else ''}{results.dimensions['run']} runs"
+            f"{_points(result) if result.is_sweep else ''}{result.runs} runs"
             f"{f' of {horizon:g} s' if horizon else ''} for each of {controllers} "
-            f"({', '.join(labels)}) on {attributes.get('group', 'a group')}; {shared}."
+            f"({', '.join(labels)}) on {result.group_name or 'a group'}; {shared}."
         ),
         horizon=horizon,
-        units={name: _unit(results, name) for name in MEANS},
-        headline=[] if sweeps else [asdict(row) for row in headline(results)],
-        accuracy=list(_accuracy(results)),
-        provenance=_provenance(results),
-        config=str(attributes.get("config", "")).rstrip(),
-        failed=int(np.count_nonzero(results["status"])),
+        units={name: _unit(result, name) for name in HEADLINE},
+        headline=[] if result.is_sweep else result.headline(),
+        accuracy=list(_accuracy(result)),
+        provenance=_provenance(result),
+        config=str(result.attributes.get("config", "")).rstrip(),
+        failed=len(result.failures),
     )
 
 
-def _points(results: Results) -> str:
+def _points(result: Result) -> str:
     """How many points a sweep has, and over what."""
-    keys = " and ".join(axis.key for axis in Swept(results, "report").axes) or "nothing"
-    return f"{results.dimensions['point']} points over {keys}, each with "
+    keys = " and ".join(swept.key for swept in result.swept_keys) or "nothing"
+    return f"{result.points} points over {keys}, each with "
 
 
-def _unit(results: Results, name: str) -> str:
-    unit = results.units(name)
+def _unit(result: Result, name: str) -> str:
+    unit = result.units(name)
     return {"1": "", "mixed": "mixed units"}.get(unit, unit)
 
 
-def _accuracy(results: Results) -> list[str]:
-    sentences = []
-    good = results["status"] == 0
-    if results.has("energy_residual"):
-        residual = results["energy_residual"][good]
-        if np.isfinite(residual).any():
-            sentences.append(
-                "Energy balance: |L(t) + ∫damping − L(0)| stays below "
-                f"{np.nanmax(residual):.0e} of L(0) in every run."
-            )
-    if results.has("error_estimate"):
-        estimates = results["error_estimate"][good]
-        if np.isfinite(estimates).any():
-            sentences.append(
-                "Global error, estimated run by run from a tighter solve: largest "
-                f"{np.nanmax(estimates):.1e}, median {np.nanmedian(estimates):.1e}."
-            )
-    if "cross_check_difference" in results.attributes:
-        check = results.attributes
-        holds = float(check["cross_check_difference"]) <= float(check["cross_check_bound"])
-        sentences.append(
-            f"Cross-check by {check['cross_check_method']} on {check['cross_check_runs']} runs per "
-            f"controller: largest difference {float(check['cross_check_difference']):.1e}, "
-            f"{'within' if holds else 'BEYOND'} the bound of "
-            f"{float(check['cross_check_bound']):.0e}."
+def _accuracy(result: Result) -> Iterator[str]:
+    residual = _finite(result, "energy_residual")
+    if residual.size:
+        yield (
+            f"Energy balance: |L(t) + ∫damping − L(0)| stays below {residual.max():.0e} of L(0) in "
+            "every run."
         )
-    return sentences
+    estimates = _finite(result, "error_estimate")
+    if estimates.size:
+        yield (
+            "Global error, estimated run by run from a tighter solve: largest "
+            f"{estimates.max():.1e}, median {np.median(estimates):.1e}."
+        )
+    check = result.cross_check
+    if check is not None:
+        yield (
+            f"Cross-check by {check.method} on {check.runs} runs per controller: largest "
+            f"difference {check.difference:.1e}, {'within' if check.holds else 'BEYOND'} the bound "
+            f"of {check.bound:.0e}."
+        )
 
 
-def _provenance(results: Results) -> list[Fact]:
-    attributes = results.attributes
-    try:
-        origin = json.loads(str(attributes.get("provenance", "{}")))
-    except ValueError:
-        origin = {}
+def _finite(result: Result, name: str) -> Array:
+    """The values of good runs that have one."""
+    values = result.metric(name) if name in result.metrics else np.array([])
+    finite: Array = values[np.isfinite(values)]
+    return finite
+
+
+def _provenance(result: Result) -> list[Fact]:
+    attributes, origin = result.attributes, result.provenance
     found = [(str(name), _words(value, origin)) for name, value in origin.items() if value]
     digest = str(attributes.get("digest", ""))
     # "source" in results of the first versions.

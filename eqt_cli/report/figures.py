@@ -15,7 +15,7 @@ from eqt_cli.plots.base import OfCertificates
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import figure_from
 from eqt_cli.plots.save import encode
-from eqt_cli.store.reader import Results
+from eqt_cli.results.result import Result
 
 LARGEST = 700_000
 """Characters of SVG that one figure may have; what is larger is left out, with a remark."""
@@ -127,7 +127,7 @@ SWEPT = (
 
 
 def inline_figures(
-    results: Results, wanted: Sequence[Wanted], certificates: Sequence[Row] = ()
+    results: Result, wanted: Sequence[Wanted], certificates: Sequence[Row] = ()
 ) -> tuple[list[Drawn], list[str]]:
     """The figures that can be drawn of a result, and remarks on the others."""
     drawn, remarks = [], []
@@ -160,7 +160,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
     return [known.get(name, Wanted(name)) for name in names]
 
 
-def _draw(results: Results, wanted: Wanted, key: str, certificates: Sequence[Row]) -> Drawn:
+def _draw(results: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> Drawn:
     figure = figure_from(wanted.name, wanted.options)
     text = encode(figure.draw([results], "page", certificates=certificates), "svg")
     caption = wanted.caption or summary(type(figure))

@@ -1,45 +1,29 @@
-"""One number per run from its signals; it knows neither files nor controllers."""
+"""Numbers per run that follow from its signals: each with its formula, its names and its unit.
+
+This is the only file that a new one takes. It knows neither files nor controllers.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.results.quantity import Quantity
+from eqt_cli.results.windows import WHOLE, Window
 
-EARLY_WINDOW = 5.0
-"""The paper's "first 5 seconds of the response", s (§7)."""
+EARLY = Window(0.0, 5.0)
+"""The paper's "first 5 seconds of the response" (§7)."""
 
+ENERGY_SCALE = 1.0
+"""J; errors of L are relative to L(0), but never to less than this."""
 
-@dataclass(frozen=True)
-class Metric:
-    """A quantity per run.
-
-    Attributes
-    ----------
-    name
-        Its name in a result file.
-    units
-        In terms of the unit of the signal: ``{}`` stands for it.
-    signal
-        The signal whose unit it takes.
-    of
-        ``(times, signals, threshold) -> (runs,)``; signals are ``(runs, samples)``.
-    """
-
-    name: str
-    long_name: str
-    signal: str
-    units: str
-    of: Callable[[Array, Mapping[str, Array], float], Array]
+SMALLEST_RATIO = 1e-12
+"""L(t)/L(0) below which L is rounding and solver error, and says nothing about its rate."""
 
 
-def early(times: Array) -> Array:
-    """Which samples lie in the first 5 s (all of them on a shorter horizon)."""
-    within: Array = times - times[0] <= EARLY_WINDOW * (1 + 1e-12)
-    return within
+# Formulas, (times, signals (runs, samples, …)) -> (runs,) ----------------------------------------
 
 
 def time_mean(times: Array, values: Array) -> Array:
@@ -54,6 +38,31 @@ def effort(times: Array, torque_norm: Array) -> Array:
 
     integral: Array = simpson(torque_norm**2, x=times, axis=-1)
     return integral
+
+
+def peak(times: Array, values: Array) -> Array:
+    """The largest value at a sample."""
+    largest: Array = values.max(axis=-1)
+    return largest
+
+
+def final(times: Array, values: Array) -> Array:
+    """The value at the last sample."""
+    last: Array = values[..., -1]
+    return last
+
+
+def integral_of_square(times: Array, values: Array) -> Array:
+    """∫x² dt, by the trapezoidal rule."""
+    integral: Array = np.trapezoid(values**2, times, axis=-1)
+    return integral
+
+
+def actuator_work(times: Array, torque: Array, velocity: Array) -> Array:
+    """∫|⟨τ, V⟩| dt; a pairing is a power on every group, whatever the units of its coordinates."""
+    power = np.abs(np.sum(torque * velocity, axis=-1))
+    work: Array = np.trapezoid(power, times, axis=-1)
+    return work
 
 
 def settling_time(times: Array, error: Array, threshold: float) -> Array:
@@ -74,82 +83,202 @@ def settling_time(times: Array, error: Array, threshold: float) -> Array:
     return settled
 
 
-ENERGY_SCALE = 1.0
-"""J; errors of L are relative to L(0), but never to less than this."""
+def decay_rate(times: Array, lyapunov: Array) -> Array:
+    """λ of √L ~ e^{−λt}: half the least-squares slope of −log L; NaN where L has no slope.
+
+    √L is the size of the error, for small ones. Only samples before L first comes below
+    `SMALLEST_RATIO` of its initial value take part.
+    """
+    start = lyapunov[:, :1]
+    usable = np.cumprod(lyapunov > SMALLEST_RATIO * start, axis=-1).astype(bool) & (start > 0)
+    logs = np.log(np.where(usable, lyapunov, 1.0))
+    count = usable.sum(axis=-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        t = np.where(
+            usable, times - (usable * times).sum(axis=-1, keepdims=True) / count[:, None], 0
+        )
+        slope = (t * logs).sum(axis=-1) / (t * t).sum(axis=-1)
+    rate: Array = np.where(count > 1, -slope / 2, np.nan)
+    return rate
 
 
-def energy_residual(lyapunov: Array, balance: Array) -> Array:
-    """max |L + W − L(0)| / max(L(0), 1 J), from L and L + W, ``(runs, samples) -> (runs,)``."""
+def largest_rise(times: Array, lyapunov: Array) -> Array:
+    """The largest growth of L above an earlier value of it, relative to L(0)."""
+    rise = (lyapunov - np.minimum.accumulate(lyapunov, axis=-1)).max(axis=-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        relative: Array = np.where(rise > 0, rise / lyapunov[:, 0], rise)
+    return relative
+
+
+def energy_residual(times: Array, lyapunov: Array, balance: Array) -> Array:
+    """max |L + W − L(0)| / max(L(0), 1 J), from L and L + W."""
     initial = lyapunov[:, :1]
     residual: Array = np.abs(balance - initial).max(axis=-1)
     return residual / np.maximum(initial[:, 0], ENERGY_SCALE)
 
 
-def unit_in(pattern: str, unit: str) -> str:
-    """The unit of what is computed from a signal: ``({})^2 s`` of N m is (N m)^2 s, of N N^2 s.
+# The table ---------------------------------------------------------------------------------------
 
-    Parameters
-    ----------
-    pattern
-        With ``{}`` for the signal's unit, if it depends on it.
-    unit
-        The signal's; ``mixed`` gives ``mixed``, and 1 is left out of squares.
-    """
-    if unit == "mixed" and "{}" in pattern:
-        return unit
-    if unit == "1":
-        pattern = pattern.removeprefix("({})^2 ")
-    return (pattern.replace("({})", "{}") if unit.isalpha() else pattern).format(unit)
-
+_MEAN_TORQUE = Quantity(
+    "mean_torque",
+    "mean ||tau|| over the horizon",
+    units="{}",
+    signals=("torque_norm",),
+    label="mean {}",
+    better="lower",
+    stored=False,
+    of=time_mean,
+    windowed=True,
+    compared=(EARLY, WHOLE),
+    parted=True,
+)
 
 METRICS = (
-    Metric(
+    _MEAN_TORQUE,
+    Quantity(
         "effort",
         "control effort, integral of ||tau||^2",
-        "torque_norm",
-        "({})^2 s",
-        lambda t, s, _: effort(t, s["torque_norm"]),
+        units="({})^2 s",
+        signals=("torque_norm",),
+        label="effort",
+        formula=r"\int {}^2\,\mathrm{d}t",
+        better="lower",
+        of=effort,
+        windowed=True,
+        compared=(WHOLE,),
+        parted=True,
     ),
-    Metric(
+    Quantity(
         "peak_torque",
         "largest ||tau|| at the samples",
-        "torque_norm",
-        "{}",
-        lambda t, s, _: s["torque_norm"].max(axis=-1),
+        units="{}",
+        signals=("torque_norm",),
+        label="largest {}",
+        better="lower",
+        of=peak,
+        windowed=True,
+        compared=(WHOLE,),
+        parted=True,
     ),
-    Metric(
-        "early_torque",
-        "mean ||tau|| over the first 5 s",
-        "torque_norm",
-        "{}",
-        lambda t, s, _: time_mean(t[early(t)], s["torque_norm"][..., early(t)]),
+    replace(
+        _MEAN_TORQUE,
+        name="early_torque",
+        long_name="mean ||tau|| over the first 5 s",
+        label="mean {}, first 5 s",
+        stored=True,
+        window=EARLY,
+        windowed=False,
+        compared=(),
+        parted=False,
     ),
-    Metric(
+    Quantity(
+        "actuator_work",
+        "integral of |<tau, V>|",
+        units="J",
+        signals=("torque", "velocity"),
+        label="actuator work",
+        formula=r"\int |\langle \tau, V \rangle|\,\mathrm{d}t",
+        better="lower",
+        stored=False,
+        of=actuator_work,
+        windowed=True,
+        compared=(WHOLE,),
+    ),
+    Quantity(
         "mean_pose_error",
         "mean ||I - Q_E||_F over the horizon",
-        "pose_error",
-        "{}",
-        lambda t, s, _: time_mean(t, s["pose_error"]),
+        units="{}",
+        signals=("pose_error",),
+        label="mean {}",
+        better="lower",
+        of=time_mean,
+        windowed=True,
+        compared=(WHOLE,),
+        parted=True,
     ),
-    Metric(
+    Quantity(
+        "squared_pose_error",
+        "integral of ||I - Q_E||_F^2",
+        units="({})^2 s",
+        signals=("pose_error",),
+        label="squared error",
+        formula=r"\int {}^2\,\mathrm{d}t",
+        better="lower",
+        stored=False,
+        of=integral_of_square,
+        windowed=True,
+        compared=(WHOLE,),
+        parted=True,
+    ),
+    Quantity(
         "final_pose_error",
         "||I - Q_E||_F at the end",
-        "pose_error",
-        "{}",
-        lambda t, s, _: s["pose_error"][..., -1],
+        units="{}",
+        signals=("pose_error",),
+        label="final {}",
+        better="lower",
+        of=final,
+        windowed=True,
+        parted=True,
     ),
-    Metric(
+    Quantity(
+        "mean_velocity_error",
+        "mean ||V - Vd|| over the horizon",
+        units="{}",
+        signals=("velocity_error",),
+        label="mean {}",
+        better="lower",
+        stored=False,
+        of=time_mean,
+        windowed=True,
+        compared=(WHOLE,),
+        parted=True,
+    ),
+    Quantity(
         "final_velocity_error",
         "||V - Vd|| at the end",
-        "velocity_error",
-        "{}",
-        lambda t, s, _: s["velocity_error"][..., -1],
+        units="{}",
+        signals=("velocity_error",),
+        label="final {}",
+        better="lower",
+        of=final,
+        windowed=True,
+        parted=True,
     ),
-    Metric(
+    Quantity(
         "settling_time",
         "last time ||I - Q_E||_F leaves the settling threshold",
-        "pose_error",
-        "s",
-        lambda t, s, threshold: settling_time(t, s["pose_error"], threshold),
+        units="s",
+        signals=("pose_error",),
+        label="settling time",
+        better="lower",
+        of=settling_time,
+        settings={"threshold": "settling_threshold"},
+        compared=(WHOLE,),
+        censored=True,
+    ),
+    Quantity(
+        "decay_rate",
+        "half the slope of -log L",
+        units="1/s",
+        signals=("lyapunov",),
+        symbol=r"\sqrt{\mathcal{L}}",
+        label="decay rate of {}",
+        better="higher",
+        stored=False,
+        of=decay_rate,
+        windowed=True,
+        compared=(WHOLE,),
+    ),
+    Quantity(
+        "lyapunov_rise",
+        "largest rise of L above an earlier value, relative to L(0)",
+        signals=("lyapunov",),
+        label="largest rise of {}, relative to {}(0)",
+        better="lower",
+        stored=False,
+        of=largest_rise,
+        windowed=True,
     ),
 )
+"""What controllers are compared by, in the order of tables; those `stored` are in result files."""

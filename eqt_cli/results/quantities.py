@@ -1,130 +1,162 @@
-"""The variables of a result: what each means, its unit, and what it has one value for."""
+"""The table of quantities: everything that a result holds or can be asked for, by name."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from enum import Enum, auto
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
-from eqt_cli.closed_loop.signals import Signal, signals
+from eqt_cli.closed_loop.signals import SIGNALS
 from eqt_cli.engines import Status
 from eqt_cli.experiment.build import Experiment
-from eqt_cli.results.metrics import EARLY_WINDOW, METRICS, unit_in
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.results.metrics import METRICS, energy_residual
+from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.variables import Variable
 
 STATUS_MEANINGS = "; ".join(f"{status.value} {status.name.lower()}" for status in Status)
 
-
-class Per(Enum):
-    """What a variable has one entry for, before its own dimensions."""
-
-    TRAJECTORY = auto()
-    """Every run of every controller whose trajectory is kept; the first of its dims is time."""
-    DESIRED = auto()
-    """The experiment, or the point of a sweep; the first of its dims is time."""
-    INITIAL = auto()
-    """Every initial state, which the controllers share."""
-    RUN = auto()
-    """Every run of every controller."""
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """One variable of a result.
-
-    Attributes
-    ----------
-    dims
-        Its dimensions beyond those that `per` stands for.
-    dtype
-        None for text.
-    """
-
-    name: str
-    per: Per
-    dims: tuple[str, ...]
-    dtype: np.dtype[Any] | None
-    attributes: dict[str, Any]
-
-
 DESIRED = {"desired_pose": "pose", "desired_velocity": "velocity", "desired_torque": "torque"}
 """What is stored of the reference, and the signal that each is like."""
 
-_FLOAT, _INT = np.dtype("f8"), np.dtype("i8")
+_SIGNALS = {signal.name: signal for signal in SIGNALS}
+
+_OVER_TIME = tuple(
+    Quantity(
+        signal.name,
+        signal.long_name,
+        Per.TRAJECTORY,
+        units="{}",
+        signals=(signal.name,),
+        label="{}",
+        dims=("time", *signal.dims),
+        parted=signal.of_part is not None,
+    )
+    for signal in SIGNALS
+)
+
+_DESIRED = tuple(
+    Quantity(
+        name,
+        name.replace("_", " ") + ", from a solve of its own",
+        Per.DESIRED,
+        units="{}",
+        signals=(like,),
+        symbol=_SIGNALS[like].symbol + "_d",
+        label="{}",
+        dims=("time", *_SIGNALS[like].dims),
+    )
+    for name, like in DESIRED.items()
+)
+
+_INITIAL = (
+    Quantity(
+        "initial_pose",
+        "pose at the start, same for all controllers",
+        Per.INITIAL,
+        units="{}",
+        signals=("pose",),
+        dims=("row", "col"),
+    ),
+    Quantity(
+        "initial_velocity",
+        "body velocity at the start",
+        Per.INITIAL,
+        units="{}",
+        signals=("velocity",),
+        dims=("axis",),
+    ),
+)
+
+_OF_THE_RUN = (
+    Quantity("steps", "work of the solver, as its engine counts it", dtype=np.dtype("i8")),
+    Quantity("group_drift", "largest distance from the group", label="drift from the group"),
+    Quantity(
+        "energy_residual",
+        "largest |L + W - L(0)| / max(L(0), 1 J)",
+        signals=("lyapunov", "energy_balance"),
+        label="energy residual",
+        of=energy_residual,
+    ),
+    Quantity(
+        "unstable_distance",
+        "smallest ||Q_E - Qc||_F, Qc critical points other than I",
+        units="{}",
+        signals=("pose",),
+    ),
+    Quantity(
+        "error_estimate",
+        "largest max(||dQ||_F, ||dV||) against a tighter solve",
+        units="mixed",
+        label="error estimate",
+    ),
+    Quantity(
+        "reference_residual",
+        "distance of the run's own reference to desired_pose, desired_velocity",
+        units="mixed",
+        label="residual of the reference",
+    ),
+    Quantity("status", "end of the run", dtype=np.dtype("i4"), notes={"meanings": STATUS_MEANINGS}),
+    Quantity("message", "why the run failed", units="", dtype=None),
+)
+"""How good the numbers are, and how the run ended; what has no formula is told by the run."""
+
+
+def _with_symbol(quantity: Quantity) -> Quantity:
+    if quantity.symbol or not quantity.signals:
+        return quantity
+    return replace(quantity, symbol=_SIGNALS[quantity.signals[0]].symbol)
+
+
+QUANTITIES = {
+    quantity.name: _with_symbol(quantity)
+    for quantity in (*_OVER_TIME, *_DESIRED, *_INITIAL, *METRICS, *_OF_THE_RUN)
+}
+"""All of them by name, those that are stored in the order of a result file."""
+
+MEASURED = tuple(q for q in QUANTITIES.values() if q.per is Per.RUN and q.of and q.stored)
+"""What is computed from the signals of a run and stored."""
+
+COMPARED = tuple(QUANTITIES[metric.name] for metric in METRICS)
+"""What controllers are compared by, in the order of tables."""
 
 
 def quantities(experiment: Experiment) -> list[Quantity]:
-    """Every variable of a result, in the order of the file."""
-    found = signals(experiment.group)
-    return [*_over_time(found), *_initial(found), *_per_run(experiment, found)]
+    """The variables of a result of an experiment, with their units there, in the file's order."""
+    return list(_stored(experiment))
 
 
-def _over_time(found: list[Signal]) -> Iterator[Quantity]:
-    for signal in found:
-        attributes = {"units": signal.units, "long_name": signal.long_name}
-        yield Quantity(signal.name, Per.TRAJECTORY, ("time", *signal.dims), _FLOAT, attributes)
-    by_name = {signal.name: signal for signal in found}
-    for name, like in DESIRED.items():
-        attributes = {
-            "units": by_name[like].units,
-            "long_name": name.replace("_", " ") + ", from a solve of its own",
-        }
-        yield Quantity(name, Per.DESIRED, ("time", *by_name[like].dims), _FLOAT, attributes)
+def _stored(experiment: Experiment) -> Iterator[Quantity]:
+    group = experiment.group
+    for quantity in QUANTITIES.values():
+        if not quantity.stored:
+            continue
+        notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
+        units = quantity.unit(_unit_of_signal(quantity, group))
+        yield replace(quantity, units=units, notes={**quantity.notes, **notes})
+        if quantity.per is Per.TRAJECTORY:
+            signal = _SIGNALS[quantity.name]
+            for part in signal.parts(group):
+                yield replace(quantity.part(part.name), units=signal.unit_in(part))
 
 
-def _initial(found: list[Signal]) -> Iterator[Quantity]:
-    units = {signal.name: signal.units for signal in found}
-    pose = "pose at the start, same for all controllers"
-    for name, dims, like, long_name in (
-        ("initial_pose", ("row", "col"), "pose", pose),
-        ("initial_velocity", ("axis",), "velocity", "body velocity at the start"),
-    ):
-        attributes = {"units": units[like], "long_name": long_name}
-        yield Quantity(name, Per.INITIAL, dims, _FLOAT, attributes)
+def _unit_of_signal(quantity: Quantity, group: MatrixLieGroup) -> str:
+    return _SIGNALS[quantity.signals[0]].units(group) if quantity.signals else ""
 
 
-def _per_run(experiment: Experiment, found: list[Signal]) -> Iterator[Quantity]:
-    units = {signal.name: signal.units for signal in found}
-    extra: dict[str, dict[str, Any]] = {
-        "early_torque": {"window_s": EARLY_WINDOW},
-        "settling_time": {"threshold": experiment.config.settling_threshold},
-    }
-    described: list[tuple[str, np.dtype[Any], str, str]] = [
-        (metric.name, _FLOAT, unit_in(metric.units, units[metric.signal]), metric.long_name)
-        for metric in METRICS
-    ]
-    described += [
-        ("steps", _INT, "1", "work of the solver, as its engine counts it"),
-        ("group_drift", _FLOAT, "1", "largest distance from the group"),
-        ("energy_residual", _FLOAT, "1", "largest |L + W - L(0)| / max(L(0), 1 J)"),
-        (
-            "unstable_distance",
-            _FLOAT,
-            units["pose"],
-            "smallest ||Q_E - Qc||_F, Qc critical points other than I",
-        ),
-        (
-            "error_estimate",
-            _FLOAT,
-            "mixed",
-            "largest max(||dQ||_F, ||dV||) against a tighter solve",
-        ),
-        (
-            "reference_residual",
-            _FLOAT,
-            "mixed",
-            "distance of the run's own reference to desired_pose, desired_velocity",
-        ),
-        ("status", np.dtype("i4"), "1", "end of the run"),
-    ]
-    extra["status"] = {"meanings": STATUS_MEANINGS}
-    for name, dtype, unit, long_name in described:
-        attributes = {"units": unit, "long_name": long_name, **extra.get(name, {})}
-        yield Quantity(name, Per.RUN, (), dtype, attributes)
-    yield Quantity("message", Per.RUN, (), None, {"long_name": "why the run failed"})
+def quantity_of(name: str, long_name: str = "") -> Quantity:
+    """The row of a variable, by its name in a result file.
+
+    A norm's part has the row of the norm, with its own name. What this version does not know is
+    a number per run without a formula.
+    """
+    if name in QUANTITIES:
+        return QUANTITIES[name]
+    for quantity in _OVER_TIME:
+        if quantity.parted and name.startswith(f"{quantity.name}_"):
+            return QUANTITIES[quantity.name].part(name.removeprefix(f"{quantity.name}_"))
+    return Quantity(name, long_name or name)
 
 
 def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import ResultError
 from eqt_cli.engines import Problem, Solution, Status
 from eqt_cli.experiment.plan import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.critical_points import distance_to_unstable
-from eqt_cli.results.metrics import METRICS, energy_residual
-from eqt_cli.results.quantities import DESIRED, Per, Quantity, quantities
+from eqt_cli.results.quantities import DESIRED, MEASURED, quantities
+from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.run.batches import Batch, batches, initial_states, reference_batches
 from eqt_cli.run.cross_check import chosen_entries, distance, reference_distance
-from eqt_cli.run.executors import Ways
+from eqt_cli.run.executors import TaskContext
 from eqt_cli.store.reader import Results
 from eqt_cli.store.variables import Table, Variable
 
@@ -24,7 +27,10 @@ LEADING = {Per.TRAJECTORY: "kept", Per.RUN: "entry", Per.INITIAL: "start", Per.D
 """The leading dimension of each kind of variable in the table of a part."""
 
 NUMBERS = "numbers"
-"""Real numbers per run, a row for each quantity, in their order."""
+"""Real numbers per run, a row for each quantity."""
+
+ROWS = "rows_of_numbers"
+"""The attribute of a part that names the quantities of these rows, in their order."""
 
 CHECK_STATES = "check_states"
 """States of the runs that are redone when the parts are packed, ``(checked, sample, state)``."""
@@ -65,7 +71,7 @@ def solve_references(study: Study, points: Array) -> Array:
     return found
 
 
-def compute_part(study: Study, part: Part, shared: Array | None, ways: Ways) -> Table:
+def compute_part(study: Study, part: Part, shared: Array | None, context: TaskContext) -> Table:
     """Everything that is kept of a part's runs.
 
     Parameters
@@ -74,24 +80,26 @@ def compute_part(study: Study, part: Part, shared: Array | None, ways: Ways) -> 
         The states of the reference that all points share, ``(samples, n)``; None where each point
         has its own.
     """
-    gathered = Gathered(study, part)
+    gathered = PartArrays(study, part)
     points = np.unique(part.points)
     own = solve_references(study, points) if shared is None else None
     for batch in batches(study, _label(study, part), gathered.entries):
         reference = shared if own is None else own[np.searchsorted(points, batch.points)]
-        gathered.add(batch, *_solved(batch, reference, ways))
-    return gathered.table(points, own)
+        gathered.add(batch, *_solved(batch, reference, context))
+    return gathered.whole(points, own)
 
 
-def compute_alone(study: Study, part: Part, rows: Array, shared: Array | None, ways: Ways) -> Table:
+def compute_alone(
+    study: Study, part: Part, rows: Array, shared: Array | None, context: TaskContext
+) -> Table:
     """Some runs of a part, each integrated by itself; as `compute_part`, for these rows only."""
-    gathered = Gathered(study, part, part.start + rows)
+    gathered = PartArrays(study, part, part.start + rows)
     for row, entry in enumerate(gathered.entries):
         for batch in batches(study, _label(study, part), np.array([entry])):
             own = solve_references(study, batch.points) if shared is None else shared
             here = dataclasses.replace(batch, rows=np.array([row]))
-            gathered.add(here, *_solved(batch, own, ways))
-    return Table(gathered.variables())
+            gathered.add(here, *_solved(batch, own, context))
+    return gathered.table()
 
 
 def _label(study: Study, part: Part) -> str:
@@ -100,15 +108,15 @@ def _label(study: Study, part: Part) -> str:
 
 def lost_part(study: Study, part: Part, message: str) -> Table:
     """A part whose every run counts as failed, because no worker survived it."""
-    gathered = Gathered(study, part)
+    gathered = PartArrays(study, part)
     gathered.data["status"][:] = Status.WORKER_LOST
     gathered.data["message"][:] = message
     points = np.unique(part.points)
     states = np.full((len(points), *gathered.check_states.shape[1:]), np.nan)
-    return gathered.table(points, states if study.desired_varies else None)
+    return gathered.whole(points, states if study.desired_varies else None)
 
 
-class Gathered:
+class PartArrays:
     """The arrays of a part while its batches come in; `entries` are all of its, or some."""
 
     def __init__(self, study: Study, part: Part, entries: Array | None = None) -> None:
@@ -166,18 +174,18 @@ class Gathered:
         )
         self.check_states[checked] = solution.states[found_in]
 
-    def table(self, points: Array, own: Array | None) -> Table:
+    def whole(self, points: Array, own: Array | None) -> Table:
         """Everything, with the initial states and references that this part is to hold."""
-        variables = self.variables() | self._initial()
+        variables = self._initial()
         if own is not None and self.study.keeps_desired and self.part.controller == 0:
             variables |= _desired(self.study, points, own)
         if len(self.check_states):
             dims = ("checked", "sample", "state")
             variables[CHECK_STATES] = Variable(dims, self.check_states)
-        return Table(variables)
+        return self.table(variables)
 
-    def variables(self) -> dict[str, Variable]:
-        """What there is one of for every run; all numbers per run are rows of one array.
+    def table(self, more: Mapping[str, Variable] = MappingProxyType({})) -> Table:
+        """What there is one of for every run, and more; all numbers are rows of one array.
 
         A part of many small datasets takes more time than its runs.
         """
@@ -187,8 +195,10 @@ class Gathered:
             for entry in self.quantities
             if entry.name not in rows
         }
-        numbers = np.array([self.data[name] for name in rows])
-        return single | {NUMBERS: Variable(("quantity", LEADING[Per.RUN]), numbers)}
+        numbers = Variable(
+            ("quantity", LEADING[Per.RUN]), np.array([self.data[name] for name in rows])
+        )
+        return Table({**single, NUMBERS: numbers, **more}, {}, {ROWS: " ".join(rows)})
 
     def _initial(self) -> dict[str, Variable]:
         """Initial states, which the first controller's parts hold; of one point where all share."""
@@ -212,13 +222,39 @@ def is_number(quantity: Quantity) -> bool:
     return quantity.per is Per.RUN and quantity.dtype is not None and quantity.dtype.kind == "f"
 
 
-def read_part(results: Results, quantities: list[Quantity]) -> dict[str, Array]:
-    """Every variable that a part holds, by name."""
-    rows = [entry.name for entry in quantities if is_number(entry)]
+class OutdatedPart(ResultError):
+    """A part of another version of eqt, which did not keep everything that this one keeps."""
+
+
+def read_part(results: Results, quantities: Sequence[Quantity]) -> dict[str, Array]:
+    """Every variable that a part holds, by name.
+
+    Raises
+    ------
+    OutdatedPart
+        If it lacks what every run must have.
+    """
+    rows = check_part(results, quantities)
     numbers = results[NUMBERS]
-    found = dict(zip(rows, numbers, strict=True))
-    single = [entry.name for entry in quantities if entry.name not in rows]
-    return found | {name: results[name] for name in single if results.has(name)}
+    return {
+        entry.name: numbers[rows.index(entry.name)] if is_number(entry) else results[entry.name]
+        for entry in quantities
+        if is_number(entry) or results.has(entry.name)
+    }
+
+
+def check_part(results: Results, quantities: Sequence[Quantity]) -> list[str]:
+    """The quantities of the rows of numbers; `read_part` says what is raised."""
+    rows = str(results.attributes.get(ROWS, "")).split()
+    lacking = [
+        entry.name
+        for entry in quantities
+        if entry.per in (Per.RUN, Per.TRAJECTORY)
+        and not (entry.name in rows if is_number(entry) else results.has(entry.name))
+    ]
+    if lacking:
+        raise OutdatedPart(f"{results.path}: does not hold {', '.join(lacking)}")
+    return rows
 
 
 def _desired(study: Study, points: Array, states: Array) -> dict[str, Variable]:
@@ -241,31 +277,39 @@ def _desired(study: Study, points: Array, states: Array) -> dict[str, Variable]:
 
 
 def _solved(
-    batch: Batch, reference: Array | None, ways: Ways
+    batch: Batch, reference: Array | None, context: TaskContext
 ) -> tuple[Solution, dict[str, Array], dict[str, Array]]:
     """The solution of a batch, its signals and its metrics."""
     assert reference is not None
     problem, experiment = batch.problem, batch.experiment
-    solution = batch.engine.solve(problem, ways.progress, ways.threads)
+    solution = batch.engine.solve(problem, context.progress, context.threads)
     with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-        signals, metrics = _measured(batch, solution, reference)
-        metrics["error_estimate"] = _error_estimate(batch, solution, ways.threads)
+        signals, metrics = measured(batch, solution, reference)
+        metrics["error_estimate"] = _error_estimate(batch, solution, context.threads)
     _judge(solution, metrics["error_estimate"], experiment.solver.judgement.max_error)
     return solution, signals, metrics
 
 
-def _measured(
+def measured(
     batch: Batch, solution: Solution, reference: Array
 ) -> tuple[dict[str, Array], dict[str, Array]]:
+    """The signals of a solution, and what of its runs is one number each."""
     problem: Problem = batch.problem
     loop, times = problem.batched_loop(extra_axes=1), problem.times
     signals = compute(loop, times, solution.states)
-    balance, s = signals.pop("energy_balance"), loop.tracking(times, solution.states)
-    threshold = batch.experiment.config.settling_threshold
-    metrics = {metric.name: metric.of(times, signals, threshold) for metric in METRICS}
+    s = loop.tracking(times, solution.states)
+    config = batch.experiment.config
+    metrics = {
+        metric.name: metric.measure(
+            times,
+            signals,
+            metric.window,
+            **{name: getattr(config, key) for name, key in metric.settings.items()},
+        )
+        for metric in MEASURED
+    }
     metrics |= {
         "group_drift": loop.group.drift(signals["pose"]).max(axis=-1),
-        "energy_residual": energy_residual(signals["lyapunov"], balance),
         "unstable_distance": distance_to_unstable(loop.group, loop.gains.K, s.Q_E).min(axis=-1),
         "reference_residual": reference_distance(loop, times, solution.states, reference),
     }

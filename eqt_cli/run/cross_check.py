@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,39 +14,12 @@ from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
+from eqt_cli.results.result import CrossCheck
 from eqt_cli.run.batches import Batch, batches
 
 BOUND_PER_RTOL = 1000.0
 """Allowed difference per unit of `rtol`: what the trajectories themselves amplify (up to 70 times
 in the paper's ensemble, near the unstable equilibria) with room to spare."""
-
-
-@dataclass(frozen=True)
-class CrossCheck:
-    """The outcome of a cross-check.
-
-    Attributes
-    ----------
-    method
-        What redid the runs.
-    runs
-        How many runs of each controller.
-    difference
-        Largest max(‖ΔQ‖_F, ‖ΔV‖) over samples and over the runs that did not fail; inf where one
-        of these fails when it is redone, NaN where all failed.
-    bound
-        What it should not exceed.
-    """
-
-    method: str
-    runs: int
-    difference: float
-    bound: float
-
-    @property
-    def holds(self) -> bool:
-        """Whether the difference is within the bound."""
-        return not self.difference > self.bound
 
 
 def chosen_entries(study: Study) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -15,16 +15,17 @@ from typing import Any
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.study import Study
+from eqt_cli.results.quantities import quantities
+from eqt_cli.run.cost import check_resources
 from eqt_cli.run.executors import MOST_TRIES, Executor
 from eqt_cli.run.executors.serial import Serial
 from eqt_cli.run.folder import ResultFolder
-from eqt_cli.run.frame import described
 from eqt_cli.run.lock import LOCK, locked
 from eqt_cli.run.pack import BrokenPart, pack
+from eqt_cli.run.part_task import PartTask
 from eqt_cli.run.provenance import OTHERS, differences, provenance, together
 from eqt_cli.run.rerun import patch, rerun_of
-from eqt_cli.run.room import check_room
-from eqt_cli.run.work import Work
+from eqt_cli.run.result_layout import described
 
 RERUN = "rerun"
 
@@ -46,7 +47,7 @@ class Shard:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class Execution:
     """What `execute` did.
 
     Attributes
@@ -88,7 +89,7 @@ def execute(
     progress: Progress = lambda runs: None,
     resumed: Progress = lambda runs: None,
     remark: Remark = warn,
-) -> Outcome:
+) -> Execution:
     """Compute what of a study is not in its folder yet, and pack the result file.
 
     Parameters
@@ -118,23 +119,23 @@ def execute(
     if complete:
         failed = int((folder.manifest or {}).get("failed", 0))
         if not (rerun_failed and failed):
-            return Outcome(folder, True, [], study.plans.total, failed)
-    check_room(study, out)
+            return Execution(folder, True, [], study.plans.total, failed)
+    check_resources(study, out)
     with ExitStack() as locks:
         locks.enter_context(locked(out, shared=shard is not None, remark=remark))
         if shard:
             locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
-        execution = _Execution(study, folder, executor or Serial(), progress, resumed, remark)
+        session = _Session(study, folder, executor or Serial(), progress, resumed, remark)
         if complete:
-            return execution.rerun(failed)
+            return session.rerun(failed)
         if rerun_failed:
-            execution.forget_lost()
-        outcome = execution.run(force, shard)
-        again = rerun_failed and outcome.failed and outcome.packed
-        return execution.rerun(outcome.failed) if again else outcome
+            session.forget_lost()
+        done = session.run(force, shard)
+        again = rerun_failed and done.failed and done.packed
+        return session.rerun(done.failed) if again else done
 
 
-def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Outcome:
+def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
     """Pack the parts that shards have computed; `remark` is as of `execute`.
 
     Raises
@@ -145,7 +146,7 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Outcome:
     folder = ResultFolder(out)
     if folder.is_complete(study):
         failed = int((folder.manifest or {}).get("failed", 0))
-        return Outcome(folder, True, [], study.plans.total, failed)
+        return Execution(folder, True, [], study.plans.total, failed)
     with locked(out, remark=remark):
         missing = len(study.plans) - len(folder.parts.listed())
         if missing:
@@ -153,10 +154,10 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Outcome:
                 f"{out}: {missing} of {len(study.plans)} parts are missing; run every shard to its "
                 "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
             )
-        return _Execution(study, folder, Serial(), remark=remark).run(False, None)
+        return _Session(study, folder, Serial(), remark=remark).run(False, None)
 
 
-class _Execution:
+class _Session:
     def __init__(
         self,
         study: Study,
@@ -169,22 +170,25 @@ class _Execution:
         self.study, self.folder, self.executor = study, folder, executor
         self.progress, self.resumed, self.remark = progress, resumed, remark
         self.plan, self.files = study.plans, folder.parts
-        self.work = Work(study, self.files)
+        self.task = PartTask(study, self.files)
         self.seconds: dict[str, float] = {}
 
-    def run(self, force: bool, shard: Shard | None) -> Outcome:
-        manifest = self._manifest(afresh=force or not (shard or self.files.listed()))
+    def run(self, force: bool, shard: Shard | None) -> Execution:
+        earlier = self.folder.manifest or {}
+        manifest = self._manifest(earlier, afresh=force or not (shard or self.files.listed()))
         removed = self.folder.claim(self.study, manifest, force)
         if shard is None:
             self.folder.tidy()
         wanted = (
             range(shard.index - 1, len(self.plan), shard.count) if shard else range(len(self.plan))
         )
+        if shard or earlier.get("quantities") != manifest["quantities"]:
+            self._forget_outdated(self.task, wanted)
         there = self.files.listed()
         resumed = sum(self.plan.runs_of(number) for number in wanted if number in there)
         self.resumed(resumed)
         with _timed(self.seconds, "simulation"):
-            self.work.prepare()
+            self.task.prepare()
             self._compute([number for number in wanted if number not in there])
         if shard is None:
             with _timed(self.seconds, "writing"):
@@ -196,7 +200,7 @@ class _Execution:
             ending = {"finished": finished, "seconds": self.seconds, "failed": failed}
             self.folder.finish(manifest | ending)
         runs = sum(self.plan.runs_of(number) for number in wanted)
-        return Outcome(
+        return Execution(
             self.folder, False, removed, runs, failed, resumed, shard is None, self.seconds
         )
 
@@ -206,7 +210,20 @@ class _Execution:
             if entry.failed == self.plan.runs_of(number):
                 entry.path.unlink()
 
-    def rerun(self, failed: int) -> Outcome:
+    def _forget_outdated(self, task: PartTask, numbers: Iterable[int]) -> None:
+        """Remove those of some parts that do not hold all that this version keeps, and say so."""
+        there = task.files.listed()
+        outdated = [n for n in numbers if n in there and task.is_outdated(n, there[n].path)]
+        for number in outdated:
+            there[number].path.unlink()
+        if outdated:
+            runs = sum(map(self.plan.runs_of, outdated))
+            self.remark(
+                f"{self.folder.path}: {runs} of its runs were computed with a version of eqt that "
+                "keeps other numbers of each; they are computed again"
+            )
+
+    def rerun(self, failed: int) -> Execution:
         """Compute the failed runs of a finished result again, and replace their rows."""
         self.resumed(self.plan.total - failed)
         place = self.folder.path.resolve() / RERUN
@@ -218,7 +235,8 @@ class _Execution:
         self._tell_versions([earlier], now)
         origin = together(earlier, now)
         with _timed(self.seconds, "simulation"):
-            again.work.prepare()
+            again.parts.prepare()
+            self._forget_outdated(again.parts, again.failed)
             for outcome in self.executor.outcomes(again, again.missing, self.progress):
                 self.progress(0 if outcome.failed is not None else again.runs_of(outcome.item))
         with _timed(self.seconds, "writing"):
@@ -226,13 +244,13 @@ class _Execution:
         self.folder.finish(manifest | {"failed": still, "provenance": origin})
         shutil.rmtree(place)
         done, total = self.plan.total - failed, self.plan.total
-        return Outcome(self.folder, False, [], total, still, done, True, self.seconds)
+        return Execution(self.folder, False, [], total, still, done, True, self.seconds)
 
     def _compute(self, missing: Sequence[int]) -> None:
-        for outcome in self.executor.outcomes(self.work, missing, self.progress):
+        for outcome in self.executor.outcomes(self.task, missing, self.progress):
             if outcome.failed is None:
                 message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
-                self.progress(self.work.lose(outcome.item, message))
+                self.progress(self.task.lose(outcome.item, message))
 
     def _pack(self, origin: dict[str, Any]) -> None:
         """Pack all parts; those that turn out to be damaged are computed again."""
@@ -243,8 +261,9 @@ class _Execution:
                 pack(self.study, self.files, self.folder.results, attributes)
                 return
             except BrokenPart as broken:
-                broken.path.unlink()
-                self.work.prepare()
+                self._forget_outdated(self.task, range(len(self.plan)))
+                broken.path.unlink(missing_ok=True)
+                self.task.prepare()
                 there = self.files.listed()
                 self._compute([n for n in range(len(self.plan)) if n not in there])
 
@@ -257,8 +276,8 @@ class _Execution:
                 "with the new ones within tolerances, not bit for bit; --force starts over"
             )
 
-    def _manifest(self, afresh: bool) -> dict[str, Any]:
-        study, earlier = self.study, self.folder.manifest or {}
+    def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:
+        study = self.study
         same = earlier.get("digest") == study.digest
         origin = provenance(study.source.folder)
         if same and not afresh and "provenance" in earlier:
@@ -271,6 +290,7 @@ class _Execution:
             "runs": study.base.config.ensemble.runs,
             "controllers": list(study.base.loops),
             "plan": self.plan.data,
+            "quantities": [entry.name for entry in quantities(study.base)],
             "config": study.numeric_config,
             "provenance": origin,
             "begun": earlier["begun"] if same and "begun" in earlier else _now(),

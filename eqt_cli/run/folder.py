@@ -15,11 +15,11 @@ from eqt_cli.core.marks import is_eqts
 from eqt_cli.core.problems import KeyPath, dotted
 from eqt_cli.core.validation import shown
 from eqt_cli.experiment.study import Study
-from eqt_cli.run.listing import MANIFEST, PARTS, RESULTS
-from eqt_cli.run.part_files import PartFiles
+from eqt_cli.run.part_files import MANIFEST, PARTS, PartFiles
+from eqt_cli.store.layout import FILE_NAME
 
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
-_OURS = (RESULTS, PARTS, FIGURES, PLUGINS, REPORT, CONFIG, MANIFEST)
+_OURS = (FILE_NAME, PARTS, FIGURES, PLUGINS, REPORT, CONFIG, MANIFEST)
 
 MOST_NAMES = 3
 """Of other results in a folder, in a message."""
@@ -34,7 +34,7 @@ class ResultFolder:
     @property
     def results(self) -> Path:
         """The result file."""
-        return self.path / RESULTS
+        return self.path / FILE_NAME
 
     @property
     def parts(self) -> PartFiles:

@@ -12,12 +12,12 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
 from eqt_cli.experiment.plan import Part
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import Per, Quantity
+from eqt_cli.results.quantity import Per, Quantity
+from eqt_cli.results.result import CrossCheck
 from eqt_cli.run.compute import CHECK_STATES, read_part
-from eqt_cli.run.cross_check import CrossCheck, chosen_entries, cross_check, together
-from eqt_cli.run.frame import Form, Place, framed
-from eqt_cli.run.listing import Entry
-from eqt_cli.run.part_files import PartFiles
+from eqt_cli.run.cross_check import chosen_entries, cross_check, together
+from eqt_cli.run.part_files import FinishedPart, PartFiles
+from eqt_cli.run.result_layout import Destination, Layout, new_result_file
 from eqt_cli.store.reader import Results, open_results
 from eqt_cli.store.variables import Attribute
 
@@ -48,28 +48,28 @@ def pack(
     ResultError
         If the disk refuses.
     """
-    by_piece: list[list[tuple[int, Entry]]] = [[] for _ in study.shapes]
+    by_piece: list[list[tuple[int, FinishedPart]]] = [[] for _ in study.shapes]
     for number, listed in sorted(files.listed().items()):
         index, inner = study.plans.where(number)
         by_piece[index].append((inner, listed))
-    with framed(study, results) as frame:
+    with new_result_file(study, results) as file:
         checks = [
             _Packing(study, index, place, files).fill(by_piece[index])
-            for index, place in enumerate(frame.places)
+            for index, place in enumerate(file.places)
         ]
         check = together(checks)
         fields = {} if check is None else asdict(check)
         checked = {f"cross_check_{name}": value for name, value in fields.items()}
-        frame.root.describe({**attributes, **checked})
+        file.root.describe({**attributes, **checked})
     return check
 
 
 class _Packing:
     """Brings the parts of one piece of a study to their places."""
 
-    def __init__(self, whole: Study, index: int, place: Place, files: PartFiles) -> None:
+    def __init__(self, whole: Study, index: int, place: Destination, files: PartFiles) -> None:
         self.study, self.place, self.digest = whole.piece(index), place, whole.digest
-        self.plan, self.form = self.study.plan, Form(self.study)
+        self.plan, self.layout = self.study.plan, Layout(self.study)
         self.reference = None if self.study.desired_varies else files.reference(index)
         self.chosen = chosen_entries(self.study)
         base = self.study.base
@@ -77,7 +77,7 @@ class _Packing:
         shape = (len(self.chosen), base.config.time.samples, length)
         self.states = {label: np.full(shape, np.nan) for label in base.loops}
 
-    def fill(self, parts: Sequence[tuple[int, Entry]]) -> CrossCheck | None:
+    def fill(self, parts: Sequence[tuple[int, FinishedPart]]) -> CrossCheck | None:
         if self.reference is not None:
             self._add_reference(self.reference)
         for number, listed in parts:
@@ -91,7 +91,7 @@ class _Packing:
     def _add_reference(self, path: Path) -> None:
         with _opened(path, self.digest) as shared:
             try:
-                for entry in self.form.of(Per.DESIRED):
+                for entry in self.layout.of(Per.DESIRED):
                     self.place.put(entry.name, shared.read(entry.name, reference=0))
             except ResultError as error:
                 raise BrokenPart(path, str(error)) from error
@@ -99,8 +99,8 @@ class _Packing:
     def _add(self, part: Part, results: Results) -> None:
         """Put everything that a part holds in its place."""
         label = list(self.study.base.loops)[part.controller]
-        found = read_part(results, self.form.quantities)
-        for entry in self.form.quantities:
+        found = read_part(results, self.layout.quantities)
+        for entry in self.layout.quantities:
             if entry.name not in found:
                 continue
             data = found[entry.name]
@@ -133,7 +133,7 @@ class _Packing:
             self.place.put(entry.name, data, (slice(part.start, part.start + len(data)),))
 
 
-def put_desired(place: Place, name: str, data: Array, part: Part) -> None:
+def put_desired(place: Destination, name: str, data: Array, part: Part) -> None:
     """Put what a part holds of references; a point that is cut belongs to where it starts."""
     points = np.unique(part.points)
     own = points * part.runs >= part.start

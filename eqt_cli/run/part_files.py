@@ -1,18 +1,36 @@
-"""The finished parts of an experiment as files; what is in them is not its concern."""
+"""The finished parts of an experiment as files; what is in them is not its concern.
+
+Part 12 is ``000012.h5``, or ``000012.f3.h5`` if three of its runs failed: a listing of the folder
+tells how far the experiment has come, without a file being opened. Nothing heavy is imported.
+"""
 
 from __future__ import annotations
 
 import os
+import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 from uuid import uuid4
 
-from eqt_cli.run.listing import PART_NAME, Entry, finished_parts, part_name
-from eqt_cli.store.variables import Table
-from eqt_cli.store.writer import write
+if TYPE_CHECKING:
+    from eqt_cli.store.variables import Table
+
+MANIFEST, PARTS = "manifest.json", "parts"
+"""In a result folder: what the experiment is, and where its finished parts are."""
+
+_NAME = re.compile(r"(\d{6,})(?:\.f(\d+))?\.h5")
 
 _PROCESS = uuid4().hex[:8]
 """Keeps the unfinished files of processes on several machines apart."""
+
+
+@dataclass(frozen=True)
+class FinishedPart:
+    """The file of a finished part, and how many of its runs failed."""
+
+    path: Path
+    failed: int
 
 
 @dataclass(frozen=True)
@@ -25,21 +43,38 @@ class PartFiles:
         """The file of the reference that all runs of a piece share."""
         return self.folder / (f"reference-{piece}.h5" if piece else "reference.h5")
 
-    def listed(self) -> dict[int, Entry]:
+    def listed(self) -> dict[int, FinishedPart]:
         """The finished parts, by number."""
-        return finished_parts(self.folder)
+        found: dict[int, FinishedPart] = {}
+        try:
+            names = sorted(os.listdir(self.folder))  # noqa: PTH208  # thousands, quickly
+        except FileNotFoundError:
+            return found
+        for name in names:
+            if match := _NAME.fullmatch(name):
+                number, failed = int(match[1]), int(match[2] or 0)
+                # After a second try there are two for a moment: that with fewer failures counts.
+                if number not in found or failed < found[number].failed:
+                    found[number] = FinishedPart(self.folder / name, failed)
+        return found
 
     def save(self, number: int, table: Table, failed: int) -> None:
         """Write a finished part, which appears complete or not at all."""
-        write(self.folder / part_name(number, failed), table, tag=f"{_PROCESS}-{os.getpid()}")
+        name = f"{number:06d}.f{failed}.h5" if failed else f"{number:06d}.h5"
+        self._write(self.folder / name, table)
 
     def save_reference(self, piece: int, table: Table) -> None:
         """Write the reference that all runs of a piece share."""
-        write(self.reference(piece), table, tag=f"{_PROCESS}-{os.getpid()}")
+        self._write(self.reference(piece), table)
+
+    def _write(self, path: Path, table: Table) -> None:
+        from eqt_cli.store.writer import write
+
+        write(path, table, tag=f"{_PROCESS}-{os.getpid()}")
 
     def tidy(self) -> None:
         """Remove what killed processes left unfinished, and parts that better ones replace."""
-        best = {entry.path.name for entry in self.listed().values()}
+        best = {part.path.name for part in self.listed().values()}
         for path in self.folder.iterdir():
-            if path.suffix == ".tmp" or (PART_NAME.fullmatch(path.name) and path.name not in best):
+            if path.suffix == ".tmp" or (_NAME.fullmatch(path.name) and path.name not in best):
                 path.unlink(missing_ok=True)

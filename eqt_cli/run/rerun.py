@@ -11,15 +11,17 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
+from eqt_cli.core.errors import EqtError
 from eqt_cli.engines import Status
+from eqt_cli.experiment.law_names import LAW
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import Per
+from eqt_cli.results.quantity import Per
 from eqt_cli.run.compute import compute_alone, compute_part, read_part
-from eqt_cli.run.executors import Ways
-from eqt_cli.run.frame import Form, Place, framed
+from eqt_cli.run.executors import TaskContext
 from eqt_cli.run.pack import put_desired
 from eqt_cli.run.part_files import PartFiles
-from eqt_cli.run.work import Work
+from eqt_cli.run.part_task import PartTask
+from eqt_cli.run.result_layout import Destination, Layout, new_result_file
 from eqt_cli.store.assembly import Assembly
 from eqt_cli.store.reader import Results, open_results
 from eqt_cli.store.variables import Table, Variable
@@ -34,7 +36,7 @@ class Rerun:
 
     Attributes
     ----------
-    work
+    parts
         The study, and where the new rows are kept until they are in the result.
     failed
         By part, the rows to compute.
@@ -42,25 +44,22 @@ class Rerun:
         Parts that had been lost with their workers: they are computed as if for the first time.
     """
 
-    work: Work
+    parts: PartTask
     failed: dict[int, list[int]]
     whole: frozenset[int]
 
     @blamed()
-    def __call__(self, item: int, ways: Ways) -> int:
+    def __call__(self, item: int, context: TaskContext) -> int:
         rows = np.array(self.failed[item])
-        index, number = self.work.study.plans.where(item)
-        study, shared = self.work.study.piece(index), self.work.shared(index)
+        index, number = self.parts.study.plans.where(item)
+        study, shared = self.parts.study.piece(index), self.parts.shared(index)
         part = study.plan.part(number)
         if item in self.whole:
-            table = compute_part(study, part, shared, ways)
+            table = compute_part(study, part, shared, context)
         else:
-            table = compute_alone(study, part, rows, shared, ways)
-        still = int(np.count_nonzero(table.variables["status"].data))
+            table = compute_alone(study, part, rows, shared, context)
         where = {ROW: Variable(("entry",), rows)}
-        attributes = {"digest": self.work.study.digest}
-        self.work.files.save(item, Table({**table.variables, **where}, {}, attributes), still)
-        return still
+        return self.parts.save(item, Table({**table.variables, **where}, {}, table.attributes))
 
     def runs_of(self, item: int) -> int:
         """The number of runs to compute of a part."""
@@ -69,15 +68,28 @@ class Rerun:
     @property
     def missing(self) -> list[int]:
         """The parts that an earlier session has not done."""
-        there = self.work.files.listed()
+        there = self.parts.files.listed()
         return [number for number in self.failed if number not in there]
 
 
 def rerun_of(study: Study, results: Path, folder: Path) -> Rerun:
-    """What there is to compute again of a result; new rows are kept in `folder`."""
+    """What there is to compute again of a result; new rows are kept in `folder`.
+
+    Raises
+    ------
+    EqtError
+        If the result does not hold the variables that this version of eqt keeps.
+    """
     failed: dict[int, list[int]] = {}
     whole = []
+    layout = Layout(study.piece(0))
+    kept = {entry.name for entry in (layout.of(Per.RUN) if study.is_ragged else layout.quantities)}
     with open_results(results) as old:
+        if {LAW, *old.names} != {LAW, *kept}:
+            raise EqtError(
+                f"{results}: was written by a version of eqt that keeps other variables; compute "
+                "its failed runs with that version, or start over with --force"
+            )
         status = old["status"]
     status = status.reshape(-1, *status.shape[-2:]).swapaxes(0, 1)
     by_piece = [status[:, points].reshape(len(status), -1) for points in study.shapes]
@@ -89,24 +101,24 @@ def rerun_of(study: Study, results: Path, folder: Path) -> Rerun:
             failed[item] = np.flatnonzero(found).tolist()
         if (found == Status.WORKER_LOST).all():
             whole.append(item)
-    return Rerun(Work(study, PartFiles(folder)), failed, frozenset(whole))
+    return Rerun(PartTask(study, PartFiles(folder)), failed, frozenset(whole))
 
 
 def patch(rerun: Rerun, path: Path, provenance: dict[str, Any]) -> int:
     """Replace a result file by one with the new rows; returns how many runs still fail."""
-    study = rerun.work.study
-    with open_results(path) as old, framed(study, path) as frame:
+    study = rerun.parts.study
+    with open_results(path) as old, new_result_file(study, path) as file:
         still = int(np.count_nonzero(old["status"]))
-        _copy_all(frame.root, old)
-        for point, group in enumerate(frame.groups):
+        _copy_all(file.root, old)
+        for point, group in enumerate(file.groups):
             _copy_all(group, old.at(point))
-        for item, listed in rerun.work.files.listed().items():
+        for item, listed in rerun.parts.files.listed().items():
             still += listed.failed - len(rerun.failed[item])
             index, number = study.plans.where(item)
             with open_results(listed.path) as new:
-                _replace(study.piece(index), frame.places[index], number, new)
+                _replace(study.piece(index), file.places[index], number, new)
         origin = json.dumps(provenance, ensure_ascii=False)
-        frame.root.describe({**old.attributes, "provenance": origin})
+        file.root.describe({**old.attributes, "provenance": origin})
     return still
 
 
@@ -126,12 +138,12 @@ def _copy(file: Assembly, old: Results, name: str) -> None:
         file.put(name, old.read(name, **{dims[0]: rows}), (rows,))
 
 
-def _replace(study: Study, file: Place, number: int, new: Results) -> None:
-    plan, form = study.plan, Form(study)
+def _replace(study: Study, file: Destination, number: int, new: Results) -> None:
+    plan, layout = study.plan, Layout(study)
     part = plan.part(number)
     points, runs = np.divmod(part.start + new[ROW], plan.runs)
-    found = read_part(new, form.quantities)
-    for entry in form.quantities:
+    found = read_part(new, layout.quantities)
+    for entry in layout.quantities:
         if entry.per is Per.DESIRED and entry.name in found:  # of a part that had been lost
             put_desired(file, entry.name, found[entry.name], part)
         if entry.per not in (Per.RUN, Per.TRAJECTORY):

@@ -32,7 +32,7 @@ _AGAIN = "copy it again or run the experiment again"
 _RESTORE = f"eqt writes no such file: {_AGAIN}"
 
 
-def open_results(path: str | Path) -> Results:
+def open_results(path: str | Path) -> ResultFile:
     """Open a result file, after checking that it is safe to read.
 
     Parameters
@@ -42,7 +42,7 @@ def open_results(path: str | Path) -> Results:
 
     Returns
     -------
-    Results
+    ResultFile
         To be used as a context manager, which closes the file.
 
     Raises
@@ -51,16 +51,16 @@ def open_results(path: str | Path) -> Results:
         If there is no such file, it was not written by eqt, is damaged, points to other files or
         declares more data than it holds.
     """
-    return Results(_find(Path(path)))
+    return ResultFile(path)
 
 
-class Results:
+class ResultFile:
     """An open result file; arrays are read, anew each time, when asked for.
 
     Parameters
     ----------
     path
-        The file itself.
+        The file, or the result folder that holds it.
 
     Attributes
     ----------
@@ -74,8 +74,8 @@ class Results:
         The variables and the coordinates, in the order of writing.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
+    def __init__(self, path: str | Path) -> None:
+        self.path = path = _find(Path(path))
         with ExitStack() as stack, _guard(path):
             stream = stack.enter_context(path.open("rb"))
             self._view = stack.enter_context(mmap(stream.fileno(), 0, access=ACCESS_READ))
@@ -296,6 +296,9 @@ def _opened(path: Path) -> Any:
         if "locking flag" not in str(error):
             raise
         return h5py.File(path, "r")
+
+
+Results = ResultFile
 
 
 class MissingAttributeError(ResultError, KeyError):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.certificates import (
+    LiteralForm,
     Runs,
     Setting,
     Verdict,
@@ -25,10 +26,11 @@ from eqt_cli.core.arrays import tanh
 from eqt_cli.core.expressions import parse
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia, PrescribedInertia
-from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.references.torque import TorqueReference
 
+WEIGHTS = "weights (g, c, n) of the law"
 TIMES = np.linspace(0.0, 10.0, 101)
 RTOL = 1e-9
 
@@ -140,12 +142,62 @@ def test_bounds_are_a_few_thousand_roundings_and_not_loose(G):
 def test_laws_of_section_7_have_their_own_rows_on_SO3(name, rows):
     found = identities(closed_loop(group_named("SO3"), controllers.get(name)()))
     about_laws = {row.name for row in found if row.controller == "law"}
-    assert about_laws == rows | {"power of the feedforward", "rate of L"}
+    assert about_laws == rows | {WEIGHTS, "power of the feedforward", "rate of L"}
 
 
-def test_a_point_of_the_family_is_known_by_its_numbers_not_its_name():
+def test_a_point_of_the_family_is_what_its_options_say():
     found = identities(closed_loop(group_named("SO3"), Family(0.5, 0.5, 0.5, "body")))
     assert "GT on SO(3)" in {row.name for row in found}
+
+
+def test_every_shipped_law_has_a_literal_form():
+    written = {found.law for found in certificates.all() if issubclass(found, LiteralForm)}
+    assert set(controllers.names()) <= written
+
+
+@pytest.mark.parametrize("name", controllers.names())
+def test_every_shipped_law_is_compared_with_its_literal_form_on_every_group(G, name):
+    loop = closed_loop(G, controllers.get(name)())
+    asked = [found for found in certificates.all() if issubclass(found, LiteralForm)]
+    assert any(found().applies(loop) for found in asked)
+
+
+def changed(name, **numbers):
+    """A law of this registered name whose class has other numbers."""
+    law = controllers.get(name)
+    fields = {key: dataclasses.field(default=value, init=False) for key, value in numbers.items()}
+    types = {key: type(value) for key, value in numbers.items()}
+    copy = type(law.__name__, (law,), {"__annotations__": types, "name": name, **fields})
+    return dataclass(frozen=True)(copy)()
+
+
+@pytest.mark.parametrize(
+    ("name", "numbers", "rows"),
+    [
+        ("gt", {"gyroscopic": 0.6}, {"GT on SO(3)", WEIGHTS}),
+        ("gt", {"damping": "spatial"}, {"GT on SO(3)", WEIGHTS}),
+        ("nog", {"gyroscopic": 0.1}, {"nog on SO(3)", WEIGHTS}),
+        ("eqt", {"gyroscopic": 0.0}, {"EqT on SO(3)", WEIGHTS, "control through G ⋉ g*"}),
+        ("asym", {"transport": 1.0}, {"asym on SO(3)", WEIGHTS, "power of the feedforward"}),
+    ],
+)
+def test_a_named_law_whose_numbers_are_changed_fails_its_rows(name, numbers, rows):
+    found = identities(closed_loop(group_named("SO3"), changed(name, **numbers)))
+    assert {row.name for row in found if row.verdict is Verdict.FAILS} == rows
+
+
+@pytest.mark.parametrize("name", ["gt", "stabilising"])
+def test_the_frame_of_K_d_is_seen_also_where_K_d_is_a_multiple_of_the_identity(name, monkeypatch):
+    """On SO(3) such a K_d is the same in every frame; the literal form is asked of others too."""
+    G, law = group_named("SO3"), controllers.get(name)()
+    gains = Gains(np.eye(3), np.eye(3) / 2)
+    parts = {"gains": gains, "reference": ConstantReference()}
+    in_space = property(lambda s: s.G.Ad_star(s.Qd, s.spatial_damping))
+    monkeypatch.setattr(Tracking, "body_damping", in_space)
+    at_rest = name == "stabilising"
+    found = identities(closed_loop(G, law, **parts), at_rest=at_rest)
+    rows = {"stabilising control"} if at_rest else {"GT on SO(3)", WEIGHTS}
+    assert {row.name for row in found if row.verdict is Verdict.FAILS} == rows
 
 
 def test_formulas_of_SO3_are_not_for_other_groups_of_three_dimensions():
@@ -160,14 +212,37 @@ class Limited(EqT):
     def torque(self, s):
         return 2 * tanh(super().torque(s) / 2)
 
-    def dissipation(self, s):
-        return None
+
+class Nameless(EqT):
+    def torque(self, s):
+        return 2 * tanh(super().torque(s) / 2)
 
 
-def test_a_subclass_with_a_torque_of_its_own_is_not_the_law_it_extends():
-    loop = closed_loop(group_named("SO3"), Limited())
+@pytest.mark.parametrize("law", [Limited, Nameless])
+def test_a_subclass_with_a_torque_of_its_own_claims_nothing(law):
+    loop = closed_loop(group_named("SO3"), law())
     assert not [row for row in identities(loop) if row.controller]
     assert hypothesis("the law is covered", loop).verdict == "unknown"
+
+
+@dataclass(frozen=True)
+class Weaker(EqT):
+    name: ClassVar[str] = "weaker"
+
+    def torque(self, s):
+        return super().torque(s) + s.body_damping / 2
+
+    def dissipation(self, s):
+        return super().dissipation(s)
+
+
+def test_a_subclass_that_says_what_it_dissipates_is_asked_for_it():
+    [row] = [
+        row
+        for row in identities(closed_loop(group_named("SO3"), Weaker()))
+        if row.controller == "law"
+    ]
+    assert (row.name, row.verdict) == ("rate of L", "FAILS")
 
 
 @dataclass(frozen=True)

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison import Window, compare
-from eqt_cli.analysis.comparison.measures import decay_rate, largest_rise
 from eqt_cli.analysis.comparison.records import claim_records
 from eqt_cli.core.errors import EqtError
+from eqt_cli.results.metrics import decay_rate, largest_rise
 
 RUNS = 40
 NOISE = np.random.default_rng(5).normal(size=RUNS)
@@ -121,7 +121,7 @@ def test_stored_metrics_are_used_where_they_are_the_same_number(make_result):
 def test_results_without_trajectories_have_their_metrics(make_result):
     metrics = {"early_torque": [[1.0] * 6, [2.0] * 6], "settling_time": [[1.0] * 6] * 2}
     comparison = compare(make_result(["eqt", "gt"], metrics=metrics))
-    assert [level.samples.measure.name for level in comparison.levels[::2]] == [
+    assert [level.measured.quantity.name for level in comparison.levels[::2]] == [
         "mean_torque",
         "settling_time",
     ]
@@ -176,8 +176,8 @@ def test_norms_with_mixed_units_are_compared_by_their_parts(make_result):
         ["eqt", "gt"], dict.fromkeys(names, values) | {"lyapunov": values}, units=units
     )
     comparison = compare(results)
-    early = [level.samples for level in comparison.levels[::2]][:4]
-    assert [(s.measure.name, s.unit) for s in early if s.window.stop == 5] == [
+    early = [level.measured for level in comparison.levels[::2]][:4]
+    assert [(s.quantity.name, s.unit) for s in early if s.window.stop == 5] == [
         ("mean_torque_rotation", "N m"),
         ("mean_torque_translation", "N"),
     ]
@@ -272,7 +272,7 @@ def test_sweeps_need_a_point(make_result):
 def test_windows_do_not_cut_what_is_of_whole_runs(make_result):
     results = make_result(["a"], metrics={"settling_time": [[1.0] * 6]})
     comparison = compare(results, metrics=["settling_time"], windows=[Window(0, 5)])
-    assert comparison.levels[0].samples.window == Window(0, 20)
+    assert comparison.levels[0].measured.window == Window(0, 20)
     assert comparison.missing[0] == (
         "Windows do not apply to settling_time, which has a window of its own."
     )

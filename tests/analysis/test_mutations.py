@@ -10,7 +10,7 @@ import sys
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.certificates import Verdict, theorem_6_2
+from eqt_cli.analysis.certificates import Verdict, error_system
 from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.config import shipped
 from eqt_cli.config.source import read_config
@@ -278,7 +278,7 @@ PLANTS = {
     ),
     "eq. (22): no feedforward": (
         "paper",
-        in_function(theorem_6_2.feedforward, lambda exact, s, P_E: 0 * P_E),
+        in_function(error_system.feedforward, lambda exact, s, P_E: 0 * P_E),
     ),
     "eq. (27): no ad*": (
         "paper",

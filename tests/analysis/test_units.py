@@ -2,7 +2,7 @@
 
 import pytest
 
-from eqt_cli.results.metrics import unit_in
+from eqt_cli.results.quantity import Quantity
 
 
 @pytest.mark.parametrize(
@@ -18,4 +18,4 @@ from eqt_cli.results.metrics import unit_in
     ],
 )
 def test_only_what_has_several_symbols_is_in_brackets(pattern, unit, expected):
-    assert unit_in(pattern, unit) == expected
+    assert Quantity("effort", "control effort", units=pattern).unit(unit) == expected

@@ -25,6 +25,9 @@ class Away(EqT):
 
     def torque(self, s):
         return super().torque(s) + 2 * s.body_damping
+
+    def dissipation(self, s):
+        return super().dissipation(s)
 """
 ESCAPE = """\
 from dataclasses import dataclass

@@ -12,10 +12,10 @@ from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.sweeping import study
-from eqt_cli.run.execute import Outcome, execute
+from eqt_cli.run.execute import Execution, execute
 from eqt_cli.store.reader import Results, open_results
 
-Run = Callable[..., Outcome]
+Run = Callable[..., Execution]
 Build = Callable[..., Experiment]
 Message = Callable[..., str]
 

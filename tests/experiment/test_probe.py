@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from eqt_cli.core.errors import ComponentError
-from eqt_cli.run.execute import Outcome
+from eqt_cli.run.execute import Execution
 
-Run = Callable[..., Outcome]
+Run = Callable[..., Execution]
 Message = Callable[..., str]
 
 LAW = """\

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eqt_cli.run.execute import Outcome
+from eqt_cli.run.execute import Execution
 from eqt_cli.store.reader import Results, open_results
 
-Run = Callable[..., Outcome]
+Run = Callable[..., Execution]
 
 RUN, TIME = ("controller", "run"), ("controller", "run", "time")
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from eqt_cli.analysis.certificates.theorem_6_2 import tracking_control
+from eqt_cli.analysis.certificates.tracking_laws import tracking_control
 from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import apply_matrix, dot, inverse_spd, transpose
 from eqt_cli.core.expressions import parse

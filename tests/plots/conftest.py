@@ -7,8 +7,8 @@ import yaml
 
 from eqt_cli.config.source import read_config
 from eqt_cli.experiment.sweeping import study
+from eqt_cli.results.result import open_result
 from eqt_cli.run.execute import execute
-from eqt_cli.store.reader import open_results
 from eqt_cli.store.variables import Table, Variable
 from eqt_cli.store.writer import write
 
@@ -75,7 +75,7 @@ def opened(request):
     """Open a result file until the test ends."""
 
     def open_until_end(path):
-        results = open_results(path)
+        results = open_result(path)
         request.addfinalizer(results.close)
         return results
 

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from eqt_cli.report.animation import animation
-from eqt_cli.store.reader import open_results
+from eqt_cli.results.result import open_result
 
 
 @pytest.fixture(scope="module")
 def text(paper_result):
-    with open_results(paper_result) as results:
+    with open_result(paper_result) as results:
         return animation(results, 4)
 
 
@@ -22,7 +22,7 @@ def data(text):
 
 def test_page_holds_the_run(text, paper_result):
     found = data(text)
-    with open_results(paper_result) as results:
+    with open_result(paper_result) as results:
         pose = results.read("pose", controller=2, run=4)
     rotation = np.array(found["bodies"][2]["rotation"]).reshape(-1, 3, 3)
     # Four digits are kept.

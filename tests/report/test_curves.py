@@ -7,7 +7,7 @@ import pytest
 
 from eqt_cli.report import curves as module
 from eqt_cli.report.curves import LEVELS, POWER, curves, quantised
-from eqt_cli.store.reader import open_results
+from eqt_cli.results.result import open_result
 
 
 def test_values_keep_their_relative_accuracy():
@@ -31,7 +31,7 @@ def test_all_zero_values():
 
 
 def test_curves_of_a_result(paper_result):
-    with open_results(paper_result) as results:
+    with open_result(paper_result) as results:
         found = curves(results)
         torque = results.read("torque_norm", controller=1, run=7)
     assert [panel["name"] for panel in found["panels"]] == ["‖I − Q_E‖", "‖V − V_d‖", "‖τ‖", "L"]
@@ -45,7 +45,7 @@ def test_curves_of_a_result(paper_result):
 
 def test_runs_that_would_not_fit_are_left_out(paper_result, monkeypatch):
     monkeypatch.setattr(module, "LARGEST", 50_000)
-    with open_results(paper_result) as results:
+    with open_result(paper_result) as results:
         found = curves(results)
     assert found["stored"] == 60
     assert sum(len(panel["codes"]) for panel in found["panels"]) <= 50_000 + 16
@@ -53,7 +53,7 @@ def test_runs_that_would_not_fit_are_left_out(paper_result, monkeypatch):
 
 
 def test_controllers_look_as_in_the_figures(paper_result):
-    with open_results(paper_result) as results:
+    with open_result(paper_result) as results:
         looks = curves(results)["controllers"]
     assert [(look["title"], look["colour"], bool(look["dashes"])) for look in looks[:2]] == [
         ("EqT", "#0072b2", False),

@@ -7,7 +7,7 @@ import pytest
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.report.figures import DEFAULT, inline_figures, inlined, named
-from eqt_cli.store.reader import open_results
+from eqt_cli.results.result import open_result
 
 FILE = b"""<?xml version="1.0"?>
 <svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" width="10pt"
@@ -58,7 +58,7 @@ def test_label_says_what_is_drawn(svg):
 
 
 def test_figures_of_a_result(paper_result):
-    with open_results(paper_result) as results:
+    with open_result(paper_result) as results:
         drawn, remarks = inline_figures(results, DEFAULT)
     assert [figure.key for figure in drawn][:3] == ["figure1", "figure2", "figure3"]
     assert remarks == []

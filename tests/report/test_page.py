@@ -9,7 +9,7 @@ import pytest
 
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.report import report
-from eqt_cli.store.reader import open_results
+from eqt_cli.results.result import open_result
 
 MEANS = ("early_torque", "mean_pose_error", "final_pose_error", "final_velocity_error")
 HOSTILE = "</script><img src=x onerror=alert(1)>"
@@ -33,7 +33,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def text(paper_result):
-    with open_results(paper_result) as results:
+    with open_result(paper_result) as results:
         return report(results)
 
 
@@ -62,7 +62,7 @@ def test_page_of_the_paper_stays_below_3_megabytes(text):
 
 
 def test_equal_results_give_equal_pages(paper_result, text):
-    with open_results(paper_result) as results:
+    with open_result(paper_result) as results:
         assert report(results) == text
 
 
@@ -130,7 +130,7 @@ def test_certificates_keep_kinds_apart_and_failures_stand_out(paper_result):
         Row("drift", "eq. (5)", "trajectory", "eqt", 2e-3, 1e-6, Verdict.FAILS, HOSTILE),
         Row("rate of L", "Theorem 3.2", "identity", "", 0.0, 1e-12, Verdict.HOLDS),
     ]
-    with open_results(paper_result) as results:
+    with open_result(paper_result) as results:
         text = report(results, [], rows)
     assert "checked on this experiment: 1 hold, 1 fail" in text
     assert text.index("Identities, at random states") < text.index("Trajectories, over the runs")
@@ -165,7 +165,7 @@ def test_starting_over_removes_the_page_of_the_old_result(invoke, tmp_path):
 
 def test_the_inertia_has_its_index(paper_result):
     row = Row("𝕀_t is bounded", "Theorem 3.2", "hypothesis", "", 0.0, None, Verdict.HOLDS)
-    with open_results(paper_result) as results:
+    with open_result(paper_result) as results:
         assert "𝕀<sub>t</sub> is bounded" in report(results, [], [row])
 
 

@@ -1,4 +1,4 @@
-"""Certificates: one file per statement of the paper, found by scanning this folder."""
+"""Certificates: the statements of the paper, a file a chapter, found by scanning this folder."""
 
 from collections.abc import Iterable
 from typing import TypeVar
@@ -7,13 +7,13 @@ from eqt_cli.analysis.certificates.base import (
     Certificate,
     Hypothesis,
     Identity,
+    LiteralForm,
     Row,
     TrajectoryCheck,
     Verdict,
 )
-from eqt_cli.analysis.certificates.runs import Runs
-from eqt_cli.analysis.certificates.sample import Sample, sampled
-from eqt_cli.analysis.certificates.setting import Setting
+from eqt_cli.analysis.evidence.runs import Runs, Setting
+from eqt_cli.analysis.evidence.sample import Sample, sampled
 from eqt_cli.core.registry import Registry
 
 T = TypeVar("T")
@@ -54,6 +54,7 @@ def _in_order(rows: list[Row]) -> list[Row]:
 
 __all__ = [
     "Certificate",
+    "LiteralForm",
     "Row",
     "Runs",
     "Sample",

@@ -6,14 +6,15 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
-from eqt_cli.analysis.bounded import discrepancy
-from eqt_cli.analysis.certificates.runs import Runs
-from eqt_cli.analysis.certificates.sample import Sample
-from eqt_cli.analysis.certificates.setting import Setting
+from eqt_cli.analysis.evidence.running_error import discrepancy
+from eqt_cli.analysis.evidence.runs import Runs, Setting
+from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
+from eqt_cli.mechanics.tracking import Tracking
 
 Kind = Literal["identity", "trajectory", "hypothesis"]
 
@@ -89,6 +90,13 @@ class Certificate(ABC):
             self.name, self.statement, self.kind, controller, measured, bound, verdict, remark
         )
 
+    def compared(
+        self, measured: float, bound: float, remark: str = "", controller: str = ""
+    ) -> Row:
+        """A row that holds where what was measured is within its bound, and else fails."""
+        verdict = Verdict.HOLDS if measured <= bound else Verdict.FAILS
+        return self.row(verdict, measured, bound, remark, controller)
+
 
 class Identity(Certificate):
     """An equation that holds at every state, up to the rounding of its two sides.
@@ -120,9 +128,43 @@ class Identity(Certificate):
             return [self.row(Verdict.UNDECIDED, remark=reason, controller=label)]
         if not found:
             return []
-        measured, bound = max(found, key=_excess)
-        verdict = Verdict.HOLDS if measured <= bound else Verdict.FAILS
-        return [self.row(verdict, measured, bound, controller=label)]
+        return [self.compared(*max(found, key=_excess), controller=label)]
+
+
+class LiteralForm(Identity):
+    """A registered law against its source's formula, written out as the source does.
+
+    It is asked of every law that claims to be this one, by its registered name and whatever its
+    numbers are; so a law whose numbers are changed fails it.
+
+    Attributes
+    ----------
+    law
+        The registered name of the law.
+    """
+
+    per_law: ClassVar[bool] = True
+    law: ClassVar[str]
+
+    def applies(self, loop: ClosedLoop) -> bool:
+        """To the law of this name, where the formula is written for the rest of the loop."""
+        return registered_name(loop.controller) == self.law and self.is_written_for(loop)
+
+    def is_written_for(self, loop: ClosedLoop) -> bool:
+        """Whether the formula is for this group, and for an inertia of this kind."""
+        return True
+
+    def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
+        """The law's torque against the formula, with the experiment's gains and with generic ones.
+
+        Gains that are multiples of the identity do not tell one frame from another.
+        """
+        for s in (sample.s, sample.generic):
+            yield sample.loop.command(s), self.torque(s, sample.loop.controller)
+
+    @abstractmethod
+    def torque(self, s: Tracking, law: Any) -> Array:
+        """The formula, body frame; of the law only its options may be read."""
 
 
 class TrajectoryCheck(Certificate):
@@ -143,6 +185,20 @@ class Hypothesis(Certificate):
     @abstractmethod
     def check(self, setting: Setting) -> list[Row]:
         """What is true of the setting; no row where it says nothing."""
+
+
+def registered_name(law: Controller) -> str | None:
+    """The name by which a law claims to be what its source writes.
+
+    None where its class overrides the torque of a named law without taking a name of its own: then
+    it claims nothing.
+    """
+    for owner in type(law).__mro__:
+        if "name" in vars(owner):
+            return law.name
+        if "torque" in vars(owner):
+            return None
+    return None
 
 
 def _excess(pair: tuple[float, float]) -> float:

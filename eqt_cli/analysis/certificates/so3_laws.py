@@ -1,17 +1,14 @@
-"""What the laws of §7 on SO(3) are made of, written as the paper does, with cross products."""
+"""The laws of §7 on SO(3) for a constant inertia, as the paper writes them, with cross products."""
 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator
-from typing import ClassVar, Literal
+from typing import Any, ClassVar
 
-from eqt_cli.analysis.certificates.base import Identity
-from eqt_cli.analysis.certificates.cross_product import cross, is_rotations_of_space, vee
-from eqt_cli.analysis.certificates.family_members import is_member
-from eqt_cli.analysis.certificates.sample import Sample
+from eqt_cli.analysis.certificates.stabilisation import is_rotations_of_space, vee
+from eqt_cli.analysis.certificates.tracking_laws import MemberForm
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.core.arrays import Array, apply_matrix, transpose
+from eqt_cli.core.arrays import Array, apply_matrix, stack, transpose
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Tracking
 
@@ -21,9 +18,8 @@ class Rigid:
 
     def __init__(self, s: Tracking) -> None:
         self.w, self.wd, self.w_, self.taud = s.V, s.Vd, s.V - s.Vd, s.tau_d
-        self._I, self._K_d = s.inertia.matrix, s.gains.K_d
-        R_E = s.Q @ transpose(s.Qd)
-        Rd_T = transpose(s.Qd)
+        self._I = s.inertia.matrix
+        R_E, Rd_T = s.Q @ transpose(s.Qd), transpose(s.Qd)
         asymmetric = s.gains.K @ R_E - transpose(R_E) @ transpose(s.gains.K)
         self.proportional = apply_matrix(Rd_T, vee(asymmetric))
         self.spatial_damping = apply_matrix(Rd_T @ s.gains.K_d @ s.Qd, self.w_)
@@ -46,25 +42,89 @@ class Rigid:
         return self.momentum(cross(self.w, self.wd))
 
 
-class SO3Law(Identity):
-    """A law of §7 against the paper's formula; `member` says which point of the family it is."""
+class SO3Law(MemberForm):
+    """A law of §7 against the paper's formula."""
 
-    per_law: ClassVar[bool] = True
-    member: ClassVar[tuple[float, float, float, Literal["spatial", "body"]]]
+    def is_written_for(self, loop: ClosedLoop) -> bool:
+        """SO(3), with the constant inertia of §7."""
+        return isinstance(loop.inertia, Inertia) and is_rotations_of_space(loop.group)
 
-    def applies(self, loop: ClosedLoop) -> bool:
-        """To this law on SO(3), with the constant inertia of §7."""
-        constant = isinstance(loop.inertia, Inertia)
-        return (
-            constant
-            and is_rotations_of_space(loop.group)
-            and is_member(loop.controller, *self.member)
-        )
-
-    def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The controller's torque against the formula."""
-        yield sample.loop.command(sample.s), self.torque(Rigid(sample.s))
+    def torque(self, s: Tracking, law: Any) -> Array:
+        """The formula, in the symbols of §7."""
+        return self.of(Rigid(s))
 
     @abstractmethod
-    def torque(self, b: Rigid) -> Array:
+    def of(self, b: Rigid) -> Array:
         """The paper's formula."""
+
+
+class SO3EqT(SO3Law):
+    """τ_d + ω̃ × 𝕀ω_d + ω_d × 𝕀ω̃ − R_dᵀK_dR_d ω̃ − R_dᵀ(K_pR_E − R_EᵀK_pᵀ)^∨."""
+
+    name: ClassVar[str] = "EqT on SO(3)"
+    statement: ClassVar[str] = "eq. (23)"
+    section: ClassVar[float] = 7.1
+    law: ClassVar[str] = "eqt"
+
+    def of(self, b: Rigid) -> Array:
+        """The sum of its terms."""
+        return b.taud + b.gyroscopic() + b.transport() - b.spatial_damping - b.proportional
+
+
+class SO3GT(SO3Law):
+    """τ_d + ½𝕀(ω × ω_d) + ½ω × 𝕀ω_d + ½ω_d × 𝕀ω − ω_d × 𝕀ω_d − K_d ω̃ − proportional term."""
+
+    name: ClassVar[str] = "GT on SO(3)"
+    statement: ClassVar[str] = "eq. (24)"
+    section: ClassVar[float] = 7.2
+    law: ClassVar[str] = "gt"
+
+    def of(self, b: Rigid) -> Array:
+        """The sum of its terms."""
+        return (
+            b.taud
+            + b.connection() / 2
+            + cross(b.w, b.momentum(b.wd)) / 2
+            + cross(b.wd, b.momentum(b.w)) / 2
+            - cross(b.wd, b.momentum(b.wd))
+            - b.body_damping
+            - b.proportional
+        )
+
+
+class SO3NoG(SO3Law):
+    """τ_d + ω_d × 𝕀ω̃ − R_dᵀK_dR_d ω̃ − proportional term."""
+
+    name: ClassVar[str] = "nog on SO(3)"
+    statement: ClassVar[str] = "§7, τ^nog"
+    section: ClassVar[float] = 7.5
+    law: ClassVar[str] = "nog"
+
+    def of(self, b: Rigid) -> Array:
+        """The sum of its terms."""
+        return b.taud + b.transport() - b.spatial_damping - b.proportional
+
+
+class SO3Asym(SO3Law):
+    """τ_d + ω̃ × 𝕀ω_d + ½ω_d × 𝕀ω̃ + ½𝕀(ω × ω_d) − R_dᵀK_dR_d ω̃ − proportional term."""
+
+    name: ClassVar[str] = "asym on SO(3)"
+    statement: ClassVar[str] = "§7, τ^asym"
+    section: ClassVar[float] = 7.6
+    law: ClassVar[str] = "asym"
+
+    def of(self, b: Rigid) -> Array:
+        """The sum of its terms."""
+        return (
+            b.taud
+            + b.gyroscopic()
+            + b.transport() / 2
+            + b.connection() / 2
+            - b.spatial_damping
+            - b.proportional
+        )
+
+
+def cross(u: Array, v: Array) -> Array:
+    """u × v, ``(..., 3)``."""
+    return stack([u[..., i - 2] * v[..., i - 1] - u[..., i - 1] * v[..., i - 2] for i in range(3)])

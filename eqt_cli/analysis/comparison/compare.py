@@ -7,9 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from eqt_cli.analysis.comparison.claims import AtMost, Less, claim_sets
-from eqt_cli.analysis.comparison.measures import Measure
 from eqt_cli.analysis.comparison.pairs import Level, Pair, statistics
-from eqt_cli.analysis.comparison.samples import Samples, Source
 from eqt_cli.analysis.comparison.verdicts import (
     Judgement,
     applicable,
@@ -17,9 +15,11 @@ from eqt_cli.analysis.comparison.verdicts import (
     judge_less,
     measured_by,
 )
-from eqt_cli.analysis.comparison.windows import WHOLE, Window
 from eqt_cli.core.errors import EqtError
-from eqt_cli.store.reader import Results
+from eqt_cli.results.quantities import COMPARED
+from eqt_cli.results.quantity import Quantity
+from eqt_cli.results.result import PerRun, Result
+from eqt_cli.results.windows import WHOLE, Window
 
 CONFIDENCE, RESAMPLES, SEED = 0.95, 9999, 0
 
@@ -67,7 +67,7 @@ class Comparison:
 
 
 def compare(
-    results: Results,
+    result: Result,
     *,
     metrics: Sequence[str] = (),
     windows: Sequence[Window] = (),
@@ -79,7 +79,7 @@ def compare(
 
     Parameters
     ----------
-    results
+    result
         Open, of a single experiment or of one point of a sweep.
     metrics
         Names of measures; a choice of all there are if empty. Claims are tested on theirs anyway.
@@ -99,88 +99,98 @@ def compare(
         raise EqtError(f"confidence {confidence:g}: expected a number between 0 and 1, as 0.95")
     if resamples < 1:
         raise EqtError(f"resamples {resamples}: expected at least 1")
-    source = Source(results)
-    chosen = _chosen(source, metrics, windows)
-    claimed = _claimed(source)
-    wanted: dict[_Key, Measure] = {}
+    result.single("controllers are compared within one experiment")
+    chosen = _chosen(result, metrics, windows)
+    claimed = _claimed(result)
+    wanted: dict[_Key, Quantity] = {}
     for measure, window in [*chosen, *claimed]:
-        wanted.setdefault((measure.name, window.within(source.times)), measure)
-    samples = {key: source.samples(measure, key[1]) for key, measure in wanted.items()}
+        wanted.setdefault((measure.name, window.within(result.times)), measure)
+    samples = {key: result.per_run(measure, key[1]) for key, measure in wanted.items()}
     found = statistics(
         list(samples.values()),
-        source.labels,
-        source.good,
+        result.labels,
+        result.good,
         confidence=confidence,
         resamples=resamples,
         seed=seed,
     )
-    shown = {(measure.name, window.within(source.times)) for measure, window in chosen}
-    failed = (~source.good).sum(axis=1)
+    shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
     return Comparison(
-        title=str(results.attributes.get("title", results.path.parent.name)),
-        group=str(results.attributes.get("group", "")),
-        labels=source.labels,
-        runs=source.runs,
-        kinds=source.kinds,
-        failed=dict(zip(source.labels, map(int, failed), strict=True)),
-        horizon=float(source.times[-1] - source.times[0]),
-        levels=[level for level in found.levels if _key(level.samples) in shown],
-        pairs=[pair for pair in found.pairs if _key(pair.samples) in shown],
-        judgements=_judgements(source, samples, found.pairs, confidence),
-        missing=[*_clipped(source, windows), *_uncut(chosen, windows), *_missing(source)],
+        title=result.title,
+        group=result.group_name,
+        labels=result.labels,
+        runs=result.runs,
+        kinds=result.kinds,
+        failed=result.failed,
+        horizon=float(result.times[-1] - result.times[0]),
+        levels=[level for level in found.levels if _key(level.measured) in shown],
+        pairs=[pair for pair in found.pairs if _key(pair.measured) in shown],
+        judgements=_judgements(result, samples, found.pairs, confidence),
+        missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
         confidence=confidence,
         resamples=found.resamples,
         seed=seed,
     )
 
 
-def _key(samples: Samples) -> _Key:
-    return samples.measure.name, samples.window
+def _key(measured: PerRun) -> _Key:
+    return measured.quantity.name, measured.window
 
 
 def _chosen(
-    source: Source, metrics: Sequence[str], windows: Sequence[Window]
-) -> list[tuple[Measure, Window]]:
+    result: Result, metrics: Sequence[str], windows: Sequence[Window]
+) -> list[tuple[Quantity, Window]]:
     if not metrics and not windows:
-        return source.defaults()
-    names = metrics or list(dict.fromkeys(measure.name for measure, _ in source.defaults()))
+        return _defaults(result)
+    names = metrics or list(dict.fromkeys(measure.name for measure, _ in _defaults(result)))
     chosen = []
     for name in names:
-        measure = source.measure(name)
+        measure = result.comparable_named(name)
         if measure.windowed:
-            over = [w for w in windows or (WHOLE,) if metrics or source.covers(measure, w)]
+            over = [w for w in windows or (WHOLE,) if metrics or result.covers(measure, w)]
         else:
-            over = [measure.only]
+            over = [measure.window]
         chosen += [(measure, window) for window in over]
     return chosen
 
 
-def _by_kind(source: Source) -> dict[str, str]:
+def _defaults(result: Result) -> list[tuple[Quantity, Window]]:
+    """What is compared unless a user chooses; parts instead of norms with mixed units."""
+    return [
+        (quantity, window)
+        for base in COMPARED
+        for quantity in result.by_parts(base.name)
+        for window in base.compared
+        if result.covers(quantity, window)
+    ]
+
+
+def _by_kind(result: Result) -> dict[str, str]:
     """The first controller of every kind."""
     found: dict[str, str] = {}
-    for label in source.labels:
-        found.setdefault(source.kinds.get(label, label), label)
+    for label in result.labels:
+        found.setdefault(result.kinds.get(label, label), label)
     return found
 
 
-def _claimed(source: Source) -> list[tuple[Measure, Window]]:
+def _claimed(result: Result) -> list[tuple[Quantity, Window]]:
     """What the claims about these controllers are measured by."""
-    kinds = _by_kind(source)
-    found: list[tuple[Measure, Window]] = []
+    kinds = _by_kind(result)
+    found: list[tuple[Quantity, Window]] = []
     for _, claim in applicable(claim_sets.all(), list(kinds)):
         for row in claim.rows:
             if isinstance(row, Less):
-                found += measured_by(source, row)
-            elif row.measure in source.measures:
-                found.append((source.measures[row.measure], WHOLE))
+                found += measured_by(result, row)
+            elif row.measure in result.comparable:
+                found.append((result.comparable[row.measure], WHOLE))
     return found
 
 
 def _judgements(
-    source: Source, samples: dict[_Key, Samples], pairs: Sequence[Pair], confidence: float
+    result: Result, samples: dict[_Key, PerRun], pairs: Sequence[Pair], confidence: float
 ) -> list[Judgement]:
-    kinds = _by_kind(source)
-    by_names = {(_key(pair.samples), pair.first, pair.second): pair for pair in pairs}
+    kinds = _by_kind(result)
+    by_names = {(_key(pair.measured), pair.first, pair.second): pair for pair in pairs}
 
     def pair_of(key: _Key, first: str, second: str) -> Pair:
         found = by_names.get((key, first, second))
@@ -194,22 +204,22 @@ def _judgements(
             if not set(row.kinds) <= set(kinds):
                 continue
             if isinstance(row, AtMost):
-                if row.measure not in source.measures:
+                if row.measure not in result.comparable:
                     continue
                 label = kinds[row.kind]
-                some = samples[row.measure, WHOLE.within(source.times)]
-                index = source.labels.index(label)
+                some = samples[row.measure, WHOLE.within(result.times)]
+                index = result.labels.index(label)
                 judged = judge_at_most(origin, claim.says, row, some, index, label, confidence)
                 rows.append(replace(judged, absent=absent))
                 continue
-            for measure, window in measured_by(source, row):
-                key = measure.name, window.within(source.times)
+            for measure, window in measured_by(result, row):
+                key = measure.name, window.within(result.times)
                 pair = pair_of(key, kinds[row.lesser], kinds[row.greater])
                 rows.append(replace(judge_less(origin, claim.says, pair), absent=absent))
     return rows
 
 
-def _uncut(chosen: Sequence[tuple[Measure, Window]], windows: Sequence[Window]) -> list[str]:
+def _uncut(chosen: Sequence[tuple[Quantity, Window]], windows: Sequence[Window]) -> list[str]:
     """Which measures the chosen windows do not apply to."""
     names = [measure.name for measure, _ in chosen if not measure.windowed] if windows else []
     if not names:
@@ -218,9 +228,9 @@ def _uncut(chosen: Sequence[tuple[Measure, Window]], windows: Sequence[Window]) 
     return [f"Windows do not apply to {', '.join(names)}, which {verb}."]
 
 
-def _clipped(source: Source, windows: Sequence[Window]) -> list[str]:
+def _clipped(result: Result, windows: Sequence[Window]) -> list[str]:
     """Which of the chosen windows reach beyond the end of the runs."""
-    shorter = [(window, window.within(source.times)) for window in windows]
+    shorter = [(window, window.within(result.times)) for window in windows]
     return [
         f"Window {window} is cut to {cut}, since the runs last {cut.stop:g} s."
         for window, cut in shorter
@@ -228,18 +238,18 @@ def _clipped(source: Source, windows: Sequence[Window]) -> list[str]:
     ]
 
 
-def _missing(source: Source) -> list[str]:
+def _missing(result: Result) -> list[str]:
     """What this result cannot tell, in sentences."""
-    stored = len(source.stored_runs)
+    stored = len(result.stored_runs)
     if stored == 0:
         return [
             "No trajectories are stored, so only stored metrics are compared: no other windows, no "
             "parts of norms, no integral that is not among them, and no test that L never rises. "
             "Set store.trajectories to all for these."
         ]
-    if stored < source.runs:
+    if stored < result.runs:
         return [
-            f"Trajectories are stored of the first {stored} of {source.runs} runs; numbers that "
+            f"Trajectories are stored of the first {stored} of {result.runs} runs; numbers that "
             "take trajectories are about those."
         ]
     return []

@@ -6,8 +6,8 @@ import math
 import re
 from abc import ABC, abstractmethod
 
-from eqt_cli.analysis.comparison.measures import Measure
-from eqt_cli.analysis.comparison.windows import Window
+from eqt_cli.results.quantity import Quantity
+from eqt_cli.results.windows import Window
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LATEX_SPECIAL = {
@@ -26,8 +26,8 @@ class Notation(ABC):
         """Words, such as a label that a user chose."""
 
     @abstractmethod
-    def symbol(self, measure: Measure) -> str:
-        """A measure."""
+    def symbol(self, quantity: Quantity) -> str:
+        """The name of a quantity, with its formula."""
 
     @abstractmethod
     def unit(self, unit: str) -> str:
@@ -65,8 +65,8 @@ class Plain(Notation):
     def text(self, words: str) -> str:
         return words
 
-    def symbol(self, measure: Measure) -> str:
-        return measure.symbol
+    def symbol(self, quantity: Quantity) -> str:
+        return quantity.described
 
     def unit(self, unit: str) -> str:
         if unit in ("", "1"):
@@ -91,8 +91,11 @@ class Latex(Notation):
             escaped = escaped.replace(plain, symbol)
         return escaped
 
-    def symbol(self, measure: Measure) -> str:
-        return f"${measure.latex}$"
+    def symbol(self, quantity: Quantity) -> str:
+        label = quantity.label.replace("{}", f"${quantity.symbol}$") if quantity.label else ""
+        label = label or self.text(quantity.long_name.replace("||", "‖"))
+        formula = quantity.formula.replace("{}", quantity.symbol)
+        return f"{label} ${formula}$" if formula else label
 
     def unit(self, unit: str) -> str:
         if unit in ("", "1"):

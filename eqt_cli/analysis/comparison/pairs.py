@@ -10,8 +10,8 @@ import numpy as np
 
 from eqt_cli.analysis.comparison.bootstrap import FEWEST, Intervals, intervals_of_means
 from eqt_cli.analysis.comparison.power import runs_to_decide
-from eqt_cli.analysis.comparison.samples import Samples
 from eqt_cli.core.arrays import Array
+from eqt_cli.results.result import PerRun
 
 RESOLUTION = 1e-6
 """Relative difference of two runs below which they count as equal: laws that are the same on some
@@ -24,7 +24,7 @@ class Level:
 
     Attributes
     ----------
-    samples, controller
+    measured, controller
         What of whom.
     runs
         Good runs with a value.
@@ -38,7 +38,7 @@ class Level:
         Standard deviation and median over runs.
     """
 
-    samples: Samples
+    measured: PerRun
     controller: str
     runs: int
     censored: int
@@ -57,7 +57,7 @@ class Pair:
 
     Attributes
     ----------
-    samples, first, second
+    measured, first, second
         What of whom; differences are first minus second.
     pairs
         Runs in which both have a value.
@@ -78,7 +78,7 @@ class Pair:
         than `bootstrap.FEWEST` pairs, whose spread says little.
     """
 
-    samples: Samples
+    measured: PerRun
     first: str
     second: str
     pairs: int
@@ -125,7 +125,7 @@ class Statistics:
 
 
 def statistics(
-    measured: Sequence[Samples],
+    measured: Sequence[PerRun],
     labels: Sequence[str],
     good: Array,
     *,
@@ -162,7 +162,7 @@ def _rows(found: Intervals) -> Iterator[_Row]:
         yield float(mean), float(low), float(high)
 
 
-def _level(s: Samples, c: int, label: str, good: Array, row: _Row) -> Level:
+def _level(s: PerRun, c: int, label: str, good: Array, row: _Row) -> Level:
     values = s.values[c][np.isfinite(s.values[c])]
     failed = int(np.count_nonzero(~good[c, : s.runs]))
     return Level(
@@ -179,7 +179,7 @@ def _level(s: Samples, c: int, label: str, good: Array, row: _Row) -> Level:
 
 
 def _pair(
-    s: Samples, a: int, b: int, labels: Sequence[str], good: Array, confidence: float, row: _Row
+    s: PerRun, a: int, b: int, labels: Sequence[str], good: Array, confidence: float, row: _Row
 ) -> Pair:
     both = np.isfinite(s.values[a]) & np.isfinite(s.values[b])
     differences = _differences(s, a, b)[both]
@@ -187,7 +187,7 @@ def _pair(
     deviation, mean = _deviation(differences), row[0]
     with np.errstate(invalid="ignore", divide="ignore"):
         cohen_d = float(np.float64(mean) / deviation)
-    better = -differences if not s.measure.more_is_better else differences
+    better = -differences if s.quantity.better != "higher" else differences
     superiority = _mean((better > 0) + (better == 0) / 2)
     return Pair(
         s,
@@ -206,7 +206,7 @@ def _pair(
     )
 
 
-def _differences(s: Samples, a: int, b: int) -> Array:
+def _differences(s: PerRun, a: int, b: int) -> Array:
     """First minus second, run by run; 0 where they differ by less than solvers can tell."""
     first, second = s.values[a], s.values[b]
     equal = np.abs(first - second) <= RESOLUTION * np.maximum(np.abs(first), np.abs(second))

@@ -6,8 +6,8 @@ from typing import Any
 
 from eqt_cli.analysis.comparison.compare import Comparison
 from eqt_cli.analysis.comparison.pairs import Level, Pair
-from eqt_cli.analysis.comparison.samples import Samples
 from eqt_cli.analysis.comparison.verdicts import Judgement
+from eqt_cli.results.result import PerRun
 
 Record = dict[str, Any]
 
@@ -27,18 +27,18 @@ def claim_records(comparison: Comparison) -> list[Record]:
     return [_judgement(judgement) for judgement in comparison.judgements]
 
 
-def _what(samples: Samples) -> Record:
+def _what(measured: PerRun) -> Record:
     return {
-        "metric": samples.measure.name,
-        "window_start": samples.window.start,
-        "window_stop": samples.window.stop,
-        "units": samples.unit,
+        "metric": measured.quantity.name,
+        "window_start": measured.window.start,
+        "window_stop": measured.window.stop,
+        "units": measured.unit,
     }
 
 
 def _level(level: Level) -> Record:
     return {
-        **_what(level.samples),
+        **_what(level.measured),
         "controller": level.controller,
         "runs": level.runs,
         "failed": level.failed,
@@ -54,7 +54,7 @@ def _level(level: Level) -> Record:
 
 def _pair(pair: Pair) -> Record:
     return {
-        **_what(pair.samples),
+        **_what(pair.measured),
         "first": pair.first,
         "second": pair.second,
         "pairs": pair.pairs,
@@ -82,11 +82,11 @@ def _judgement(judgement: Judgement) -> Record:
         pair = _pair(judgement.pair)
         pair.pop("runs_to_decide")
         return {**common, "statement": "first is less than second", **pair}
-    assert judgement.samples is not None
+    assert judgement.measured is not None
     return {
         **common,
         "statement": judgement.statement,
-        **_what(judgement.samples),
+        **_what(judgement.measured),
         "first": judgement.controller,
         "pairs": judgement.runs,
         "held": judgement.held,

@@ -11,8 +11,8 @@ from eqt_cli.analysis.comparison.compare import Comparison
 from eqt_cli.analysis.comparison.notation import Notation
 from eqt_cli.analysis.comparison.pairs import Pair
 from eqt_cli.analysis.comparison.power import POWER
-from eqt_cli.analysis.comparison.samples import Samples
 from eqt_cli.analysis.comparison.verdicts import Judgement
+from eqt_cli.results.result import PerRun
 
 TABLES = ("controllers", "pairs", "claims")
 
@@ -74,24 +74,22 @@ def sheets(
 def _controllers(comparison: Comparison, write: Notation) -> Sheet:
     rows = []
     notes = []
-    for _, found in groupby(comparison.levels, key=lambda level: id(level.samples)):
+    for _, found in groupby(comparison.levels, key=lambda level: id(level.measured)):
         levels = list(found)
-        here = levels[0].samples
+        here = levels[0].measured
+        name, end = here.quantity.described, f"{here.window.stop:g} s"
         rows.append(
             [*_measure(here, write), *(write.spread(x.mean, x.low, x.high) for x in levels)]
         )
         censored = [f"{level.controller} {level.censored}" for level in levels if level.censored]
         if censored:
             notes.append(
-                f"{here.measure.symbol}: runs still unsettled at {here.window.stop:g} s count as "
-                f"{here.window.stop:g} s ({', '.join(censored)}), so this is the mean time "
-                "restricted to the horizon."
+                f"{name}: runs still unsettled at {end} count as {end} ({', '.join(censored)}), so "
+                "this is the mean time restricted to the horizon."
             )
         undefined = [f"{level.controller} {level.undefined}" for level in levels if level.undefined]
         if undefined:
-            notes.append(
-                f"{here.measure.symbol}: good runs without a value: {', '.join(undefined)}."
-            )
+            notes.append(f"{name}: good runs without a value: {', '.join(undefined)}.")
     failed = [f"{label} {count}" for label, count in comparison.failed.items() if count]
     if failed:
         notes.append(f"Failed runs, left out: {', '.join(failed)}.")
@@ -140,7 +138,7 @@ def _pairs(comparison: Comparison, write: Notation, against: Sequence[str]) -> S
 
 def _pair_row(pair: Pair, write: Notation) -> list[str]:
     return [
-        *_measure(pair.samples, write),
+        *_measure(pair.measured, write),
         write.interval(pair.difference, pair.low, pair.high),
         _relative(pair, write),
         write.number(_two(pair.cohen_d)),
@@ -193,26 +191,26 @@ def _claims(comparison: Comparison, write: Notation) -> Sheet:
 
 def _claim_row(judgement: Judgement, write: Notation) -> list[str]:
     if judgement.pair is None:
-        assert judgement.samples is not None
+        assert judgement.measured is not None
         what = write.text(f"{judgement.controller}: {judgement.statement}")
         found = f"in {judgement.held} of {judgement.runs} runs"
-        window = write.window(judgement.samples.window)
+        window = write.window(judgement.measured.window)
     else:
         pair = judgement.pair
-        symbol = write.symbol(pair.samples.measure)
+        symbol = write.symbol(pair.measured.quantity)
         what = f"{symbol}: {write.text(f'{pair.first} − {pair.second}')}"
         interval = write.interval(pair.difference, pair.low, pair.high)
-        found = " ".join(filter(None, [interval, write.unit(pair.samples.unit)]))
+        found = " ".join(filter(None, [interval, write.unit(pair.measured.unit)]))
         found += f" ({_relative(pair, write)})"
-        window = write.window(pair.samples.window)
+        window = write.window(pair.measured.window)
     return [what, window, found, str(judgement.verdict), _runs(judgement.runs_to_decide)]
 
 
-def _measure(samples: Samples, write: Notation) -> list[str]:
+def _measure(measured: PerRun, write: Notation) -> list[str]:
     return [
-        write.symbol(samples.measure),
-        write.window(samples.window),
-        write.unit(samples.unit),
+        write.symbol(measured.quantity),
+        write.window(measured.window),
+        write.unit(measured.unit),
     ]
 
 

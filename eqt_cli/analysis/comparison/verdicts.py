@@ -10,14 +10,14 @@ import numpy as np
 from scipy.special import betaincinv
 
 from eqt_cli.analysis.comparison.claims import AtMost, Claim, ClaimSet, Less
-from eqt_cli.analysis.comparison.measures import Measure
 from eqt_cli.analysis.comparison.pairs import Pair
 from eqt_cli.analysis.comparison.power import SHARE, runs_without_exception
-from eqt_cli.analysis.comparison.samples import Samples, Source
-from eqt_cli.analysis.comparison.windows import Window
+from eqt_cli.results.quantity import Quantity
+from eqt_cli.results.result import PerRun, Result
+from eqt_cli.results.windows import Window
 
 
-class Verdict(StrEnum):
+class ClaimVerdict(StrEnum):
     """What the runs say of a claim."""
 
     SUPPORTED = "supported"
@@ -35,8 +35,8 @@ class Judgement:
         Who says it, in which words.
     pair
         The controllers and the differences, for a claim that one has less than the other.
-    samples, controller
-        The measure and whose it is, for a claim on every run.
+    measured, controller
+        The number and whose it is, for a claim on every run.
     statement
         Such a claim in words.
     held, runs
@@ -53,10 +53,10 @@ class Judgement:
 
     source: str
     says: str
-    verdict: Verdict
+    verdict: ClaimVerdict
     runs_to_decide: int | None
     pair: Pair | None = None
-    samples: Samples | None = None
+    measured: PerRun | None = None
     controller: str = ""
     statement: str = ""
     held: int = 0
@@ -73,14 +73,22 @@ def applicable(sets: Sequence[type[ClaimSet]], kinds: Sequence[str]) -> Iterator
                 yield found.source, claim
 
 
-def measured_by(source: Source, row: Less) -> list[tuple[Measure, Window]]:
-    """The measures that a row needs of a result; nothing if it cannot be tested there."""
+def measured_by(result: Result, row: Less) -> list[tuple[Quantity, Window]]:
+    """The numbers that a row needs of a result; nothing if it cannot be tested there."""
     return [
-        (measure, row.window)
-        for measure in source.split(row.measure)
-        if source.covers(measure, row.window)
-        and not (row.rotation_only and not source.is_rotation(measure))
+        (quantity, row.window)
+        for quantity in result.by_parts(row.measure)
+        if result.covers(quantity, row.window)
+        and not (row.rotation_only and not _is_rotation(result, quantity))
     ]
+
+
+def _is_rotation(result: Result, quantity: Quantity) -> bool:
+    """Whether a number from the pose error is about orientation alone."""
+    if quantity.signals and quantity.signals[0].startswith("pose_error_rotation"):
+        return True
+    whole = result.units("mean_pose_error") if result.has("mean_pose_error") else ""
+    return whole == "1" and not (quantity.parted and result.parts(quantity.signals[0]))
 
 
 def judge_less(source: str, says: str, pair: Pair) -> Judgement:
@@ -90,37 +98,37 @@ def judge_less(source: str, says: str, pair: Pair) -> Judgement:
     undecided between.
     """
     if pair.high < 0:
-        verdict = Verdict.SUPPORTED
+        verdict = ClaimVerdict.SUPPORTED
     elif pair.low >= 0 and not pair.low == pair.high == 0:
-        verdict = Verdict.NOT_SUPPORTED
+        verdict = ClaimVerdict.NOT_SUPPORTED
     else:
-        verdict = Verdict.UNDECIDED
+        verdict = ClaimVerdict.UNDECIDED
     return Judgement(source, says, verdict, pair.runs_to_decide, pair=pair)
 
 
 def judge_at_most(
-    source: str, says: str, row: AtMost, samples: Samples, index: int, label: str, confidence: float
+    source: str, says: str, row: AtMost, measured: PerRun, index: int, label: str, confidence: float
 ) -> Judgement:
     """Whether a bound holds in every run.
 
     Not supported by a single exception; supported when the runs without one are enough to say that
     at least 95 % of all initial states have none (exact binomial interval of Clopper and Pearson).
     """
-    values = samples.values[index]
+    values = measured.values[index]
     values = values[np.isfinite(values)]
     held, runs = int(np.count_nonzero(values <= row.bound)), len(values)
     low = float(betaincinv(held, runs - held + 1, 1 - confidence)) if held else 0.0
     if held < runs:
-        verdict = Verdict.NOT_SUPPORTED
+        verdict = ClaimVerdict.NOT_SUPPORTED
     else:
-        verdict = Verdict.SUPPORTED if low >= SHARE else Verdict.UNDECIDED
+        verdict = ClaimVerdict.SUPPORTED if low >= SHARE else ClaimVerdict.UNDECIDED
     needed = runs_without_exception(confidence)
     return Judgement(
         source,
         says,
         verdict,
         needed,
-        samples=samples,
+        measured=measured,
         controller=label,
         statement=row.statement,
         held=held,

@@ -2,22 +2,85 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeAlias, get_type_hints
 
-Path = tuple[str | int, ...]
-Note = Callable[[Path, str], None]
+from eqt_cli.core.component import Component
+from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.core.validation import shown, validated, with_options
+
+
+class Design(Component):
+    """Points of a sweep; none is computed before it is asked for.
+
+    A frozen dataclass whose fields are its options. An option that is a mapping with any keys is
+    one from keys of the configuration to axes.
+
+    Attributes
+    ----------
+    name
+        As written in a configuration: ``grid``.
+    whole_section
+        The option that a block gives without a name, as ``grid: {gains.kp: [1, 2]}`` does; empty
+        where the block is a mapping of options.
+    keys
+        The keys that every point gives a value to, in the order of the configuration.
+    """
+
+    name: ClassVar[str]
+    whole_section: ClassVar[str] = ""
+    keys: tuple[str, ...]
+
+    @classmethod
+    def read(cls, section: Any, problems: Problems) -> Self | None:
+        """The design that a section describes, or None after noting what is wrong with it."""
+        if cls.whole_section:
+            kind = get_type_hints(cls, include_extras=True)[cls.whole_section]
+            value = validated(kind, section, problems)
+            found = None if value is None else cls(**{cls.whole_section: value})
+        elif isinstance(section, Mapping):
+            found = with_options(cls, section, problems)
+        else:
+            problems.add(f"expected a mapping, got {shown(section)}")
+            return None
+        if found is not None:
+            found.check(problems)
+        return None if problems else found
+
+    def check(self, problems: Problems) -> None:
+        """Note what is wrong with its options."""
+
+    @abstractmethod
+    def __len__(self) -> int:
+        """The number of points."""
+
+    @abstractmethod
+    def values(self, point: int) -> tuple[Any, ...]:
+        """The values at a point, in the order of `keys`."""
+
+    @abstractmethod
+    def place(self, point: int, key: str) -> KeyPath:
+        """Where within the section the value of `key` at a point was written."""
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        if "parse" in vars(cls):
+            cls.read = classmethod(_read_by_parse)  # type: ignore[assignment]
+
+
+# Plugins of the first version parse their section, and write its JSON schema, by hand -------------
+
+Path: TypeAlias = KeyPath
+Schema: TypeAlias = dict[str, Any]
+Note = Callable[[KeyPath, str], None]
 """Called with the place within the design's section, and what is wrong there."""
-
-Schema = dict[str, Any]
-"""A JSON schema."""
 
 
 @dataclass(frozen=True)
 class Surroundings:
-    """What a configuration knows of designs, and they do not: the schemas around theirs.
+    """What `schema` of such a plugin is given: the schemas around its own.
 
     Attributes
     ----------
@@ -31,38 +94,5 @@ class Surroundings:
     block: Schema
 
 
-class Design(ABC):
-    """Points of a sweep; none is computed before it is asked for.
-
-    Attributes
-    ----------
-    name
-        As written in a configuration: ``grid``.
-    keys
-        The keys that every point gives a value to, in the order of the configuration.
-    """
-
-    name: ClassVar[str]
-    keys: tuple[str, ...]
-
-    @classmethod
-    @abstractmethod
-    def parse(cls, section: Any, note: Note) -> Self | None:
-        """The design that a section describes, or None after noting what is wrong with it."""
-
-    @classmethod
-    @abstractmethod
-    def schema(cls, around: Surroundings) -> Schema:
-        """The JSON schema of the sections that `parse` accepts, as far as one can say it."""
-
-    @abstractmethod
-    def __len__(self) -> int:
-        """The number of points."""
-
-    @abstractmethod
-    def values(self, point: int) -> tuple[Any, ...]:
-        """The values at a point, in the order of `keys`."""
-
-    @abstractmethod
-    def place(self, point: int, key: str) -> Path:
-        """Where within the section the value of `key` at a point was written."""
+def _read_by_parse(design: Any, section: Any, problems: Problems) -> Any:
+    return design.parse(section, lambda path, message: problems.at(*path).add(message))

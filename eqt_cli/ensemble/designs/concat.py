@@ -3,58 +3,59 @@
 from __future__ import annotations
 
 from bisect import bisect_right
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import accumulate
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
-from eqt_cli.ensemble.designs import Design, Note, Path, Schema, Surroundings
+from pydantic import Field
+
+from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.ensemble.designs import Design
 from eqt_cli.ensemble.sweep import Sweep
 
 
+@dataclass(frozen=True)
 class Concat(Design):
     """The points of several sweeps, one after the other.
 
-    Parameters
+    Attributes
     ----------
     parts
-        Each one or several blocks that multiply.
-    alone
-        For each, whether it is a block that is written without a list around it.
+        Each one block, or a list of blocks that multiply.
     """
 
     name: ClassVar[str] = "concat"
+    whole_section: ClassVar[str] = "parts"
 
-    def __init__(self, parts: list[Sweep], alone: list[bool]) -> None:
-        self.parts, self.alone = parts, alone
-        self.keys = parts[0].keys
-        self._ends = list(accumulate(len(part) for part in parts))
+    parts: Annotated[list[Sweep], Field(min_length=1)]
 
     @classmethod
-    def parse(cls, section: Any, note: Note) -> Self | None:
+    def read(cls, section: Any, problems: Problems) -> Self | None:
         if not isinstance(section, list) or not section:
-            note((), "expected a list of blocks")
+            problems.add("expected a list of blocks")
             return None
-        alone = [not isinstance(entry, list) for entry in section]
-        parts = []
-        for index, entry in enumerate(section):
+        parts = [Sweep.part(entry, problems.at(index)) for index, entry in enumerate(section)]
+        found = cls([part for part in parts if part is not None])
+        if not problems:
+            found.check(problems)
+        return None if problems else found
 
-            def here(path: Path, message: str, index: int = index) -> None:
-                note((index, *(path[1:] if alone[index] else path)), message)
+    def check(self, problems: Problems) -> None:
+        """Note a part over other keys than the first."""
+        for index, part in enumerate(self.parts):
+            if set(part.keys) != set(self.keys):
+                problems.at(index).add(f"expected the keys of the first ({', '.join(self.keys)})")
+                return
 
-            part = Sweep.parse([entry] if alone[index] else entry, here)
-            if part is not None:
-                parts.append(part)
-        if len(parts) < len(section):
-            return None
-        for index, part in enumerate(parts):
-            if set(part.keys) != set(parts[0].keys):
-                note((index,), f"expected the keys of the first ({', '.join(parts[0].keys)})")
-                return None
-        return cls(parts, alone)
+    @cached_property
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The keys of the first part."""
+        return self.parts[0].keys
 
-    @classmethod
-    def schema(cls, around: Surroundings) -> Schema:
-        part = {"anyOf": [around.block, Sweep.schema(around)]}
-        return {"type": "array", "minItems": 1, "items": part}
+    @cached_property
+    def _ends(self) -> list[int]:
+        return list(accumulate(len(part) for part in self.parts))
 
     def __len__(self) -> int:
         return self._ends[-1]
@@ -64,10 +65,9 @@ class Concat(Design):
         found = self.parts[index].point(inner)
         return tuple(found[key] for key in self.keys)
 
-    def place(self, point: int, key: str) -> Path:
+    def place(self, point: int, key: str) -> KeyPath:
         index, inner = self._find(point)
-        path = self.parts[index].place(inner, key)
-        return (index, *(path[1:] if self.alone[index] else path))
+        return (index, *self.parts[index].place(inner, key))
 
     def _find(self, point: int) -> tuple[int, int]:
         """The part that a point is in, and its number there."""

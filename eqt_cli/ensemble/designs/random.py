@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
@@ -10,6 +11,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.ensemble.designs.sampled import Sampled
 
 
+@dataclass(frozen=True, kw_only=True)
 class Random(Sampled):
     """Independent points; more of them keep the earlier ones."""
 

@@ -3,36 +3,47 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import suggestion
-from eqt_cli.ensemble.axes import DRAWN, Choices, Range, drawn
-from eqt_cli.ensemble.designs.base import Design, Note, Path, Schema, Surroundings
+from eqt_cli.core.numbers import Count, CountOrNone
+from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.ensemble.axes import SampledAxis
+from eqt_cli.ensemble.designs.base import Design
 
-KEYS = ("points", "seed", "axes")
 
-
+@dataclass(frozen=True, kw_only=True)
 class Sampled(Design):
     """Points in the unit cube, mapped to the axes.
 
-    Parameters
+    Attributes
     ----------
     points
         How many.
     seed
         Of the design's own random stream.
     axes
-        By key.
+        What is drawn, by key.
     """
 
-    def __init__(self, points: int, seed: int, axes: Mapping[str, Range | Choices]) -> None:
-        self.points, self.seed, self.axes = points, seed, dict(axes)
-        self.keys = tuple(axes)
+    points: Count
+    seed: CountOrNone = 0
+    axes: Annotated[dict[str, SampledAxis], Field(min_length=1)]
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The keys of the axes."""
+        return tuple(self.axes)
+
+    def check(self, problems: Problems) -> None:
+        """Note ranges that are none."""
+        for key, axis in self.axes.items():
+            axis.check(problems.at("axes", key))
 
     @abstractmethod
     def shares(self, generator: np.random.Generator) -> Array:
@@ -43,46 +54,7 @@ class Sampled(Design):
         return self.shares(np.random.Generator(np.random.PCG64DXSM(self.seed)))
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"points": self.points, "seed": self.seed, "axes": self.axes, "keys": self.keys}
-
-    @classmethod
-    def parse(cls, section: Any, note: Note) -> Self | None:
-        if not isinstance(section, Mapping):
-            note((), "expected {points: …, seed: …, axes: {…}}")
-            return None
-        for key in section:
-            if key not in KEYS:
-                hint = suggestion(str(key), KEYS) or f"; known here: {', '.join(KEYS)}"
-                note((key,), f"unknown key{hint}")
-        points = _whole(section, "points", None, 1, note)
-        seed = _whole(section, "seed", 0, 0, note)
-        entries = section.get("axes")
-        if not isinstance(entries, Mapping) or not entries:
-            note(("axes",), "expected a mapping from keys to {low: …, high: …} or {values: […]}")
-            return None
-        axes = {key: drawn(entry, ("axes", key), note) for key, entry in entries.items()}
-        found = {key: axis for key, axis in axes.items() if axis is not None}
-        if points is None or seed is None or len(found) < len(axes):
-            return None
-        return cls(points, seed, found)
-
-    @classmethod
-    def schema(cls, around: Surroundings) -> Schema:
-        return {
-            "type": "object",
-            "properties": {
-                "points": {"type": "integer", "minimum": 1, "description": "How many."},
-                "seed": {
-                    "type": "integer",
-                    "minimum": 0,
-                    "default": 0,
-                    "description": "Of the design's own random stream.",
-                },
-                "axes": around.axes(DRAWN) | {"description": "What is drawn, by key."},
-            },
-            "required": ["points", "axes"],
-            "additionalProperties": False,
-        }
+        return {"points": self.points, "seed": self.seed, "axes": self.axes}
 
     def __len__(self) -> int:
         return self.points
@@ -91,15 +63,5 @@ class Sampled(Design):
         shares = self._shares[point].tolist()
         return tuple(axis.at(share) for axis, share in zip(self.axes.values(), shares, strict=True))
 
-    def place(self, point: int, key: str) -> Path:
+    def place(self, point: int, key: str) -> KeyPath:
         return ("axes", key)
-
-
-def _whole(
-    section: Mapping[str, Any], key: str, default: int | None, least: int, note: Note
-) -> int | None:
-    value = section.get(key, default)
-    if isinstance(value, int) and not isinstance(value, bool) and value >= least:
-        return value
-    note((key,), f"expected a whole number of at least {least}, got {value!r}")
-    return None

@@ -2,44 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass
+from typing import ClassVar
 
-from eqt_cli.ensemble.axes import LISTED
-from eqt_cli.ensemble.designs.base import Design, Note, Path, Schema, Surroundings
-from eqt_cli.ensemble.designs.grid import axes_of, spelt_out
+from eqt_cli.core.problems import Problems
+from eqt_cli.ensemble.designs.listed import Listed
 
 
-class Zip(Design):
+@dataclass(frozen=True)
+class Zip(Listed):
     """The first values of all axes, then the second ones, and so on."""
 
     name: ClassVar[str] = "zip"
 
-    def __init__(self, axes: Mapping[str, list[Any]], spelt: frozenset[str] = frozenset()) -> None:
-        self.axes, self.spelt = dict(axes), spelt
-        self.keys = tuple(axes)
-
-    @classmethod
-    def parse(cls, section: Any, note: Note) -> Self | None:
-        axes = axes_of(section, note)
-        if axes is None:
-            return None
-        first = next(iter(axes))
-        for key, values in axes.items():
-            if len(values) != len(axes[first]):
-                note((key,), f"expected {len(axes[first])} values as {first}, got {len(values)}")
-                return None
-        return cls(axes, spelt_out(section))
-
-    @classmethod
-    def schema(cls, around: Surroundings) -> Schema:
-        return around.axes(LISTED)
+    def check(self, problems: Problems) -> None:
+        """Also an axis of another length than the first."""
+        super().check(problems)
+        if problems:
+            return
+        first = self.keys[0]
+        for key, values in self.lists.items():
+            if len(values) != len(self):
+                problems.at(key).add(f"expected {len(self)} values as {first}, got {len(values)}")
+                return
 
     def __len__(self) -> int:
-        return len(self.axes[self.keys[0]])
+        return len(self.lists[self.keys[0]])
 
-    def values(self, point: int) -> tuple[Any, ...]:
-        return tuple(values[point] for values in self.axes.values())
-
-    def place(self, point: int, key: str) -> Path:
-        return (key, point) if key in self.spelt else (key,)
+    def index(self, point: int, key: str) -> int:
+        return point

@@ -15,7 +15,7 @@ MOST_TRIES = 3
 
 
 @dataclass(frozen=True)
-class Ways:
+class TaskContext:
     """How an item is done, which does not change what comes out.
 
     Attributes
@@ -33,7 +33,7 @@ class Ways:
 class Task(Protocol):
     """The work; it must survive pickling."""
 
-    def __call__(self, item: int, ways: Ways) -> int:
+    def __call__(self, item: int, context: TaskContext) -> int:
         """Do one item, leave its result where it belongs, and say how many runs failed."""
         ...
 

@@ -15,7 +15,7 @@ from typing import Any, ClassVar
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.run.executors.base import MOST_TRIES, Executor, Outcome, Progress, Task, Ways
+from eqt_cli.run.executors.base import MOST_TRIES, Executor, Outcome, Progress, Task, TaskContext
 
 CONNECT_WITHIN = 20.0
 """s to reach a scheduler."""
@@ -111,7 +111,7 @@ class Dask(Executor):
 def _do(payload: bytes, item: int) -> int:
     """One item, in a worker."""
     with threadpool_limits(1):
-        return _task(payload)(item, Ways())
+        return _task(payload)(item, TaskContext())
 
 
 @lru_cache(maxsize=4)

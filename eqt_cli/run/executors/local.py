@@ -27,7 +27,7 @@ from eqt_cli.run.executors.base import (
     Outcome,
     Progress,
     Task,
-    Ways,
+    TaskContext,
 )
 
 NONE = -1
@@ -152,7 +152,7 @@ def _serve(pipe: Any, task: Task) -> None:
             except (EOFError, OSError):
                 return
             try:
-                answer: Any = ("done", task(item, Ways(report)))
+                answer: Any = ("done", task(item, TaskContext(report)))
             except Exception as error:
                 answer = ("error", _portable(error))
             pending = 0.0

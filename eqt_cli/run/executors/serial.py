@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.run.executors.base import Executor, Outcome, Progress, Task, Ways
+from eqt_cli.run.executors.base import Executor, Outcome, Progress, Task, TaskContext
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Serial(Executor):
         return self.workers
 
     def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
-        ways = Ways(progress, self.threads_for(len(items)))
+        context = TaskContext(progress, self.threads_for(len(items)))
         for item in items:
             with threadpool_limits(1):  # results must not depend on how a library splits a product
-                failed = task(item, ways)
+                failed = task(item, context)
             yield Outcome(item, failed)

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.run.executors.base import Executor, Outcome, Progress, Task, Ways
+from eqt_cli.run.executors.base import Executor, Outcome, Progress, Task, TaskContext
 
 
 @dataclass(frozen=True)
@@ -33,9 +33,9 @@ class Threads(Executor):
                 progress(amount)
 
         at_once = min(self.workers, len(items))
-        ways = Ways(report, self.threads_for(len(items)))
+        context = TaskContext(report, self.threads_for(len(items)))
         with threadpool_limits(1), ThreadPoolExecutor(at_once) as pool:
-            futures = {pool.submit(task, item, ways): item for item in items}
+            futures = {pool.submit(task, item, context): item for item in items}
             try:
                 for future in as_completed(futures):
                     yield Outcome(futures.pop(future), future.result())

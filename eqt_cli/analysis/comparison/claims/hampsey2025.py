@@ -3,7 +3,7 @@
 from typing import ClassVar
 
 from eqt_cli.analysis.comparison.claims.base import AtMost, Claim, ClaimSet, Less
-from eqt_cli.analysis.comparison.measures import EARLY
+from eqt_cli.results.metrics import EARLY
 
 NEVER_RISES = 1e-6
 """Relative to L(0): far above the error of a solver, far below anything that is seen."""

@@ -1,0 +1,97 @@
+"""Stabilisation by energy shaping, for an inertia that may vary in time (§3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, ClassVar
+
+import numpy as np
+
+from eqt_cli.analysis.certificates.base import Identity, LiteralForm
+from eqt_cli.analysis.evidence.running_error import lifted, rate_of
+from eqt_cli.analysis.evidence.sample import Sample, with_rate
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.core.arrays import Array, apply_matrix, dot, stack, transpose
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
+from eqt_cli.mechanics.navigation import gradient, potential
+from eqt_cli.mechanics.tracking import Tracking
+
+
+class InertiaRate(Identity):
+    """∂h/∂t = ½⟨P, d(𝕀⁻¹)/dt P⟩ = −⟨Ṡ*S⁻* P, 𝕀⁻¹P⟩, and d𝕀/dt is what the law says it is.
+
+    Where the configuration gives the factor S, also Ṡ*S⁻* P = Ṡ* 𝕀_0 S V with S* 𝕀_0 S V = P.
+    """
+
+    name: ClassVar[str] = "feedforward of a varying inertia"
+    statement: ClassVar[str] = "Theorem 3.2, eq. (10)"
+    section: ClassVar[float] = 3.2
+
+    def applies(self, loop: ClosedLoop) -> bool:
+        """To an inertia that varies."""
+        return not isinstance(loop.inertia, Inertia)
+
+    def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
+        """The power of the feedforward, and the rate of the tensor."""
+        now, (_, P) = sample.s.inertia, sample.inputs[0]
+        V = now.velocity(P)
+        feedforward = now.feedforward(V) + 0 * V
+        yield rate_of(dot(P, V)) / 2, -dot(feedforward, V)
+        yield apply_matrix(rate_of(now.matrix), V), now.rate_force(V) + 0 * V
+        law = sample.loop.inertia
+        if isinstance(law, FactoredInertia):
+            S = law.factor_at(sample.s.t)
+            image = apply_matrix(law.initial @ S, V)
+            yield apply_matrix(transpose(S), image), P
+            yield feedforward, apply_matrix(transpose(rate_of(S)), image)
+
+
+class NavigationGradient(Identity):
+    """d/dt Υ(Q) = ⟨L*_Q dΥ, V⟩ along Q̇ = Q V^; on SO(3) also the paper's (K R − Rᵀ K)^∨."""
+
+    name: ClassVar[str] = "gradient of Υ"
+    statement: ClassVar[str] = "Example 3.4, eq. (13)"
+    section: ClassVar[float] = 3.4
+
+    def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
+        """The rate of Υ against the contraction with its gradient."""
+        G, K, (Q, P), (V, _) = sample.G, sample.loop.gains.K, sample.states[0], sample.inputs[0]
+        along, _ = sample.moving((Q, P), (Q @ G.hat(V), 0 * P))
+        yield rate_of(potential(G, K, along)), dot(gradient(G, K, Q), V)
+        if is_rotations_of_space(G):
+            yield gradient(G, K, Q), vee(K @ Q - transpose(Q) @ transpose(K))
+
+
+class StabilisingControl(LiteralForm):
+    """τ = Ṡ*S⁻* P − K_d V − L*_Q d(Υ ∘ R_{Q_target⁻¹}), the gradient term by term from Υ."""
+
+    name: ClassVar[str] = "stabilising control"
+    statement: ClassVar[str] = "Theorem 3.2, eq. (11)"
+    section: ClassVar[float] = 3.2
+    law: ClassVar[str] = "stabilising"
+
+    def torque(self, s: Tracking, law: Any) -> Array:
+        """The sum of its terms; a law may be told to leave out the feedforward."""
+        shaping = stack([_slope(s, E) for E in np.eye(s.G.dimension)])
+        feedforward = s.inertia.feedforward(s.V) if law.feedforward else 0.0
+        return feedforward - apply_matrix(s.gains.K_d, s.V) - shaping
+
+
+def _slope(s: Tracking, E: Array) -> Array:
+    """d/dε Υ(Q exp(εE) Q_target⁻¹)."""
+    Q = with_rate(s.Q, s.Q @ s.G.hat(lifted(E)))
+    return rate_of(potential(s.G, s.gains.K, Q @ s.G.inverse(s.Qd)))
+
+
+def is_rotations_of_space(G: MatrixLieGroup) -> bool:
+    """Whether [u, v] = u × v in a group of 3×3 matrices: the group is SO(3), whatever its name."""
+    if G.dimension != 3 or G.size != 3:
+        return False
+    cross = np.cross(np.eye(3)[:, None], np.eye(3)[None])
+    return bool((G.structure_constants == cross).all())
+
+
+def vee(U: Array) -> Array:
+    """The vector u of a skew-symmetric matrix u^×, ``(..., 3, 3) -> (..., 3)``."""
+    return stack([U[..., 2, 1], U[..., 0, 2], U[..., 1, 0]])

@@ -1,0 +1,134 @@
+"""What theorems say of solutions: drift, energy, decrease of L, the error system, convergence."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
+from eqt_cli.analysis.evidence.runs import ENERGY_PER_RTOL, STATES_PER_RTOL, Runs, largest
+from eqt_cli.core.arrays import Array
+from eqt_cli.results.metrics import ENERGY_SCALE
+
+GROWTH = 0.01
+"""L that grows by this part over the second half of the horizon speaks against convergence."""
+
+
+class GroupDrift(TrajectoryCheck):
+    """Q(t) ∈ G: no integrator of eqt projects, so that its drift shows its error."""
+
+    name: ClassVar[str] = "poses stay in the group"
+    statement: ClassVar[str] = "eq. (5)"
+    section: ClassVar[float] = 3.0
+
+    def check(self, runs: Runs) -> Row:
+        """The largest distance from the group over runs and samples."""
+        if not runs.count:
+            return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=runs.label)
+        bound = STATES_PER_RTOL * runs.rtol
+        return self.compared(largest(runs.group_drift), bound, runs.remark, runs.label)
+
+
+class ErrorSystemAlone(TrajectoryCheck):
+    """E from eq. (18) with the inertia 𝕀̄_t against X X_d⁻¹, at every sample of a few runs."""
+
+    name: ClassVar[str] = "error system by itself"
+    statement: ClassVar[str] = "Lemma 6.1, eq. (18)"
+    section: ClassVar[float] = 6.1
+
+    def check(self, runs: Runs) -> Row:
+        """The larger of the differences in pose and momentum."""
+        if runs.error_system is None:
+            return self.row(Verdict.UNDECIDED, remark="no good run", controller=runs.label)
+        bound = STATES_PER_RTOL * runs.rtol
+        return self.compared(runs.error_system, bound, controller=runs.label)
+
+
+class EnergyBalance(TrajectoryCheck):
+    """L(t) + ∫dissipation = L(0) at every sample, relative to max(L(0), 1 J)."""
+
+    name: ClassVar[str] = "energy balance"
+    statement: ClassVar[str] = "Theorems 3.2, 6.2"
+    section: ClassVar[float] = 6.3
+
+    def check(self, runs: Runs) -> Row:
+        """The largest residual of the runs."""
+        if not runs.count:
+            return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=runs.label)
+        if runs.no_dissipation:
+            remark = "the law does not say what it dissipates"
+            return self.row(Verdict.UNCLAIMED, remark=remark, controller=runs.label)
+        bound = ENERGY_PER_RTOL * runs.rtol
+        return self.compared(largest(runs.energy_residual), bound, runs.remark, runs.label)
+
+
+class LyapunovDecrease(TrajectoryCheck):
+    """The largest rise of L between samples, relative to max(L(0), 1 J)."""
+
+    name: ClassVar[str] = "decrease of L"
+    statement: ClassVar[str] = "Theorems 3.2, 6.2"
+    section: ClassVar[float] = 6.31
+
+    def check(self, runs: Runs) -> Row:
+        """The largest rise, which only the integrator's error may cause."""
+        label, L = runs.label, runs.lyapunov
+        if L is None or not len(L):
+            remark = runs.remark if L is not None else "the result holds no trajectories"
+            return self.row(Verdict.UNDECIDED, remark=remark, controller=label)
+        rises = np.diff(L, axis=1).max(axis=1) / np.maximum(L[:, 0], ENERGY_SCALE)
+        measured, bound = max(largest(rises), 0.0), ENERGY_PER_RTOL * runs.rtol
+        if runs.claims_decrease:
+            return self.compared(measured, bound, runs.remark, label)
+        known = runs.claims_decrease is not None
+        said = "not claimed of this law" if known else "the law says nothing"
+        return self.row(Verdict.UNCLAIMED, measured, bound, said, label)
+
+
+class Convergence(TrajectoryCheck):
+    """An error that tends to 0: within the settling threshold at the horizon, or still under way.
+
+    A finite horizon cannot refute a limit; only a growing L does.
+    """
+
+    statement: ClassVar[str] = "Theorems 3.2, 6.2"
+
+    def judge(self, runs: Runs, final: Array) -> Row:
+        """Count the runs that are not there yet, and say how fast L decays."""
+        label = runs.label
+        if not len(final):
+            return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=label)
+        late = int(np.count_nonzero(~(final <= runs.threshold)))
+        rate, span = runs.decay_rate(), float(runs.times[-1] - runs.times[0])
+        decay = f"L decays at {rate:.2g} 1/s (median)" if np.isfinite(rate) else ""
+        counted = f"{late} of {len(final)} runs not there at {runs.times[-1]:g} s" if late else ""
+        remark = "; ".join(part for part in (counted, decay, runs.remark) if part)
+        if not late:
+            verdict = Verdict.HOLDS
+        elif not runs.claims_decrease:
+            verdict = Verdict.UNCLAIMED
+        else:
+            verdict = Verdict.FAILS if rate * span / 2 < -GROWTH else Verdict.UNDECIDED
+        return self.row(verdict, largest(final), runs.threshold, remark, label)
+
+
+class PoseConvergence(Convergence):
+    """‖I − Q_E‖_F at the horizon."""
+
+    name: ClassVar[str] = "Q → Q_d"
+    section: ClassVar[float] = 6.32
+
+    def check(self, runs: Runs) -> Row:
+        """The final pose errors."""
+        return self.judge(runs, runs.final_pose_error)
+
+
+class MomentumConvergence(Convergence):
+    """‖V − V_d‖ at the horizon, which vanishes with P − P_d = 𝕀(V − V_d)."""
+
+    name: ClassVar[str] = "P → P_d"
+    section: ClassVar[float] = 6.33
+
+    def check(self, runs: Runs) -> Row:
+        """The final velocity errors."""
+        return self.judge(runs, runs.final_velocity_error)

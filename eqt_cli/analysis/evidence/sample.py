@@ -1,0 +1,151 @@
+"""A closed loop at random states, in numbers that know their rate and their rounding errors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.semidirect import Input, Semidirect, State
+from eqt_cli.mechanics.tracking import Gains, Tracking
+
+STATES = 5
+"""Random states per identity: an error in a formula shows at any one of them."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """What an identity may look at; every array has a leading axis of random states.
+
+    Attributes
+    ----------
+    label, loop
+        A controller's label, and its closed loop in these numbers.
+    times, flat, errors
+        Random times and flat states, and how far the states can be from the group.
+    states
+        Elements X, Y, Z of G ⋉ g*, at rest.
+    inputs
+        Elements U, W of its algebra.
+    drawn
+        The poses and velocities Q, V, Q_d, V_d that the flat states were made of, as floats.
+    gains
+        Gains without symmetries that could hide a fault: K commutes with no rotation, and K_d is
+        not symmetric.
+    """
+
+    label: str
+    loop: ClosedLoop
+    times: Array
+    flat: Array
+    errors: Array
+    states: tuple[State, State, State]
+    inputs: tuple[Input, Input]
+    drawn: tuple[Array, Array, Array, Array]
+    gains: Gains
+
+    @cached_property
+    def s(self) -> Tracking:
+        """What the law reads; every rate is the time derivative along the closed loop."""
+        field = self.loop.vector_field(lifted(self.times), lifted(self.flat, self.errors))
+        moving = lifted(self.flat, self.errors, *value_of(field))
+        return self.loop.tracking(lifted(self.times, rates=1.0), moving)
+
+    @cached_property
+    def generic(self) -> Tracking:
+        """The same states with `gains` instead of the experiment's."""
+        return replace(self.s, gains=self.gains)
+
+    @property
+    def G(self) -> MatrixLieGroup:
+        """The group."""
+        return self.loop.group
+
+    @property
+    def semidirect(self) -> Semidirect:
+        """G ⋉ g*."""
+        return Semidirect(self.G)
+
+    def moving(self, X: State, X_dot: State) -> State:
+        """X with X_dot as its rate."""
+        return with_rate(X[0], X_dot[0]), with_rate(X[1], X_dot[1])
+
+    def near_identity(self, U: Input) -> State:
+        """A curve through (I, 0) with velocity U: (exp(tV), tP) to first order."""
+        V, P = U
+        identity = np.broadcast_to(self.G.identity, (*V.shape[:-1], *self.G.identity.shape))
+        return self.moving((lifted(identity), lifted(np.zeros(P.shape))), (self.G.hat(V), P))
+
+
+def sampled(
+    label: str,
+    loop: ClosedLoop,
+    horizon: float,
+    random: np.random.Generator,
+    *,
+    at_rest: bool = False,
+) -> Sample:
+    """A closed loop at random states and random times of its horizon.
+
+    The reference moves, whatever it does in the experiment, unless it is to be `at_rest`.
+    """
+    G = loop.group
+    exact = loop.with_parameters(_with_errors(loop.parameters))
+    poses = [G.exp(random.standard_normal((STATES, G.dimension))) for _ in range(5)]
+    vectors = random.standard_normal((9, STATES, G.dimension))
+    times = random.uniform(0.0, horizon, STATES)
+    Vd = np.zeros_like(vectors[1]) if at_rest else vectors[1]
+    flat = np.stack(
+        [
+            loop.initial_state(Q, V, Q_d, V_d, t)
+            for Q, V, Q_d, V_d, t in zip(poses[0], vectors[0], poses[1], Vd, times, strict=True)
+        ]
+    )
+    drift = np.maximum(G.drift(poses[0]), G.drift(poses[1]))
+    # What is off the group by its drift is as good as an element of it with errors of that size.
+    errors = np.maximum(drift[:, None], UNIT * np.abs(flat))
+    free = [lifted(Q, G.drift(Q)[:, None, None]) for Q in poses[2:]]
+    states = [(Q, lifted(P)) for Q, P in zip(free, vectors[2:5], strict=True)]
+    inputs = [(lifted(vectors[k]), lifted(vectors[k + 1])) for k in (5, 7)]
+    return Sample(
+        label,
+        exact,
+        times,
+        flat,
+        errors,
+        (states[0], states[1], states[2]),
+        (inputs[0], inputs[1]),
+        (poses[0], vectors[0], poses[1], Vd),
+        _without_symmetry(loop, random),
+    )
+
+
+def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:
+    A, B = (random.standard_normal(given.shape) for given in (loop.gains.K, loop.gains.K_d))
+    return Gains(A @ A.T / len(A) + np.eye(len(A)), B + len(B) * np.eye(len(B)))
+
+
+def _with_errors(parameters: dict[str, Array]) -> dict[str, Array]:
+    """The tensors of a loop with what is inexact in them: inverses, and digits of symmetry."""
+    found = dict(parameters)
+    for name in ("inertia", "kp"):
+        if name in found:
+            matrix = found[name]
+            found[name] = lifted(matrix, np.abs(matrix - matrix.swapaxes(-1, -2)))
+    if "inertia_inverse" in found:
+        matrix, inverse = parameters["inertia"], parameters["inertia_inverse"]
+        condition = np.linalg.norm(matrix) * np.linalg.norm(inverse)
+        # Higham, section 14.1: an inverse errs by a few m u cond(A) ‖A⁻¹‖.
+        error = 4 * len(matrix) * UNIT * condition * np.abs(inverse).max()
+        found["inertia_inverse"] = lifted(inverse, error)
+    return found
+
+
+def with_rate(numbers: Array, rates: Array) -> Array:
+    """The numbers with these rates of change, whatever theirs were."""
+    return lifted(*value_of(numbers), *value_of(rates))

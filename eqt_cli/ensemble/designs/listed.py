@@ -1,0 +1,57 @@
+"""What designs have in common whose axes are lists of values."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.ensemble.axes import ListedAxis, Spaced
+from eqt_cli.ensemble.designs.base import Design
+
+
+@dataclass(frozen=True)
+class Listed(Design):
+    """Points made of the values of axes.
+
+    Attributes
+    ----------
+    axes
+        By key.
+    """
+
+    whole_section: ClassVar[str] = "axes"
+
+    axes: Annotated[dict[str, ListedAxis], Field(min_length=1)]
+
+    @cached_property
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
+        """The keys of the axes."""
+        return tuple(self.axes)
+
+    @cached_property
+    def lists(self) -> dict[str, list[Any]]:
+        """The values of every axis."""
+        return {
+            k: axis.values if isinstance(axis, Spaced) else axis for k, axis in self.axes.items()
+        }
+
+    def check(self, problems: Problems) -> None:
+        """Note ranges that are none."""
+        for key, axis in self.axes.items():
+            if isinstance(axis, Spaced):
+                axis.check(problems.at(key))
+
+    @abstractmethod
+    def index(self, point: int, key: str) -> int:
+        """Which value of an axis a point has."""
+
+    def values(self, point: int) -> tuple[Any, ...]:
+        return tuple(values[self.index(point, key)] for key, values in self.lists.items())
+
+    def place(self, point: int, key: str) -> KeyPath:
+        return (key,) if isinstance(self.axes[key], Spaced) else (key, self.index(point, key))

@@ -1,0 +1,201 @@
+"""What a quantity of a result is: its names, its unit, and how it follows from signals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum, auto
+from typing import Any, Literal
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.results.windows import WHOLE, Window
+from eqt_cli.store.variables import Attribute
+
+FLOAT = np.dtype("f8")
+
+Better = Literal["lower", "higher", "neither"]
+"""Which values of a quantity are the better ones."""
+
+_IN_PLAIN = (
+    (r"_{\mathrm{F}}", ""),
+    (r"\,\mathrm{d}t", " dt"),
+    (r"\mathcal{L}", "L"),
+    (r"\sqrt{L}", "√L"),
+    (r"\|", "‖"),
+    (r"\tau", "τ"),
+    (r"\int ", "∫"),
+    (r"\langle ", "⟨"),
+    (r" \rangle", "⟩"),
+    ("^2", "²"),
+    ("-", "−"),
+)
+"""The mathematics of symbols and formulas, and the characters that stand for it."""
+
+
+class Per(Enum):
+    """What a quantity has one value for, before its own dimensions."""
+
+    TRAJECTORY = auto()
+    """Every run of every controller whose trajectory is kept; the first of its dims is time."""
+    DESIRED = auto()
+    """The experiment, or the point of a sweep; the first of its dims is time."""
+    INITIAL = auto()
+    """Every initial state, which the controllers share."""
+    RUN = auto()
+    """Every run of every controller."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    r"""A row of the table of quantities.
+
+    Attributes
+    ----------
+    name
+        As in a result file, and as commands take it.
+    long_name
+        What it is, in words; the attribute in a result file.
+    per
+        What there is one value for.
+    units
+        In terms of the unit of its signal, for which ``{}`` stands: ``({})^2 s``. In the quantities
+        of a result, the unit itself. Nothing for text.
+    signals
+        The signals that it is computed from; it takes unit, symbol and parts of the first.
+    symbol
+        In LaTeX; that of the first signal if not given.
+    label
+        Its short name, with ``{}`` for the symbol: ``mean {}``; the long name if empty.
+    formula
+        In LaTeX, with ``{}`` for the symbol, where the label does not say it: ``\int {}^2``.
+    better
+        Which values are the better ones.
+    dims, dtype
+        Its dimensions beyond those that `per` stands for, and its type; None for text.
+    stored
+        A result file holds it; all others are computed from trajectories when asked for.
+    of
+        ``(times, *signals, **settings) -> (runs,)``, of signals ``(runs, samples, …)`` within the
+        window; None where the run itself hands it over.
+    settings
+        Keys of the configuration that `of` takes, by the names of arguments and of attributes.
+    window
+        Over which it is taken; what is `windowed` can be taken over any other as well.
+    compared
+        The windows over which controllers are compared by it unless a user chooses.
+    parted
+        Its first signal is a norm, which may have parts, such as rotation and translation.
+    censored
+        NaN in a run that is good says: later than the end of the run.
+    notes
+        Further attributes in a result file.
+    """
+
+    name: str
+    long_name: str
+    per: Per = Per.RUN
+    units: str = "1"
+    signals: tuple[str, ...] = ()
+    symbol: str = ""
+    label: str = ""
+    formula: str = ""
+    better: Better = "neither"
+    dims: tuple[str, ...] = ()
+    dtype: np.dtype[Any] | None = FLOAT
+    stored: bool = True
+    of: Callable[..., Array] | None = None
+    settings: Mapping[str, str] = field(default_factory=dict)
+    window: Window = WHOLE
+    windowed: bool = False
+    compared: tuple[Window, ...] = ()
+    parted: bool = False
+    censored: bool = False
+    notes: Mapping[str, Attribute] = field(default_factory=dict)
+
+    @property
+    def attributes(self) -> dict[str, Attribute]:
+        """What a result file says of it."""
+        units = {"units": self.units} if self.units else {}
+        window = {} if self.window == WHOLE else {"window_s": self.window.stop}
+        return {**units, "long_name": self.long_name, **window, **self.notes}
+
+    def unit(self, of_signal: str) -> str:
+        """Its unit where its signal has this one: (N m)^2 s of N m, N^2 s of N.
+
+        ``mixed`` gives ``mixed``, and 1 is left out of squares.
+        """
+        pattern = self.units
+        if of_signal == "mixed" and "{}" in pattern:
+            return of_signal
+        if of_signal == "1":
+            pattern = pattern.removeprefix("({})^2 ")
+        return (pattern.replace("({})", "{}") if of_signal.isalpha() else pattern).format(of_signal)
+
+    @property
+    def plain(self) -> str:
+        """Its short name in plain characters: ``mean ‖τ‖``, ``effort``."""
+        return self.label.replace("{}", plain(self.symbol)) or self.long_name
+
+    @property
+    def plain_formula(self) -> str:
+        """Its formula in plain characters; nothing where the short name says it."""
+        return plain(self.formula.replace("{}", self.symbol))
+
+    @property
+    def described(self) -> str:
+        """Short name and formula in plain characters: ``effort ∫‖τ‖² dt``."""
+        return f"{self.plain} {self.plain_formula}".rstrip()
+
+    def part(self, name: str) -> Quantity:
+        """The same of one part of its norm: ``rotation``."""
+        words = name.replace("_", " ")
+        return replace(
+            self,
+            name=f"{self.name}_{name}",
+            long_name=f"{self.long_name}, {words} part",
+            signals=(f"{self.signals[0]}_{name}", *self.signals[1:]),
+            label=f"{self.label} {words}",
+            stored=self.per is Per.TRAJECTORY,
+            parted=False,
+        )
+
+    def measure(
+        self, times: Array, signals: Mapping[str, Array], window: Window, **settings: float
+    ) -> Array:
+        """Its value in every run over a window, ``(runs,)``.
+
+        Parameters
+        ----------
+        times : (samples,)
+        signals
+            Arrays ``(runs, samples, …)`` by name.
+        settings
+            What `settings` names.
+
+        Raises
+        ------
+        EqtError
+            If the window begins only after the last sample.
+        """
+        assert self.of is not None
+        columns = [signals[name] for name in self.signals]
+        window = window.within(times)
+        if window != WHOLE.within(times):
+            cut = [window.cut(times, values) for values in columns]
+            times, columns = cut[0][0], [values for _, values in cut]
+        return self.of(times, *columns, **settings)
+
+    def is_same_as(self, other: Quantity) -> bool:
+        """Whether both are one number wherever they are taken over one window."""
+        return self.name == other.name or (
+            self.of is not None and (self.of, self.signals) == (other.of, other.signals)
+        )
+
+
+def plain(latex: str) -> str:
+    r"""A symbol or formula in plain characters: ``‖I − Q_E‖`` of ``\|I - Q_E\|_{\mathrm{F}}``."""
+    for command, characters in _IN_PLAIN:
+        latex = latex.replace(command, characters)
+    return latex

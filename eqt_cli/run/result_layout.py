@@ -1,0 +1,239 @@
+"""The result file of a study before anything is in it: its dimensions, variables and groups.
+
+Where all points of a sweep have one shape, variables have a dimension `point`. Where they have not,
+the root holds what there is one of for every run, and a group for each point holds all of it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from eqt_cli.config.yaml_source import dump
+from eqt_cli.core.arrays import Array
+from eqt_cli.experiment.law_names import LAW, law_names
+from eqt_cli.experiment.study import Study
+from eqt_cli.results.quantities import coordinates, quantities
+from eqt_cli.results.quantity import Per, Quantity
+from eqt_cli.store.assembly import Assembly, Blank, assemble
+from eqt_cli.store.layout import point_group
+from eqt_cli.store.variables import Attribute, Variable
+
+MIXED = "mixed"
+"""The unit of a variable that has different ones at different points."""
+
+Positions = tuple[int | slice, ...]
+
+
+class Destination(Protocol):
+    """Where the variables of a piece are written."""
+
+    def put(self, name: str, data: Array, positions: Positions = ()) -> None:
+        """Write part of a variable, at positions along (point,) and its further axes."""
+        ...
+
+
+@dataclass(frozen=True)
+class ResultFile:
+    """An unfinished result file, all of whose variables are there.
+
+    Attributes
+    ----------
+    root
+        The file.
+    groups
+        One for each point; none where all points have one shape.
+    places
+        For each piece of the study.
+    """
+
+    root: Assembly
+    groups: list[Assembly]
+    places: Sequence[Destination]
+
+
+class Layout:
+    """What is kept of points of one shape, and along which dimensions."""
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self.quantities = [entry for entry in quantities(study.base) if self._is_kept(entry)]
+        self.varies = {Per.INITIAL: study.initial_varies, Per.DESIRED: study.desired_varies}
+
+    def _is_kept(self, quantity: Quantity) -> bool:
+        if quantity.per is Per.TRAJECTORY:
+            return self.study.kept > 0
+        return quantity.per is not Per.DESIRED or self.study.keeps_desired
+
+    def of(self, per: Per) -> Iterator[Quantity]:
+        """The quantities of a kind."""
+        return (entry for entry in self.quantities if entry.per is per)
+
+    def by_point(self, quantity: Quantity) -> bool:
+        """Whether the points have values of their own."""
+        return self.study.sweep is not None and self.varies.get(quantity.per, True)
+
+    def blanks(self, *, single: bool = False) -> dict[str, Blank]:
+        """The variables; of a `single` point, or of all together."""
+        found = {}
+        for entry in self.quantities:
+            point = ("point",) if self.by_point(entry) and not single else ()
+            dims = (*point, *self._leading(entry.per), *entry.dims)
+            found[entry.name] = Blank(dims, entry.dtype, entry.attributes)
+        return found
+
+    def _leading(self, per: Per) -> tuple[str, ...]:
+        stored = "run" if self.study.kept == self.study.plan.runs else "stored_run"
+        return {
+            Per.TRAJECTORY: ("controller", stored),
+            Per.RUN: ("controller", "run"),
+            Per.INITIAL: ("run",),
+            Per.DESIRED: (),
+        }[per]
+
+    @property
+    def coordinates(self) -> dict[str, Variable]:
+        """What the positions along the dimensions of a point mean."""
+        return coordinates(self.study.base, self.study.kept)
+
+
+@contextmanager
+def new_result_file(study: Study, path: Path) -> Iterator[ResultFile]:
+    """The result file of a study, to be filled; it appears when the block ends."""
+    layouts = [Layout(study.piece(index)) for index in range(len(study.shapes))]
+    blanks, found = _root(study, layouts)
+    laws = law_names(study)
+    if laws is not None:
+        meaning = {"long_name": "registered law without options that the controller equals"}
+        blanks[LAW] = Blank(("point", "controller"), None, meaning)
+    sizes = {"point": len(study)} if study.sweep else {}
+    gzip = study.base.config.store.compression == "gzip"
+    with assemble(path, sizes | _sizes(found), found, blanks, "gzip" if gzip else None) as file:
+        if laws is not None:
+            file.put(LAW, laws)
+        if not study.is_ragged:
+            yield ResultFile(file, [], [file])
+            return
+        of_point = {p: layouts[index] for index, points in enumerate(study.shapes) for p in points}
+        groups = [_group(file, study, point, of_point[point]) for point in range(len(study))]
+        places = [
+            _Spread(file, [groups[p] for p in points], points, layouts[index])
+            for index, points in enumerate(study.shapes)
+        ]
+        yield ResultFile(file, groups, places)
+
+
+def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[str, Variable]]:
+    """Variables and coordinates of the root."""
+    swept = swept_coordinates(study)
+    if not study.is_ragged:
+        return layouts[0].blanks(), layouts[0].coordinates | swept
+    blanks = layouts[0].blanks()
+    rest = [layout.blanks() for layout in layouts[1:]]
+    kept = {
+        entry.name: replace(
+            blanks[entry.name],
+            attributes=_agreed([one[entry.name].attributes for one in (blanks, *rest)]),
+        )
+        for entry in layouts[0].of(Per.RUN)
+    }
+    shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
+    return kept, shared | swept
+
+
+def _agreed(attributes: list[Mapping[str, Attribute]]) -> dict[str, Attribute]:
+    """What all say alike; units that differ are mixed."""
+    first, *rest = attributes
+    same = {key: value for key, value in first.items() if all(o.get(key) == value for o in rest)}
+    return same if "units" in same or "units" not in first else {"units": MIXED, **same}
+
+
+def _group(file: Assembly, study: Study, point: int, layout: Layout) -> Assembly:
+    """The group of a point, laid out as the result of a single experiment."""
+    found = layout.coordinates
+    group = file.group(point_group(point), _sizes(found), found, layout.blanks(single=True))
+    experiment = study.experiment(point)
+    config = dump(experiment.resolved | {"store": study.resolved["store"]})
+    group.describe({"config": config, "group": experiment.group.name})
+    return group
+
+
+def _sizes(found: Mapping[str, Variable]) -> dict[str, int]:
+    return {name: len(found[name].data) for name in found if found[name].dims == (name,)}
+
+
+class _Spread:
+    """Brings what is of a piece to the groups of its points, and metrics to the root as well."""
+
+    def __init__(
+        self, root: Assembly, groups: list[Assembly], points: Sequence[int], layout: Layout
+    ) -> None:
+        self.root, self.groups, self.points = root, groups, points
+        self.by_point = {entry.name for entry in layout.quantities if layout.by_point(entry)}
+        self.in_root = {entry.name for entry in layout.of(Per.RUN)}
+
+    def put(self, name: str, data: Array, positions: Positions = ()) -> None:
+        if name not in self.by_point:
+            for group in self.groups:
+                group.put(name, data, positions)
+            return
+        first, *rest = positions
+        if isinstance(first, int):
+            first, data = slice(first, first + 1), data[None]
+        for inner, values in zip(range(first.start, first.stop), data, strict=True):
+            self.groups[inner].put(name, values, tuple(rest))
+            if name in self.in_root:
+                self.root.put(name, values, (self.points[inner], *rest))
+
+
+def swept_coordinates(study: Study) -> dict[str, Variable]:
+    """One coordinate along `point` for every swept key: numbers, text, or an index with labels."""
+    if study.sweep is None:
+        return {}
+    found = {}
+    columns = list(zip(*map(study.sweep.values, range(len(study))), strict=True))
+    for key, values in zip(study.sweep.keys, columns, strict=True):
+        name = key.replace("[", ".").replace("]", "")
+        attributes = {"long_name": f"{key}, swept", "key": key}
+        if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
+            found[name] = Variable(("point",), np.array(values), attributes)
+        elif all(isinstance(value, str) for value in values):
+            found[name] = Variable(("point",), np.array(values, dtype=object), attributes)
+        else:
+            labels = [json.dumps(value, ensure_ascii=False) for value in values]
+            index = {label: k for k, label in enumerate(dict.fromkeys(labels))}
+            numbers = np.array([index[label] for label in labels])
+            found[name] = Variable(("point",), numbers, attributes)
+            found[f"{name}.label"] = Variable(
+                ("point",), np.array(labels, dtype=object), {"long_name": f"{key}, as JSON"}
+            )
+    return found
+
+
+def titles(study: Study) -> dict[str, str]:
+    """How every controller is written in figures: by its law's title unless it has a label."""
+    laws = {label: loop.controller for label, loop in study.base.loops.items()}
+    return {label: law.title if label == law.name else label for label, law in laws.items()}
+
+
+def described(
+    study: Study, provenance: dict[str, Any], config: str, plugins: str
+) -> dict[str, Any]:
+    """The attributes with which a result can be understood and run again."""
+    groups = {study.piece(index).base.group.name: None for index in range(len(study.shapes))}
+    return {
+        "title": study.name,
+        "config": config,
+        "plugins": plugins,
+        "digest": study.digest,
+        "group": ", ".join(groups),
+        "titles": json.dumps(titles(study), ensure_ascii=False),
+        "provenance": json.dumps(provenance, ensure_ascii=False),
+        "references": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
+    }
