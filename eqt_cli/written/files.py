@@ -170,6 +170,35 @@ def _is_number(entry: str) -> bool:
     return True
 
 
+def read_starts(text: str, name: str, G: MatrixLieGroup) -> tuple[Array, Array | None]:
+    """Poses ``(n, d, d)`` and velocities ``(n, m)``, if there are any, a row for each run.
+
+    Raises
+    ------
+    InputError
+        That says in which line what is wrong.
+    """
+    table = read_table(text, name)
+    poses = table_poses(table, G)
+    coordinates = coordinate_names(G)
+    for columns in (
+        [f"V{k}" for k in range(1, G.dimension + 1)],
+        [f"V_{coordinate}" for coordinate in coordinates],
+        coordinates,
+    ):
+        of_poses = set(columns) & set(used_columns(table, G))
+        found = [column for column in columns if column in table.columns]
+        if found and not of_poses:
+            if len(found) < len(columns):
+                missing = ", ".join(column for column in columns if column not in found)
+                raise InputError(
+                    f"{name}:{table.lines[0] - 1}: missing column {missing}; a velocity on "
+                    f"{G.name} has {', '.join(columns)}"
+                )
+            return poses, table.get(columns)
+    return poses, None
+
+
 # Poses --------------------------------------------------------------------------------------------
 
 
@@ -197,10 +226,13 @@ def pose_columns(G: MatrixLieGroup, suffix: str = "") -> list[str]:
 def table_poses(table: Table, G: MatrixLieGroup) -> Array:
     """A pose from each row: by quaternion and translation, or by the coordinates of the group."""
     columns, coordinates = pose_columns(G), coordinate_names(G)
-    if columns and set(columns) <= set(table.columns):
+    used = used_columns(table, G)
+    if used == columns:
         return _assembled(table, G, "")
-    if set(coordinates) <= set(table.columns):
+    if used == coordinates:
         return G.exp(table.get(coordinates))
+    if used:
+        return table.get(used).reshape(len(table), G.size, G.size)
     wanted = columns or coordinates
     missing = ", ".join(name for name in wanted if name not in table.columns)
     others = f" (or the coordinates {', '.join(coordinates)})" if columns else ""
@@ -208,6 +240,14 @@ def table_poses(table: Table, G: MatrixLieGroup) -> Array:
         f"{table.name}:{table.lines[0] - 1}: missing column {missing}; a pose of {G.name} has "
         f"{', '.join(wanted)}{others}"
     )
+
+
+def used_columns(table: Table, G: MatrixLieGroup) -> list[str]:
+    """The columns of a table that hold its poses; none where some are missing."""
+    digits = range(1, G.size + 1)
+    entries = [f"Q{row}{column}" for row in digits for column in digits]
+    ways = (pose_columns(G), coordinate_names(G), entries)
+    return next((way for way in ways if way and set(way) <= set(table.columns)), [])
 
 
 def _assembled(table: Table, G: MatrixLieGroup, suffix: str) -> Array:
