@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import pickle
 import platform
 import threading
 import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType, TracebackType
@@ -232,7 +233,7 @@ class Taylor(Engine):
         solution.messages[run] = f"{at}: {reason}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Traced:
     """A closed loop as heyoka expressions; equal ones compile to the same code.
 
@@ -253,6 +254,17 @@ class Traced:
     compared: tuple[tuple[Any, Any], ...]
     margins: tuple[Any, ...]
     first_side: int
+
+    @cached_property
+    def _bytes(self) -> bytes:
+        # heyoka compares expressions as trees, which are long where parts are used many times.
+        return pickle.dumps((self.variables, self.derivative, self.compared, self.margins))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Traced) and self._bytes == other._bytes
+
+    def __hash__(self) -> int:
+        return hash(self._bytes)
 
 
 def trace(loop: ClosedLoop) -> Traced:
