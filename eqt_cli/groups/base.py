@@ -122,26 +122,26 @@ class MatrixLieGroup(ABC):
     # Motion along one algebra element, which engines trace where it depends on time.
 
     def screw(self, V: Array) -> tuple[Array, Array]:
-        """Algebra elements as ``rates`` along an axis, ``(..., m) -> (..., m), (..., k)``.
+        """What `exp_along` needs of algebra elements, ``(..., m) -> (..., 3, n), (..., k)``.
 
-        ``exp_along(axis, a * rates)`` is exp(aV) for every number a; k is up to the group.
+        ``exp_along(terms, a * rates)`` is exp(aV) for every number a; n and k are up to the group.
         """
-        return V, np.ones((*V.shape[:-1], 1))
+        return np.stack([V, V, V], axis=-2), np.ones((*V.shape[:-1], 1))
 
-    def exp_along(self, axis: Array, angles: Array) -> Array:
-        """exp along an axis that `screw` has given, by ``(..., k)`` angles, also of symbols.
+    def exp_along(self, terms: Array, angles: Array) -> Array:
+        """exp along what `screw` gives the terms of, by ``(..., k)`` angles, also of symbols.
 
         Raises
         ------
         TraceError
             Of symbols, where the group does not say how.
         """
-        if angles.dtype == object or axis.dtype == object:
+        if angles.dtype == object or terms.dtype == object:
             raise TraceError(
                 f"group '{self.name}' has no method `exp_along` that takes symbols; "
                 "give it one, as EuclideanGroup has, or use `engine: solve_ivp`"
             )
-        return self.exp(angles * axis)
+        return self.exp(angles * terms[..., 0, :])
 
     # What follows from the basis alone.
 
@@ -241,10 +241,13 @@ class MatrixLieGroup(ABC):
 
     def unpack(self, entries: Array) -> Array:
         """The pose with these entries, the others as in the identity; undoes `pack`."""
+        return self._with_entries(entries, self.identity)
+
+    def _with_entries(self, entries: Array, others: Array | float) -> Array:
         if self.pose_length == self.size**2:
             return entries.reshape(*entries.shape[:-1], self.size, self.size)
         Q = np.empty((*entries.shape[:-1], self.size, self.size), dtype=entries.dtype)
-        Q[...] = self.identity
+        Q[...] = others
         rows, columns = self._free_entries
         Q[..., rows, columns] = entries
         return Q

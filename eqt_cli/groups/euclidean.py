@@ -128,21 +128,25 @@ class EuclideanGroup(MatrixLieGroup):
         return self.assemble(rotation, translations)
 
     def screw(self, V: Array) -> tuple[Array, Array]:
-        """The axis with unit rotation and its rate of rotation; where none, V and 1."""
+        """X, X² and X³ of the axis with unit rotation, by their entries, and the rate of rotation.
+
+        Where there is no rotation, the axis is V and the rate 1.
+        """
         rates = norm(V[..., : self.rotations])[..., None]
         rates = np.where(rates < SMALLEST_RATE, 1.0, rates)
-        return V / rates, rates
+        X = self.hat(V / rates)
+        return self.pack(np.stack([X, X @ X, X @ X @ X], axis=-3)), rates
 
-    def exp_along(self, axis: Array, angles: Array) -> Array:
-        """I + φX + (1 − cos φ)X² + (φ − sin φ)X³ with X = axis^.
+    def exp_along(self, terms: Array, angles: Array) -> Array:
+        """I + φX + (1 − cos φ)X² + (φ − sin φ)X³.
 
         X⁴ = −X² where its rotation is of unit rate, and X² = 0 where it has none. The factors
         lose no digits that count where φ is small and the translation along the axis large.
         """
-        X, phi = self.hat(axis), angles[..., None]
-        X2 = X @ X
+        X, X2, X3 = (self._with_entries(terms[..., k, :], 0.0) for k in range(3))
+        phi = angles[..., None]
         half = sin(phi / 2)
-        return self.identity + phi * X + 2 * half * half * X2 + (phi - sin(phi)) * (X2 @ X)
+        return self.identity + phi * X + 2 * half * half * X2 + (phi - sin(phi)) * X3
 
     def log(self, Q: Array) -> Array:
         """log in closed form, with rotation angles in [0, π] (n = 3) or (−π, π] (n = 2)."""

@@ -97,20 +97,20 @@ class ProductGroup(MatrixLieGroup):
         )
 
     def screw(self, V: Array) -> tuple[Array, Array]:
-        """Axes and rates of the factors, one behind the other."""
+        """Terms and rates of the factors, one behind the other."""
         found = [factor.screw(V[..., coordinates]) for factor, _, coordinates in self._layout()]
-        axes, rates = zip(*found, strict=True)
-        return np.concatenate(axes, axis=-1), np.concatenate(rates, axis=-1)
+        terms, rates = zip(*found, strict=True)
+        return np.concatenate(terms, axis=-1), np.concatenate(rates, axis=-1)
 
-    def exp_along(self, axis: Array, angles: Array) -> Array:
+    def exp_along(self, terms: Array, angles: Array) -> Array:
         """Block by block."""
-        counts = [factor.screw(np.zeros(factor.dimension))[1].size for factor in self.factors]
+        lengths = [factor.screw(np.zeros(factor.dimension)) for factor in self.factors]
+        of_terms = _slices([terms.shape[-1] for terms, _ in lengths])
+        of_angles = _slices([rates.shape[-1] for _, rates in lengths])
         return self.assemble(
             [
-                factor.exp_along(axis[..., coordinates], angles[..., own])
-                for (factor, _, coordinates), own in zip(
-                    self._layout(), _slices(counts), strict=True
-                )
+                factor.exp_along(terms[..., own], angles[..., turns])
+                for factor, own, turns in zip(self.factors, of_terms, of_angles, strict=True)
             ]
         )
 

@@ -34,14 +34,14 @@ class Factor(NamedTuple):
     ----------
     vector : (..., m)
         ξ.
-    axis, rates : (..., m), (..., k)
+    terms, rates : (..., 3, n), (..., k)
         The same as the group's `screw` gives it.
     a, rate, second : (..., 1)
         a, a' and a''.
     """
 
     vector: Array
-    axis: Array
+    terms: Array
     rates: Array
     a: Array
     rate: Array
@@ -63,7 +63,7 @@ def motion_along(
     """
     V = V_dot = None
     for factor in factors:
-        A = G.exp_along(factor.axis, factor.a * factor.rates)
+        A = G.exp_along(factor.terms, factor.a * factor.rates)
         Q = Q @ A
         rate, second = factor.rate * factor.vector, factor.second * factor.vector
         if V is None or V_dot is None:
@@ -105,12 +105,12 @@ class Pieces:
         """The numbers of the piece that a time, or each of some times, is in."""
         index = np.maximum(np.searchsorted(self.starts, t, side="right") - 1, 0)
         vectors = self.vectors[index]
-        axes, rates = G.screw(vectors)
+        terms, rates = G.screw(vectors)
         return {
             "since": self.starts[index],
             "pose": G.pack(self.poses[index]),
             "vectors": vectors,
-            "axes": axes,
+            "terms": terms,
             "rates": rates,
             "coefficients": self.coefficients[index],
         }
@@ -126,7 +126,7 @@ def motion_of_piece(
     factors = (
         Factor(
             piece["vectors"][..., k, :],
-            piece["axes"][..., k, :],
+            piece["terms"][..., k, :, :],
             piece["rates"][..., k, :],
             a[..., k, None],
             rate[..., k, None],
