@@ -618,9 +618,10 @@ class _Parser:
         if token.text == ")":
             raise ExpressionError(f"the ')' at column {column} closes no '('", column)
         if token.text == ",":
+            several = ", ".join(name for name, known in PIECEWISE.items() if known.count != 1)
             raise ExpressionError(
                 f"unexpected ',' at column {column}; numbers take a decimal point, and only "
-                f"{', '.join(n for n, f in PIECEWISE.items() if f.count != 1)} take several arguments",
+                f"{several} take several arguments",
                 column,
             )
         if token.text in _COMPARISONS:
