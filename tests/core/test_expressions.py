@@ -272,14 +272,14 @@ def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
         (
             "omega*t",
             "unknown name 'omega' at column 1; expected one of t, pi, sin, cos, tan, asin, acos, "
-            "atan, sinh, cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs, min, max, sign, step, "
-            "smoothstep, where",
+            "atan, sinh, cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs, min, max, sign, "
+            "step, smoothstep, where",
         ),
         (
             "__import__('os')",
             "unknown name '__import__' at column 1; expected one of t, pi, sin, cos, tan, asin, "
-            "acos, atan, sinh, cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs, min, max, sign, "
-            "step, smoothstep, where",
+            "acos, atan, sinh, cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs, min, max, "
+            "sign, step, smoothstep, where",
         ),
         ("t^2", "unexpected character '^' at column 2; write '**' for a power"),
         (
