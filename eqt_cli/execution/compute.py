@@ -58,7 +58,10 @@ def solve_references(study: Study, points: Array) -> Array:
     harm the others, so then the next one is asked.
     """
     base = study.base
-    length = next(iter(base.loops.values())).length_without_memory
+    loop = next(iter(base.loops.values()))
+    length = loop.length_without_memory
+    if not loop.reference.starts_from:  # it is no part of a state
+        return np.zeros((len(points), base.config.time.samples, length))
     found = np.full((len(points), base.config.time.samples, length), np.nan)
     missing = np.arange(len(points))
     for label in base.loops:

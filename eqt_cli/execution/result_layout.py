@@ -239,6 +239,7 @@ def described(
         "title": study.name,
         "config": config,
         "plugins": plugins,
+        **({"files": json.dumps(study.files, ensure_ascii=False)} if study.files else {}),
         "digest": study.digest,
         "group": ", ".join(groups),
         "titles": json.dumps(titles(study), ensure_ascii=False),
