@@ -61,19 +61,30 @@ def check(
     resolved: Annotated[
         bool, options.flag("--resolved", help="Print it with every default written out.")
     ] = False,
+    most_torque: Annotated[
+        float | None,
+        typer.Option("--most-torque", metavar="TORQUE", help="The reference may ask for so much."),
+    ] = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Check a configuration without running it."""
+    """Check a configuration without running it, its reference over the whole horizon."""
     from eqt_cli.cli.output import print_found, print_json, problem_records, say
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
     from eqt_cli.core.errors import ConfigError
+    from eqt_cli.core.problems import Problems
+    from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
     from eqt_cli.experiment.sweeping import study
 
+    source = read_config(config, options.overrides(set_))
     try:
-        found = study(read_config(config, options.overrides(set_)), trust_plugins=trust_plugins)
+        found = study(source, trust_plugins=trust_plugins)
+        problems = Problems(source.place)
+        shown = reference_over_horizon(found.base)
+        jumps = check_reference(shown, most_torque, problems.at("reference"))
+        problems.raise_if_any()
     except ConfigError as error:
         if not json:
             raise
@@ -91,6 +102,7 @@ def check(
         + f"{len(experiment.loops)} controllers × {experiment.config.ensemble.runs} runs, "
         f"{experiment.config.time.duration:g} s, engine {experiment.engine.name}"
     )
+    text = "\n".join([text, *(f"reference: {jump}" for jump in jumps)])
     print_found(_document(config, [], found), text, json=json)
 
 

@@ -23,6 +23,12 @@ from eqt_cli.mechanics.lie_poisson import lie_poisson
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
 
+_STRETCH = {"pose": "desired_pose", "velocity": "desired_momentum"}
+"""The stretches that hold what of Q_d and V_d is integrated."""
+
+REFERENCE = "reference."
+"""What the numbers that a reference holds are called, before their own names."""
+
 MEMORY = "controller."
 """What the stretches of a law's memory are called, before the names that the law gives them."""
 
@@ -91,19 +97,37 @@ class ClosedLoop:
         work: Array = state[..., self.layout.slices["work"].start]
         return work
 
+    # Instants that are known in advance, at which the vector field goes on in another way.
+
+    @cached_property
+    def instants(self) -> Array:
+        """The times, s, at which an engine ends a step and begins anew; in order."""
+        return self.reference.instants(self.group)
+
+    def held(self, t: Any) -> dict[str, Array]:
+        """The numbers that the vector field holds from time t to the next instant, by name."""
+        held = self.reference.held(self.group, t)
+        return {REFERENCE + name: values for name, values in held.items()}
+
+    def holding(self, held: Mapping[str, Array]) -> Self:
+        """The same loop between two instants, by the numbers of `held`, which may be symbols."""
+        if not held:
+            return self
+        own = {name.removeprefix(REFERENCE): values for name, values in held.items()}
+        return dataclasses.replace(self, reference=self.reference.holding(own))
+
     # Flat states.
 
     @cached_property
     def layout(self) -> StateLayout:
         """The stretches of a flat state."""
         q, m = self.group.pose_length, self.group.dimension
-        memory = self.controller.memory(self.group)
+        desired, memory = self.reference.starts_from, self.controller.memory(self.group)
         return StateLayout(
             {
                 "pose": q,
                 "momentum": m,
-                "desired_pose": q,
-                "desired_momentum": m,
+                **{_STRETCH[part]: {"pose": q, "velocity": m}[part] for part in desired},
                 "work": 1,
                 **{MEMORY + name: length for name, length in memory.items()},
             }
@@ -132,9 +156,12 @@ class ClosedLoop:
 
     def tracking(self, t: Any, state: Array) -> Tracking:
         """Everything a law may read, at time t and a flat state ``(..., state_length)``."""
-        found = self.layout.split(state)
-        Pd = found["desired_momentum"]
-        inertia = self.inertia.at(t)
+        found, inertia = self.layout.split(state), self.inertia.at(t)
+        Qd, Pd = found.get(_STRETCH["pose"]), found.get(_STRETCH["velocity"])
+        if Qd is not None:
+            Qd = self.group.unpack(Qd)
+        desired = self.reference.desired(self.group, inertia, t, Qd, Pd)
+        batch = state.shape[:-1]
         return Tracking(
             G=self.group,
             inertia=inertia,
@@ -142,9 +169,9 @@ class ClosedLoop:
             t=t,
             Q=self.group.unpack(found["pose"]),
             P=found["momentum"],
-            Qd=self.group.unpack(found["desired_pose"]),
-            Pd=Pd,
-            tau_d=self.reference.driving_torque(self.group, inertia, t, Pd),
+            Qd=_spread(desired.Q, batch, 2),
+            Pd=_spread(desired.P, batch, 1),
+            tau_d=desired.tau,
             memory={
                 name.removeprefix(MEMORY): values
                 for name, values in found.items()
@@ -176,6 +203,12 @@ class ClosedLoop:
             **_named(self.controller.memory_rate(s)),
         }
         return self.layout.join(rates, state)
+
+
+def _spread(values: Array, batch: tuple[int, ...], axes: int) -> Array:
+    """What is the same for all runs, or samples, for each of them."""
+    own = values.shape[values.ndim - axes :]
+    return values if values.shape == (*batch, *own) else np.broadcast_to(values, (*batch, *own))
 
 
 def _named(memory: Mapping[str, Any]) -> dict[str, Any]:

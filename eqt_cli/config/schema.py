@@ -6,12 +6,13 @@ What depends on the group or on a component (shapes, options, definiteness) is c
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, Tag
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAdapter
 
-from eqt_cli.core.numbers import Count, CountOrNone, Positive, Real
+from eqt_cli.core.numbers import Angle, Count, CountOrNone, Positive, Real
 from eqt_cli.core.validation import one_of
 
 
@@ -49,6 +50,14 @@ Weight = Annotated[
 """A matrix, or for a product of groups a list with one matrix per factor."""
 
 
+def _distance_of_angle(value: Any) -> Any:
+    """‖I − R‖_F of a rotation by an angle that is written in degrees."""
+    if not (isinstance(value, str) and value.rstrip().endswith("deg")):
+        return value
+    angle: float = TypeAdapter(Angle).validate_python(value)
+    return 2 * math.sqrt(2) * math.sin(angle / 2)
+
+
 class Section(BaseModel):
     """A mapping with known keys only."""
 
@@ -72,13 +81,18 @@ class InitialSection(Section):
     """Q(0) = Q_d(0) · draw; for a product of groups also a list with one entry per factor."""
     velocity: Any = "fixed"
     """V(0) = V_d(0) + draw."""
+    file: str | None = None
+    """Instead of both: a table of poses and velocities with a row for each run, or an earlier
+    result, whose runs start there; relative to this file."""
+    relative: bool = False
+    """Whether the poses and velocities in the file are relative to the reference's."""
 
 
 class EnsembleSection(Section):
     """How many runs, from which seed."""
 
     runs: Count = 1
-    """Runs per controller."""
+    """Runs per controller; as many as `initial.file` has rows, if there is one."""
     seed: int = Field(default=0, ge=0, lt=2**63)
     """Root of all random streams."""
 
@@ -179,8 +193,9 @@ class Config(Section):
     sweep: list[dict[str, Any]] | None = None
     """Blocks of `grid`, `zip`, `random`, `lhs`, `sobol` or `concat`, which multiply; for
     `eqt sweep`."""
-    settling_threshold: Positive = 0.05
-    """Pose error ‖I − Q_E‖_F below which a run counts as settled."""
+    settling_threshold: Annotated[Positive, BeforeValidator(_distance_of_angle)] = 0.05
+    """Pose error ‖I − Q_E‖_F below which a run counts as settled; also the angle of a rotation,
+    such as 2 deg, which is the distance 2√2 sin(θ/2)."""
     plugins: list[str] = Field(default_factory=list)
     """Python files with components of your own, relative to this file."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -33,6 +34,10 @@ class ConfigSource:
     folder: Path
     overrides: dict[KeyPath, str] = field(default_factory=dict)
     stored_plugins: dict[str, str] | None = None
+    files: dict[str, str] = field(default_factory=dict)
+    """Contents of files with data, by their names in the configuration, as they are read."""
+    holds_files: bool = False
+    """Whether they come from a result, so that no other is read."""
 
     @property
     def path(self) -> str:
@@ -119,7 +124,14 @@ def source_of(results: ResultFile) -> ConfigSource:
     text = str(results.attributes["config"])
     plugins = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
     source = yaml_source.load(text, f"{results.path}{_STORED}")
-    return ConfigSource(source, source.data, results.path.parent, stored_plugins=plugins)
+    return ConfigSource(
+        source,
+        source.data,
+        results.path.parent,
+        stored_plugins=plugins,
+        files=json.loads(str(results.attributes.get("files", "{}"))),
+        holds_files=True,
+    )
 
 
 def _apply(config: ConfigSource, override: str, place: str) -> None:

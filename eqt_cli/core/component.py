@@ -8,8 +8,13 @@ from typing import Any, ClassVar
 from eqt_cli.core.problems import Problems, parse_key
 
 
+def option_of_field(name: str) -> str:
+    """The option that a field stands for: `from` for ``from_``, which Python reserves."""
+    return name.removesuffix("_")
+
+
 class Component(ABC):
-    """A dataclass whose fields are its options in a configuration.
+    """A dataclass whose fields are its options in a configuration, ``from_`` for `from`.
 
     A kind of component says in `check` what of its options will not do: it notes that in the
     problems of its place, ``problems.at("std").add("expected …")``.
@@ -17,7 +22,11 @@ class Component(ABC):
 
     name: ClassVar[str]
     # Read by pydantic when a configuration gives options: no other keys, no silent conversions.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+    __pydantic_config__: ClassVar[dict[str, Any]] = {
+        "extra": "forbid",
+        "strict": True,
+        "alias_generator": option_of_field,
+    }
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)

@@ -1,7 +1,8 @@
 """The whitelisted grammar of reference torques and constants; it knows no config and no engine.
 
 An expression is made of numbers, ``pi``, the variables that the caller allows (``t`` by default),
-``+ - * / **``, parentheses and the one-argument functions of `eqt_cli.core.arrays.FUNCTIONS`.
+``+ - * / **``, parentheses, the one-argument functions of `eqt_cli.core.arrays.FUNCTIONS`, and
+those of `PIECEWISE`; a comparison stands in ``where(t < 1, a, b)`` and nowhere else.
 Precedence is Python's: ``-2**2`` is −4, ``2**3**2`` is 512. There is no ``e``, since it is as often
 the start of an exponent; write ``exp(1)``. Text is parsed by hand and never handed to Python.
 """
@@ -11,13 +12,15 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import reduce
+from itertools import combinations
 from typing import Any, NoReturn, TypeAlias
 
 import numpy as np
 
-from eqt_cli.core.arrays import FUNCTIONS, apply
+from eqt_cli.core.arrays import FUNCTIONS, apply, clip, less, maximum, minimum, where
 from eqt_cli.core.errors import ExpressionError, InputError, suggestion
 
 MAX_LENGTH = 10_000
@@ -63,10 +66,13 @@ class Binary:
 
 @dataclass(frozen=True)
 class Call:
-    """``function(argument)``."""
+    """``function(arguments)``.
+
+    ``where(a < b, x, y)`` has the arguments a, b, x, y; other comparisons are turned into this one.
+    """
 
     function: str
-    argument: Node
+    arguments: tuple[Node, ...]
     column: int
 
 
@@ -126,6 +132,25 @@ class Expression:
         with np.errstate(all="ignore"):
             return fold(self.tree, visit)
 
+    @property
+    def instants(self) -> tuple[float, ...]:
+        """The values of ``t`` at which a piecewise function changes its piece, in order.
+
+        Those that can be read off: where what is compared is linear in t.
+        """
+        found: set[float] = set()
+
+        def visit(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
+            if isinstance(node, Call) and node.function in PIECEWISE:
+                found.update(_roots(node.function, operands))
+                return None
+            return _linear(node, operands)
+
+        if "t" in self.variables:
+            with np.errstate(all="ignore"):
+                fold(self.tree, visit)
+        return tuple(sorted(found))
+
     def __reduce__(self) -> tuple[Callable[..., Expression], tuple[str, tuple[str, ...]]]:
         """Travel to workers as text: pickling a deep tree would exhaust the stack."""
         return parse, (self.text, tuple(sorted(self.variables)))
@@ -183,7 +208,7 @@ def fold(node: Node, visit: Callable[[Node, tuple[Any, ...]], Any]) -> Any:
     if isinstance(node, Negation):
         result = visit(node, (fold(node.operand, visit),))
     elif isinstance(node, Call):
-        result = visit(node, (fold(node.argument, visit),))
+        result = visit(node, tuple(fold(argument, visit) for argument in node.arguments))
     else:
         result = visit(node, ())
     while chain:
@@ -201,13 +226,124 @@ def combine(node: Number | Negation | Binary | Call, operands: tuple[Any, ...]) 
             return float(_OPERATORS[node.operator](np.float64(left), right))
         return _OPERATORS[node.operator](left, right)
     if isinstance(node, Call):
-        result = apply(node.function, operands[0])
+        known = PIECEWISE.get(node.function)
+        result = known.value(*operands) if known else apply(node.function, operands[0])
         if isinstance(result, float):
             return float(result)
-        return result[()] if result.shape == () else result
+        zero_dimensional = isinstance(result, np.ndarray) and result.shape == ()
+        return result[()] if zero_dimensional else result
     if isinstance(node, Negation):
         return -operands[0]
     return node.value
+
+
+# Functions of several arguments, and others that are put together from pieces.
+
+
+@dataclass(frozen=True)
+class Piecewise:
+    """A function that is put together from pieces.
+
+    Attributes
+    ----------
+    value
+        The function itself, of floats, arrays or symbols.
+    compared
+        Which pairs of arguments it compares, of so many; an argument that is None stands for 0.
+    takes
+        Its arguments in words.
+    count
+        How many arguments it takes; None for two or more.
+    """
+
+    value: Callable[..., Any]
+    compared: Callable[[int], Iterable[tuple[int, int | None]]]
+    takes: str
+    count: int | None
+
+
+def clipped_fraction(x: Any, start: Any, end: Any) -> Any:
+    """How far x has come from start to end: 0 before, 1 after."""
+    return clip((x - start) / (end - start), 0.0, 1.0)
+
+
+def _sign(x: Any) -> Any:
+    return where(less(x, 0.0), -1.0, where(less(0.0, x), 1.0, 0.0))
+
+
+def _smoothstep(x: Any, start: Any, end: Any) -> Any:
+    s = clipped_fraction(x, start, end)
+    return s * s * (3 - 2 * s)
+
+
+def _chosen(a: Any, b: Any, x: Any, y: Any) -> Any:
+    return where(less(a, b), x, y)
+
+
+def _every_pair(count: int) -> Iterable[tuple[int, int | None]]:
+    return combinations(range(count), 2)
+
+
+PIECEWISE = {
+    "min": Piecewise(lambda *x: reduce(minimum, x), _every_pair, "two or more arguments", None),
+    "max": Piecewise(lambda *x: reduce(maximum, x), _every_pair, "two or more arguments", None),
+    "sign": Piecewise(_sign, lambda _: [(0, None)], "one argument", 1),
+    "step": Piecewise(
+        lambda x, start: where(less(x, start), 0.0, 1.0),
+        lambda _: [(0, 1)],
+        "two arguments, as in 'step(t, 1)', which is 0 before t = 1 and 1 after",
+        2,
+    ),
+    "smoothstep": Piecewise(
+        _smoothstep,
+        lambda _: [(0, 1), (0, 2)],
+        "three arguments, as in 'smoothstep(t, 1, 3)', which rises from 0 at 1 to 1 at 3",
+        3,
+    ),
+    "where": Piecewise(
+        _chosen,
+        lambda _: [(0, 1)],
+        "a comparison and two values, as in 'where(t < 1, 0, 2)'",
+        4,
+    ),
+}
+"""The functions that have kinks or steps, at which engines end a step."""
+
+_Linear = tuple[float, float]
+"""p + q t, as (p, q)."""
+
+
+def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
+    """A node as p + q t, where that can be read off."""
+    if isinstance(node, Variable):
+        return (0.0, 1.0) if node.name == "t" else None
+    if any(operand is None for operand in operands):
+        return None
+    if isinstance(node, Binary) and node.operator in "+-":
+        (p, q), (r, s) = operands  # type: ignore[misc]  # none of them is None
+        sign = 1 if node.operator == "+" else -1
+        return p + sign * r, q + sign * s
+    if isinstance(node, Binary) and node.operator in ("*", "/"):
+        (p, q), (r, s) = operands  # type: ignore[misc]
+        if s == 0 and node.operator == "/":
+            return p / r, q / r
+        if node.operator == "*" and q * s == 0:
+            return p * r, p * s + q * r
+        return None
+    if isinstance(node, Negation):
+        [(p, q)] = operands  # type: ignore[misc]
+        return -p, -q
+    if all(operand[1] == 0 for operand in operands if operand):
+        return combine(node, tuple(operand[0] for operand in operands if operand)), 0.0
+    return None
+
+
+def _roots(function: str, operands: tuple[_Linear | None, ...]) -> Iterator[float]:
+    """Where arguments that a function compares are equal."""
+    for one, other in PIECEWISE[function].compared(len(operands)):
+        left, right = operands[one], (0.0, 0.0) if other is None else operands[other]
+        if left and right and left[1] != right[1]:
+            yield (right[0] - left[0]) / (left[1] - right[1])
 
 
 def _power(base: Any, exponent: Any) -> Any:
@@ -232,6 +368,14 @@ def _constant_value(node: Node, operands: tuple[float | None, ...]) -> float | N
     """Compute a node without variables, which must be finite; None stands for all others."""
     if isinstance(node, Binary) and node.operator == "/" and operands[1] == 0:
         raise ExpressionError(f"division by zero at column {node.column}", node.column)
+    if isinstance(node, Call) and node.function == "smoothstep":
+        start, end = operands[1:]
+        if start is not None and end is not None and not start < end:
+            raise ExpressionError(
+                f"'smoothstep' at column {node.column} is to rise from {start:g} to {end:g}; "
+                "expected the second number to be larger",
+                node.column,
+            )
     if isinstance(node, Variable) or None in operands:
         return None
     value = float(combine(node, operands))
@@ -249,7 +393,7 @@ _TOKEN = re.compile(
     r"(?P<space>[ \t\r\n]+)"
     r"|(?P<number>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)"
     r"|(?P<name>[A-Za-z_][A-Za-z_0-9]*)"
-    r"|(?P<symbol>\*\*|[-+*/()])"
+    r"|(?P<symbol>\*\*|<=|>=|[-+*/()<>,])"
 )
 
 _NAME_HINTS = {
@@ -259,10 +403,13 @@ _NAME_HINTS = {
     "math": "; write 'sin' for 'math.sin'",
     "np": "; write 'sin' for 'np.sin'",
     "numpy": "; write 'sin' for 'numpy.sin'",
+    "clip": "; write 'min(max(a, low), high)'",
+    "if": "; write 'where(t < 1, a, b)'",
+    "and": "; write one 'where' within another",
+    "or": "; write one 'where' within another",
 }
 _CHARACTER_HINTS = {
     "^": "; write '**' for a power",
-    ",": "; numbers take a decimal point, functions one argument",
     "\N{GREEK SMALL LETTER PI}": "; write 'pi'",
     "\N{MINUS SIGN}": "; write '-'",
     "\N{EN DASH}": "; write '-'",
@@ -276,6 +423,7 @@ _CHARACTER_HINTS = {
 
 # How strongly an operator binds, and the least strength that its right operand must show.
 _INFIX = {"+": (1, 2), "-": (1, 2), "*": (3, 4), "/": (3, 4), "**": (7, 6)}
+_COMPARISONS = ("<", ">", "<=", ">=")
 _SIGN_STRENGTH = 5  # between * and **, so that -t**2 is -(t**2)
 
 
@@ -314,7 +462,7 @@ class _Parser:
                 MAX_LENGTH + 1,
             )
         self._variables = variables
-        self._known = [*variables, "pi", *FUNCTIONS]
+        self._known = [*variables, "pi", *FUNCTIONS, *PIECEWISE]
         self._used: set[str] = set()
         self._tokens = _tokens(text)
         self._next = 0
@@ -392,7 +540,7 @@ class _Parser:
             return Variable(name, column)
         if name == "pi":
             return Number(math.pi, column)
-        if name not in FUNCTIONS:
+        if name not in FUNCTIONS and name not in PIECEWISE:
             raise ExpressionError(
                 f"unknown name '{_short(name)}' at column {column}{self._name_hint(name)}", column
             )
@@ -403,19 +551,47 @@ class _Parser:
                 column,
             )
         opening = self._advance()
-        if self._token.text == ")":
-            raise ExpressionError(
-                f"function '{name}' at column {column} takes one argument, got none", column
-            )
-        argument = self._expression(0)
-        if self._token.text == ",":
-            raise ExpressionError(
-                f"function '{name}' at column {column} takes one argument, "
-                f"got another after ',' at column {self._token.column}",
-                self._token.column,
-            )
+        arguments = self._arguments(token)
         self._close(opening)
-        return Call(name, argument, column)
+        return Call(name, arguments, column)
+
+    def _arguments(self, function: _Token) -> tuple[Node, ...]:
+        """Parse what stands between the parentheses of a function, as many as it takes."""
+        known = PIECEWISE.get(function.text)
+        takes, count = (known.takes, known.count) if known else ("one argument", 1)
+        wrong = f"function '{function.text}' at column {function.column} takes {takes}"
+        if self._token.text == ")":
+            raise ExpressionError(f"{wrong}, got none", function.column)
+        exchanged = False
+        if function.text == "where":
+            arguments, exchanged = self._comparison(wrong)
+        else:
+            arguments = [self._expression(0)]
+        while self._token.text == ",":
+            if len(arguments) == count:
+                column = self._token.column
+                raise ExpressionError(f"{wrong}, got another after ',' at column {column}", column)
+            self._advance()
+            arguments.append(self._expression(0))
+        if self._token.text == ")" and len(arguments) < (count or 2):
+            got = "no more" if function.text == "where" else str(len(arguments))
+            raise ExpressionError(f"{wrong}, got {got}", function.column)
+        if exchanged:
+            arguments[2:] = arguments[:1:-1]
+        return tuple(arguments)
+
+    def _comparison(self, wrong: str) -> tuple[list[Node], bool]:
+        """Parse a comparison as a < b; also whether what holds then is what holds otherwise."""
+        column = self._token.column
+        left = self._expression(0)
+        sign = self._token.text
+        if sign not in _COMPARISONS:
+            raise ExpressionError(f"{wrong}, got no comparison at column {column}", column)
+        self._advance()
+        pair = [left, self._expression(0)]
+        if sign in (">", "<="):
+            pair.reverse()
+        return pair, sign in ("<=", ">=")
 
     def _name_hint(self, name: str) -> str:
         hint = _NAME_HINTS.get(name, "") or suggestion(name.lower(), self._known)
@@ -441,6 +617,22 @@ class _Parser:
             )
         if token.text == ")":
             raise ExpressionError(f"the ')' at column {column} closes no '('", column)
+        if token.text == ",":
+            several = ", ".join(name for name, known in PIECEWISE.items() if known.count != 1)
+            raise ExpressionError(
+                f"unexpected ',' at column {column}; numbers take a decimal point, and only "
+                f"{several} take several arguments",
+                column,
+            )
+        if token.text in _COMPARISONS:
+            raise ExpressionError(
+                f"unexpected '{token.text}' at column {column}; one comparison can stand first in "
+                "'where', as in 'where(t < 1, 0, 2)'",
+                column,
+            )
+        if token.text in ("and", "or", "if"):
+            hint = _NAME_HINTS[token.text]
+            raise ExpressionError(f"unexpected '{token.text}' at column {column}{hint}", column)
         before, after = _short(self._tokens[self._next - 1].text), _short(token.text)
         # Of 2t a product is meant, of 1_000, 0x10 or 1e it is not.
         multiply = token.kind != "name" or token.text in self._known

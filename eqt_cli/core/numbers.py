@@ -6,6 +6,8 @@ validated. Wherever a real number is expected, a constant expression such as ``-
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -37,6 +39,17 @@ class _FiniteReal:
 
 
 @dataclass(frozen=True)
+class _Angle(_FiniteReal):
+    """Marks an angle in radians that may also be written in degrees."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic_core import core_schema
+
+        number = super().__get_pydantic_core_schema__(source, handler)
+        return core_schema.no_info_before_validator_function(_in_radians, number)
+
+
+@dataclass(frozen=True)
 class _WholeNumber:
     """Marks a whole number that is not less than `least`."""
 
@@ -46,6 +59,11 @@ class _WholeNumber:
         from pydantic_core import core_schema
 
         return core_schema.int_schema(strict=True, ge=self.least)
+
+
+def _in_radians(value: Any) -> Any:
+    degrees = re.fullmatch(r"(.*\S)\s*\bdeg", value.strip()) if isinstance(value, str) else None
+    return math.radians(_evaluated(degrees.group(1))) if degrees else value
 
 
 def _evaluated(value: Any) -> Any:
@@ -59,6 +77,9 @@ def _evaluated(value: Any) -> Any:
 
 Real = Annotated[float, _FiniteReal()]
 """A finite number; in a configuration also a constant expression."""
+
+Angle = Annotated[float, _Angle()]
+"""An angle in rad; in a configuration also a constant expression, or one such as ``90 deg``."""
 
 Positive = Annotated[float, _FiniteReal(above=0.0)]
 """A finite number greater than 0; in a configuration also a constant expression."""

@@ -12,6 +12,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 from pydantic import BaseModel, Discriminator, TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
+from eqt_cli.core.component import option_of_field
 from eqt_cli.core.errors import suggestion
 from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.core.registry import Registry
@@ -258,15 +259,24 @@ def with_options(
 
 def option_names(component: type) -> list[str]:
     """The options that a component takes in a configuration."""
-    return [field.name for field in dataclasses.fields(component) if field.init]
+    return [option_of_field(field.name) for field in dataclasses.fields(component) if field.init]
 
 
 def as_section(component: Any) -> dict[str, Any]:
     """A component as a mapping with `kind` and every option, defaults included."""
-    options = {name: getattr(component, name) for name in option_names(type(component))}
-    plain = {
-        name: dataclasses.asdict(value) if hasattr(value, "__dataclass_fields__") else value
-        for name, value in options.items()
-        if value is not None
+    options = {
+        option_of_field(field.name): getattr(component, field.name)
+        for field in dataclasses.fields(component)
+        if field.init
     }
-    return {"kind": component.name, **plain}
+    return {
+        "kind": component.name,
+        **{name: _plain(value) for name, value in options.items() if value is not None},
+    }
+
+
+def _plain(value: Any) -> Any:
+    """Dataclasses, also within lists, as mappings."""
+    if isinstance(value, list):
+        return [_plain(entry) for entry in value]
+    return dataclasses.asdict(value) if hasattr(value, "__dataclass_fields__") else value

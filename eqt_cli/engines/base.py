@@ -6,6 +6,8 @@ from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
+from functools import cached_property
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -25,6 +27,29 @@ class Status(IntEnum):
     STEP_LIMIT = 3
     ACCURACY = 4
     WORKER_LOST = 5
+
+
+@dataclass(frozen=True)
+class Span:
+    """From one instant at which the vector field changes to the next.
+
+    Attributes
+    ----------
+    start, stop
+        Its ends, s.
+    changes
+        Whether the field changes at `start`, and at `stop`.
+    grid
+        Both ends, and the sample times between them.
+    wanted
+        Which entries of `grid` are sample times that no earlier span has.
+    """
+
+    start: float
+    stop: float
+    changes: tuple[bool, bool]
+    grid: Array
+    wanted: Array
 
 
 @dataclass(frozen=True)
@@ -52,6 +77,19 @@ class Problem:
     def runs(self) -> int:
         """The number of runs."""
         return len(self.states)
+
+    @cached_property
+    def spans(self) -> list[Span]:
+        """The horizon, cut at the instants that are known in advance."""
+        start, stop = float(self.times[0]), float(self.times[-1])
+        instants = [float(t) for t in self.loop.instants if start < t < stop]
+        found = []
+        for one, other in pairwise([start, *instants, stop]):
+            inside = self.times[(self.times > one) & (self.times <= other)]
+            grid = np.concatenate([[one], inside, [other] if other not in inside else []])
+            wanted = np.isin(grid, inside) | ((grid == start) & (one == start))
+            found.append(Span(one, other, (one != start, other != stop), grid, wanted))
+        return found
 
     def select(self, runs: slice | Array) -> Problem:
         """The same problem for some of its runs."""

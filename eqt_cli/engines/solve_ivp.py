@@ -17,10 +17,11 @@ import numpy as np
 import scipy.sparse
 from scipy.integrate import solve_ivp
 
+from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Count, Positive
 from eqt_cli.core.problems import Problems
-from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Status
+from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Span, Status
 
 EXPLICIT_BLOCK = 100
 SMALLEST_RTOL = 100 * np.finfo(float).eps
@@ -124,13 +125,30 @@ class SolveIvp(Engine):
         return solution
 
     def _integrate(self, block: Problem, count: _Reporter) -> Array:
-        loop = block.batched_loop()
-        shape = block.states.shape
-        times = block.times
+        whole = block.batched_loop()
+        state, found = block.states, []
+        for span in block.spans:
+            states = self._integrate_span(whole.holding(whole.held(span.start)), state, span, count)
+            state = states[:, -1]
+            found.append(states[:, span.wanted])
+        return np.concatenate(found, axis=1) if len(found) > 1 else found[0]
+
+    def _integrate_span(
+        self, loop: ClosedLoop, state: Array, span: Span, count: _Reporter
+    ) -> Array:
+        shape, times = state.shape, span.grid
+        # Where the field changes at an end, its value there may be that of the other side.
+        first, last = (
+            np.nextafter(end, towards) if changes else end
+            for end, towards, changes in zip(
+                (span.start, span.stop), (span.stop, span.start), span.changes, strict=True
+            )
+        )
 
         def field(t: float, y: Array) -> Array:
             count(t, self.max_steps)
-            derivative: Array = loop.vector_field(t, y.reshape(shape)).ravel()
+            inside = min(max(t, first), last)
+            derivative: Array = loop.vector_field(inside, y.reshape(shape)).ravel()
             if not np.isfinite(derivative).all():
                 count.non_finite_at = t
             return derivative
@@ -144,7 +162,7 @@ class SolveIvp(Engine):
             return 1.0
 
         tighter = np.sqrt(self.runs_per_block)
-        start = block.states.ravel()
+        start = state.ravel()
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # what they say is in the outcome
             # SciPy's step-size search does not end on a derivative that is not finite.

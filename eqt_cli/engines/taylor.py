@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import copy
 import dataclasses
+import pickle
 import platform
 import threading
 import traceback
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType, TracebackType
@@ -154,13 +155,9 @@ class Taylor(Engine):
         integrator = compiled.integrator
         lanes = integrator.batch_size
         padded = np.append(runs, np.full(lanes - len(runs), runs[-1]))
-        integrator.set_time(float(problem.times[0]))
         integrator.state[:] = problem.states[padded].T
-        compiled.set_parameters(parameters[padded].T)
-        grid = np.repeat(problem.times[:, None], lanes, axis=1)
-        _, states = integrator.propagate_grid(grid, max_steps=self.max_steps, **compiled.watch)
-        ends = integrator.propagate_res
-        good = np.isfinite(states[-1]).all() and all(_is_success(end[0]) for end in ends)
+        states, ends, steps = self._propagate(compiled, problem, parameters[padded].T)
+        good = np.isfinite(states[-1]).all() and all(_is_success(end) for end in ends)
         if not good and len(set(padded)) > 1:
             # heyoka stops all lanes when one fails; alone, each run ends in its own way.
             for run in runs:
@@ -169,16 +166,51 @@ class Taylor(Engine):
         count = len(runs)
         here = slice(runs[0], runs[0] + count)
         solution.states[here] = states[:, :, :count].transpose(2, 0, 1)
-        solution.steps[here] = [end[3] for end in ends[:count]]
+        solution.steps[here] = steps[:count]
         if not good:
-            self._note_failure(integrator, problem, solution, runs[0])
+            self._note_failure(integrator, problem, solution, runs[0], ends[0])
+
+    def _propagate(
+        self, compiled: _Compiled, problem: Problem, parameters: Array
+    ) -> tuple[Array, list[Any], Array]:
+        """From one known instant to the next, where the integrator begins anew.
+
+        Returns
+        -------
+        states : (samples, n, lanes)
+        ends
+            The outcome in each lane.
+        steps : (lanes,)
+        """
+        integrator = compiled.integrator
+        lanes, found = integrator.batch_size, []
+        steps = np.zeros(lanes, dtype=int)
+        for span, held in zip(problem.spans, _held_rows(problem), strict=True):
+            left = self.max_steps - int(steps.max())
+            if left <= 0:
+                ends = [_heyoka().taylor_outcome.step_limit] * lanes
+                break
+            integrator.set_time(span.start)
+            compiled.set_parameters(parameters, held)
+            grid = np.repeat(span.grid[:, None], lanes, axis=1)
+            _, states = integrator.propagate_grid(grid, max_steps=left, **compiled.watch)
+            found.append(states if span.wanted.all() else states[span.wanted])
+            steps += [end[3] for end in integrator.propagate_res]
+            ends = [end[0] for end in integrator.propagate_res]
+            if not all(map(_is_success, ends)):
+                break
+        if len(found) == 1 and len(found[0]) == len(problem.times):
+            return found[0], ends, steps
+        missing = len(problem.times) - sum(map(len, found))
+        never = np.full((missing, len(integrator.state), lanes), np.nan)
+        return np.concatenate([*found, never]), ends, steps
 
     def _note_failure(
-        self, integrator: Any, problem: Problem, solution: Solution, run: int
+        self, integrator: Any, problem: Problem, solution: Solution, run: int, end: Any
     ) -> None:
         """Say how the run in all lanes has ended, and when."""
         outcomes, times, states = _heyoka().taylor_outcome, problem.times, solution.states[run]
-        end, t = integrator.propagate_res[0][0], integrator.time[0]
+        t = integrator.time[0]
         states[0] = problem.states[run]  # heyoka has no samples of a first step that failed
         if end == outcomes.cb_stop:
             t -= integrator.last_h[0]  # the last step went wrong
@@ -202,7 +234,7 @@ class Taylor(Engine):
         solution.messages[run] = f"{at}: {reason}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Traced:
     """A closed loop as heyoka expressions; equal ones compile to the same code.
 
@@ -224,6 +256,17 @@ class Traced:
     margins: tuple[Any, ...]
     first_side: int
 
+    @cached_property
+    def _bytes(self) -> bytes:
+        # heyoka compares expressions as trees, which are long where parts are used many times.
+        return pickle.dumps((self.variables, self.derivative, self.compared, self.margins))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Traced) and self._bytes == other._bytes
+
+    def __hash__(self) -> int:
+        return hash(self._bytes)
+
 
 def trace(loop: ClosedLoop) -> Traced:
     """The closed loop as expressions.
@@ -236,7 +279,7 @@ def trace(loop: ClosedLoop) -> Traced:
     heyoka = _heyoka()
     names = [f"y{index:04d}" for index in range(loop.state_length)]
     variables = np.array(heyoka.make_vars(*names), dtype=object)
-    parameters = sum(value.size for value in loop.parameters.values())
+    parameters = sum(value.size for value in _numbers(loop).values())
     comparisons = Comparisons(heyoka, parameters)
     token = recording.set(comparisons)
     try:
@@ -256,11 +299,27 @@ def trace(loop: ClosedLoop) -> Traced:
 def _symbolic(loop: ClosedLoop) -> ClosedLoop:
     """The loop with `heyoka.par[k]` for every number that may vary, in the order of the rows."""
     heyoka, index, symbols = _heyoka(), 0, {}
-    for name, value in loop.parameters.items():
+    for name, value in _numbers(loop).items():
         entries = [heyoka.par[index + k] for k in range(value.size)]
         symbols[name] = np.array(entries, dtype=object).reshape(1, *value.shape)
         index += value.size
-    return loop.with_parameters(symbols)
+    own = {name: symbols[name] for name in loop.parameters}
+    held = {name: symbol for name, symbol in symbols.items() if name not in own}
+    return loop.with_parameters(own).holding(held)
+
+
+def _numbers(loop: ClosedLoop) -> dict[str, Array]:
+    """Every number of the loop that is no part of its structure: parameters, and what it holds."""
+    held = {name: np.asarray(value) for name, value in loop.held(0.0).items()}
+    return loop.parameters | held
+
+
+def _held_rows(problem: Problem) -> Array:
+    """What the loop holds in each span, a row each."""
+    starts = np.array([span.start for span in problem.spans])
+    held = [np.asarray(value) for value in problem.loop.held(starts).values()]
+    rows = [value.reshape(len(starts), -1) for value in held]
+    return np.concatenate([np.empty((len(starts), 0)), *rows], axis=1)
 
 
 def _parameter_rows(problem: Problem) -> Array:
@@ -286,9 +345,15 @@ class _Compiled:
         """What is to be called after every step, as an argument."""
         return {} if self.board is None else {"callback": self.board.check}
 
-    def set_parameters(self, values: Array) -> None:
-        """The parameters of the law in every lane, ``(parameters, lanes)``; the state is set."""
+    def set_parameters(self, values: Array, held: Array) -> None:
+        """The parameters of the law in every lane, ``(parameters, lanes)``; the state is set.
+
+        `held` follow, which are the same in every lane.
+        """
         used = self.integrator.pars
+        if len(held):
+            lanes = self.integrator.batch_size
+            values = np.concatenate([values, np.repeat(held[:, None], lanes, axis=1)])
         if self.board is None:
             used[:] = values[: len(used)]  # heyoka has none behind the last one that occurs
         else:

@@ -35,6 +35,6 @@ def draw_initial_states(
     pose_numbers, velocity_errors = [], []
     for run in runs:
         random = generator(seed, Stream.INITIAL_STATE, run)
-        pose_numbers.append(poses.draw(G, random))
-        velocity_errors.append(velocities.draw(G, random))
+        pose_numbers.append(poses.draw_of_run(G, random, run))
+        velocity_errors.append(velocities.draw_of_run(G, random, run))
     return Qd @ poses.place(G, np.array(pose_numbers)), Vd + np.array(velocity_errors)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from eqt_cli.closed_loop import StateLayout
+from eqt_cli.closed_loop import ClosedLoop, StateLayout
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
@@ -64,6 +64,12 @@ def solve_references(study: Study, points: Array) -> dict[str, Array]:
     """
     times = study.base.times
     found: list[tuple[Array, ...]] = [()] * len(points)
+    label, first = next(iter(study.base.loops.items()))
+    if not first.reference.starts_from:  # it is no part of a state
+        for row, point in enumerate(points):
+            loop = study.experiment(int(point)).loops[label]
+            found[row] = _desired(loop, times, np.zeros((len(times), loop.state_length)))
+        return _by_name(found)
     missing = np.arange(len(points))
     for label in study.base.loops:
         failed: list[int] = []
@@ -71,18 +77,28 @@ def solve_references(study: Study, points: Array) -> dict[str, Array]:
             solution = batch.engine.solve(batch.problem, lambda runs: None)
             for row, states in zip(missing[batch.rows], solution.states, strict=True):
                 loop = study.experiment(int(points[row])).loops[label]
-                s = loop.tracking(times, states)
-                # A torque of numbers alone has no axis of time.
-                found[row] = s.Qd, s.Vd, np.broadcast_to(s.tau_d, s.Vd.shape)
+                found[row] = _desired(loop, times, states)
                 if not np.isfinite(states).all():
                     failed.append(int(row))
         missing = np.array(sorted(failed), dtype=int)
         if not failed:
             break
-    return {
-        name: np.array(values)
-        for name, values in zip(DESIRED, zip(*found, strict=True), strict=True)
-    }
+    return _by_name(found)
+
+
+def _desired(loop: ClosedLoop, times: Array, states: Array) -> tuple[Array, ...]:
+    """`DESIRED` of a flat state at every sample, ``(samples, …)`` each."""
+    s = loop.tracking(times, states)
+    # What is made of numbers alone has no axis of time.
+    return tuple(
+        np.broadcast_to(values, (len(times), *values.shape[values.ndim - axes :]))
+        for values, axes in ((s.Qd, 2), (s.Vd, 1), (s.tau_d, 1))
+    )
+
+
+def _by_name(found: list[tuple[Array, ...]]) -> dict[str, Array]:
+    columns = zip(*found, strict=True)
+    return {name: np.array(values) for name, values in zip(DESIRED, columns, strict=True)}
 
 
 def compute_part(study: Study, part: Part, shared: Desired | None, context: TaskContext) -> Table:

@@ -20,7 +20,8 @@ from eqt_cli.experiment.study import Study
 from eqt_cli.store.layout import FILE_NAME
 
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
-_OURS = (FILE_NAME, PARTS, FIGURES, PLUGINS, REPORT, CONFIG, MANIFEST)
+FILES = "stored_files"
+_OURS = (FILE_NAME, PARTS, FIGURES, PLUGINS, FILES, REPORT, CONFIG, MANIFEST)
 
 MOST_NAMES = 3
 """Of other results in a folder, in a message."""
@@ -77,7 +78,9 @@ class ResultFolder:
             # First, so that what follows is known as eqt's own, whenever this process may die.
             self._write(MANIFEST, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
             plugins = self._copy_plugins(study)
-            self._write(CONFIG, dump(study.resolved | {"plugins": plugins}))
+            files = self._copy_files(study)
+            resolved = _renamed(study.resolved, files) | {"plugins": plugins}
+            self._write(CONFIG, dump(resolved))
             self.parts.folder.mkdir(exist_ok=True)
         return removed
 
@@ -144,6 +147,24 @@ class ResultFolder:
             self._write(copy, text)
             copies.append(copy)
         return copies
+
+    def _copy_files(self, study: Study) -> dict[str, str]:
+        """Keep the files with data, likewise; returns their new paths by the old ones."""
+        copies = {}
+        for index, (path, text) in enumerate(study.files.items()):
+            copies[path] = f"{FILES}/{index}-{Path(path).stem}.csv"
+            (self.path / FILES).mkdir(exist_ok=True)
+            self._write(copies[path], text)
+        return copies
+
+
+def _renamed(data: Any, names: dict[str, str]) -> Any:
+    """The same with files under other names."""
+    if isinstance(data, dict):
+        return {key: _renamed(value, names) for key, value in data.items()}
+    if isinstance(data, list):
+        return [_renamed(value, names) for value in data]
+    return names.get(data, data) if isinstance(data, str) else data
 
 
 def _results_in(folder: Path) -> list[str]:

@@ -248,6 +248,7 @@ def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
         "title": study.name,
         "config": dump(study.resolved),
         "plugins": dump(study.base.plugins),
+        **({"files": json.dumps(study.files, ensure_ascii=False)} if study.files else {}),
         "digest": study.digest,
         "group": ", ".join(groups),
         "titles": json.dumps(titles(study), ensure_ascii=False),

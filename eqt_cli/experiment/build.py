@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.config.plugins import load_plugins
-from eqt_cli.config.schema import Config, GainsSection, Section
+from eqt_cli.config.schema import Config, GainsSection, InitialSection, Section
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
@@ -29,11 +29,12 @@ from eqt_cli.engines import Engine
 from eqt_cli.ensemble.factor_poses import FactorPoses
 from eqt_cli.ensemble.poses import PoseDistribution, pose_distributions
 from eqt_cli.ensemble.velocities import VelocityDistribution, velocity_distributions
-from eqt_cli.experiment.desired import desired_from
+from eqt_cli.experiment.desired import DesiredTrajectory, check_horizon, desired_from
 from eqt_cli.experiment.gains import gains_from
 from eqt_cli.experiment.inertia import inertia_from
 from eqt_cli.experiment.probe import probe
 from eqt_cli.experiment.solver import Solver, solver_from
+from eqt_cli.experiment.start import Start, start_from_file
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.groups.product import ProductGroup
 
@@ -54,6 +55,8 @@ class Experiment:
         Q_d(0) and V_d(0).
     plugins
         Source text of each plugin, by its path as written in the configuration.
+    files
+        Contents of files with data, likewise.
     """
 
     config: Config
@@ -66,6 +69,7 @@ class Experiment:
     velocities: VelocityDistribution
     solver: Solver
     plugins: dict[str, str]
+    files: dict[str, str]
 
     @property
     def name(self) -> str:
@@ -86,14 +90,20 @@ class Experiment:
     def numeric_config(self) -> dict[str, Any]:
         """What of the resolved configuration affects the numbers, plugins by their source."""
         kept = {key: value for key, value in self.resolved.items() if key != "name"}
-        digests = [sha256(text.encode()).hexdigest() for text in self.plugins.values()]
-        return kept | {"plugins": digests}
+        sources = [sha256(text.encode()).hexdigest() for text in self.plugins.values()]
+        return kept | {"plugins": sources} | digests(self.files)
 
     @property
     def digest(self) -> str:
         """Hash of everything that affects the numbers; equal digests, equal experiments."""
         text = json.dumps(self.numeric_config, sort_keys=True)
         return sha256(text.encode()).hexdigest()
+
+
+def digests(files: dict[str, str]) -> dict[str, Any]:
+    """The contents of files with data as they stand in the identity of an experiment."""
+    found = {name: sha256(text.encode()).hexdigest() for name, text in sorted(files.items())}
+    return {"files": found} if found else {}
 
 
 @blamed()
@@ -119,9 +129,11 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     task, initial = sections["task"], sections["initial"]
     group = _group(sections["group"], problems.at("group"))
     laws = _controllers(sections["controllers"] or [], task, group, problems.at("controllers"))
-    desired = inertia = gains = poses = velocities = solver = None
+    desired = inertia = gains = start = solver = None
     if sections["reference"] is not None or source.data.get("reference") is None:
-        desired = desired_from(task, sections["reference"], sections["target"], group, problems)
+        desired = desired_from(
+            task, sections["reference"], sections["target"], group, source, problems
+        )
     if sections["solver"] is not None:
         solver = solver_from(sections["solver"], problems.at("solver"))
     if group and sections["inertia"] is not None:
@@ -132,16 +144,14 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         known = dict(whole) if whole else _good_keys(GainsSection, source.data.get("gains"))
         gains = gains_from(known, group, problems.at("gains"))
     if initial:
-        poses = _poses(initial.pose, group, problems.at("initial", "pose"))
-        at_velocity = problems.at("initial", "velocity")
-        velocities = _fitting(velocity_distributions, initial.velocity, group, at_velocity)
+        start = _start(initial, group, desired, source, problems.at("initial"))
+    config = _agreeing(source, group, desired, start, problems)
     problems.raise_if_any()
-    assert group and desired and inertia and gains and poses and velocities and solver
-    config = Config.model_validate(source.data)
+    assert config and group and desired and inertia and gains and start and solver
     complete = config.model_dump(exclude_none=True, warnings="none") | {
         **desired.resolved,
         "controllers": [as_section(law) | {"label": label} for label, law in laws.items()],
-        "initial": {"pose": _poses_section(poses), "velocity": as_section(velocities)},
+        "initial": start.resolved,
         "solver": solver.resolved,
     }
     loops = {
@@ -149,7 +159,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         for label, law in laws.items()
     }
     seed = config.ensemble.seed
-    probe(loops, poses, velocities, desired.pose, desired.velocity, seed, problems)
+    probe(loops, start.poses, start.velocities, desired.pose, desired.velocity, seed, problems)
     problems.raise_if_any()
     return Experiment(
         config,
@@ -158,11 +168,58 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         loops,
         desired.pose,
         desired.velocity,
-        poses,
-        velocities,
+        start.poses,
+        start.velocities,
         solver,
         plugins,
+        desired.files | start.files,
     )
+
+
+def _start(
+    section: InitialSection,
+    G: MatrixLieGroup | None,
+    desired: DesiredTrajectory | None,
+    source: ConfigSource,
+    problems: Problems,
+) -> Start | None:
+    """Where the runs start, by distributions or by the rows of a file."""
+    if section.file is not None:
+        return start_from_file(section, G, desired, source, problems)
+    if "relative" in section.model_fields_set:
+        problems.at("relative").add("is about the poses of a `file`; there is none")
+    poses = _poses(section.pose, G, problems.at("pose"))
+    at_velocity = problems.at("velocity")
+    velocities = _fitting(velocity_distributions, section.velocity, G, at_velocity)
+    if poses is None or velocities is None:
+        return None
+    resolved = {"pose": _poses_section(poses), "velocity": as_section(velocities)}
+    return Start(poses, velocities, resolved)
+
+
+def _agreeing(
+    source: ConfigSource,
+    G: MatrixLieGroup | None,
+    desired: DesiredTrajectory | None,
+    start: Start | None,
+    problems: Problems,
+) -> Config | None:
+    """The configuration, where its sections agree on how many runs there are, and how long."""
+    if problems or not (G and desired and start):
+        return None
+    config = Config.model_validate(source.data)
+    check_horizon(desired.reference, G, config.time.duration, problems)
+    if start.rows is None:
+        return config
+    if "runs" not in config.ensemble.model_fields_set:
+        ensemble = config.ensemble.model_copy(update={"runs": start.rows})
+        return config.model_copy(update={"ensemble": ensemble})
+    if config.ensemble.runs > start.rows:
+        problems.at("ensemble", "runs").add(
+            f"expected at most {start.rows}, as many as {config.initial.file} has rows, "
+            f"got {config.ensemble.runs}"
+        )
+    return config
 
 
 def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:

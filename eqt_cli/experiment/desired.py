@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from eqt_cli.config.data_files import data_file
 from eqt_cli.config.schema import TargetSection
+from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
 from eqt_cli.core.numbers import Real
 from eqt_cli.core.problems import Problems
-from eqt_cli.core.validation import as_section, component, validated
-from eqt_cli.experiment.pose import pose_from
-from eqt_cli.experiment.tensors import vector
+from eqt_cli.core.validation import as_section, component, option_names, validated
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.references import Reference, references
 from eqt_cli.references.constant import ConstantReference
+from eqt_cli.written.poses import pose_from, vector
 
 DEFAULTS = {"pose": "identity", "velocity": 0.0}
-"""Q_d(0) and V_d(0), which every reference takes beside its own options."""
+"""Q_d(0) and V_d(0), of which a reference takes what it starts from, beside its own options."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +37,15 @@ class DesiredTrajectory:
         Q_d(0) and V_d(0).
     resolved
         The section of the configuration that describes it, complete.
+    files
+        Contents of the files that it is read from, by their names.
     """
 
     reference: Reference
     pose: Array
     velocity: Array
     resolved: dict[str, Any]
+    files: dict[str, str] = field(default_factory=dict)
 
 
 def desired_from(
@@ -47,6 +53,7 @@ def desired_from(
     reference: dict[str, Any] | None,
     target: TargetSection | None,
     G: MatrixLieGroup | None,
+    source: ConfigSource,
     problems: Problems,
 ) -> DesiredTrajectory | None:
     """What a configuration asks to track, or None after noting what is wrong with it.
@@ -67,7 +74,7 @@ def desired_from(
         if task == "track":
             at_reference.add("missing; task: track needs the trajectory to follow")
         return None
-    return _tracked(reference, G, at_reference)
+    return _tracked(reference, G, source, at_reference)
 
 
 def _rest(
@@ -82,25 +89,73 @@ def _rest(
 
 
 def _tracked(
-    section: dict[str, Any], G: MatrixLieGroup | None, problems: Problems
+    section: dict[str, Any], G: MatrixLieGroup | None, source: ConfigSource, problems: Problems
 ) -> DesiredTrajectory | None:
-    common = {key: section.get(key, default) for key, default in DEFAULTS.items()}
+    takes = _taken(section)
+    for key in (key for key in DEFAULTS if key not in takes and key in section):
+        if key not in _options(section):
+            problems.at(key).add(
+                f"follows from a reference of kind {section['kind']}; leave {key} out"
+            )
+            section = {name: value for name, value in section.items() if name != key}
+    common = {key: section.get(key, DEFAULTS[key]) for key in takes}
     options = {"kind": "torque"} | {k: v for k, v in section.items() if k not in common}
-    reference = component(references, options, problems, tuple(DEFAULTS))
+    reference = component(references, options, problems, takes)
     if G is None:
         return None
+    texts = {}
     if reference is not None:
+        for option, name in reference.files.items():
+            with problems.catching(option):
+                texts[name] = data_file(source, name)
+        reference = reference.with_files(texts)
         reference.check(G, problems)
-    pose = pose_from(common["pose"], G, problems.at("pose"))
-    velocity = None
-    numbers = validated(Real | list[Real], common["velocity"], problems.at("velocity"))
-    if numbers is not None:
-        with problems.catching("velocity"):
-            velocity = vector(numbers, G.dimension, G)
-    if reference is None or pose is None or velocity is None:
+    pose, velocity = G.identity, np.zeros(G.dimension)
+    if "pose" in common:
+        found = pose_from(common["pose"], G, problems.at("pose"))
+        pose = pose if found is None else found
+    if "velocity" in common:
+        numbers = validated(Real | list[Real], common["velocity"], problems.at("velocity"))
+        if numbers is not None:
+            with problems.catching("velocity"):
+                velocity = vector(numbers, G.dimension, G)
+    if reference is None or problems:
         return None
-    described = {**as_section(reference), **_as_floats(common)}
-    return DesiredTrajectory(reference, pose, velocity, {"reference": described})
+    described = {"reference": {**as_section(reference), **_as_floats(common)}}
+    pose, velocity = reference.initial(G, pose, velocity)
+    return DesiredTrajectory(reference, pose, velocity, described, texts)
+
+
+def _kind(section: dict[str, Any]) -> type[Reference] | None:
+    """The kind of reference that a section asks for, if there is one."""
+    kind = section.get("kind", "torque")
+    with suppress(InputError):
+        return references.get(kind) if isinstance(kind, str) else None
+    return None
+
+
+def _taken(section: dict[str, Any]) -> tuple[str, ...]:
+    """The keys that a reference takes beside its own options."""
+    kind = _kind(section)
+    return tuple(DEFAULTS) if kind is None else kind.starts_from
+
+
+def _options(section: dict[str, Any]) -> list[str]:
+    kind = _kind(section)
+    return [] if kind is None else option_names(kind)
+
+
+def check_horizon(
+    reference: Reference, G: MatrixLieGroup, duration: float, problems: Problems
+) -> None:
+    """Note a run that begins before the reference does, or outlasts it."""
+    first, last = reference.ends(G)
+    if first > 0:
+        problems.at("reference").add(f"begins at {first:g} s; runs begin at 0 s")
+    if last < duration:
+        problems.at("time", "duration").add(
+            f"expected at most {last:g} s, where the reference ends, got {duration:g}"
+        )
 
 
 def _as_floats(value: Any) -> Any:

@@ -9,10 +9,11 @@ from scipy.linalg import block_diag
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
-from eqt_cli.experiment.tensors import require_definite, require_minimum, require_symmetric, square
+from eqt_cli.experiment.tensors import require_definite, require_minimum, require_symmetric
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.product import ProductGroup
 from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.written.poses import square
 
 
 def gains_from(section: dict[str, Any], G: MatrixLieGroup, problems: Problems) -> Gains | None:

@@ -14,6 +14,7 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.experiment import tensors
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, InertiaLaw, PrescribedInertia
+from eqt_cli.written.poses import square
 
 INSTANTS = 1001
 """How many instants of the horizon a time-varying inertia is checked at."""
@@ -73,7 +74,7 @@ def _factored(
 
 def _constant(value: Constant, G: MatrixLieGroup, problems: Problems) -> Array | None:
     with problems.catching():
-        matrix = tensors.square(value, G.dimension, G)
+        matrix = square(value, G.dimension, G)
         tensors.require_symmetric(matrix)
         tensors.require_definite(matrix)
         return matrix
@@ -84,7 +85,7 @@ def _expressions(
     rows: Sequence[Sequence[str | float]], G: MatrixLieGroup, problems: Problems
 ) -> tuple[tuple[Expression, ...], ...] | None:
     with problems.catching():
-        tensors.square([[0.0] * len(row) for row in rows], G.dimension, G)
+        square([[0.0] * len(row) for row in rows], G.dimension, G)
     parsed: list[tuple[Expression, ...]] = []
     for i, row in enumerate(rows):
         found = []

@@ -15,7 +15,7 @@ from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.registry import load_plugin
 from eqt_cli.ensemble.designs.zip import Zip
 from eqt_cli.ensemble.sweep import Sweep
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import Experiment, build, digests
 from eqt_cli.experiment.plan import MANY_PARTS, Plan, Plans
 from eqt_cli.experiment.point import at_point, section_of
 
@@ -183,13 +183,18 @@ class Study:
     def numeric_config(self) -> dict[str, Any]:
         """What of the resolved configuration affects the numbers, plugins by their source."""
         kept = {key: value for key, value in self.resolved.items() if key != "name"}
-        return kept | {"plugins": self.base.numeric_config["plugins"]}
+        return kept | {"plugins": self.base.numeric_config["plugins"]} | digests(self.files)
 
     @cached_property
     def digest(self) -> str:
         """Hash of everything that affects the numbers; equal digests, equal results."""
         text = json.dumps(self.numeric_config, sort_keys=True)
         return sha256(text.encode()).hexdigest()
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The contents of files with data, of all points, by their names in the configuration."""
+        return self.source.files
 
     # Journeys to other processes.
 

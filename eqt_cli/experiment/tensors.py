@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from eqt_cli.core.arrays import Array
@@ -13,33 +11,6 @@ from eqt_cli.mechanics import navigation
 
 SYMMETRY_TOLERANCE = 1e-12
 """Largest asymmetry, relative to the largest entry: rounding of numbers written in decimal."""
-
-
-def square(value: float | list[Any], n: int, group: MatrixLieGroup) -> Array:
-    """The n×n matrix that `value` stands for; raises `InputError` if its shape is wrong."""
-    if not isinstance(value, list):
-        return value * np.eye(n)
-    if not any(isinstance(row, list) for row in value):
-        if len(value) != n:
-            raise InputError(f"expected {n} diagonal entries for {group.name}, got {len(value)}")
-        return np.diag(np.array(value, dtype=float))
-    widths = {len(row) for row in value}
-    if len(widths) > 1:
-        listed = ", ".join(str(len(row)) for row in value)
-        raise InputError(f"expected rows of equal length, got rows of {listed} entries")
-    shape = (len(value), widths.pop())
-    if shape != (n, n):
-        raise InputError(f"expected {n}×{n} for {group.name}, got {shape[0]}×{shape[1]}")
-    return np.array(value, dtype=float)
-
-
-def vector(value: float | list[float], n: int, group: MatrixLieGroup) -> Array:
-    """The vector of n entries that `value` stands for; raises `InputError` if it has others."""
-    if not isinstance(value, list):
-        return np.full(n, float(value))
-    if len(value) != n:
-        raise InputError(f"expected {n} entries for {group.name}, got {len(value)}")
-    return np.array(value, dtype=float)
 
 
 def require_symmetric(matrix: Array) -> None:

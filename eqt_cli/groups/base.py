@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, transpose
-from eqt_cli.core.errors import ComponentError
+from eqt_cli.core.errors import ComponentError, TraceError
 
 
 @dataclass(frozen=True)
@@ -134,6 +134,30 @@ class MatrixLieGroup(ABC):
     def drift(self, Q: Array) -> Array:
         """How far Q has left the group, as a norm that is 0 on it, ``(..., d, d) -> (...)``."""
 
+    # Motion along one algebra element, which engines trace where it depends on time.
+
+    def screw(self, V: Array) -> tuple[Array, Array]:
+        """What `exp_along` needs of algebra elements, ``(..., m) -> (..., 3, n), (..., k)``.
+
+        ``exp_along(terms, a * rates)`` is exp(aV) for every number a; n and k are up to the group.
+        """
+        return np.stack([V, V, V], axis=-2), np.ones((*V.shape[:-1], 1))
+
+    def exp_along(self, terms: Array, angles: Array) -> Array:
+        """exp along what `screw` gives the terms of, by ``(..., k)`` angles, also of symbols.
+
+        Raises
+        ------
+        TraceError
+            Of symbols, where the group does not say how.
+        """
+        if angles.dtype == object or terms.dtype == object:
+            raise TraceError(
+                f"group '{self.name}' has no method `exp_along` that takes symbols; "
+                "give it one, as EuclideanGroup has, or use `engine: solve_ivp`"
+            )
+        return self.exp(angles * terms[..., 0, :])
+
     # What follows from the basis alone.
 
     @cached_property
@@ -232,10 +256,13 @@ class MatrixLieGroup(ABC):
 
     def unpack(self, entries: Array) -> Array:
         """The pose with these entries, the others as in the identity; undoes `pack`."""
+        return self._with_entries(entries, self.identity)
+
+    def _with_entries(self, entries: Array, others: Array | float) -> Array:
         if self.pose_length == self.size**2:
             return entries.reshape(*entries.shape[:-1], self.size, self.size)
         Q = np.empty((*entries.shape[:-1], self.size, self.size), dtype=entries.dtype)
-        Q[...] = self.identity
+        Q[...] = others
         rows, columns = self._free_entries
         Q[..., rows, columns] = entries
         return Q

@@ -17,6 +17,8 @@ from eqt_cli.core.arrays import (
     dot,
     frobenius,
     less,
+    norm,
+    sin,
     sqrt,
     stack,
     transpose,
@@ -24,6 +26,9 @@ from eqt_cli.core.arrays import (
 )
 from eqt_cli.groups.angles import inverse_jacobian_terms, ratio_to_sine
 from eqt_cli.groups.base import MatrixLieGroup, Part
+
+SMALLEST_RATE = 1e-100
+"""Of a rotation; what is less is none."""
 
 
 class EuclideanGroup(MatrixLieGroup):
@@ -136,6 +141,27 @@ class EuclideanGroup(MatrixLieGroup):
         for index in range(len(self.columns)):
             translations[..., index] = _left_jacobian_times(turn, columns[..., index, :])
         return self.assemble(rotation, translations)
+
+    def screw(self, V: Array) -> tuple[Array, Array]:
+        """X, X² and X³ of the axis with unit rotation, by their entries, and the rate of rotation.
+
+        Where there is no rotation, the axis is V and the rate 1.
+        """
+        rates = norm(V[..., : self.rotations])[..., None]
+        rates = np.where(rates < SMALLEST_RATE, 1.0, rates)
+        X = self.hat(V / rates)
+        return self.pack(np.stack([X, X @ X, X @ X @ X], axis=-3)), rates
+
+    def exp_along(self, terms: Array, angles: Array) -> Array:
+        """I + φX + (1 − cos φ)X² + (φ − sin φ)X³.
+
+        X⁴ = −X² where its rotation is of unit rate, and X² = 0 where it has none. The factors
+        lose no digits that count where φ is small and the translation along the axis large.
+        """
+        X, X2, X3 = (self._with_entries(terms[..., k, :], 0.0) for k in range(3))
+        phi = angles[..., None]
+        half = sin(phi / 2)
+        return self.identity + phi * X + 2 * half * half * X2 + (phi - sin(phi)) * X3
 
     def log(self, Q: Array) -> Array:
         """log in closed form, with rotation angles in [0, π] (n = 3) or [−π, π] (n = 2)."""

@@ -96,6 +96,24 @@ class ProductGroup(MatrixLieGroup):
             [factor.exp(V[..., coordinates]) for factor, _, coordinates in self._layout()]
         )
 
+    def screw(self, V: Array) -> tuple[Array, Array]:
+        """Terms and rates of the factors, one behind the other."""
+        found = [factor.screw(V[..., coordinates]) for factor, _, coordinates in self._layout()]
+        terms, rates = zip(*found, strict=True)
+        return np.concatenate(terms, axis=-1), np.concatenate(rates, axis=-1)
+
+    def exp_along(self, terms: Array, angles: Array) -> Array:
+        """Block by block."""
+        lengths = [factor.screw(np.zeros(factor.dimension)) for factor in self.factors]
+        of_terms = _slices([terms.shape[-1] for terms, _ in lengths])
+        of_angles = _slices([rates.shape[-1] for _, rates in lengths])
+        return self.assemble(
+            [
+                factor.exp_along(terms[..., own], angles[..., turns])
+                for factor, own, turns in zip(self.factors, of_terms, of_angles, strict=True)
+            ]
+        )
+
     def log(self, Q: Array) -> Array:
         """Block by block."""
         logs = [factor.log(Q[..., block, block]) for factor, block, _ in self._layout()]
@@ -113,7 +131,8 @@ class ProductGroup(MatrixLieGroup):
 
     def assemble(self, poses: list[Array]) -> Array:
         """The pose with these poses of the factors as its blocks."""
-        Q = np.zeros((*poses[0].shape[:-2], self.size, self.size))
+        dtype = np.result_type(*poses)
+        Q = np.zeros((*poses[0].shape[:-2], self.size, self.size), dtype=dtype)
         for pose, block in zip(poses, self.blocks, strict=True):
             Q[..., block, block] = pose
         return Q

@@ -72,6 +72,12 @@ class Tracking:
         return self.inertia.velocity(self.Pd)
 
     @cached_property
+    def Vd_dot(self) -> Array:
+        """V̇_d = 𝕀⁻¹(τ_d + ad*_{V_d} P_d − 𝕀̇V_d), the desired acceleration."""
+        force = self.tau_d + self.G.ad_star(self.Vd, self.Pd) - self.inertia.rate_force(self.Vd)
+        return self.inertia.velocity(force)
+
+    @cached_property
     def V_tilde(self) -> Array:
         """Ṽ = V − V_d, body frame."""
         return self.V - self.Vd
@@ -80,12 +86,6 @@ class Tracking:
     def P_tilde(self) -> Array:
         """P̃ = P − P_d = 𝕀Ṽ, body frame."""
         return self.P - self.Pd
-
-    @cached_property
-    def Vd_dot(self) -> Array:
-        """V̇_d = 𝕀⁻¹(ad*_{V_d} P_d + τ_d − 𝕀̇V_d), body frame."""
-        rate = self.G.ad_star(self.Vd, self.Pd) + self.tau_d
-        return self.inertia.velocity(rate - self.inertia.rate_force(self.Vd))
 
     @cached_property
     def relative(self) -> Tracking:

@@ -11,7 +11,7 @@ from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.references.base import Reference
+from eqt_cli.references.base import Reference, check_expressions, instants_of
 
 
 @dataclass(frozen=True)
@@ -37,12 +37,10 @@ class TorqueReference(Reference):
         """τ_d(t)."""
         return stack([expression.evaluate({"t": t}) for expression in self.expressions])
 
+    def instants(self, G: MatrixLieGroup) -> Array:
+        """Where an expression changes its piece."""
+        return instants_of(self.expressions)
+
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Expressions that do not parse, or a number of them that is not m."""
-        problems = problems.at("torque")
-        if len(self.torque) != G.dimension:
-            expected = f"expected {G.dimension} expressions for {G.name}"
-            problems.add(f"{expected}, got {len(self.torque)}")
-        for index, entry in enumerate(self.torque):
-            with problems.catching(index):
-                formula(entry)
+        check_expressions(self.torque, G, problems.at("torque"))

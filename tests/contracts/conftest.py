@@ -25,6 +25,8 @@ from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references import references
+from eqt_cli.references.path import PathFactor
+from eqt_cli.references.waypoints import Waypoint
 
 PLUGINS = sorted(Path(__file__).parents[1].glob("compatibility/first_version/plugins/*.py"))
 
@@ -33,6 +35,16 @@ ARGUMENTS = {"velocities": "velocity"}
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "torque": {"torque": ["cos(t)", "sin(t)", "cos(t)*sin(t)", "1", "t", "sin(2*t)"]},
+    "path": {"factors": [PathFactor("wz", "0.3*sin(t)"), PathFactor("wx", "0.1*t**2")]},
+    "rates": {"rates": ["cos(t)", "sin(t)", "cos(t)*sin(t)", "1", "t", "sin(2*t)"]},
+    "slew": {"to": {"rotvec": [0, 0.5, 1]}, "duration": 3.0},
+    "waypoints": {
+        "points": [
+            Waypoint(0.0, "identity"),
+            Waypoint(1.0, {"rotvec": [0.3, 0, 0]}),
+            Waypoint(3.0, {"rotvec": [0, 0.5, 0.5]}),
+        ]
+    },
     "swinging": {"frequencies": [1.0, 2.0, 0.5, 1.5, 0.1, 3.0]},
 }
 """Of components that have no default for them; lists are cut to the dimension of the group."""
@@ -76,7 +88,12 @@ def first_version(monkeypatch: pytest.MonkeyPatch) -> Any:
 def made(component: type, dimension: int = 3) -> Any:
     """A component with its default options."""
     options = OPTIONS.get(component.name, {})
-    return component(**{name: values[:dimension] for name, values in options.items()})
+    return component(
+        **{
+            name: values[:dimension] if isinstance(values, list) else values
+            for name, values in options.items()
+        }
+    )
 
 
 @pytest.fixture

@@ -14,6 +14,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.semidirect import Input, Semidirect, State
 from eqt_cli.mechanics.tracking import Gains, Tracking
+from eqt_cli.references.torque import TorqueReference
 
 STATES = 5
 """Random states per identity: an error in a formula shows at any one of them."""
@@ -93,9 +94,12 @@ def sampled(
 ) -> Sample:
     """A closed loop at random states and random times of its horizon.
 
-    The reference moves, whatever it does in the experiment, unless it is to be `at_rest`.
+    The reference moves, whatever it does in the experiment, unless it is to be `at_rest`; so one
+    that has no state of its own is replaced by one that has.
     """
     G = loop.group
+    if "velocity" not in loop.reference.starts_from:
+        loop = replace(loop, reference=TorqueReference([0.0 if at_rest else 0.5] * G.dimension))
     exact = loop.with_parameters(_with_errors(loop.parameters))
     poses = [G.exp(random.standard_normal((STATES, G.dimension))) for _ in range(5)]
     vectors = random.standard_normal((9, STATES, G.dimension))

@@ -27,6 +27,10 @@ class PoseDistribution(Component):
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
         """The random numbers of one run, ``(k,)``."""
 
+    def draw_of_run(self, G: MatrixLieGroup, generator: np.random.Generator, run: int) -> Array:
+        """The same, for a distribution that knows its runs."""
+        return self.draw(G, generator)
+
     @abstractmethod
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """The elements of G that the runs' numbers stand for, ``(runs, k) -> (runs, d, d)``.

@@ -24,5 +24,9 @@ class VelocityDistribution(Component):
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
         """Algebra coordinates of one element of g, ``(m,)``."""
 
+    def draw_of_run(self, G: MatrixLieGroup, generator: np.random.Generator, run: int) -> Array:
+        """The same, for a distribution that knows its runs."""
+        return self.draw(G, generator)
+
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note what of its options does not fit the group."""

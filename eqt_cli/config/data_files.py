@@ -1,0 +1,64 @@
+"""Files with data that a configuration names: read once, and kept with it as text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.core.errors import EqtError, InputError
+from eqt_cli.store.layout import FILE_NAME
+from eqt_cli.store.reader import open_results
+
+MOST_BYTES = 64 * 2**20
+"""Of a file; it is kept in memory, and in every result."""
+
+
+def data_file(source: ConfigSource, name: str) -> str:
+    """The text of a file, whose name is relative to the configuration.
+
+    A result, as a file or a folder, becomes a table of the initial states of its runs.
+
+    Raises
+    ------
+    InputError
+        If it cannot be had.
+    """
+    if name not in source.files:
+        if source.holds_files:
+            raise InputError(f"the result does not hold the content of {name}")
+        path = source.folder / name
+        is_result = path.suffix == ".h5" or (path / FILE_NAME).exists()
+        source.files[name] = _starts_of(path) if is_result else _text(path)
+    return source.files[name]
+
+
+def _text(path: Path) -> str:
+    try:
+        size = path.stat().st_size
+        if size > MOST_BYTES:
+            most = MOST_BYTES // 2**20
+            raise InputError(f"{path}: holds {size / 2**20:,.0f} MiB; expected at most {most}")
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        relative = "paths are relative to the configuration's folder"
+        raise InputError(f"{path}: does not exist; {relative}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = (getattr(error, "strerror", None) or "it is no text in UTF-8").lower()
+        raise InputError(f"{path}: cannot be read: {reason}") from error
+
+
+def _starts_of(path: Path) -> str:
+    try:
+        with open_results(path) as results:
+            results.single("its runs are where these start")
+            poses, velocities = results["initial_pose"], results["initial_velocity"]
+    except EqtError as error:
+        raise InputError(str(error)) from error
+    d, m = poses.shape[-1], velocities.shape[-1]
+    header = [f"Q{row}{column}" for row in range(1, d + 1) for column in range(1, d + 1)]
+    header += [f"V{k}" for k in range(1, m + 1)]
+    rows = np.concatenate([poses.reshape(len(poses), -1), velocities], axis=1)
+    lines = [",".join(header), *(",".join(map(repr, row)) for row in rows.tolist())]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,126 @@
+"""The reference of an experiment over the whole horizon, before anything is run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.controllers import Controller
+from eqt_cli.core.arrays import Array, frobenius, norm
+from eqt_cli.core.problems import Problems
+from eqt_cli.engines import Problem
+from eqt_cli.engines.solve_ivp import SolveIvp
+from eqt_cli.experiment.build import Experiment
+from eqt_cli.mechanics.tracking import Tracking
+
+SAMPLES = 2001
+"""At which the reference is looked at, and on both sides of every known instant."""
+
+RTOL = 1e-8
+"""With which what of it is integrated is integrated."""
+
+JUMP = 1e-6
+"""Relative to the largest value on the horizon: what is less is not called a jump."""
+
+
+@dataclass(frozen=True)
+class Following(Controller):
+    """The desired torque and nothing else, with which a system on the reference stays there."""
+
+    name: ClassVar[str] = "following"
+    title: ClassVar[str] = "following"
+
+    def torque(self, s: Tracking) -> Array:
+        """τ_d."""
+        return s.tau_d + 0 * s.P
+
+
+@dataclass(frozen=True)
+class Horizon:
+    """The reference at some times.
+
+    Attributes
+    ----------
+    times : (n,)
+        s; in order.
+    pose : (n, d, d)
+    velocity, acceleration, torque : (n, m)
+        Body frame. NaN from where the reference leaves the real numbers.
+    jumps
+        Where Q_d, V_d or τ_d jumps, as (time, what, by how much).
+    """
+
+    times: Array
+    pose: Array
+    velocity: Array
+    acceleration: Array
+    torque: Array
+    jumps: list[tuple[float, str, float]]
+
+    @property
+    def finite(self) -> Array:
+        """At which of the times the reference is real."""
+        parts = (frobenius(self.pose), norm(self.velocity), norm(self.torque))
+        return np.isfinite(np.array(parts)).all(axis=0)
+
+
+def reference_over_horizon(experiment: Experiment) -> Horizon:
+    """Q_d, V_d, V̇_d and τ_d from the start to the end."""
+    loop = replace(next(iter(experiment.loops.values())), controller=Following())
+    stop = float(experiment.times[-1])
+    instants = np.array([t for t in loop.instants if 0 < t < stop])
+    times = np.unique([*np.linspace(0.0, stop, SAMPLES), *instants])
+    Qd, Vd = experiment.initial_pose, experiment.initial_velocity
+    state = loop.initial_state(Qd, Vd, Qd, Vd)
+    states = np.broadcast_to(state, (len(times), len(state)))
+    if loop.reference.starts_from:
+        engine = SolveIvp(rtol=RTOL, atol=1e-3 * RTOL)
+        states = engine.solve(Problem(loop, state[None], times), lambda runs: None).states[0]
+    with np.errstate(all="ignore"):
+        s = loop.tracking(times, states)
+        torque = s.tau_d + 0 * s.P
+        shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, torque, [])
+        where = np.searchsorted(times, instants)
+        sides = [
+            loop.tracking(np.nextafter(instants, towards), states[where])
+            for towards in (-np.inf, np.inf)
+        ]
+        jumps = list(_jumps(shown, instants, *sides))
+    return replace(shown, jumps=sorted(jumps))
+
+
+def _jumps(
+    shown: Horizon, instants: Array, left: Tracking, right: Tracking
+) -> Iterator[tuple[float, str, float]]:
+    for what, scale, size in (
+        ("Q_d", shown.pose, frobenius(right.Qd - left.Qd)),
+        ("V_d", shown.velocity, norm(right.Vd - left.Vd)),
+        ("τ_d", shown.torque, norm(right.tau_d - left.tau_d + 0 * left.P)),
+    ):
+        largest = np.nanmax(np.abs(scale)) if np.isfinite(scale).any() else 0.0
+        for t, by in zip(instants, size, strict=True):
+            if by > JUMP * largest:
+                yield float(t), what, float(by)
+
+
+def check_reference(shown: Horizon, most_torque: float | None, problems: Problems) -> list[str]:
+    """Note where the reference leaves the real numbers, or asks for more than a given torque.
+
+    Returns
+    -------
+    list of str
+        Where it jumps, which may be meant.
+    """
+    finite, sizes = shown.finite, norm(shown.torque)
+    if not finite.all():
+        t = shown.times[np.flatnonzero(~finite)[0]]
+        problems.add(f"leaves the real numbers at about t = {t:.4g} s")
+    elif most_torque is not None and sizes.max() > most_torque:
+        t = shown.times[sizes.argmax()]
+        problems.add(
+            f"asks for a torque of {sizes.max():.4g} at t = {t:.4g} s, more than {most_torque:g}"
+        )
+    return [f"{what} jumps by {by:.3g} at t = {t:g} s" for t, what, by in shown.jumps]

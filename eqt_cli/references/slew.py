@@ -1,0 +1,53 @@
+"""A reference that turns, or moves, from one pose to another and is at rest before and after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Literal
+
+from eqt_cli.core.numbers import Positive, Real
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.motions import Pieces, eased
+from eqt_cli.references.base import PiecewiseReference
+from eqt_cli.written.poses import pose_from
+
+
+@dataclass(frozen=True)
+class SlewReference(PiecewiseReference):
+    """Rest to rest along the geodesic from · exp(a(t) log(from⁻¹ to)).
+
+    Attributes
+    ----------
+    to
+        The pose at which it ends.
+    duration
+        How long it takes, s.
+    from_
+        The pose at which it begins.
+    start
+        When it begins, s.
+    profile
+        a(t): ``quintic``, 10s³ − 15s⁴ + 6s⁵, by which the jerk is least; velocity and
+        acceleration are 0 at both ends.
+    """
+
+    name: ClassVar[str] = "slew"
+
+    to: Any
+    duration: Positive
+    from_: Any = "identity"
+    start: Real = 0.0
+    profile: Literal["quintic"] = "quintic"
+
+    def pieces(self, G: MatrixLieGroup) -> Pieces:
+        """Rest, the slew, and rest."""
+        start, end = (pose_from(pose, G, Problems()) for pose in (self.from_, self.to))
+        assert start is not None and end is not None
+        turn = G.log(G.inverse(start) @ end)
+        return eased(G, self.start, self.start + self.duration, start, turn)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Poses that will not do."""
+        for option, pose in (("from", self.from_), ("to", self.to)):
+            pose_from(pose, G, problems.at(option))

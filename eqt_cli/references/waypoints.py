@@ -1,0 +1,118 @@
+"""A reference that goes through given poses at given times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from copy import copy
+from dataclasses import dataclass, field
+from hashlib import sha256
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.numbers import Real
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.motions import Pieces, spline
+from eqt_cli.references.base import PiecewiseReference
+from eqt_cli.written.files import TrajectoryFormat, read_trajectory
+from eqt_cli.written.poses import pose_from
+
+
+@dataclass(frozen=True)
+class Waypoint:
+    """A pose at a time.
+
+    Attributes
+    ----------
+    t
+        When, s.
+    pose
+        The pose.
+    """
+
+    t: Real
+    pose: Any
+
+
+@dataclass(frozen=True)
+class WaypointsReference(PiecewiseReference):
+    """A cubic spline on the group through every waypoint.
+
+    Its acceleration has no jumps, and is 0 at both ends.
+
+    Attributes
+    ----------
+    points
+        Two or more waypoints in the order of time, `{t: …, pose: …}` each.
+    file
+        A file that holds them instead, relative to the configuration.
+    format
+        Its format: ``csv`` with a header that names the columns, ``tum`` or ``euroc``.
+    """
+
+    name: ClassVar[str] = "waypoints"
+
+    points: list[Waypoint] | None = None
+    file: str | None = None
+    format: TrajectoryFormat = "csv"
+    text: str | None = field(default=None, init=False, repr=False)
+    digest: str = field(default="", init=False)
+
+    @property
+    def files(self) -> dict[str, str]:
+        """The file of the waypoints, if they are in one."""
+        return {} if self.file is None else {"file": self.file}
+
+    def with_files(self, texts: Mapping[str, str]) -> Self:
+        """The same with the content of its file."""
+        if self.file is None or self.file not in texts:
+            return self
+        text, found = texts[self.file], copy(self)
+        vars(found).pop("_prepared", None)
+        object.__setattr__(found, "text", text)
+        object.__setattr__(found, "digest", sha256(text.encode()).hexdigest())
+        return found
+
+    def pieces(self, G: MatrixLieGroup) -> Pieces:
+        """A piece from each waypoint to the next."""
+        return spline(G, *self._waypoints(G))
+
+    def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
+        """The times of the first and the last waypoint."""
+        times, _ = self._waypoints(G)
+        return float(times[0]), float(times[-1])
+
+    def _waypoints(self, G: MatrixLieGroup) -> tuple[Array, Array]:
+        return self.prepared(G, self._read, "waypoints")
+
+    def _read(self, G: MatrixLieGroup) -> tuple[Array, Array]:
+        if self.points is not None:
+            poses = [pose_from(point.pose, G, Problems()) for point in self.points]
+            return np.array([point.t for point in self.points]), np.array(poses)
+        assert self.text is not None and self.file is not None
+        return read_trajectory(self.text, self.file, self.format, G)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Waypoints that will not do, in the configuration or in the file."""
+        if (self.points is None) == (self.file is None):
+            given = "neither" if self.file is None else "both"
+            problems.add(f"expected the waypoints as `points` or in a `file`, got {given}")
+            return
+        if self.points is not None:
+            self._check_points(self.points, G, problems.at("points"))
+        elif self.text is None:
+            return  # it could not be read, which is noted
+        if not problems:
+            with problems.catching("points" if self.file is None else "file"):
+                self.prepared(G, self.pieces)
+
+    def _check_points(self, points: list[Waypoint], G: MatrixLieGroup, problems: Problems) -> None:
+        if len(points) < 2:
+            problems.add(f"expected two waypoints or more, got {len(points)}")
+        for index, point in enumerate(points):
+            pose_from(point.pose, G, problems.at(index, "pose"))
+            if index and not point.t > points[index - 1].t:
+                before = points[index - 1].t
+                problems.at(index, "t").add(f"expected a time after {before:g} s, got {point.t:g}")

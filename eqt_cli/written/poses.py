@@ -1,0 +1,240 @@
+"""Poses, vectors and matrices as they are written in a configuration, as arrays.
+
+A pose is `identity`, a matrix, or a rotation and translations by name; for a product of groups
+also a list with one of these per factor.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
+from eqt_cli.core.numbers import Angle, Real
+from eqt_cli.core.problems import Problems
+from eqt_cli.core.validation import shown, validated
+from eqt_cli.groups.base import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.groups.product import ProductGroup
+
+GROUP_TOLERANCE = 1e-9
+"""Largest ‖QᵀQ − I‖ of a pose written in decimal; less than the integrators' own tolerances."""
+
+QUATERNION_TOLERANCE = 1e-3
+"""Largest difference of a quaternion's norm to 1: what rounding to three digits leaves."""
+
+
+def square(value: float | list[Any], n: int, group: MatrixLieGroup) -> Array:
+    """The n×n matrix that `value` stands for; raises `InputError` if its shape is wrong."""
+    if not isinstance(value, list):
+        return value * np.eye(n)
+    if not any(isinstance(row, list) for row in value):
+        if len(value) != n:
+            raise InputError(f"expected {n} diagonal entries for {group.name}, got {len(value)}")
+        return np.diag(np.array(value, dtype=float))
+    widths = {len(row) for row in value}
+    if len(widths) > 1:
+        listed = ", ".join(str(len(row)) for row in value)
+        raise InputError(f"expected rows of equal length, got rows of {listed} entries")
+    shape = (len(value), widths.pop())
+    if shape != (n, n):
+        raise InputError(f"expected {n}×{n} for {group.name}, got {shape[0]}×{shape[1]}")
+    return np.array(value, dtype=float)
+
+
+def vector(value: float | list[float], n: int, group: MatrixLieGroup) -> Array:
+    """The vector of n entries that `value` stands for; raises `InputError` if it has others."""
+    if not isinstance(value, list):
+        return np.full(n, float(value))
+    if len(value) != n:
+        raise InputError(f"expected {n} entries for {group.name}, got {len(value)}")
+    return np.array(value, dtype=float)
+
+
+def pose_from(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None:
+    """The pose that `value` describes, or None after noting what is wrong with it."""
+    if value == "identity":
+        return G.identity
+    if isinstance(G, ProductGroup) and isinstance(value, list) and len(value) != G.size:
+        if len(value) != len(G.factors):
+            problems.add(f"expected {_alternatives(G)}, got a list of {len(value)}")
+            return None
+        found = [
+            pose_from(entry, factor, problems.at(index))
+            for index, (entry, factor) in enumerate(zip(value, G.factors, strict=True))
+        ]
+        poses = [pose for pose in found if pose is not None]
+        return G.assemble(poses) if len(poses) == len(found) else None
+    if isinstance(value, dict) and isinstance(G, EuclideanGroup):
+        alone = G.columns and value.keys() == {"matrix"} and _rows(value["matrix"]) == G.size
+        if not alone:
+            return _from_parts(value, G, problems)
+        problems = problems.at("matrix")
+        value = value["matrix"]
+    if not isinstance(value, list):
+        problems.add(f"expected {_alternatives(G)}, got {shown(value)}")
+        return None
+    rows = validated(list[list[Real]], value, problems)
+    if rows is None:
+        return None
+    with problems.catching():
+        Q = square(rows, G.size, G)
+        violation = G.violation(Q)
+        if violation <= GROUP_TOLERANCE:
+            return Q
+        raise InputError(
+            f"expected an element of {G.name}, got a matrix that is {violation:.2g} away from one "
+            f"(at most {GROUP_TOLERANCE:g} is rounding); give {_alternatives(G)}"
+        )
+    return None
+
+
+def _rows(value: Any) -> int:
+    return len(value) if isinstance(value, list) else 0
+
+
+def _alternatives(G: MatrixLieGroup) -> str:
+    """The ways to write a pose of this group."""
+    matrix = f"a {G.size}×{G.size} matrix with all its digits"
+    if isinstance(G, ProductGroup):
+        return f"identity, {matrix}, or a list of {len(G.factors)} poses for {G.name}"
+    if isinstance(G, EuclideanGroup):
+        parts = ", ".join(f"{key}: …" for key in _lengths(G))
+        others = " (or quaternion, euler, matrix for rotvec)" if G.rotations == 3 else ""
+        return f"identity, {matrix}, or {{{parts}}}{others} for {G.name}"
+    return f"identity or {matrix} for {G.name}"
+
+
+def _lengths(G: EuclideanGroup) -> dict[str, int]:
+    """The parts of a pose that are vectors, and how many numbers each has."""
+    turn = {"rotvec": G.rotations} if G.rotations else {}
+    return turn | dict.fromkeys(G.columns, G.space)
+
+
+def _from_parts(value: dict[str, Any], G: EuclideanGroup, problems: Problems) -> Array | None:
+    lengths, turns = _lengths(G), _turns(G)
+    known = [*turns, *G.columns]
+    parts = {name: np.zeros(length) for name, length in lengths.items()}
+    rotation = np.eye(G.space)
+    for key, entry in value.items():
+        if key not in known:
+            problems.at(key).add(f"unknown key; a pose of {G.name} has {', '.join(known)}")
+        elif key in G.columns:
+            numbers = validated(Real | list[Real], entry, problems.at(key))
+            if numbers is not None:
+                with problems.catching(key):
+                    parts[key] = vector(numbers, lengths[key], G)
+        elif first := next((turn for turn in turns if turn in value and turn != key), None):
+            problems.at(key).add(f"the rotation is given by {first} already; give one of the two")
+        else:
+            found = turns[key](entry, G, problems.at(key))
+            rotation = rotation if found is None else found
+    if problems:
+        return None
+    columns = np.array([parts[name] for name in G.columns]).reshape(-1, G.space).T
+    return G.assemble(rotation, columns)
+
+
+# Rotations ----------------------------------------------------------------------------------------
+
+
+def _turns(G: EuclideanGroup) -> dict[str, Callable[[Any, EuclideanGroup, Problems], Any]]:
+    """The ways to write a rotation of this group."""
+    if not G.rotations:
+        return {}
+    if G.space == 2:
+        return {"rotvec": _rotvec, "matrix": _rotation_matrix}
+    return {
+        "rotvec": _rotvec,
+        "quaternion": _quaternion,
+        "euler": _euler,
+        "matrix": _rotation_matrix,
+    }
+
+
+def _rotvec(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
+    numbers = validated(Angle | list[Angle], value, problems)
+    if numbers is None:
+        return None
+    turn = np.zeros(G.dimension)
+    with problems.catching():
+        turn[: G.rotations] = vector(numbers, G.rotations, G)
+        return G.rotation(G.exp(turn))
+    return None
+
+
+def _rotation_matrix(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
+    rows = validated(list[list[Real]], value, problems)
+    if rows is None:
+        return None
+    with problems.catching():
+        R = square(rows, G.space, G)
+        Q = G.assemble(R, np.zeros((G.space, len(G.columns))))
+        if (violation := G.violation(Q)) <= GROUP_TOLERANCE:
+            return R
+        raise InputError(
+            f"expected a rotation matrix, got one that is {violation:.2g} away from one "
+            f"(at most {GROUP_TOLERANCE:g} is rounding)"
+        )
+    return None
+
+
+def _quaternion(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
+    order = next(iter(value)) if isinstance(value, dict) and len(value) == 1 else None
+    if order not in ("xyzw", "wxyz"):
+        problems.add(f"expected {{xyzw: […]}} or {{wxyz: […]}}, got {shown(value)}")
+        return None
+    numbers = validated(list[Real], value[order], problems.at(order))
+    if numbers is None:
+        return None
+    with problems.catching(order):
+        q = vector(numbers, 4, G)
+        return rotation_of(q if order == "xyzw" else np.roll(q, -1))
+    return None
+
+
+def rotation_of(quaternion: Array) -> Array:
+    """The rotation matrix of a quaternion (x, y, z, w), which is normalised.
+
+    Raises
+    ------
+    InputError
+        If its norm is too far from 1 to be rounding.
+    """
+    size = float(np.linalg.norm(quaternion))
+    if not abs(size - 1) <= QUATERNION_TOLERANCE:
+        raise InputError(f"expected a quaternion of norm 1, got norm {size:.6g}")
+    matrix: Array = Rotation.from_quat(quaternion).as_matrix()
+    return matrix
+
+
+def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
+    keys = {"sequence", "angles"}
+    if not isinstance(value, dict) or value.keys() != keys:
+        problems.add(f"expected {{sequence: ZYX, angles: […]}}, got {shown(value)}")
+        return None
+    sequence = value["sequence"]
+    if not isinstance(sequence, str) or not re.fullmatch(r"[xyz]{1,3}|[XYZ]{1,3}", sequence):
+        problems.at("sequence").add(
+            "expected up to three axes such as ZYX (about the turned axes) or xyz (about the "
+            f"fixed ones), got {shown(sequence)}"
+        )
+        return None
+    if any(one == other for one, other in pairwise(sequence)):
+        problems.at("sequence").add(f"expected another axis after each, got {sequence}")
+        return None
+    angles = validated(list[Angle], value["angles"], problems.at("angles"))
+    if angles is None:
+        return None
+    if len(angles) != len(sequence):
+        wrong = f"expected {len(sequence)} angles for {sequence}, got {len(angles)}"
+        problems.at("angles").add(wrong)
+        return None
+    matrix: Array = Rotation.from_euler(sequence, angles).as_matrix().reshape(3, 3)
+    return matrix
