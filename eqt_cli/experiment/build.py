@@ -8,7 +8,8 @@ from __future__ import annotations
 import json
 from contextlib import suppress
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from hashlib import sha256
 from typing import Any
 
@@ -52,8 +53,8 @@ class Experiment:
         One closed loop per controller label.
     initial_pose, initial_velocity
         Q_d(0) and V_d(0).
-    plugins
-        Source text of each plugin, by its path as written in the configuration.
+    source
+        What it was built from, with the text of each plugin: it can be built again anywhere.
     """
 
     config: Config
@@ -65,7 +66,7 @@ class Experiment:
     poses: PoseDistribution
     velocities: VelocityDistribution
     solver: Solver
-    plugins: dict[str, str]
+    source: ConfigSource
 
     @property
     def name(self) -> str:
@@ -83,13 +84,18 @@ class Experiment:
         return np.linspace(0.0, self.config.time.duration, self.config.time.samples)
 
     @property
+    def plugins(self) -> dict[str, str]:
+        """Source text of each plugin, by its path as written in the configuration."""
+        return self.source.stored_plugins or {}
+
+    @property
     def numeric_config(self) -> dict[str, Any]:
         """What of the resolved configuration affects the numbers, plugins by their source."""
         kept = {key: value for key, value in self.resolved.items() if key != "name"}
         digests = [sha256(text.encode()).hexdigest() for text in self.plugins.values()]
         return kept | {"plugins": digests}
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Hash of everything that affects the numbers; equal digests, equal experiments."""
         text = json.dumps(self.numeric_config, sort_keys=True)
@@ -161,7 +167,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         poses,
         velocities,
         solver,
-        plugins,
+        replace(source, stored_plugins=plugins),
     )
 
 

@@ -95,10 +95,10 @@ def study(
         )
     bare = without_sweep(source)
     if section is None or (section == [] and not sweeping):
-        return Study(bare, None, build(bare, trust_plugins=trust_plugins))
+        return Study(None, build(bare, trust_plugins=trust_plugins))
     sweep = _sweep(source, section)
     base = build(at_point(bare, sweep, 0), trust_plugins=trust_plugins)
-    found = Study(bare, sweep, base)
+    found = Study(sweep, base)
     if found.is_ragged and len(found) > MOST_GROUPS:
         raise EqtError(
             f"{source.place(('sweep',))}: {len(found)} points that differ in group or sample times "
