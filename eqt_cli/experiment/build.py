@@ -6,26 +6,23 @@ Every section is built even where another is broken; what depends on a broken se
 from __future__ import annotations
 
 import json
-from contextlib import suppress
-from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.config.plugins import load_plugins
-from eqt_cli.config.schema import Config, GainsSection, Section
+from eqt_cli.config.schema import Config, GainsSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
-from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
-from eqt_cli.core.validation import as_section, component, known_keys, note_errors, shown
+from eqt_cli.core.validation import as_section, component, fields_of, known_keys, shown, unknown_key
 from eqt_cli.engines import Engine
 from eqt_cli.ensemble.factor_poses import FactorPoses
 from eqt_cli.ensemble.poses import PoseDistribution, pose_distributions
@@ -134,16 +131,16 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         horizon = sections["time"].duration if sections["time"] else 0.0
         inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
     if group:
-        whole = sections["gains"]
-        known = dict(whole) if whole else _good_keys(GainsSection, source.data.get("gains"))
-        gains = gains_from(known, group, problems.at("gains"))
+        section, at_gains = source.data.get("gains"), problems.at("gains")
+        known = fields_of(GainsSection, section, at_gains) if isinstance(section, dict) else {}
+        gains = gains_from(known, group, at_gains)
     if initial:
         poses = _poses(initial.pose, group, problems.at("initial", "pose"))
         at_velocity = problems.at("initial", "velocity")
         velocities = _fitting(velocity_distributions, initial.velocity, group, at_velocity)
     problems.raise_if_any()
     assert group and desired and inertia and gains and poses and velocities and solver
-    config = Config.model_validate(source.data)
+    config = Config.model_construct(**sections)
     complete = config.model_dump(exclude_none=True, warnings="none") | {
         **desired.resolved,
         "controllers": [as_section(law) | {"label": label} for label, law in laws.items()],
@@ -173,48 +170,17 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
 
 def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
     """The validated sections by name; None for those that are missing or broken."""
-    try:
-        config = Config.model_validate(data)
-        return {name: getattr(config, name) for name in Config.model_fields}
-    except ValidationError as error:
-        unknown, wrong = note_errors(error, data, Config, problems, elsewhere=_elsewhere)
-    data, broken = deepcopy(data), {path[0] for path in wrong}
-    for path in unknown:
-        _remove(data, path)  # the rest of its section can still be judged
-    sections: dict[str, Any] = dict.fromkeys(Config.model_fields)
-    for name, field in Config.model_fields.items():
-        if name in broken:
-            continue
-        if name in data:
-            sections[name] = TypeAdapter(field.rebuild_annotation()).validate_python(data[name])
-        else:
-            sections[name] = field.get_default(call_default_factory=True)
-    return sections
+    known = known_keys(Config, ())
+    for key in data:
+        if key not in known:
+            problems.at(key).add(unknown_key(key, known, _elsewhere(key)))
+    return dict.fromkeys(known) | fields_of(Config, data, problems)
 
 
-def _good_keys(model: type[Section], data: Any) -> dict[str, Any]:
-    """The validated keys of a section in which others may be broken; `_sections` notes those."""
-    found = {}
-    for name, field in model.model_fields.items():
-        if isinstance(data, dict) and name in data:
-            with suppress(ValidationError):
-                adapter = TypeAdapter(field.rebuild_annotation())
-                found[name] = adapter.validate_python(data[name])
-    return found
-
-
-def _remove(data: Any, path: KeyPath) -> None:
-    for step in path[:-1]:
-        data = data[step]
-    del data[path[-1]]
-
-
-def _elsewhere(path: KeyPath) -> str | None:
+def _elsewhere(key: str) -> str | None:
     """The section's key that is written without its section: ``gains.kp`` for ``kp``."""
-    if len(path) != 1:
-        return None
-    found = (name for name in Config.model_fields if path[0] in known_keys(Config, (name,)))
-    return next((f"{name}.{path[0]}" for name in found), None)
+    found = (name for name in Config.model_fields if key in known_keys(Config, (name,)))
+    return next((f"{name}.{key}" for name in found), None)
 
 
 def _group(name: str | None, problems: Problems) -> MatrixLieGroup | None:
