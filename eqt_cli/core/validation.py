@@ -245,21 +245,10 @@ def component(
         expected = f"expected a {registry.kind}, one of {', '.join(registry.names())}"
         at_kind.add(f"missing; {expected}" if kind is None else f"{expected}, got {shown(kind)}")
         return None
-    found = None
     with at_kind.catching():
-        found = registry.get(kind)
-    return None if found is None else with_options(found, options, problems, ("kind", *common))
-
-
-def with_options(
-    component: type[T],
-    options: Mapping[str, Any],
-    problems: Problems,
-    common: tuple[str, ...] = (),
-) -> T | None:
-    """An instance with these options, or None after noting what is wrong with them."""
-    found: T | None = validated(component, dict(options), problems, common)
-    return found
+        found: T | None = validated(registry.get(kind), options, problems, ("kind", *common))
+        return found
+    return None
 
 
 def option_names(component: type) -> list[str]:

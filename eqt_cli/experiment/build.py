@@ -151,10 +151,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         label: ClosedLoop(group, inertia, gains, desired.reference, law)
         for label, law in laws.items()
     }
-    seed = config.ensemble.seed
-    probe(loops, poses, velocities, desired.pose, desired.velocity, seed, problems)
-    problems.raise_if_any()
-    return Experiment(
+    experiment = Experiment(
         config,
         complete,
         group,
@@ -166,6 +163,9 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         solver,
         replace(source, stored_plugins=plugins),
     )
+    probe(experiment, problems)
+    problems.raise_if_any()
+    return experiment
 
 
 def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self, TypeAlias, get_type_hints
 
 from eqt_cli.core.component import Component
 from eqt_cli.core.problems import KeyPath, Problems
-from eqt_cli.core.validation import shown, validated, with_options
+from eqt_cli.core.validation import validated
 
 
 class Design(Component):
@@ -40,11 +40,8 @@ class Design(Component):
             kind = get_type_hints(cls, include_extras=True)[cls.whole_section]
             value = validated(kind, section, problems)
             found = None if value is None else cls(**{cls.whole_section: value})
-        elif isinstance(section, Mapping):
-            found = with_options(cls, section, problems)
         else:
-            problems.add(f"expected a mapping, got {shown(section)}")
-            return None
+            found = validated(cls, section, problems)
         if found is not None:
             found.check(problems)
         return None if problems else found
