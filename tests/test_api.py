@@ -5,6 +5,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from pkgutil import iter_modules
 
 import numpy as np
 import pytest
@@ -37,6 +38,11 @@ def test_import_is_cheap():
 def test_everything_promised_is_there():
     assert set(eqt_cli.__all__) <= set(dir(eqt_cli))
     assert all(hasattr(eqt_cli, name) for name in eqt_cli.__all__)
+
+
+def test_no_package_takes_the_name_of_a_function():
+    """Importing one would put it in the place of the function."""
+    assert not {module.name for module in iter_modules(eqt_cli.__path__)} & set(eqt_cli.__all__)
 
 
 def test_unknown_attribute():

@@ -34,9 +34,7 @@ class Table(StrEnum):
 
 
 def compare(
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
-    ],
+    result: options.Result,
     metric: Annotated[
         list[str] | None,
         typer.Option(

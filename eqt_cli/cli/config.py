@@ -73,18 +73,18 @@ def check(
     quiet: options.Quiet = False,
 ) -> None:
     """Check a configuration without running it."""
-    from eqt_cli.cli.output import print_json, say
+    from eqt_cli.cli.output import print_json, problem_records, say
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
     from eqt_cli.core.errors import ConfigError
     from eqt_cli.experiment.sweeping import study
 
     try:
-        found = study(read_config(config, set_ or ()), trust_plugins=trust_plugins)
+        found = study(read_config(config, options.overrides(set_)), trust_plugins=trust_plugins)
     except ConfigError as error:
         if not json:
             raise
-        print_json(_document(config, [asdict(problem) for problem in error.problems]))
+        print_json(_document(config, problem_records(error.problems)))
         raise typer.Exit(error.exit_code) from error
     experiment = found.base
     if resolved and json:
@@ -108,7 +108,7 @@ def check(
 
 
 def _document(
-    path: Path, problems: list[dict[str, Any]], study: Study | None = None
+    path: Path, problems: list[dict[str, str]], study: Study | None = None
 ) -> dict[str, Any]:
     """What `check` finds, for programs: an editor, or continuous integration."""
     found: dict[str, Any] = {"config": str(path), "fine": not problems, "problems": problems}

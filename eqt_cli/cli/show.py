@@ -10,14 +10,12 @@ import typer
 from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
+    from eqt_cli.execution.unfinished import Unfinished
     from eqt_cli.results.result import Result
-    from eqt_cli.run.unfinished import Unfinished
 
 
 def show(
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
-    ],
+    result: options.Result,
     config: Annotated[
         bool, typer.Option("--config", metavar="", help="Print the resolved configuration.")
     ] = False,
@@ -48,7 +46,7 @@ def show(
 ) -> None:
     """Summarise a result: what was run, where, and what came out."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.run.unfinished import unfinished
+    from eqt_cli.execution.unfinished import unfinished
 
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
@@ -116,7 +114,7 @@ def _document(results: Result) -> dict[str, object]:
 def _summary(results: Result, as_json: bool) -> None:
     from eqt_cli.cli.output import print_json
     from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
-    from eqt_cli.run.provenance import OTHERS, differences
+    from eqt_cli.execution.provenance import OTHERS, differences
 
     if as_json:
         print_json(_document(results))

@@ -54,7 +54,7 @@ def verify(
             experiment = build(source_of(results), trust_plugins=trust_plugins)
             found = verify_results(experiment, results, workers)
     else:
-        source = read_config(target, set_ or (), engine)
+        source = read_config(target, options.overrides(set_, engine))
         if point is not None:
             source = config_at(source, point)
         experiment = build(source, trust_plugins=trust_plugins)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from eqt_cli.config.source import ConfigSource, source_of
-from eqt_cli.core.errors import ComponentError
+from eqt_cli.core.errors import ComponentError, Remedy
 from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import load_plugin
@@ -66,8 +66,8 @@ def _text(source: ConfigSource, path: object, trusted: bool) -> str:
         return _read(source.folder / path)
     if not trusted:
         raise ComponentError(
-            f"the result holds the source of {path}, which is executed only on request; "
-            "read it with `eqt show --plugins`, then add --trust-plugins"
+            f"the result holds the source of {path}, which is executed only on request",
+            Remedy("read it with `eqt show --plugins`, then add {}", "trust_plugins"),
         )
     if path not in source.stored_plugins:
         raise ComponentError(f"the result does not hold the source of {path}")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import EqtError, Remedy
 
 
 def replace_file(path: Path, content: bytes) -> None:
@@ -26,7 +26,7 @@ def replace_file(path: Path, content: bytes) -> None:
 
 @contextmanager
 def refusals(
-    subject: object, done: str, remedy: str = "", kind: type[EqtError] = EqtError
+    subject: object, done: str, remedy: Remedy | str = "", kind: type[EqtError] = EqtError
 ) -> Iterator[None]:
     """Say what the system refuses: ``x.yaml: cannot be read: permission denied; check …``.
 
@@ -43,5 +43,5 @@ def refusals(
         yield
     except (OSError, UnicodeDecodeError) as error:
         reason = (getattr(error, "strerror", None) or str(error)).lower()
-        advice = f"; {remedy}" if remedy else ""
-        raise kind(f"{subject}: cannot be {done}: {reason}{advice}") from error
+        advice = Remedy(remedy) if isinstance(remedy, str) else remedy
+        raise kind(f"{subject}: cannot be {done}: {reason}", advice) from error

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 
 from eqt_cli.config.schema import FIXED, Config
@@ -34,8 +34,8 @@ def unwatched(total: int) -> AbstractContextManager[Callable[[float], None]]:
     return nullcontext(lambda amount: None)
 
 
-def add_grids(source: ConfigSource, grids: Sequence[str]) -> None:
-    """Append ``gains.kd=0.25,0.5,1`` from the command line as blocks of the sweep.
+def add_grids(source: ConfigSource, grids: Mapping[str, str]) -> None:
+    """Append texts such as ``gains.kd=0.25,0.5,1``, by their places, as blocks of the sweep.
 
     Raises
     ------
@@ -43,8 +43,7 @@ def add_grids(source: ConfigSource, grids: Sequence[str]) -> None:
         For what does not parse.
     """
     blocks = list(source.data.get("sweep") or [])
-    for index, grid in enumerate(grids):
-        place = f"--grid[{index}]"
+    for place, grid in grids.items():
         key, equals, text = grid.partition("=")
         if not equals or not key.strip() or not text.strip():
             message = f"expected KEY=VALUE,VALUE,…, got '{grid}'"
@@ -58,7 +57,6 @@ def add_grids(source: ConfigSource, grids: Sequence[str]) -> None:
 def study(
     source: ConfigSource,
     *,
-    sweeping: bool | None = None,
     trust_plugins: bool = False,
     most_checked: int | None = None,
     watch: Watch = unwatched,
@@ -67,8 +65,6 @@ def study(
 
     Parameters
     ----------
-    sweeping
-        Whether there must be a sweep (True), must be none (False), or may be one (None).
     trust_plugins
         Execute plugin sources that are stored in a result file.
     most_checked
@@ -82,17 +78,8 @@ def study(
         With every problem, those of a swept value at the place where it was written.
     """
     section = source.data.get("sweep")
-    if sweeping is True and not section:
-        raise EqtError(
-            f"{source.source.name}: sweeps nothing; add a `sweep` section or --grid KEY=A,B, "
-            f"or use: eqt run {source.path}"
-        )
-    if sweeping is False and section:
-        raise EqtError(
-            f"{source.place(('sweep',))}: the configuration sweeps; use: eqt sweep {source.path}"
-        )
     bare = without_sweep(source)
-    if section is None or (section == [] and not sweeping):
+    if section is None or section == []:
         return Study(None, build(bare, trust_plugins=trust_plugins))
     sweep = sweep_of(source)
     problems = Problems(source.place)

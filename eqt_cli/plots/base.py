@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.component import Component
 from eqt_cli.core.problems import Problems
+from eqt_cli.core.registry import Registry
 from eqt_cli.plots.shown import ShownCertificates, ShownMetrics, ShownRuns, ShownSweep
 from eqt_cli.results.result import Result
 
@@ -159,3 +160,7 @@ class OfCertificates(Figure[ShownCertificates]):
         if len(results) > 1:
             raise results[1].error(f"figure '{self.name}' shows one result at a time")
         return ShownCertificates(results[0], certificates, self.name, self.controllers)
+
+
+# Beside the base class, so that a plugin that imports one is known to the other.
+figures = Registry("figure", "eqt_cli.plots.figures", Figure, "eqt.plots")

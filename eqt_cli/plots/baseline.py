@@ -137,10 +137,13 @@ def _scale(values: Array) -> float:
 
 
 def _error(new: Array, old: Array) -> Array:
-    """Difference at every sample; infinite where one of the two has no number."""
-    error = np.abs(new - old)
-    gaps = np.isnan(new), np.isnan(old)
-    return np.where(gaps[0] & gaps[1], 0.0, np.where(gaps[0] | gaps[1], np.inf, error))
+    """Difference at every sample; infinite where one of the two has no number.
+
+    Files have numbers only, so what is infinite in a figure is none here.
+    """
+    seen = np.isfinite(new), np.isfinite(old)
+    error = np.abs(np.subtract(new, old, out=np.zeros(new.shape), where=seen[0] & seen[1]))
+    return np.where(seen[0] == seen[1], error, np.inf)
 
 
 def _largest(new: Curve, old: Curve) -> float:

@@ -15,7 +15,7 @@ from typing import Any, Literal
 from matplotlib.backends.backend_pdf import PdfFile
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
 from eqt_cli.core.files import refusals, replace_file
 from eqt_cli.core.marks import is_eqts
 from eqt_cli.core.version import __version__
@@ -24,7 +24,6 @@ from eqt_cli.plots.drawing.style import HOUSE, Style, house_style
 Format = Literal["pdf", "svg", "png"]
 
 _MAKER = f"eqt {__version__}"
-_ELSEWHERE = "choose another folder with --out"
 
 
 def encode(
@@ -50,14 +49,14 @@ def check_targets(paths: Iterable[Path]) -> None:
         If one of them is a folder or a file that eqt did not write, or its folder is none.
     """
     for path in paths:
-        with refusals(path, "written", _ELSEWHERE):
+        with refusals(path, "written", OTHER_FOLDER):
             if path.is_dir():
                 example = path / "report.html"
                 raise EqtError(f"{path}: is a folder; expected a file, such as {example}")
             if path.exists() and not is_eqts(path):
                 raise EqtError(
-                    f"{path}: exists, and is no figure or page that eqt wrote; choose another "
-                    "place with --out"
+                    f"{path}: exists, and is no figure or page that eqt wrote",
+                    Remedy("choose another place with {}", "out"),
                 )
             folder = next(parent for parent in path.absolute().parents if parent.exists())
             if not folder.is_dir():
@@ -76,7 +75,7 @@ def write(contents: Mapping[Path, bytes]) -> None:
     """
     check_targets(contents)
     for path, content in contents.items():
-        with refusals(path, "written", _ELSEWHERE):
+        with refusals(path, "written", OTHER_FOLDER):
             path.parent.mkdir(parents=True, exist_ok=True)
             replace_file(path, content)
 

@@ -170,7 +170,7 @@ class Quantity:
         return replace(
             self,
             name=f"{self.name}_{name}",
-            long_name=f"{self.long_name}, {words} part",
+            long_name=f"{self.long_name}, {name} part",
             signals=(f"{self.signals[0]}_{name}", *self.signals[1:]),
             label=f"{self.label} {words}",
             stored=self.per is Per.TRAJECTORY,

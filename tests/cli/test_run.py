@@ -171,7 +171,7 @@ def test_workers_change_no_number(eqt: Eqt) -> None:
 def test_a_complete_result_is_not_run_again(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
     eqt("run", "c.yaml")
     written = Path("results/c/results.h5").stat()
-    monkeypatch.setattr("eqt_cli.run.part_task.compute_part", None)
+    monkeypatch.setattr("eqt_cli.execution.part_task.compute_part", None)
     done = eqt("run", "c.yaml")
     assert done.code == 0
     assert done.err == (

@@ -46,7 +46,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     with pytest.raises(EqtError) as caught:
         write({path: b"new"})
     assert str(caught.value) == (
-        f"{path}: cannot be written: not a directory; choose another folder with --out"
+        f"{path}: cannot be written: not a directory; choose another folder with out=…"
     )
 
 
@@ -76,7 +76,7 @@ def test_files_of_others_are_not_replaced(tmp_path):
     with pytest.raises(EqtError) as caught:
         write({path: b"new"})
     assert str(caught.value) == (
-        f"{path}: exists, and is no figure or page that eqt wrote; choose another place with --out"
+        f"{path}: exists, and is no figure or page that eqt wrote; choose another place with out=…"
     )
     assert b"TeX" in path.read_bytes()
 

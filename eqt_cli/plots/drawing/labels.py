@@ -15,6 +15,7 @@ from matplotlib.mathtext import MathTextParser
 
 from eqt_cli.plots.drawing import latex
 from eqt_cli.plots.drawing.tex_letters import mathematical, shift
+from eqt_cli.results.quantities import QUANTITIES
 from eqt_cli.results.result import Result
 
 _SYMBOL = re.compile(r"\w+_\{[^}]*\}|\w+[_^]\w+|\w+\*|\b[GLPQ]\b|[⋉→Υ]")
@@ -36,6 +37,10 @@ _COMMANDS = {
 }
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
 _DOLLAR = re.compile(r"(?<!\\)\$")
+
+
+SYMBOLS = {quantity.name: quantity.symbol for quantity in QUANTITIES.values() if quantity.symbol}
+"""By the names of what results hold, as plugins of the first version look them up."""
 
 
 def quantity(symbol: str, unit: str) -> str:
