@@ -162,6 +162,8 @@ class _Verifier:
             **{name: found[name][good] for name in JUDGED},
             error_system=self._error_system(batch, solution),
             failed=int(np.count_nonzero(~good)),
+            energy=batch.problem.loop.controller.energy,
+            theorem=batch.problem.loop.controller.theorem,
         )
 
     def _error_system(self, batch: Batch, solution: Solution) -> float | None:

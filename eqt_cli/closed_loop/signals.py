@@ -37,7 +37,7 @@ class Signal:
     unit_in
         Its unit in a part of the coordinates.
     of
-        From the state and the torque.
+        From the state, the torque and L.
     of_part
         The same of one part of the coordinates, for a norm; None for all else.
     """
@@ -47,7 +47,7 @@ class Signal:
     symbol: str
     long_name: str
     unit_in: Callable[[Part], str]
-    of: Callable[[Tracking, Array], Array]
+    of: Callable[[Tracking, Array, Array], Array]
     of_part: Callable[[Tracking, Array, Part], Array] | None = None
 
     def units(self, group: MatrixLieGroup) -> str:
@@ -61,14 +61,16 @@ class Signal:
 
 
 SIGNALS = (
-    Signal("pose", ("row", "col"), "Q", "pose Q", lambda part: part.pose_unit, lambda s, tau: s.Q),
+    Signal(
+        "pose", ("row", "col"), "Q", "pose Q", lambda part: part.pose_unit, lambda s, tau, L: s.Q
+    ),
     Signal(
         "velocity",
         ("axis",),
         "V",
         "body velocity V",
         lambda part: part.velocity_unit,
-        lambda s, tau: s.V,
+        lambda s, tau, L: s.V,
     ),
     Signal(
         "torque",
@@ -76,7 +78,7 @@ SIGNALS = (
         r"\tau",
         "control torque tau, body frame",
         lambda part: part.force_unit,
-        lambda s, tau: tau,
+        lambda s, tau, L: tau,
     ),
     Signal(
         "pose_error",
@@ -84,7 +86,7 @@ SIGNALS = (
         r"\|I - Q_E\|_{\mathrm{F}}",
         "pose error ||I - Q Qd^-1||_F",
         lambda part: part.pose_unit,
-        lambda s, tau: frobenius(s.G.identity - s.Q_E),
+        lambda s, tau, L: frobenius(s.G.identity - s.Q_E),
         lambda s, tau, part: frobenius((s.G.identity - s.Q_E)[(..., *part.entries)]),
     ),
     Signal(
@@ -93,7 +95,7 @@ SIGNALS = (
         r"\|V - V_d\|",
         "velocity error ||V - Vd||",
         lambda part: part.velocity_unit,
-        lambda s, tau: norm(s.V_tilde),
+        lambda s, tau, L: norm(s.V_tilde),
         lambda s, tau, part: norm(s.V_tilde[..., part.axes]),
     ),
     Signal(
@@ -102,7 +104,7 @@ SIGNALS = (
         r"\|\tau\|",
         "torque norm ||tau||",
         lambda part: part.force_unit,
-        lambda s, tau: norm(tau),
+        lambda s, tau, L: norm(tau),
         lambda s, tau, part: norm(tau[..., part.axes]),
     ),
     Signal(
@@ -111,7 +113,7 @@ SIGNALS = (
         r"\mathcal{L}",
         "Lyapunov function L",
         lambda part: "J",
-        lambda s, tau: s.lyapunov,
+        lambda s, tau, L: L,
     ),
 )
 """Every signal, in the order of `compute`."""
@@ -147,10 +149,10 @@ def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
 
 
 def _compute(loop: ClosedLoop, s: Tracking, work: Array) -> Iterator[tuple[str, Array]]:
-    tau = loop.torque(s)
+    tau, L = loop.torque(s), loop.lyapunov(s)
     for signal in SIGNALS:
-        yield signal.name, signal.of(s, tau)
+        yield signal.name, signal.of(s, tau, L)
         for part in signal.parts(loop.group):
             assert signal.of_part is not None
             yield f"{signal.name}_{part.name}", signal.of_part(s, tau, part)
-    yield "energy_balance", s.lyapunov + work
+    yield "energy_balance", L + work

@@ -80,7 +80,11 @@ class ClosedLoop:
     @property
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None where nothing is said."""
-        return self.controller.claims_decrease
+        return self.controller.claims(self.group, self.gains)
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """L, the Lyapunov function of the law, ``(...)``; laws may have different ones."""
+        return self.controller.lyapunov(s)
 
     def work(self, state: Array) -> Array:
         """W, the work that the damping has taken out up to a flat state."""
@@ -109,6 +113,11 @@ class ClosedLoop:
     def state_length(self) -> int:
         """The number of entries of a flat state."""
         return self.layout.length
+
+    @property
+    def length_without_memory(self) -> int:
+        """The number of entries before the memory of the law, the same for every law."""
+        return int(self.layout.slices["work"].stop)
 
     def initial_state(self, Q: Array, V: Array, Qd: Array, Vd: Array, t: float = 0.0) -> Array:
         """The flat state at time t; poses ``(..., d, d)``, velocities ``(..., m)``, W = 0."""

@@ -50,6 +50,8 @@ def probe(experiment: Experiment, problems: Problems) -> None:
     for index, loop in enumerate(loops.values()):
         path, name = _suspect(loop.controller, ("controllers", index), "controller", loop)
         with problems.catching(*path):
+            with _failing(name):
+                state = loop.initial_state(Q, V, Qd, Vd)[0]  # with the memory of this law
             _probe_law(loop, state, name)
 
 

@@ -105,7 +105,7 @@ class Study:
     def plan(self) -> Plan:
         """The cut into parts, where all points have one shape; the sizes hold for any."""
         base, runs = self.base, self.base.config.ensemble.runs
-        state_length = next(iter(base.loops.values())).state_length
+        state_length = max(loop.state_length for loop in base.loops.values())
         most = PART_BYTES // (8 * base.config.time.samples * state_length)
         wanted = max(base.engine.part_runs, self._all_runs // MANY_PARTS)
         size = base.engine.runs_at_once(min(wanted, most))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Hypothesis, Row, Verdict
 from eqt_cli.analysis.evidence.runs import Setting
+from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.mechanics.critical_points import CriticalSet, critical_sets
 from eqt_cli.mechanics.inertia import Inertia
@@ -177,9 +179,16 @@ class LawCovered(Hypothesis):
         """One row per law."""
         verdicts = {True: Verdict.HOLDS, False: Verdict.VIOLATED, None: Verdict.UNKNOWN}
         return [
-            self.row(verdicts[loop.claims_decrease], controller=label)
+            replace(
+                self.row(verdicts[loop.claims_decrease], controller=label),
+                statement=self._where(loop.controller.theorem),
+            )
             for label, loop in setting.loops.items()
         ]
+
+    def _where(self, theorem: str) -> str:
+        """Of a published law its own source, of the others the paper's."""
+        return self.statement if theorem in ("", Controller.theorem) else theorem
 
 
 def _at_rest(setting: Setting) -> bool:

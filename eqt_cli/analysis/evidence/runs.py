@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
 
 ENERGY_PER_RTOL = 100.0
@@ -42,6 +43,8 @@ class Runs:
         the largest entry of E or 1; None where no run could be compared.
     failed
         How many runs have no end.
+    energy, theorem
+        Which function L is, and where it is shown to fall.
     """
 
     label: str
@@ -56,6 +59,13 @@ class Runs:
     final_velocity_error: Array
     error_system: float | None
     failed: int = 0
+    energy: str = Controller.energy
+    theorem: str = Controller.theorem
+
+    @property
+    def own_function(self) -> str:
+        """Which function L is, where it is not the paper's."""
+        return "" if self.energy == Controller.energy else f"L = {self.energy}"
 
     @property
     def count(self) -> int:

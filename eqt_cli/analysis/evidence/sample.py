@@ -9,6 +9,7 @@ import numpy as np
 
 from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.system import MEMORY
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.semidirect import Input, Semidirect, State
@@ -112,6 +113,8 @@ def sampled(
     free = [lifted(Q, G.drift(Q)[:, None, None]) for Q in poses[2:]]
     states = [(Q, lifted(P)) for Q, P in zip(free, vectors[2:5], strict=True)]
     inputs = [(lifted(vectors[k]), lifted(vectors[k + 1])) for k in (5, 7)]
+    gains = _without_symmetry(loop, random)
+    _fill_memory(loop, flat, random)
     return Sample(
         label,
         exact,
@@ -121,8 +124,15 @@ def sampled(
         (states[0], states[1], states[2]),
         (inputs[0], inputs[1]),
         (poses[0], vectors[0], poses[1], Vd),
-        _without_symmetry(loop, random),
+        gains,
     )
+
+
+def _fill_memory(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
+    """Any numbers for what a law remembers, which is 0 at the start."""
+    for name, where in loop.layout.slices.items():
+        if name.startswith(MEMORY):
+            flat[:, where] = random.standard_normal(flat[:, where].shape)
 
 
 def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:
