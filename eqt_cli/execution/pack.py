@@ -76,6 +76,8 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
         _copy(file.root, old)
         for point, group in enumerate(file.groups):
             _copy(group, old.at(point))
+        for written in (file.root, *file.groups):
+            written.replaces = True
         _put_parts(task, file)
         file.root.describe({**old.attributes, **attributes})
     with open_results(results) as new:

@@ -107,6 +107,8 @@ def names(registry: Registry[Any]) -> str:
         (
             "initial",
             "{pose: {kind: haar, position: {sdt: 1}}}",
+            "c.yaml:6:30: initial.pose.position: SO3 has no position column; "
+            "it has no translations\n"
             "c.yaml:6:41: initial.pose.position.sdt: unknown key; did you mean 'std'?",
         ),
         (

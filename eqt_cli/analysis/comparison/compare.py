@@ -109,7 +109,7 @@ def compare(
     for measure, window in [*chosen, *claimed]:
         wanted.setdefault((measure.name, window.within(result.times)), measure)
     samples = {key: result.per_run(measure, key[1]) for key, measure in wanted.items()}
-    found = statistics(
+    levels, pairs, resamples = statistics(
         list(samples.values()),
         result.labels,
         result.good,
@@ -126,13 +126,13 @@ def compare(
         kinds=result.kinds,
         failed=result.failed,
         horizon=float(result.times[-1] - result.times[0]),
-        levels=[level for level in found.levels if _key(level.measured) in shown],
-        pairs=[pair for pair in found.pairs if _key(pair.measured) in shown],
-        judgements=_judgements(result, samples, found.pairs, confidence),
+        levels=[level for level in levels if _key(level.measured) in shown],
+        pairs=[pair for pair in pairs if _key(pair.measured) in shown],
+        judgements=_judgements(result, samples, pairs, confidence),
         lyapunov_functions=result.lyapunov_functions,
         missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
         confidence=confidence,
-        resamples=found.resamples,
+        resamples=resamples,
         seed=seed,
     )
 
