@@ -24,19 +24,27 @@ from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
 from eqt_cli.config.source import ConfigSource, overridden, read_config, source_of
 from eqt_cli.core.errors import ComponentError, EqtError, Remedy
-from eqt_cli.execution.execute import Execution, Progress, Remark, Shard, execute, pack_folder, warn
 from eqt_cli.execution.executors import Executor, executors
 from eqt_cli.execution.folder import CONFIG
+from eqt_cli.execution.run_study import (
+    Execution,
+    Progress,
+    Remark,
+    Shard,
+    execute,
+    pack_folder,
+    warn,
+)
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study
-from eqt_cli.experiment.sweeping import study
 from eqt_cli.results.result import Result, open_result, point_folder
-from eqt_cli.store.layout import point_group
+from eqt_cli.store.reserved_names import point_group
 
 if TYPE_CHECKING:
     import xarray
 
-    from eqt_cli.plots.baseline import Check
+    from eqt_cli.plots.kept_numbers import Check
 
 Note = Callable[[str], None]
 

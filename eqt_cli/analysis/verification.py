@@ -22,11 +22,11 @@ from eqt_cli.closed_loop import ErrorSystem
 from eqt_cli.config.source import source_of
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.blame import blamed
+from eqt_cli.core.error_origin import blamed
 from eqt_cli.engines import Problem, Solution
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
-from eqt_cli.execution.compute import Desired, measured, shared_reference
+from eqt_cli.execution.compute_part import Desired, measured, shared_reference
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.semidirect import Semidirect

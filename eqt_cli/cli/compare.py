@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli.shared import options
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
@@ -76,8 +76,8 @@ def compare(
 ) -> None:
     """Compare controllers run by run, with intervals, and test what the paper claims."""
     from eqt_cli import api
-    from eqt_cli.cli.output import print_json, say
-    from eqt_cli.cli.text_tables import as_csv
+    from eqt_cli.cli.shared.output import print_json, say
+    from eqt_cli.cli.shared.table_formats import as_csv
     from eqt_cli.core.errors import EqtError
 
     if json and format is not Format.TEXT:
@@ -108,7 +108,7 @@ def compare(
 
 def _print_metrics(results: Result, json: bool) -> None:
     from eqt_cli.analysis.comparison.notation import Plain
-    from eqt_cli.cli.output import print_records
+    from eqt_cli.cli.shared.output import print_records
 
     write = Plain()
     rows = [
@@ -120,7 +120,7 @@ def _print_metrics(results: Result, json: bool) -> None:
 
 def _windows(measure: Quantity) -> str:
     """The windows that a measure can be taken over."""
-    from eqt_cli.results.windows import WHOLE
+    from eqt_cli.results.time_windows import WHOLE
 
     if measure.windowed:
         return "any"
@@ -180,8 +180,8 @@ def _print_tables(
 ) -> None:
     from eqt_cli.analysis.comparison.notation import Latex, Plain
     from eqt_cli.analysis.comparison.tables import text_tables
-    from eqt_cli.cli.output import say
-    from eqt_cli.cli.text_tables import as_latex, as_text
+    from eqt_cli.cli.shared.output import say
+    from eqt_cli.cli.shared.table_formats import as_latex, as_text
 
     # A table of every pair of many controllers is long: without a wish, pairs with the first one.
     chosen = against or ((), comparison.labels[:1])[table is None and format is Format.TEXT]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli import completion, options
+from eqt_cli.cli.shared import completion, options
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
@@ -30,7 +30,7 @@ def new(
     quiet: options.Quiet = False,
 ) -> None:
     """Write a shipped configuration to a file of your own."""
-    from eqt_cli.cli.output import say
+    from eqt_cli.cli.shared.output import say
     from eqt_cli.config import shipped
     from eqt_cli.core.errors import EqtError
     from eqt_cli.core.files import refusals
@@ -70,13 +70,13 @@ def check(
     quiet: options.Quiet = False,
 ) -> None:
     """Check a configuration without running it, its reference over the whole horizon."""
-    from eqt_cli.cli.output import print_found, print_json, problem_records, say
+    from eqt_cli.cli.shared.output import print_found, print_json, problem_records, say
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
     from eqt_cli.core.errors import ConfigError
     from eqt_cli.core.problems import Problems
     from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
-    from eqt_cli.experiment.sweeping import study
+    from eqt_cli.experiment.read_study import study
 
     source = read_config(config, options.overrides(set_))
     try:
@@ -138,9 +138,9 @@ def keys(
     json: options.Json = False,
 ) -> None:
     """Describe the keys of a configuration: value, default, meaning."""
-    from eqt_cli.cli.output import print_records
+    from eqt_cli.cli.shared.output import print_records
     from eqt_cli.config.json_schema import json_schema
-    from eqt_cli.config.keys import keys_of, within
+    from eqt_cli.config.key_descriptions import keys_of, within
 
     found = keys_of(json_schema())
     if key is not None:
@@ -156,7 +156,7 @@ def _bare(text: str) -> str:
 @app.command("schema")
 def schema() -> None:
     """Print the JSON schema of configurations, for completion and checks in editors."""
-    from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.shared.output import print_json
     from eqt_cli.config.json_schema import json_schema
 
     print_json(json_schema())

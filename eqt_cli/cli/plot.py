@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli import completion, options
+from eqt_cli.cli.shared import completion, options
 
 if TYPE_CHECKING:
-    from eqt_cli.plots.baseline import Check
+    from eqt_cli.plots.kept_numbers import Check
 
 
 def plot(
@@ -86,7 +86,7 @@ def plot(
 ) -> None:
     """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
     from eqt_cli import api
-    from eqt_cli.cli.output import print_found, say
+    from eqt_cli.cli.shared.output import print_found, say
     from eqt_cli.core.errors import EqtError
     from eqt_cli.plots.render import FORMATS
 
@@ -120,9 +120,9 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
     """Say where figures differ from what is kept, and exit with 4 if any does."""
     from dataclasses import asdict
 
-    from eqt_cli.cli.output import print_found
-    from eqt_cli.plots.baseline import TOLERANCE
-    from eqt_cli.store.layout import FILE_NAME
+    from eqt_cli.cli.shared.output import print_found
+    from eqt_cli.plots.kept_numbers import TOLERANCE
+    from eqt_cli.store.reserved_names import FILE_NAME
 
     checked = [str(one if one.suffix == ".h5" else one / FILE_NAME) for one in results]
     found = {name: asdict(one) for name, one in checks.items()}
@@ -141,7 +141,7 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
 
 def _default(result: Path, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
-    from eqt_cli.cli.output import say
+    from eqt_cli.cli.shared.output import say
     from eqt_cli.results.result import open_result
 
     with open_result(result) as results:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from eqt_cli.cli import completion, options
+from eqt_cli.cli.shared import completion, options
 
 if TYPE_CHECKING:
-    from eqt_cli.execution.unfinished import Unfinished
+    from eqt_cli.execution.folder_progress import Unfinished
     from eqt_cli.results.result import Result
 
 
@@ -38,7 +38,7 @@ def show(
 ) -> None:
     """Summarise a result: what was run, where, and what came out."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.execution.unfinished import unfinished
+    from eqt_cli.execution.folder_progress import unfinished
 
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
@@ -49,7 +49,7 @@ def show(
         _unfinished(result, found, json)
         return
 
-    from eqt_cli.cli.run_table import print_run_table
+    from eqt_cli.cli.shared.run_table import print_run_table
     from eqt_cli.results.result import open_result
 
     if json and table:
@@ -64,7 +64,7 @@ def show(
 def _unfinished(path: Path, found: Unfinished, json: bool) -> None:
     from dataclasses import asdict
 
-    from eqt_cli.cli.output import duration, print_found
+    from eqt_cli.cli.shared.output import duration, print_found
 
     share = 100 * found.done / found.runs
     running = "no; the same eqt run or eqt sweep continues"
@@ -103,8 +103,8 @@ def _document(results: Result) -> dict[str, object]:
 
 
 def _summary(results: Result, json: bool) -> None:
-    from eqt_cli.cli.output import print_json
-    from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
+    from eqt_cli.cli.shared.output import print_json
+    from eqt_cli.cli.shared.result_tables import print_accuracy, print_failures, print_headline
     from eqt_cli.execution.provenance import OTHERS, differences
 
     if json:
@@ -127,13 +127,13 @@ def _summary(results: Result, json: bool) -> None:
 
 
 def _config(results: Result, json: bool) -> None:
-    from eqt_cli.cli.output import print_found
+    from eqt_cli.cli.shared.output import print_found
 
     print_found(_stored(results, "config"), str(results.attributes["config"]), json=json)
 
 
 def _variables(results: Result, json: bool) -> None:
-    from eqt_cli.cli.output import print_records
+    from eqt_cli.cli.shared.output import print_records
 
     found = [
         (name, results.dims(name), results.units(name), results.long_name(name))
@@ -143,7 +143,7 @@ def _variables(results: Result, json: bool) -> None:
 
 
 def _failed(results: Result, json: bool) -> None:
-    from eqt_cli.cli.output import print_found
+    from eqt_cli.cli.shared.output import print_found
 
     failures = results.failures
     messages = results.messages(failures) if len(failures) else []
@@ -157,7 +157,7 @@ def _failed(results: Result, json: bool) -> None:
 
 
 def _plugins(results: Result, json: bool) -> None:
-    from eqt_cli.cli.output import print_found
+    from eqt_cli.cli.shared.output import print_found
 
     sources = _stored(results, "plugins")
     lines = [f"# {path}\n{source}" for path, source in sources.items()]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli.shared import options
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.verification import Verification
@@ -34,12 +34,12 @@ def verify(
     """Check the paper's theorems on an experiment; exit 4 where one does not hold."""
     from eqt_cli import api
     from eqt_cli.analysis.verification import RUNS
-    from eqt_cli.cli.output import print_found, say
-    from eqt_cli.cli.progress import progress
+    from eqt_cli.cli.shared.output import print_found, say
+    from eqt_cli.cli.shared.progress import progress
     from eqt_cli.config.source import read_config
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.point import config_at, without_sweep
-    from eqt_cli.experiment.sweeping import study
+    from eqt_cli.experiment.config_at_point import config_at, without_sweep
+    from eqt_cli.experiment.read_study import study
 
     workers = workers or options.cores()
     if target.suffix == ".h5" or target.is_dir():
@@ -88,7 +88,7 @@ def _document(target: Path, found: Verification, causes: list[str]) -> dict[str,
 
 def _text(found: Verification, causes: list[str]) -> str:
     from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally
-    from eqt_cli.cli.output import table
+    from eqt_cli.cli.shared.output import table
 
     lines = []
     if (made := certificate_table(found.rows)) is not None:

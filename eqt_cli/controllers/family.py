@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, dot
-from eqt_cli.core.numbers import Real
+from eqt_cli.core.option_types import Real
 from eqt_cli.mechanics.tracking import Tracking
 
 Frame = Literal["spatial", "body"]

@@ -10,12 +10,12 @@ from math import prod
 from pathlib import Path
 
 from eqt_cli.core.errors import ConfigError, InputProblem
-from eqt_cli.execution.compute import compute_part, shared_reference
+from eqt_cli.execution.compute_part import compute_part, shared_reference
 from eqt_cli.execution.executors import Executor, TaskContext
 from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import quantities
 from eqt_cli.results.quantity import Per
+from eqt_cli.results.quantity_table import quantities
 
 MOST_PIECES = 5
 """Of points that differ in shape, so many are measured."""

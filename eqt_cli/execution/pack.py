@@ -11,17 +11,17 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
-from eqt_cli.execution.compute import checked_states, read_part
+from eqt_cli.execution.compute_part import checked_states, read_part
 from eqt_cli.execution.cross_check import chosen_entries, cross_check, together
 from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.result_layout import Destination, Layout, ResultFile, new_result_file
-from eqt_cli.experiment.plan import Part
+from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import Per, Quantity
-from eqt_cli.store.assembly import Assembly
+from eqt_cli.store.piecewise_writer import Assembly
 from eqt_cli.store.reader import ResultFile as StoredFile
 from eqt_cli.store.reader import open_results
-from eqt_cli.store.variables import Attribute
+from eqt_cli.store.table import Attribute
 
 COPIED_BYTES = 64 * 2**20
 

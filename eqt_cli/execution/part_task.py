@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.core.blame import blamed
+from eqt_cli.core.error_origin import blamed
 from eqt_cli.core.errors import ResultError
-from eqt_cli.execution.compute import (
+from eqt_cli.execution.compute_part import (
     Desired,
     OutdatedPart,
     check_part,
@@ -23,11 +23,11 @@ from eqt_cli.execution.compute import (
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.part_files import PartFiles
 from eqt_cli.execution.result_layout import Layout
-from eqt_cli.experiment.plan import Part
+from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import DESIRED
+from eqt_cli.results.quantity_table import DESIRED
 from eqt_cli.store.reader import open_results
-from eqt_cli.store.variables import Table
+from eqt_cli.store.table import Table
 
 
 @dataclass(frozen=True, eq=False)

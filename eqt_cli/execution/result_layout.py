@@ -21,11 +21,11 @@ from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
 from eqt_cli.experiment.law_names import LAW, law_names
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import coordinates, quantities
 from eqt_cli.results.quantity import Per, Quantity
-from eqt_cli.store.assembly import Assembly, Blank, assemble
-from eqt_cli.store.layout import point_group
-from eqt_cli.store.variables import Attribute, Variable
+from eqt_cli.results.quantity_table import coordinates, quantities
+from eqt_cli.store.piecewise_writer import Assembly, Blank, assemble
+from eqt_cli.store.reserved_names import point_group
+from eqt_cli.store.table import Attribute, Variable
 
 TEXT_BYTES = 16
 """Of a reference to a string in HDF5."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.engines import Problem, Status
-from eqt_cli.execution.compute import compute_part, read_part, shared_reference
+from eqt_cli.execution.compute_part import compute_part, read_part, shared_reference
 from eqt_cli.execution.cross_check import chosen_entries, distance
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.result_layout import Layout

@@ -13,7 +13,7 @@ from eqt_cli.execution.part_files import PartFiles
 from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.law_names import LAW
-from eqt_cli.experiment.plan import Part
+from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import Per
 from eqt_cli.store.reader import open_results

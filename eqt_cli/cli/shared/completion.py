@@ -140,7 +140,7 @@ def _state() -> list[int]:
 def _collected() -> dict[str, Any]:
     from eqt_cli.config.catalogue import registry
     from eqt_cli.config.json_schema import json_schema
-    from eqt_cli.config.keys import keys_of
+    from eqt_cli.config.key_descriptions import keys_of
     from eqt_cli.core.registry import summary
     from eqt_cli.core.validation import option_names
 

@@ -21,10 +21,10 @@ from eqt_cli.execution.lock import LOCK, locked
 from eqt_cli.execution.pack import BrokenPart, pack, replace_runs
 from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.provenance import OTHERS, differences, now, provenance, together
-from eqt_cli.execution.rerun import rerun_of
+from eqt_cli.execution.rerun_failed import rerun_of
 from eqt_cli.execution.result_layout import described
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import quantities
+from eqt_cli.results.quantity_table import quantities
 
 RERUN = "reruns"
 """The folder, in that of a result, of failed runs that are computed once more."""

@@ -15,13 +15,13 @@ from eqt_cli.execution.batches import Batch, batches, initial_states, reference_
 from eqt_cli.execution.cross_check import chosen_entries, difference, distance
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.result_layout import Layout
-from eqt_cli.experiment.plan import Part
+from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.critical_points import distance_to_unstable
-from eqt_cli.results.quantities import DESIRED, MEASURED
 from eqt_cli.results.quantity import Per, Quantity
+from eqt_cli.results.quantity_table import DESIRED, MEASURED
 from eqt_cli.store.reader import ResultFile
-from eqt_cli.store.variables import Table, Variable
+from eqt_cli.store.table import Table, Variable
 
 LEADING = {Per.TRAJECTORY: "kept", Per.RUN: "entry", Per.INITIAL: "start", Per.DESIRED: "reference"}
 """The leading dimension of each kind of variable in the table of a part."""

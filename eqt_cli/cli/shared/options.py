@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from eqt_cli.cli import completion
+from eqt_cli.cli.shared import completion
 
 
 def placed(option: str, texts: Sequence[str] | None) -> dict[str, str]:

@@ -15,9 +15,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from eqt_cli.store.layout import COORDINATES, FORMAT, FORMAT_ATTRIBUTE, PLACEHOLDER
-from eqt_cli.store.sink import created
-from eqt_cli.store.variables import Attribute, Variable
+from eqt_cli.store.output_file import created
+from eqt_cli.store.reserved_names import COORDINATES, FORMAT, FORMAT_ATTRIBUTE, PLACEHOLDER
+from eqt_cli.store.table import Attribute, Variable
 
 _CHUNK_BYTES = 2**20
 

@@ -9,8 +9,8 @@ import typer
 
 if TYPE_CHECKING:
     from eqt_cli.api import LoadedExperiment, StoredResult
-    from eqt_cli.execution.execute import Shard
     from eqt_cli.execution.executors import Executor
+    from eqt_cli.execution.run_study import Shard
     from eqt_cli.experiment.study import Study
     from eqt_cli.results.result import Result
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def shard_from(text: str | None) -> Shard | None:
     """``2/8`` as a shard; None stays None."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.execution.execute import Shard
+    from eqt_cli.execution.run_study import Shard
 
     if text is None:
         return None
@@ -33,7 +33,7 @@ def executor_from(
 ) -> Executor:
     """The executor asked for, or the one that suits."""
     from eqt_cli.api import choose_executor
-    from eqt_cli.cli.options import cores
+    from eqt_cli.cli.shared.options import cores
     from eqt_cli.core.errors import EqtError
 
     if scheduler and name not in (None, "dask"):
@@ -54,8 +54,8 @@ def run_experiment(
 ) -> None:
     """Run, report on stdout, and exit as the outcome demands."""
     from eqt_cli import api
-    from eqt_cli.cli.output import say, warn
-    from eqt_cli.cli.progress import progress
+    from eqt_cli.cli.shared.output import say, warn
+    from eqt_cli.cli.shared.progress import progress
 
     shard = shard_from(shard_text)
     out = out or Path("results") / experiment.name
@@ -86,7 +86,7 @@ def run_experiment(
 
 def _interrupted(study: Study, out: Path) -> Exception:
     from eqt_cli.core.errors import InterruptedRun
-    from eqt_cli.execution.unfinished import unfinished
+    from eqt_cli.execution.folder_progress import unfinished
 
     begun = unfinished(out)
     done = begun.done if begun else 0
@@ -99,7 +99,7 @@ def _interrupted(study: Study, out: Path) -> Exception:
 
 def report(done: StoredResult, shard: Shard | None = None, *, json: bool) -> None:
     """Print what came out, and exit with 3 or 4 where runs failed or the check did not hold."""
-    from eqt_cli.cli.output import print_found, print_json
+    from eqt_cli.cli.shared.output import print_found, print_json
     from eqt_cli.results.result import open_result
 
     causes = ["some runs failed"] if done.failed else []
@@ -148,7 +148,7 @@ def _document(done: StoredResult, results: Result, counted: dict[str, Any]) -> d
 
 
 def _print_summary(done: StoredResult, results: Result) -> None:
-    from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
+    from eqt_cli.cli.shared.result_tables import print_accuracy, print_failures, print_headline
 
     points = results.dimensions.get("point")
     print_headline(results)
