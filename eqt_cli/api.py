@@ -1,4 +1,4 @@
-"""What notebooks and scripts call, from loading to drawing; it must not know the command line.
+"""What Python users and the commands call, from loading to drawing.
 
 Everything here is also an attribute of `eqt_cli` itself.
 """

@@ -1,4 +1,4 @@
-"""The signals of a result: everything that follows from states at sample times, with its meaning.
+"""Declares the signals over time, with symbols and units, and computes them from states.
 
 Each signal is computed from the same laws that were integrated; none has a formula of its own
 beyond a norm.

@@ -1,1 +1,1 @@
-"""The configuration as text: read, located, checked against its schema, and described."""
+"""Reads a configuration as text, remembers the place of every value, and declares its keys."""

@@ -1,4 +1,4 @@
-"""The `plugins` of a configuration: files of the user, or sources kept in a result."""
+"""Loads the plugins that a configuration names or a result stores."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which line of a component that is not eqt's own an exception has come from."""
+"""Finds the line of a plugin that an exception came from."""
 
 from __future__ import annotations
 

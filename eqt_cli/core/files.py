@@ -1,4 +1,4 @@
-"""Small files: written in one step, and what the system refuses in words."""
+"""Replaces small files in one step, and explains in words what the system refuses."""
 
 from __future__ import annotations
 

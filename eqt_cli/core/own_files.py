@@ -1,4 +1,4 @@
-"""Which files eqt has written, by the marks that it leaves in them; it knows no maker of any."""
+"""Tells which files eqt has written, by the marks that it leaves in them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Plain data as typed values and as components; what will not do is noted in eqt's words."""
+"""Validates plain data and says what is wrong with it, unknown keys included."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The reference engine: SciPy's `solve_ivp` on blocks of runs that share their steps.
+"""The default engine: SciPy's `solve_ivp` on blocks of runs that share their steps.
 
 A block is one large system, so that NumPy's cost per call is shared by its runs. SciPy's error
 norm is a root mean square over all entries; the tolerances are therefore divided by √block, which

@@ -1,1 +1,1 @@
-"""Who starts where: seeds and distributions of initial states."""
+"""Draws the initial states of runs from seeds, and lists the points of sweeps."""

@@ -1,4 +1,4 @@
-"""Runs of many points as few problems: points of equal structure differ in parameters only."""
+"""Groups runs of equal structure, of many points, into problems that an engine solves at once."""
 
 from __future__ import annotations
 

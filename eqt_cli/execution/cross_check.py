@@ -1,4 +1,4 @@
-"""A few runs of each controller, redone another way: the check that every result carries."""
+"""Solves a few runs of each controller again by another engine, and compares."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The true and the desired state at one instant, and the errors between them.
+"""The true and the desired state, the errors between them, and the Lyapunov function L.
 
 This is all that a control law may read. Everything is computed once, when first asked for.
 """

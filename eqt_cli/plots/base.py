@@ -1,4 +1,4 @@
-"""What a figure is, and of what; it knows no single figure and no file format."""
+"""The base classes of figures, by what of a result they show."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The points of a sweep: means over runs to sort and filter, and the best of them; no page."""
+"""The points of a sweep as a table, and the best of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A result as all readers ask it: its laws, its good runs, trajectories, metrics, experiment."""
+"""A result with its meaning: laws, good runs, trajectories, metrics, points, experiment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Checks on an untrusted HDF5 file before any of its data are read; it must not read data itself.
+"""Refuses a hostile HDF5 file before any of its data are decoded.
 
 HDF5 lets a file point elsewhere and declare sizes that it does not hold. Only what eqt's own files
 need is let through: datasets of numbers or strings, each in bytes of its own, directly in the root

@@ -133,7 +133,7 @@ def test_a_moved_package_is_not_loaded_a_second_time() -> None:
 
 def test_what_never_was_is_not_found() -> None:
     find_moved()
-    with pytest.raises(ModuleNotFoundError, match=r"eqt_cli\.run\.executors\.gone"):
+    with pytest.raises(ModuleNotFoundError, match=r"eqt_cli\.execution\.executors\.gone"):
         import_module("eqt_cli.ensemble.executors.gone")
     with pytest.raises(AttributeError, match="has no attribute 'gone'"):
         _ = import_module("eqt_cli.plots").gone

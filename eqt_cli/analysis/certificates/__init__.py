@@ -1,4 +1,4 @@
-"""Certificates: the statements of the paper, a file a chapter, found by scanning this folder."""
+"""Certificates: statements of theory; one file per topic, found by scanning."""
 
 from collections.abc import Iterable
 from typing import TypeVar

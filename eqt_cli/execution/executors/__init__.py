@@ -1,4 +1,4 @@
-"""Who computes the parts: one file per executor, found by scanning this folder."""
+"""Ways to have numbered items done: one file per executor, found by scanning this folder."""
 
 from eqt_cli.core.registry import Registry
 from eqt_cli.execution.executors.base import MOST_TRIES, Executor, Outcome, Task, TaskContext

@@ -1,4 +1,4 @@
-"""The look of every figure: the style sheets, widths and line styles; it knows no result."""
+"""Widths, line styles and style sheets of all figures; the colours are in eqt.mplstyle."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figure of the paper's experiment: means over runs of the errors, the torque and L."""
+"""The four panels of the paper's figure for any result: means over runs of errors, torque and L."""
 
 from __future__ import annotations
 
