@@ -22,6 +22,7 @@ from eqt_cli.core import arrays
 from eqt_cli.core.arrays import FUNCTIONS
 from eqt_cli.core.errors import TraceError
 from eqt_cli.core.expressions import parse
+from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, Status, taylor
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.taylor import EPSILON, SMALLEST_TOL, Taylor
@@ -30,7 +31,11 @@ from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references import references
 from eqt_cli.references.constant import ConstantReference
+from eqt_cli.references.path import PathFactor, PathReference
+from eqt_cli.references.rates import RatesReference
+from eqt_cli.references.slew import SlewReference
 from eqt_cli.references.torque import TorqueReference
+from eqt_cli.references.waypoints import Waypoint, WaypointsReference
 
 pytest.importorskip("heyoka", reason="the taylor extra is not installed")
 
@@ -112,6 +117,10 @@ def assert_engines_agree(problem):
 @pytest.mark.parametrize("name", controllers.names())
 def test_engines_agree_on_every_group_and_controller(G, name):
     controller = controllers.get(name)()
+    problems = Problems()
+    controller.check(G, problems)
+    if problems:
+        pytest.skip(f"{name} is not for {G.name}")
     driven = "track" in controller.tasks
     torque = TORQUE[: G.dimension] if driven else [0.0] * G.dimension
     assert_engines_agree(problem_of(loop_of(controller, G, TorqueReference(torque)), runs=3))
@@ -120,6 +129,16 @@ def test_engines_agree_on_every_group_and_controller(G, name):
 REFERENCES = {
     "constant": ConstantReference(),
     "torque": TorqueReference(["exp(-t)", 1, "sqrt(1 + t**2)"]),
+    "rates": RatesReference(["cos(t)", 1, "sqrt(1 + t**2)"]),
+    "path": PathReference([PathFactor("wz", "0.3*sin(t)"), PathFactor("wx", "0.1*t**2")]),
+    "slew": SlewReference(to={"rotvec": [0, 0.5, 1]}, start=0.2, duration=0.5),
+    "waypoints": WaypointsReference(
+        points=[
+            Waypoint(0.0, "identity"),
+            Waypoint(0.7, {"rotvec": [0.3, 0, 0]}),
+            Waypoint(30.0, {"rotvec": [0, 0.5, 0.5]}),
+        ]
+    ),
 }
 
 
