@@ -11,7 +11,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.core.problems import Problems
-from eqt_cli.experiment import matrices as tensors
+from eqt_cli.experiment import matrices
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, InertiaLaw, PrescribedInertia
 from eqt_cli.written.poses import square
@@ -75,8 +75,8 @@ def _factored(
 def _constant(value: Constant, G: MatrixLieGroup, problems: Problems) -> Array | None:
     with problems.catching():
         matrix = square(value, G.dimension, G)
-        tensors.require_symmetric(matrix)
-        tensors.require_definite(matrix)
+        matrices.require_symmetric(matrix)
+        matrices.require_definite(matrix)
         return matrix
     return None
 
@@ -114,8 +114,8 @@ def _require_definite(law: InertiaLaw, times: Array) -> None:
                 i, j = np.argwhere(~np.isfinite(matrix))[0]
                 got = f"got [{i}][{j}] = {matrix[i, j]:g}"
                 raise InputError(f"expected finite entries, {got}")
-            tensors.require_symmetric(matrix)
-            tensors.require_definite(matrix)
+            matrices.require_symmetric(matrix)
+            matrices.require_definite(matrix)
         except InputError as error:
             raise InputError(f"at t = {t:g} s: {error}") from error
     singular = _singular_between(law, times)

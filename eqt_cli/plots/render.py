@@ -11,7 +11,7 @@ from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import summary
 from eqt_cli.core.validation import option_names, validated
-from eqt_cli.plots import kept_numbers as baseline
+from eqt_cli.plots import kept_numbers
 from eqt_cli.plots.base import Figure, OfCertificates
 from eqt_cli.plots.curve_data import curves
 from eqt_cli.plots.drawing.style import HOUSE, WIDTHS, Style
@@ -79,7 +79,7 @@ def render(
     digests = ", ".join(str(one.attributes.get("digest", "")) for one in results)
     description = f"{summary(type(figure))} Experiment {digests}"
     files = {
-        folder / f"{figure.name}.{format}": baseline.to_json(curves(drawing))
+        folder / f"{figure.name}.{format}": kept_numbers.to_json(curves(drawing))
         if format == NUMBERS
         else encode(drawing, format, title, description, style)
         for format in wanted
@@ -108,8 +108,8 @@ def check(
             f"figure '{figure.name}' shows rounding errors, which differ from machine to machine; "
             "`eqt verify` checks them against their bounds"
         )
-    expected = baseline.read(folder / f"{figure.name}.{NUMBERS}")
-    return baseline.compare(curves(figure.draw(results)), expected)
+    expected = kept_numbers.read(folder / f"{figure.name}.{NUMBERS}")
+    return kept_numbers.compare(curves(figure.draw(results)), expected)
 
 
 def options_of(name: str) -> list[str]:

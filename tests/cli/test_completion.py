@@ -120,7 +120,7 @@ def test_words_are_what_is_accepted(complete: Complete) -> None:
 def test_nothing_heavy_is_loaded_a_second_time(caches: Path) -> None:
     completion._known()
     code = (
-        "import sys\nfrom eqt_cli.cli import completion\n"
+        "import sys\nfrom eqt_cli.cli.shared import completion\n"
         "assert completion.keys('') and completion.names('figures')('')\n"
         "print([m for m in ('numpy', 'pydantic', 'h5py', 'matplotlib') if m in sys.modules])\n"
     )
