@@ -679,6 +679,12 @@ def test_a_large_sweep_keeps_trajectories_only_if_asked(make):
             "config.yaml:10:1: sweep: point 1: the controllers are nog, gt, and eqt, gt at point 0;"
             " give each a `label` that stays the same",
         ),
+        (
+            '  - grid: {"controllers[0]": [{kind: eqt, label: a}, {kind: goodarzi2013, label: a}]}',
+            "config.yaml:10:1: sweep: point 1: the loop of controller 'a' has 28 states, and 25 at "
+            "point 0; run laws of different memory, and references that are not integrated alike, "
+            "one after the other",
+        ),
     ],
 )
 def test_what_is_wrong_with_a_point_is_said_where_it_was_written(make, sweep, message):
