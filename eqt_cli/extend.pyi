@@ -36,10 +36,12 @@ from eqt_cli.core.arrays import stack as stack
 from eqt_cli.core.arrays import tanh as tanh
 from eqt_cli.core.arrays import transpose as transpose
 from eqt_cli.core.arrays import where as where
+from eqt_cli.core.differentiation import value_and_derivative as value_and_derivative
 from eqt_cli.core.errors import EqtError as EqtError
 from eqt_cli.core.errors import ExpressionError as ExpressionError
 from eqt_cli.core.expressions import Expression as Expression
 from eqt_cli.core.expressions import constant as constant
+from eqt_cli.core.expressions import formula as formula
 from eqt_cli.core.expressions import parse as parse
 from eqt_cli.core.option_types import Count as Count
 from eqt_cli.core.option_types import CountOrNone as CountOrNone
@@ -90,6 +92,7 @@ from eqt_cli.plots.drawing.layout import name_scale as name_scale
 from eqt_cli.plots.drawing.layout import rows_of as rows_of
 from eqt_cli.plots.drawing.layout import sheet as sheet
 from eqt_cli.plots.drawing.scales import scale_log as scale_log
+from eqt_cli.plots.drawing.scales import scale_norm as scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS as WIDTHS
 from eqt_cli.plots.drawing.style import Width as Width
 from eqt_cli.plots.drawing.style import ink as ink

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -14,7 +14,13 @@ from eqt_cli.core.errors import ResultError
 from eqt_cli.execution.compute_part import checked_states, read_part
 from eqt_cli.execution.cross_check import chosen_entries, cross_check, together
 from eqt_cli.execution.part_task import PartTask
-from eqt_cli.execution.result_layout import Destination, Layout, ResultFile, new_result_file
+from eqt_cli.execution.result_layout import (
+    Destination,
+    Layout,
+    ResultFile,
+    in_root,
+    new_result_file,
+)
 from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import Per, Quantity
@@ -73,9 +79,10 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
         Those that change.
     """
     with open_results(results) as old, new_result_file(task.study, results) as file:
-        _copy(file.root, old)
+        layout = Layout(task.study.piece(0))
+        _copy(file.root, old, in_root(task.study))
         for point, group in enumerate(file.groups):
-            _copy(group, old.at(point))
+            _copy(group, old.at(point), layout.quantities)
         for written in (file.root, *file.groups):
             written.replaces = True
         _put_parts(task, file)
@@ -84,15 +91,23 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
         return int(np.count_nonzero(new["status"]))
 
 
-def _copy(file: Assembly, old: StoredFile) -> None:
-    """All variables, some rows of each at a time."""
+def _copy(file: Assembly, old: StoredFile, kept: Iterable[Quantity]) -> None:
+    """All variables, some rows of each at a time; numbers that `old` does not hold are NaN."""
     for name in old.names:
-        first, *rest = old.dims(name)
-        row = 8 * int(np.prod([old.dimensions[dim] for dim in rest]))
-        step = max(1, COPIED_BYTES // row)
-        for start in range(0, old.dimensions[first], step):
-            rows = slice(start, min(start + step, old.dimensions[first]))
-            file.put(name, old.read(name, **{first: rows}), (rows,))
+        for rows in _rows(file.shape(name)):
+            file.put(name, old.read(name, **{old.dims(name)[0]: rows}), (rows,))
+    for entry in kept:
+        if entry.dtype is not None and entry.name not in old.names:
+            _, *others = shape = file.shape(entry.name)
+            for rows in _rows(shape):
+                file.put(entry.name, np.full((rows.stop - rows.start, *others), np.nan), (rows,))
+
+
+def _rows(shape: tuple[int, ...]) -> Iterator[slice]:
+    """All rows of an array, so many at a time as fit into `COPIED_BYTES`."""
+    step = max(1, COPIED_BYTES // (8 * int(np.prod(shape[1:]))))
+    for start in range(0, shape[0], step):
+        yield slice(start, min(start + step, shape[0]))
 
 
 def _put_parts(task: PartTask, file: ResultFile) -> dict[int, dict[str, list[Array]]]:

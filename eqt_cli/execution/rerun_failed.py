@@ -11,11 +11,10 @@ from eqt_cli.core.errors import START_OVER, EqtError, Remedy
 from eqt_cli.engines import Status
 from eqt_cli.execution.part_files import PartFiles
 from eqt_cli.execution.part_task import PartTask
-from eqt_cli.execution.result_layout import Layout
+from eqt_cli.execution.result_layout import in_root
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantity import Per
 from eqt_cli.store.reader import open_results
 
 
@@ -23,17 +22,19 @@ def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
     """What there is to compute again of a result; it is kept in `folder`.
 
     Every failed run is a part of its own, and thus integrated by itself. Parts that had been lost
-    with their workers are computed as if for the first time.
+    with their workers are computed as if for the first time. A number that only this version keeps
+    is NaN for the other runs.
 
     Raises
     ------
     EqtError
-        If the result does not hold the variables that this version of eqt keeps.
+        If the result holds variables that this version of eqt does not know, or lacks integers,
+        which cannot say that there is no number.
     """
-    layout = Layout(study.piece(0))
-    kept = {entry.name for entry in (layout.of(Per.RUN) if study.is_ragged else layout.quantities)}
+    kept = in_root(study)
+    integers = {entry.name for entry in kept if entry.dtype is not None and entry.dtype.kind != "f"}
     with open_results(results) as old:
-        if {LAW, *old.names} != {LAW, *kept}:
+        if set(old.names) - {LAW, *(entry.name for entry in kept)} or integers - set(old.names):
             raise EqtError(
                 f"{results}: was written by a version of eqt that keeps other variables",
                 Remedy("compute its failed runs with that version"),

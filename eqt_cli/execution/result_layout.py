@@ -119,6 +119,12 @@ class Layout:
         return coordinates(self.study.base, self.study.kept)
 
 
+def in_root(study: Study) -> list[Quantity]:
+    """The quantities in the root of a result file; where points differ in shape, the metrics."""
+    layout = Layout(study.piece(0))
+    return list(layout.of(Per.RUN)) if study.is_ragged else layout.quantities
+
+
 @contextmanager
 def new_result_file(study: Study, path: Path) -> Iterator[ResultFile]:
     """The result file of a study, to be filled; it appears when the block ends."""

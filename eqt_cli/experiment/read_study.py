@@ -124,6 +124,7 @@ def _require_sweepable(key: str) -> None:
 def _check_points(found: Study, points: Sequence[int], advance: Callable[[float], None]) -> None:
     """Build points; a value that is wrong at many of them is reported once."""
     problems: dict[InputProblem, None] = {}
+    first_of = {each: alike[0] for alike in found.shapes for each in alike}
     for point in points:
         advance(len(found) / len(points))
         try:
@@ -133,7 +134,7 @@ def _check_points(found: Study, points: Sequence[int], advance: Callable[[float]
             if len(problems) >= MOST_PROBLEMS:
                 break
             continue
-        wrong = _unlike(experiment, found.base)
+        wrong = _unlike(experiment, found.base) or _unlike_states(found, point, first_of[point])
         if wrong:
             place = found.source.place(("sweep",))
             problems[InputProblem("sweep", f"point {point}: {wrong}", place)] = None
@@ -153,4 +154,18 @@ def _unlike(experiment: Experiment, base: Experiment) -> str | None:
     runs, most = experiment.config.ensemble.runs, base.config.ensemble.runs
     if runs != most:
         return f"ensemble.runs is {runs}, and {most} at point 0; {RUNS}"
+    return None
+
+
+def _unlike_states(found: Study, point: int, first: int) -> str | None:
+    """Why a point cannot be solved with the first one of its shape, if it cannot."""
+    loops = found.experiment(point).loops
+    for label, loop in found.experiment(first).loops.items():
+        length, expected = loops[label].state_length, loop.state_length
+        if length != expected:
+            return (
+                f"the loop of controller '{label}' has {length} states, and {expected} at point "
+                f"{first}; run laws of different memory, and references that are not integrated "
+                "alike, one after the other"
+            )
     return None

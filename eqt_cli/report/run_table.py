@@ -7,23 +7,19 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.results.quantity import FLOAT, Per
+from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import Result, meaning_of
 
 MOST_ROWS = 8000
 """Rows that a page holds, controllers times runs; failed runs are among them before good ones."""
 
-COLUMNS = (
-    "early_torque",
-    "effort",
-    "peak_torque",
-    "mean_pose_error",
-    "final_pose_error",
-    "final_velocity_error",
-    "settling_time",
-    "energy_residual",
-    "error_estimate",
+COLUMNS = tuple(
+    quantity.name
+    for quantity in QUANTITIES.values()
+    if quantity.per is Per.RUN and quantity.stored and quantity.dtype is FLOAT
 )
-"""The numbers that are shown."""
+"""The numbers that are shown: all that are stored of a run, in the order of the table."""
 
 Document = dict[str, Any]
 

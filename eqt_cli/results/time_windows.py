@@ -64,12 +64,20 @@ class Window:
     def cut(self, times: Array, values: Array) -> tuple[Array, Array]:
         """Samples within the window; its ends are interpolated linearly where none lies there.
 
+        A window that ends after the last sample is cut there.
+
         Parameters
         ----------
         times : (samples,)
         values : (runs, samples, ...)
+
+        Raises
+        ------
+        EqtError
+            If the window begins only after the last sample.
         """
-        start, stop = times[0] + self.start, times[0] + self.stop
+        window = self.within(times)
+        start, stop = times[0] + window.start, times[0] + window.stop
         tolerance = 1e-9 * (times[-1] - times[0])
         inside = np.flatnonzero((times >= start - tolerance) & (times <= stop + tolerance))
         if not inside.size:

@@ -76,6 +76,11 @@ class Assembly:
         _lay_out(group, sizes, coordinates, variables, self._compression)
         return Assembly(group, self._compression)
 
+    def shape(self, name: str) -> tuple[int, ...]:
+        """The shape of a variable."""
+        found: tuple[int, ...] = self._file[name].shape
+        return found
+
     def put(self, name: str, data: NDArray[Any], positions: tuple[int | slice, ...] = ()) -> None:
         """Write part of a variable: at `positions` along its first axes, all of the others."""
         # Empty strings are left unwritten, which reads the same: the millions of runs without a

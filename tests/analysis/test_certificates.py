@@ -2,6 +2,7 @@
 
 import dataclasses
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -19,10 +20,11 @@ from eqt_cli.analysis.certificates import (
     trajectory_rows,
 )
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.layout import StateLayout
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.controllers.family import Family
-from eqt_cli.core.arrays import tanh
+from eqt_cli.core.arrays import dot, tanh
 from eqt_cli.core.expressions import parse
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import group_named
@@ -288,6 +290,50 @@ class Untraceable(Controller):
 
     def dissipation(self, s):
         return (s.V_tilde**2).sum(axis=-1)
+
+
+@dataclass(frozen=True)
+class Filtering(EqT):
+    """EqT with a decaying memory z, ż = −z, whose energy ½|z|² is in L."""
+
+    name: ClassVar[str] = "filtering"
+    sign: float = 1.0
+
+    def memory(self, G):
+        return {"z": G.dimension}
+
+    def memory_rate(self, s):
+        return {"z": -s.memory["z"]}
+
+    def lyapunov(self, s):
+        return s.lyapunov + dot(s.memory["z"], s.memory["z"]) / 2
+
+    def dissipation(self, s):
+        return super().dissipation(s) + self.sign * dot(s.memory["z"], s.memory["z"])
+
+
+@pytest.mark.parametrize(("sign", "verdict"), [(1.0, Verdict.HOLDS), (-1.0, Verdict.FAILS)])
+def test_the_rate_of_L_sees_what_a_law_remembers(sign, verdict):
+    rows = identities(closed_loop(group_named("SO3"), Filtering(sign=sign)))
+    assert [row.verdict for row in rows if row.name == "rate of L"] == [verdict]
+
+
+class WithActuator(ClosedLoop):
+    """A closed loop with a stage that has states of its own."""
+
+    @cached_property
+    def layout(self):
+        return StateLayout({**super().layout.lengths, "actuator": self.group.dimension})
+
+
+def test_every_state_behind_the_work_is_drawn_with_its_rounding():
+    loop = closed_loop(group_named("SO3"), Filtering())
+    loop = WithActuator(**{name: getattr(loop, name) for name in ClosedLoop.__dataclass_fields__})
+    sample = sampled("", loop, 5.0, np.random.default_rng(0))
+    for name in ("controller.z", "actuator"):
+        where = loop.layout.slices[name]
+        assert sample.flat[:, where].all()
+        assert (sample.errors[:, where] > 0).all()
 
 
 def test_a_law_that_takes_floats_only_is_undecided_and_says_why():

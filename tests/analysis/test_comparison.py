@@ -264,7 +264,7 @@ def test_sweeps_need_a_point(make_result):
         compare(results)
     assert str(caught.value) == (
         f"{results.path}: controllers are compared within one experiment, and this is a sweep of "
-        "3 points; choose one of 0 to 2 with --point, as "
+        "3 points; choose one of 0 to 2 with point=…, as "
         f"`eqt show {results.path.parent} --table` lists them"
     )
 

@@ -15,6 +15,7 @@ import pytest
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.engines import Status
+from eqt_cli.execution import result_layout
 from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.local import Local
 from eqt_cli.execution.executors.serial import Serial
@@ -406,6 +407,35 @@ def test_failed_runs_of_a_result_with_other_variables_are_not_mixed_in(make, tmp
     )
 
 
+def execute_without(name, *arguments, **options):
+    """As a version of eqt computes it that does not keep a quantity."""
+    with pytest.MonkeyPatch.context() as patch:
+        known = result_layout.quantities
+        patch.setattr(
+            result_layout, "quantities", lambda base: [q for q in known(base) if q.name != name]
+        )
+        execute(*arguments, **options)
+
+
+@pytest.mark.parametrize("name", ["effort", "torque"])
+def test_failed_runs_of_a_result_that_lacks_a_number_are_patched(make, whole, tmp_path, name):
+    out = tmp_path / "out"
+    execute_without(name, make(), out, executor=Losing({1}))
+    assert execute(make(), out, rerun_failed=True).failed == 0
+    found = contents(out)
+    expected = np.full_like(whole[name], np.nan)
+    expected[1, :3] = whole[name][1, :3]
+    np.testing.assert_array_equal(found[name], expected)
+    assert_same(found | {name: whole[name]}, whole)
+
+
+def test_failed_runs_of_a_result_that_lacks_an_integer_are_not_computed(make, tmp_path):
+    out = tmp_path / "out"
+    execute_without("steps", make(), out, executor=Losing({1}))
+    with pytest.raises(EqtError, match=r"was written by a version of eqt that keeps other var"):
+        execute(make(), out, rerun_failed=True)
+
+
 # Workers.
 
 
@@ -678,6 +708,12 @@ def test_a_large_sweep_keeps_trajectories_only_if_asked(make):
             '  - grid: {"controllers[0]": [eqt, nog]}',
             "config.yaml:10:1: sweep: point 1: the controllers are nog, gt, and eqt, gt at point 0;"
             " give each a `label` that stays the same",
+        ),
+        (
+            '  - grid: {"controllers[0]": [{kind: eqt, label: a}, {kind: goodarzi2013, label: a}]}',
+            "config.yaml:10:1: sweep: point 1: the loop of controller 'a' has 28 states, and 25 at "
+            "point 0; run laws of different memory, and references that are not integrated alike, "
+            "one after the other",
         ),
     ],
 )

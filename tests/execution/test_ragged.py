@@ -9,6 +9,7 @@ import pytest
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError, ResultError
 from eqt_cli.engines import Status
+from eqt_cli.execution import result_layout
 from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.local import Local
 from eqt_cli.execution.executors.serial import Serial
@@ -192,6 +193,27 @@ def test_rerun_failed_mends_lost_parts_bit_for_bit(make, text, whole, tmp_path):
     outcome = execute(make(text), out, rerun_failed=True)
     assert (outcome.failed, outcome.resumed) == (0, 30)
     assert_same(contents(out), whole)
+
+
+def execute_without(name, *arguments, **options):
+    """As a version of eqt computes it that does not keep a quantity."""
+    with pytest.MonkeyPatch.context() as patch:
+        known = result_layout.quantities
+        patch.setattr(
+            result_layout, "quantities", lambda base: [q for q in known(base) if q.name != name]
+        )
+        execute(*arguments, **options)
+
+
+def test_rerun_failed_patches_results_that_lack_a_metric(make, text, whole, tmp_path):
+    out = tmp_path / "out"
+    execute_without("effort", make(text), out, executor=Losing(1))
+    assert execute(make(text), out, rerun_failed=True).failed == 0
+    with open_results(out) as results:
+        effort = results["effort"]
+        assert np.isfinite(effort).sum() == 10
+        for k in range(4):
+            np.testing.assert_array_equal(results.at(k)["effort"], effort[k])
 
 
 def test_a_result_runs_again_from_its_own_config(make, text, tmp_path):

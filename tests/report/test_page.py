@@ -9,6 +9,7 @@ import pytest
 
 from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.report import report
+from eqt_cli.results.quantity_table import MEASURED, QUANTITIES
 from eqt_cli.results.result import open_result
 
 MEANS = ("early_torque", "mean_pose_error", "final_pose_error", "final_velocity_error")
@@ -69,7 +70,10 @@ def test_equal_results_give_equal_pages(paper_result, text):
 def test_every_run_is_in_the_table(text):
     table = json.loads(re.search(r'id="data-runs"[^>]*>(.*?)</script>', text, re.DOTALL)[1])
     assert (len(table["rows"]), table["total"]) == (240, 240)
-    assert table["columns"][0] == {
+    shown = [column["metric"] for column in table["columns"]]
+    assert shown == [metric.name for metric in QUANTITIES.values() if metric.name in shown]
+    assert {metric.name for metric in MEASURED} <= set(shown)
+    assert table["columns"][2] == {
         "metric": "early_torque",
         "name": "mean ‖τ‖, first 5 s",
         "unit": "N m",

@@ -64,3 +64,10 @@ def test_cut_keeps_samples_as_they_are():
     times, cut = Window(2, 5).cut(TIMES, values)
     assert np.array_equal(times, [2, 3, 4, 5])
     assert np.array_equal(cut, values[:, 2:6])
+
+
+@pytest.mark.parametrize("window", [Window(3.0), Window(3.0, 50.0)])
+def test_cut_ends_with_the_samples(window):
+    times, values = window.cut(TIMES, np.stack([TIMES, -TIMES]))
+    assert np.array_equal(times, TIMES[3:])
+    assert np.array_equal(values, [TIMES[3:], -TIMES[3:]])

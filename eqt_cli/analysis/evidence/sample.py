@@ -9,7 +9,6 @@ import numpy as np
 
 from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.system import MEMORY
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.semidirect import Input, Semidirect, State
@@ -111,6 +110,7 @@ def sampled(
             for Q, V, Q_d, V_d, t in zip(poses[0], vectors[0], poses[1], Vd, times, strict=True)
         ]
     )
+    _draw_beyond_work(loop, flat, random)
     drift = np.maximum(G.drift(poses[0]), G.drift(poses[1]))
     # What is off the group by its drift is as good as an element of it with errors of that size.
     errors = np.maximum(drift[:, None], UNIT * np.abs(flat))
@@ -118,7 +118,6 @@ def sampled(
     states = [(Q, lifted(P)) for Q, P in zip(free, vectors[2:5], strict=True)]
     inputs = [(lifted(vectors[k]), lifted(vectors[k + 1])) for k in (5, 7)]
     gains = _without_symmetry(loop, random)
-    _fill_memory(loop, flat, random)
     return Sample(
         label,
         exact,
@@ -132,11 +131,10 @@ def sampled(
     )
 
 
-def _fill_memory(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
-    """Any numbers for what a law remembers, which is 0 at the start."""
-    for name, where in loop.layout.slices.items():
-        if name.startswith(MEMORY):
-            flat[:, where] = random.standard_normal(flat[:, where].shape)
+def _draw_beyond_work(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
+    """Random numbers for every state behind W, such as a law's memory, which starts at 0."""
+    beyond = flat[:, loop.layout.slices["work"].stop :]
+    beyond[:] = random.standard_normal(beyond.shape)
 
 
 def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:

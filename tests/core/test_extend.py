@@ -1,0 +1,13 @@
+"""What plugins import from one place."""
+
+import pytest
+
+from eqt_cli import extend
+from eqt_cli.core.differentiation import value_and_derivative
+from eqt_cli.core.expressions import formula
+from eqt_cli.plots.drawing.scales import scale_norm
+
+
+@pytest.mark.parametrize("offered", [formula, value_and_derivative, scale_norm])
+def test_what_references_and_figures_of_eqt_use_is_offered_to_plugins(offered):
+    assert getattr(extend, offered.__name__) is offered
