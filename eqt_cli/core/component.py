@@ -13,6 +13,10 @@ def option_of_field(name: str) -> str:
     return name.removesuffix("_")
 
 
+LATER = {"later": True}
+"""Metadata of an option that a component has got after results with it were written."""
+
+
 class Component(ABC):
     """A dataclass whose fields are its options in a configuration, ``from_`` for `from`.
 

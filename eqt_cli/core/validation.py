@@ -258,11 +258,16 @@ def option_names(component: type) -> list[str]:
 
 
 def as_section(component: Any) -> dict[str, Any]:
-    """A component as a mapping with `kind` and every option, defaults included."""
+    """A component as a mapping with `kind` and every option, defaults included.
+
+    An option that a component has got later is left out at its default, so that the experiments of
+    earlier results are still the same.
+    """
     options = {
-        option_of_field(field.name): getattr(component, field.name)
+        option_of_field(field.name): value
         for field in dataclasses.fields(component)
-        if field.init
+        for value in [getattr(component, field.name)]
+        if field.init and not ("later" in field.metadata and value == field.default)
     }
     return {
         "kind": component.name,

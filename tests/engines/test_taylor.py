@@ -417,9 +417,9 @@ class Branch(Own):
         return -s.V if s.V[..., 0] > 0 else s.V
 
 
-class Logarithm(Own):
+class Exponential(Own):
     def torque(self, s):
-        return s.G.log(s.Q)
+        return s.G.exp(s.V)[..., 0]
 
 
 class Assignment(Own):
@@ -471,10 +471,10 @@ def test_message_names_the_line():
 
 
 def test_message_of_a_law_that_asks_the_group_for_what_cannot_be_traced():
-    message = trace_error(Logarithm())
+    message = trace_error(Exponential())
     assert re.fullmatch(
         r"group 'SO3' cannot be compiled: .+ at euclidean\.py:LINE: .+, "
-        r"called by controller 'own' at test_taylor\.py:LINE: return s\.G\.log\(s\.Q\)"
+        r"called by controller 'own' at test_taylor\.py:LINE: return s\.G\.exp\(s\.V\)\[\.\.\., 0\]"
         + re.escape(WAY_OUT),
         message,
     )
