@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from scipy.linalg import block_diag
-
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
@@ -52,5 +50,7 @@ def _weight(value: Any, G: MatrixLieGroup) -> Array:
             blocks.append(square(entry, factor.size, factor))
         except InputError as error:
             raise InputError(f"entry {index}: {error}") from error
+    from scipy.linalg import block_diag  # slow to import; readers of results do without
+
     weight: Array = block_diag(*blocks)
     return weight

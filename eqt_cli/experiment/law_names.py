@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Hashable
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import component, option_names
 from eqt_cli.experiment.config_at_point import path_of, section_of
-from eqt_cli.experiment.study import Study
+
+if TYPE_CHECKING:
+    from eqt_cli.experiment.study import Study
 
 LAW = "law"
 """The variable of a sweep that holds their names."""

@@ -9,7 +9,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import RigidTransform, Rotation
 
 from eqt_cli.core.arrays import (
     Array,
@@ -249,6 +248,10 @@ class EuclideanGroup(MatrixLieGroup):
         """
         if self.space == 2:
             return _exp_rotation(np.arctan2(direction[..., :1], direction[..., 1:]))
+        from scipy.spatial.transform import (
+            Rotation,
+        )  # slow to import; readers of results do without
+
         rows = direction.reshape(-1, 4)
         rotations: Array = Rotation.from_quat(rows).as_matrix()
         return rotations.reshape(*direction.shape[:-1], 3, 3)
@@ -275,6 +278,8 @@ def _exp_rotation(turn: Array) -> Array:
     if turn.shape[-1] == 1:
         c, s = np.cos(turn[..., 0]), np.sin(turn[..., 0])
         return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+    from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
+
     rows = turn.reshape(-1, 3)
     return Rotation.from_rotvec(rows).as_matrix().reshape(*turn.shape[:-1], 3, 3)
 
@@ -284,6 +289,10 @@ def _left_jacobian_times(turn: Array, x: Array) -> Array:
     if turn.shape[-1] == 1:
         a, b = _planar_jacobian(turn[..., 0])
         return np.stack([a * x[..., 0] - b * x[..., 1], b * x[..., 0] + a * x[..., 1]], axis=-1)
+    from scipy.spatial.transform import (
+        RigidTransform,
+    )  # slow to import; readers of results do without
+
     coordinates = np.concatenate([turn, x], axis=-1).reshape(-1, 6)
     return RigidTransform.from_exp_coords(coordinates).translation.reshape(x.shape)
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.groups import MatrixLieGroup
@@ -159,6 +158,8 @@ def _of_product(G: ProductGroup, K: Array) -> list[CriticalSet] | None:
 
 
 def _paired(left: CriticalSet, right: CriticalSet) -> CriticalSet:
+    from scipy.linalg import block_diag  # slow to import; readers of results do without
+
     return CriticalSet(
         name=f"{left.name} × {right.name}" if left.name else right.name,
         dimension=left.dimension + right.dimension,

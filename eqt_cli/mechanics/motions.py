@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from eqt_cli.core.arrays import Array, apply_matrix
 from eqt_cli.core.errors import InputError
@@ -173,6 +172,8 @@ def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
     h = np.diff(times)[:, None]
     step = G.inverse(poses[:-1]) @ poses[1:]
     # Newton's method with the matrix of a vector space, where it takes one iteration.
+    from scipy.linalg import solve_banded  # slow to import; readers of results do without
+
     matrix = np.zeros((3, len(times)))
     matrix[0, 1:] = matrix[2, :-1] = 1 / (3 * h[:, 0])
     matrix[1, :-1] += 2 / (3 * h[:, 0])

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eqt_cli.closed_loop.signals import SIGNALS, signal_of
 from eqt_cli.engines import Status
-from eqt_cli.experiment.build import Experiment
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.results.metrics import METRICS, energy_residual
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.table import Variable
+
+if TYPE_CHECKING:
+    from eqt_cli.experiment.build import Experiment
 
 STATUS_MEANINGS = "; ".join(f"{status.value} {status.name.lower()}" for status in Status)
 

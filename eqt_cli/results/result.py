@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import yaml
@@ -20,7 +20,6 @@ from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ComponentError, EqtError, suggestion
 from eqt_cli.engines import Status
-from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.config_at_point import config_at
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.groups import MatrixLieGroup, group_named
@@ -31,6 +30,9 @@ from eqt_cli.results.time_windows import WHOLE, Window
 from eqt_cli.store.reader import ResultFile
 from eqt_cli.store.reserved_names import POINT
 from eqt_cli.store.table import Attribute
+
+if TYPE_CHECKING:
+    from eqt_cli.experiment.build import Experiment
 
 
 def open_result(path: str | os.PathLike[str], point: int | None = None) -> Result:
@@ -238,6 +240,8 @@ class Result(ResultFile):
         EqtError
             If it cannot be built, as without its plugins.
         """
+        from eqt_cli.experiment.build import build  # loads SciPy; readers do without
+
         return build(self.source, trust_plugins=trust_plugins)
 
     @property
