@@ -16,7 +16,11 @@ from eqt_cli.groups.product import ProductGroup
 # The first seconds of a few runs, which show what is wrong with a law as well as all of them.
 SHORT = ["time.duration=1", "time.samples=11", "ensemble.runs=2", "solver.rtol=1.0e-8"]
 
-UNCLAIMED = {("satellite_panels", "decrease of L", "without")}
+UNMATCHED = ("slotine_li", "sliding", "maithripala2006")
+UNCLAIMED = {
+    ("satellite_panels", "decrease of L", "without"),
+    *((name, "decrease of L", "goodarzi2013") for name in ("reviewers", "reviewers_se3")),
+}
 
 
 def experiment(name: str, *overrides: str) -> Experiment:
@@ -44,8 +48,11 @@ def test_certificates_hold(name: str, engine: str) -> None:
     verification = found(name, engine)
     assert not verification.failed_runs
     assert [row for row in verification.rows if row.verdict is Verdict.FAILS] == []
-    judged = [row for row in verification.rows if row.kind == "identity"]
-    assert {row.verdict for row in judged} == {Verdict.HOLDS}
+    for row in verification.rows:
+        if row.kind == "identity" and row.verdict is not Verdict.HOLDS:
+            assert row.verdict is Verdict.UNCLAIMED
+            assert row.name == "stiffness and damping of small errors"
+            assert row.controller in UNMATCHED
     certain = ("energy balance", "decrease of L", "error system by itself")
     for row in verification.rows:
         if row.name in certain and (name, row.name, row.controller) not in UNCLAIMED:
