@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
@@ -21,18 +21,24 @@ from eqt_cli.analysis.comparison import compare as compare_results
 from eqt_cli.analysis.comparison.compare import CONFIDENCE, RESAMPLES, SEED
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
 from eqt_cli.config import yaml_source
-from eqt_cli.config.source import ConfigSource, read_config
-from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.config.plugins import load_stored_plugins
+from eqt_cli.config.source import ConfigSource, overridden, read_config, source_of
+from eqt_cli.core.errors import ComponentError, EqtError, Remedy
+from eqt_cli.execution.execute import Execution, Progress, Remark, Shard, execute, pack_folder, warn
+from eqt_cli.execution.executors import Executor, executors
+from eqt_cli.execution.folder import CONFIG
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.experiment.sweeping import study
 from eqt_cli.results.result import Result, open_result, point_folder
-from eqt_cli.run.execute import Progress, execute
-from eqt_cli.run.executors import Executor, executors
-from eqt_cli.store.layout import point_group
+from eqt_cli.store.layout import FILE_NAME, point_group
 
 if TYPE_CHECKING:
     import xarray
+
+    from eqt_cli.plots.baseline import Check
+
+Note = Callable[[str], None]
 
 Configuration = str | os.PathLike[str] | Mapping[str, Any]
 """A YAML file, a result whose configuration to use, or the configuration itself."""
@@ -89,7 +95,7 @@ class LoadedExperiment:
 
 @dataclass(frozen=True)
 class StoredResult(os.PathLike[str]):
-    """A finished result in its folder; it stands for its path wherever one is expected.
+    """A result in its folder; it stands for its path wherever one is expected.
 
     Attributes
     ----------
@@ -101,6 +107,12 @@ class StoredResult(os.PathLike[str]):
         The folder held this very experiment already, so nothing was run.
     seconds
         Wall time by stage, s.
+    resumed
+        Runs that earlier sessions had finished.
+    removed
+        What starting over has removed.
+    packed
+        Whether the result file is there; a shard alone does not write it.
     """
 
     path: Path
@@ -108,9 +120,17 @@ class StoredResult(os.PathLike[str]):
     failed: int
     was_complete: bool
     seconds: Mapping[str, float]
+    resumed: int = 0
+    removed: Sequence[str] = ()
+    packed: bool = True
 
     def __fspath__(self) -> str:
         return str(self.path)
+
+    @property
+    def file(self) -> Path:
+        """The result file."""
+        return self.path / FILE_NAME
 
     @cached_property
     def data(self) -> xarray.Dataset:
@@ -156,18 +176,12 @@ def load_experiment(
         raise EqtError(
             f"overrides: expected values by key, as {{'gains.kp': 2}}, got {overrides!r}"
         )
-    keys = list(overrides or {})
-    given = [f"{key}={_flow(value)}" for key, value in (overrides or {}).items()]
-    try:
-        if isinstance(config, Mapping):
-            source = _from_mapping(config, given)
-        else:
-            source = read_config(_path("config", config), given)
-        source.overrides = {path: _named(place, keys) for path, place in source.overrides.items()}
-        return LoadedExperiment(study(source, trust_plugins=trust_plugins))
-    except ConfigError as error:
-        named = (replace(p, place=_named(p.place, keys)) for p in error.problems)
-        raise ConfigError(named) from None
+    given = {f"overrides[{k!r}]": f"{k}={_flow(value)}" for k, value in (overrides or {}).items()}
+    if isinstance(config, Mapping):
+        source = _from_mapping(config, given)
+    else:
+        source = read_config(_path("config", config), given)
+    return LoadedExperiment(study(source, trust_plugins=trust_plugins))
 
 
 def run(
@@ -177,6 +191,11 @@ def run(
     force: bool = False,
     workers: int = 1,
     progress: Progress = lambda runs: None,
+    executor: Executor | None = None,
+    rerun_failed: bool = False,
+    shard: Shard | None = None,
+    resumed: Progress = lambda runs: None,
+    remark: Remark = warn,
 ) -> StoredResult:
     """Run an experiment, and keep its result in a folder.
 
@@ -195,6 +214,16 @@ def run(
         ``if __name__ == "__main__":``.
     progress
         Called with the number of runs that are done since the last call, in fractions.
+    executor
+        Who computes; if not given, `choose_executor` chooses.
+    rerun_failed
+        Compute those runs again that failed, each by itself.
+    shard
+        Compute only this share, beside other processes; `pack` joins the shares.
+    resumed
+        Called at the start with the number of runs that earlier sessions have done.
+    remark
+        Called with what is worth knowing and no error; a warning if not given.
 
     Raises
     ------
@@ -203,23 +232,78 @@ def run(
         see `StoredResult.failed`.
     """
     loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
-    folder = Path("results") / loaded.name if out is None else Path(out)
-    executor = _executor(loaded.study, workers)
-    try:
-        outcome = execute(loaded.study, folder, executor=executor, force=force, progress=progress)
-    except EqtError as error:
-        error.args = (_in_python(str(error)),)
-        raise
-    return StoredResult(
-        outcome.folder.path, outcome.runs, outcome.failed, outcome.was_complete, outcome.seconds
+    return _stored(
+        execute(
+            loaded.study,
+            Path("results") / loaded.name if out is None else Path(out),
+            executor=executor or choose_executor(loaded, workers),
+            force=force,
+            rerun_failed=rerun_failed,
+            shard=shard,
+            progress=progress,
+            resumed=resumed,
+            remark=remark,
+        )
     )
 
 
-def _executor(study: Study, workers: int) -> Executor:
-    """Threads where the engine computes outside Python; else processes, for more than one core."""
-    if study.base.engine.threads:
-        return executors.get("threads")(workers)
-    return executors.get("serial" if workers == 1 else "auto")(workers)
+def choose_executor(
+    experiment: LoadedExperiment,
+    workers: int = 1,
+    name: str | None = None,
+    scheduler: str | None = None,
+) -> Executor:
+    """Who computes an experiment.
+
+    Parameters
+    ----------
+    workers
+        Cores to use.
+    name
+        Of an executor. If not given: Dask for a scheduler, threads for an engine that computes
+        outside Python, and else processes, for more than one core.
+    scheduler
+        Address of a running Dask scheduler.
+    """
+    if scheduler:
+        make: Callable[..., Executor] = executors.get("dask")  # the only one with a scheduler
+        return make(workers, scheduler)
+    suitable = "threads" if experiment.experiment.engine.threads else "auto"
+    return executors.get(name or suitable)(workers)
+
+
+def pack(folder: ResultPath, *, trust_plugins: bool = False, remark: Remark = warn) -> StoredResult:
+    """Join the shares of an experiment that several calls of `run` have computed.
+
+    Parameters
+    ----------
+    folder
+        The result folder that all of them wrote to.
+    trust_plugins
+        Execute plugin sources that are stored in a result file.
+    remark
+        As of `run`.
+
+    Raises
+    ------
+    EqtError
+        If shares are missing.
+    """
+    loaded = load_experiment(Path(folder) / CONFIG, trust_plugins=trust_plugins)
+    return _stored(pack_folder(loaded.study, Path(folder), remark))
+
+
+def _stored(done: Execution) -> StoredResult:
+    return StoredResult(
+        done.folder.path,
+        done.runs,
+        done.failed,
+        done.was_complete,
+        done.seconds,
+        done.resumed,
+        done.removed,
+        done.packed,
+    )
 
 
 @overload
@@ -338,7 +422,7 @@ def compare(
 
 def plot(
     result: ResultPath | Sequence[ResultPath],
-    figure: str = "paper",
+    figure: str | Mapping[str, Mapping[str, Any]] = "paper",
     out: str | os.PathLike[str] | None = None,
     *,
     formats: Sequence[str] = ("pdf", "svg", "png"),
@@ -346,8 +430,10 @@ def plot(
     options: Mapping[str, Any] | None = None,
     style: Sequence[str] = (),
     tex: bool = False,
-    point: int | None = None,
+    point: int | Sequence[int] | None = None,
     trust_plugins: bool = False,
+    workers: int = 1,
+    note: Note = lambda text: None,
 ) -> list[Path]:
     """Draw a figure of a result, or one of several, and write it as files.
 
@@ -356,7 +442,7 @@ def plot(
     result
         The result folder, or the file in it; several to draw them in one figure.
     figure
-        Its name, as ``eqt list figures`` shows them.
+        Its name, as ``eqt list figures`` shows them; or several, with the options of each.
     out
         The folder; ``figures`` in that of the first result if not given.
     formats
@@ -370,14 +456,18 @@ def plot(
     tex
         Let LaTeX set the text.
     point
-        Of a sweep, counted from 0.
+        Of a sweep, counted from 0; several to draw them in one figure.
     trust_plugins
         Execute plugin sources that are stored in the result, where the figure shows certificates.
+    workers
+        Cores to use, where the figure shows certificates.
+    note
+        Called with what takes some seconds, before it is done.
 
     Returns
     -------
     list of Path
-        The files, one per format.
+        The files, one per figure and format.
 
     Raises
     ------
@@ -388,20 +478,73 @@ def plot(
     from eqt_cli.plots.drawing.style import Style
     from eqt_cli.plots.figures import figures
     from eqt_cli.plots.render import render
+    from eqt_cli.plots.save import check_targets
 
+    wanted = {figure: options or {}} if isinstance(figure, str) else figure
+    with _opened(result, point) as opened:
+        within = Path("figures") if point is None else point_folder(*_points(point))
+        folder = opened[0].path.parent / within if out is None else Path(out)
+        check_targets(folder / f"{name}.{format}" for name in wanted for format in formats)
+        rows: list[Row] = []
+        if any(issubclass(figures.get(name), OfCertificates) for name in wanted):
+            note("checking the paper's statements on the result takes some seconds")
+            rows = verify_stored(opened[0], trust_plugins=trust_plugins, workers=workers).rows
+        look = Style(tuple(style), tex)
+        return [
+            file
+            for name, given in wanted.items()
+            for file in render(
+                opened, name, folder, formats, width, given, style=look, certificates=rows
+            )
+        ]
+
+
+def check_figures(
+    result: ResultPath | Sequence[ResultPath],
+    figures: Mapping[str, Mapping[str, Any]],
+    folder: str | os.PathLike[str],
+    *,
+    point: int | Sequence[int] | None = None,
+) -> dict[str, Check]:
+    """Compare the numbers behind figures with those that `plot` has written as ``json``.
+
+    Parameters
+    ----------
+    result, point
+        As of `plot`.
+    figures
+        Their names, with the options of each.
+    folder
+        Where the numbers are.
+
+    Raises
+    ------
+    EqtError
+        If there is no such result, figure, option or file.
+    """
+    from eqt_cli.plots.render import check
+
+    with _opened(result, point) as opened:
+        return {name: check(opened, name, Path(folder), given) for name, given in figures.items()}
+
+
+@contextmanager
+def _opened(
+    result: ResultPath | Sequence[ResultPath], point: int | Sequence[int] | None
+) -> Iterator[list[Result]]:
+    """All chosen points of all results."""
     paths = [result] if isinstance(result, (str, os.PathLike)) else list(result)
     if not paths:
         raise EqtError("result: expected a result or several, got none")
+    points = _points(point) or [None]
     with ExitStack() as stack:
-        opened = [stack.enter_context(open_result(Path(path), point)) for path in paths]
-        shown = issubclass(figures.get(figure), OfCertificates)
-        rows = verify_stored(opened[0], trust_plugins=trust_plugins).rows if shown else []
-        within = Path("figures") if point is None else point_folder(point)
-        folder = opened[0].path.parent / within if out is None else Path(out)
-        look = Style(tuple(style), tex)
-        return render(
-            opened, figure, folder, formats, width, options, style=look, certificates=rows
-        )
+        yield [
+            stack.enter_context(open_result(Path(path), one)) for path in paths for one in points
+        ]
+
+
+def _points(point: int | Sequence[int] | None) -> list[Any]:
+    return [point] if isinstance(point, int) else list(point or ())
 
 
 def write_report(
@@ -412,6 +555,8 @@ def write_report(
     point: int | None = None,
     trust_plugins: bool = False,
     workers: int = 1,
+    note: Note = lambda text: None,
+    unverified: Callable[[EqtError], None] = lambda error: None,
 ) -> Path:
     """Write a result as one HTML page that needs no network: figures, comparison, certificates.
 
@@ -430,6 +575,10 @@ def write_report(
         page without certificates, which says so.
     workers
         Cores to use.
+    note
+        Called with what takes some seconds, before it is done.
+    unverified
+        Called with the reason why the page has no certificates.
 
     Returns
     -------
@@ -450,16 +599,94 @@ def write_report(
         path = opened.path.parent / within / "report.html" if out is None else Path(out)
         check_targets([path])  # before the work, and not after it
         wanted = named(figures) if figures else None
+        note("checking the paper's statements and drawing the figures takes some seconds")
         rows: list[Row] = []
-        unverified = ""
+        reason = ""
         if not opened.is_sweep:
             try:
                 rows = verify_stored(opened, trust_plugins=trust_plugins, workers=workers).rows
             except EqtError as error:
-                unverified = f"The result could not be verified: {error}"
-        page = report(opened, wanted, rows, unverified)
+                reason = f"The result could not be verified: {error}"
+                unverified(error)
+        page = report(opened, wanted, rows, reason)
     write({path: page.encode()})
     return path
+
+
+def animate(
+    result: ResultPath,
+    run: int = 0,
+    controllers: Sequence[str] = (),
+    out: str | os.PathLike[str] | None = None,
+    *,
+    formats: Sequence[str] = ("gif", "html"),
+    seconds: float = 8.0,
+    point: int | None = None,
+    trust_plugins: bool = False,
+    note: Note = lambda text: None,
+) -> list[Path]:
+    """Show one run as a moving picture: bodies against the reference frame, error and torque.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    run
+        Its number, counted from 0.
+    controllers
+        Labels of those to show; all if empty.
+    out
+        The folder; ``figures`` in that of the result if not given.
+    formats
+        ``gif``, or ``html`` for a page.
+    seconds
+        How long the GIF lasts.
+    point
+        Of a sweep, counted from 0.
+    trust_plugins
+        Execute plugin sources that are stored in the result.
+    note
+        Called with what takes some seconds, before it is done.
+
+    Returns
+    -------
+    list of Path
+        The files, one per format.
+
+    Raises
+    ------
+    EqtError
+        If there is no such result, run or controller, or no body can be shown.
+    """
+    from eqt_cli.plots.animation.gif import gif
+    from eqt_cli.plots.animation.motion import motion
+    from eqt_cli.plots.save import check_targets, write
+    from eqt_cli.report.animation import animation
+
+    contents = {}
+    with open_result(Path(result), point) as opened:
+        if trust_plugins:
+            load_stored_plugins(opened)
+        try:
+            motion(opened, run, controllers)  # what cannot be shown is said before all else
+        except ComponentError as error:
+            if trust_plugins or not source_of(opened).stored_plugins:
+                raise
+            text = f"{error}; the result holds plugins, which are executed only on request"
+            advice = "read them with `eqt show --plugins`, then add {}"
+            raise EqtError(text, Remedy(advice, "trust_plugins")) from error
+        within = Path("figures") if point is None else point_folder(point)
+        folder = opened.path.parent / within if out is None else Path(out)
+        paths = {format: folder / f"run{run}.{format}" for format in formats}
+        check_targets(paths.values())
+        for format, path in paths.items():
+            if format == "html":
+                contents[path] = animation(opened, run, controllers).encode()
+            else:
+                note("drawing the pictures of the GIF takes some seconds")
+                contents[path] = gif(opened, run, controllers, seconds=seconds)
+    write(contents)
+    return list(contents)
 
 
 def verify(
@@ -469,6 +696,7 @@ def verify(
     point: int | None = None,
     trust_plugins: bool = False,
     workers: int = 1,
+    progress: Progress = lambda runs: None,
 ) -> Verification:
     """Check the paper's statements on an experiment or on the runs of a result.
 
@@ -485,6 +713,8 @@ def verify(
         Execute plugin sources that are stored in a result file.
     workers
         Cores to use.
+    progress
+        Called with the number of new runs that are done since the last call, in fractions.
 
     Returns
     -------
@@ -509,7 +739,7 @@ def verify(
         raise EqtError(f"point: expected one of 0 to {len(target.study) - 1}, got {point}")
     experiment = target.study.experiment(point or 0)
     count = min(runs or RUNS, experiment.config.ensemble.runs)
-    return verify_experiment(experiment, count, workers=workers)
+    return verify_experiment(experiment, count, progress, workers)
 
 
 def _path(name: str, given: Any) -> Path:
@@ -528,23 +758,13 @@ def _window(given: Any) -> Window:
     raise EqtError(f"windows: expected text such as '0:5', or a Window, got {given!r}")
 
 
-def _in_python(message: str) -> str:
-    """A message of the command line with the arguments of `run` for its options."""
-    return message.replace("--out", "out=…").replace("--force", "force=True")
-
-
-def _from_mapping(config: Mapping[str, Any], overrides: Sequence[str]) -> ConfigSource:
+def _from_mapping(config: Mapping[str, Any], overrides: Mapping[str, str]) -> ConfigSource:
     """A configuration out of Python, by way of its text, so that it is judged like any other."""
-    import tempfile
-
-    text = yaml_source.dump(json.loads(_flow({"name": "experiment", **config})))
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "config.yaml"
-        path.write_text(text, encoding="utf-8")
-        source = read_config(path, overrides)
-    source.source = yaml_source.load(text, "config")
-    source.folder = Path.cwd()
-    return source
+    text = yaml_source.dump(
+        json.loads(_flow({**config, "name": config.get("name") or "experiment"}))
+    )
+    source = yaml_source.load(text, "config")
+    return overridden(ConfigSource(source, source.data, Path.cwd()), overrides)
 
 
 def _flow(value: Any) -> str:
@@ -565,12 +785,3 @@ def _listed(value: Any) -> Any:
     if isinstance(value, os.PathLike):
         return os.fspath(value)
     raise TypeError
-
-
-def _named(place: str, keys: Sequence[str]) -> str:
-    """The place of an override as Python has it: ``overrides['gains.kp']``."""
-    for index, key in enumerate(keys):
-        start = f"--set[{index}]"
-        if place.startswith(start):
-            return f"overrides[{key!r}]" + place.removeprefix(start)
-    return place

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from eqt_cli.controllers.eqt import EqT
-from eqt_cli.core.arrays import Array, tanh
-from eqt_cli.core.numbers import Positive
-from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.extend import Array, Positive, Tracking, tanh
 
 
 @dataclass(frozen=True)

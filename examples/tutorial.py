@@ -43,11 +43,11 @@ else:
 comparison = eqt_cli.compare(result, metrics=["mean_torque", "mean_pose_error"], windows=["0:5"])
 for pair in comparison.pairs:
     if (pair.first, pair.second) == ("eqt", "gt"):
-        name = pair.samples.measure.name
+        name = pair.measured.quantity.name
         print(f"{name}, eqt − gt: {pair.difference:.3f} [{pair.low:.3f}, {pair.high:.3f}]")
 for claim in comparison.judgements:
     if claim.pair is not None:
-        less = f"{claim.pair.first} has less {claim.pair.samples.measure.symbol}"
+        less = f"{claim.pair.first} has less {claim.pair.measured.quantity.plain}"
         print(f"{less} than {claim.pair.second}: {claim.verdict}")
 
 # %% Configurations are plain data, so a study is a loop; each experiment has a folder of its own.

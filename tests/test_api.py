@@ -5,6 +5,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
+from pkgutil import iter_modules
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import pytest
 import eqt_cli
 from eqt_cli import api
 from eqt_cli.core.errors import ConfigError, EqtError, ResultError
-from eqt_cli.store.reader import Results
+from eqt_cli.results.result import Result
 
 ROOT = Path(__file__).parents[1]
 PAPER = ROOT / "configs" / "paper.yaml"
@@ -37,6 +38,11 @@ def test_import_is_cheap():
 def test_everything_promised_is_there():
     assert set(eqt_cli.__all__) <= set(dir(eqt_cli))
     assert all(hasattr(eqt_cli, name) for name in eqt_cli.__all__)
+
+
+def test_no_package_takes_the_name_of_a_function():
+    """Importing one would put it in the place of the function."""
+    assert not {module.name for module in iter_modules(eqt_cli.__path__)} & set(eqt_cli.__all__)
 
 
 def test_unknown_attribute():
@@ -120,7 +126,7 @@ def test_results_have_their_data(result):
 def test_results_open_without_xarray(result, monkeypatch):
     monkeypatch.setattr(api, "find_spec", lambda name: None)
     with eqt_cli.open_results(result) as results:
-        assert isinstance(results, Results)
+        assert isinstance(results, Result)
     with pytest.raises(EqtError) as caught:
         eqt_cli.open_results(result, "xarray")
     assert str(caught.value) == (
@@ -143,7 +149,7 @@ def test_hostile_files_are_refused_before_xarray_sees_them(tmp_path):
 
 def test_compare_takes_windows_as_text(result):
     comparison = eqt_cli.compare(result, metrics=["mean_torque"], windows=["0:0.5"])
-    assert [level.samples.window.stop for level in comparison.levels] == [0.5] * 4
+    assert [level.measured.window.stop for level in comparison.levels] == [0.5] * 4
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ import sys
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -141,7 +142,7 @@ class Configuration(Generated):
 
 def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """The keys of a mapping, or of each mapping that an entry may be."""
-    from eqt_cli.config.keys import choices, default_of, described, resolved, value_of
+    from eqt_cli.config.keys import choices, default_of, dereferenced, described, value_of
 
     for option in choices(entry, schema):
         if "properties" not in option:
@@ -149,7 +150,7 @@ def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
         kind = option["properties"].get("kind", {}).get("const")
         if kind:
             continue  # a component; these have a page of their own
-        if option is not resolved(entry, schema):
+        if option is not dereferenced(entry, schema):
             yield escaped(option.get("description", "").partition("\n")[0])
         rows = [
             [
@@ -165,12 +166,12 @@ def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
 
 def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """Which components an entry, or each of its items or members, may be."""
-    from eqt_cli.config.keys import choices, resolved
+    from eqt_cli.config.keys import choices, dereferenced
 
     inner = [
         entry,
         entry.get("items", {}),
-        *resolved(entry, schema).get("properties", {}).values(),
+        *dereferenced(entry, schema).get("properties", {}).values(),
     ]
     names = [
         option["properties"]["kind"]["const"]
@@ -269,12 +270,30 @@ class Variables(Generated):
                 [
                     code(name),
                     ", ".join(results.dims(name)),
-                    results.units(name) if name != "message" else "",
+                    results.units(name),
                     escaped(results.long_name(name)),
                 ]
                 for name in results.names
             ]
         yield from table(["variable", "dimensions", "units", "meaning"], rows)
+
+
+class Metrics(Generated):
+    """What controllers are compared by, from the table of quantities."""
+
+    def lines(self) -> Iterable[str]:
+        from eqt_cli.core.registry import summary
+        from eqt_cli.results.metrics import METRICS
+
+        rows = []
+        for quantity in METRICS:
+            over = "any" if quantity.windowed else str(quantity.window)
+            stored = "yes" if quantity.stored else ""
+            meaning = escaped(summary(quantity.of))
+            rows.append(
+                [code(quantity.name), quantity.described, meaning, over, quantity.better, stored]
+            )
+        yield from table(["name", "is", "formula", "window", "better", "stored"], rows)
 
 
 class Attributes(Generated):
@@ -346,6 +365,26 @@ class Equations(Generated):
             for entry in entries
         ]
         yield from table(["paper", "what", "in eqt", "test"], rows)
+
+
+class Extend(Generated):
+    """The names of `eqt_cli.extend`, in the groups in which its modules define them."""
+
+    def lines(self) -> Iterable[str]:
+        from eqt_cli import extend
+
+        names: dict[str, list[str]] = {}
+        for name in extend.__all__:
+            names.setdefault(extend.PLACES[name], []).append(name)
+        rows = [
+            [" ".join(map(code, found)), escaped(_first_sentence(import_module(module)))]
+            for module, found in sorted(names.items())
+        ]
+        yield from table(["names", "what they are about"], rows)
+
+
+def _first_sentence(module: Any) -> str:
+    return re.split(r"[;.]", (module.__doc__ or "").strip())[0]
 
 
 def _short(name: str) -> str:

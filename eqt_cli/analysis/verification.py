@@ -27,12 +27,12 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
 from eqt_cli.engines import Problem, Solution
 from eqt_cli.ensemble.seeds import Stream, generator
+from eqt_cli.execution.batches import Batch, batches
+from eqt_cli.execution.compute import measured, solve_references
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.semidirect import Semidirect
-from eqt_cli.run.batches import Batch, batches
-from eqt_cli.run.compute import measured, solve_references
-from eqt_cli.store.reader import Results
+from eqt_cli.store.reader import ResultFile
 
 Progress = Callable[[float], None]
 
@@ -84,7 +84,7 @@ def verify_experiment(
 
 
 @blamed()
-def verify_stored(results: Results, *, trust_plugins: bool, workers: int = 1) -> Verification:
+def verify_stored(results: ResultFile, *, trust_plugins: bool, workers: int = 1) -> Verification:
     """As `verify_results`, of the experiment that the result says it is.
 
     Raises
@@ -96,7 +96,7 @@ def verify_stored(results: Results, *, trust_plugins: bool, workers: int = 1) ->
     return verify_results(experiment, results, workers)
 
 
-def verify_results(experiment: Experiment, results: Results, workers: int = 1) -> Verification:
+def verify_results(experiment: Experiment, results: ResultFile, workers: int = 1) -> Verification:
     """Check every certificate of the experiment, or the point, that a result holds.
 
     Trajectories are those that are stored.
@@ -132,7 +132,7 @@ class _Verifier:
             signals, numbers = measured(batch, solution, reference)
         return self._runs(batch, solution, label, solution.status, numbers | signals)
 
-    def of_stored_runs(self, label: str, results: Results) -> Runs:
+    def of_stored_runs(self, label: str, results: ResultFile) -> Runs:
         """The runs of a result; states, which it does not hold, are those of the study."""
         batch, solution = self._solved(label)
         index = list(self.experiment.loops).index(label)

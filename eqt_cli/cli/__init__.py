@@ -13,13 +13,14 @@ FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 def main() -> None:
     """Run the command line and exit; the only place where errors become exit codes."""
     from eqt_cli.cli.app import app
-    from eqt_cli.cli.output import print_error
+    from eqt_cli.cli.output import option, print_error
     from eqt_cli.core.errors import EqtError
 
     try:
         app()
     except EqtError as error:
-        print(f"eqt: {error}" if "\n" not in str(error) else f"eqt:\n{error}", file=sys.stderr)
+        text = error.told(option)
+        print(f"eqt:\n{text}" if "\n" in text else f"eqt: {text}", file=sys.stderr)
         if "--json" in sys.argv:  # stdout is then one document, whatever happens
             print_error(error)
         sys.exit(error.exit_code)

@@ -10,11 +10,6 @@ import typer
 
 from eqt_cli.cli import options
 
-AS_PLUGIN = (
-    "the result holds plugins, which are executed only on request; read them with `eqt show "
-    "--plugins`, then add --trust-plugins"
-)
-
 
 class Format(StrEnum):
     """Files that are written."""
@@ -24,9 +19,7 @@ class Format(StrEnum):
 
 
 def animate(
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
-    ],
+    result: options.Result,
     run: Annotated[
         int, typer.Option("--run", metavar="K", help="Number of the run, counted from 0.")
     ] = 0,
@@ -41,56 +34,29 @@ def animate(
     seconds: Annotated[
         float, typer.Option("--seconds", min=0.2, max=120, help="How long the GIF lasts.")
     ] = 8.0,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            parser=options.folder,
-            help="Folder; default: RESULT/figures.",
-        ),
-    ] = None,
+    out: Annotated[Path | None, options.out("Folder; default: RESULT/figures.")] = None,
     point: options.Point = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Show one run: bodies against the reference frame, error and torque as they go."""
+    from eqt_cli import api
     from eqt_cli.cli.output import print_json, say
-    from eqt_cli.config.plugins import load_stored_plugins
-    from eqt_cli.config.source import source_of
-    from eqt_cli.core.errors import ComponentError, EqtError
-    from eqt_cli.plots.animation.gif import gif
-    from eqt_cli.plots.animation.motion import motion
-    from eqt_cli.plots.save import check_targets, write
-    from eqt_cli.report.animation import animation
-    from eqt_cli.results.result import open_result, point_folder
 
-    wanted = dict.fromkeys(format or Format)
-    contents = {}
-    within = Path("figures") if point is None else point_folder(point)
-    with open_result(result, point) as results:
-        if trust_plugins:
-            load_stored_plugins(results)
-        try:
-            motion(results, run, controller or ())  # what cannot be shown is said before all else
-        except ComponentError as error:
-            if trust_plugins or not source_of(results).stored_plugins:
-                raise
-            raise EqtError(f"{error}; {AS_PLUGIN}") from error
-        folder = out or results.path.parent / within
-        paths = {one: folder / f"run{run}.{one}" for one in wanted}
-        check_targets(paths.values())
-        for one, path in paths.items():
-            if one is Format.HTML:
-                contents[path] = animation(results, run, controller or ()).encode()
-            else:
-                if not quiet:
-                    say("drawing the pictures of the GIF takes some seconds")
-                contents[path] = gif(results, run, controller or (), seconds=seconds)
-    write(contents)
+    files = api.animate(
+        result,
+        run,
+        controller or (),
+        out,
+        formats=list(dict.fromkeys(format or Format)),
+        seconds=seconds,
+        point=point,
+        trust_plugins=trust_plugins,
+        note=(lambda text: None) if quiet else say,
+    )
     if json:
-        print_json({"files": [str(path) for path in contents]})
+        print_json({"files": list(map(str, files))})
     else:
-        for path, content in contents.items():
-            print(f"animation  {path}  ({len(content) / 1e6:.1f} MB)")
+        for file in files:
+            print(f"animation  {file}  ({file.stat().st_size / 1e6:.1f} MB)")

@@ -34,9 +34,7 @@ class Table(StrEnum):
 
 
 def compare(
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
-    ],
+    result: options.Result,
     metric: Annotated[
         list[str] | None,
         typer.Option(
@@ -106,7 +104,7 @@ def compare(
         if table is None and not quiet:
             say("these are the pairs; --table controllers and --table claims print the others")
     else:
-        _print_sheets(comparison, table, against or (), format, quiet=quiet)
+        _print_tables(comparison, table, against or (), format, quiet=quiet)
 
 
 def _print_metrics(results: Result, json: bool) -> None:
@@ -115,7 +113,7 @@ def _print_metrics(results: Result, json: bool) -> None:
 
     write = Plain()
     rows = [
-        [measure.name, write.symbol(measure), _windows(measure)]
+        [measure.name, write.name(measure), _windows(measure)]
         for measure in results.comparable.values()
     ]
     header = ["metric", "is", "window"]
@@ -170,7 +168,7 @@ def _document(comparison: Comparison, path: Path) -> dict[str, object]:
 
 def _print_csv(comparison: Comparison, table: Table) -> None:
     from eqt_cli.analysis.comparison import records
-    from eqt_cli.cli.sheets import as_csv
+    from eqt_cli.cli.text_tables import as_csv
 
     of = {
         Table.CONTROLLERS: records.controller_records,
@@ -180,7 +178,7 @@ def _print_csv(comparison: Comparison, table: Table) -> None:
     print(as_csv(of[table](comparison)))
 
 
-def _print_sheets(
+def _print_tables(
     comparison: Comparison,
     table: Table | None,
     against: list[str] | tuple[()],
@@ -189,14 +187,14 @@ def _print_sheets(
     quiet: bool,
 ) -> None:
     from eqt_cli.analysis.comparison.notation import Latex, Plain
-    from eqt_cli.analysis.comparison.tables import sheets
+    from eqt_cli.analysis.comparison.tables import text_tables
     from eqt_cli.cli.output import say
-    from eqt_cli.cli.sheets import as_latex, as_text
+    from eqt_cli.cli.text_tables import as_latex, as_text
 
     # A table of every pair of many controllers is long: without a wish, pairs with the first one.
     chosen = against or ((), comparison.labels[:1])[table is None and format is Format.TEXT]
     notation = Latex() if format is Format.LATEX else Plain()
-    made = sheets(comparison, notation, chosen)
+    made = text_tables(comparison, notation, chosen)
     shown = [made[name] for name in ([table] if table else made) if name in made]
     print("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
     if quiet:

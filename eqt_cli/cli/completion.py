@@ -1,39 +1,33 @@
-"""What a shell completes; read from source files, as importing them would be felt at every Tab.
+"""What a shell completes: names and keys, kept in a file, as importing them is felt at every Tab.
 
-So it knows what is eqt's own, and no component of a plugin or of another distribution.
+The first Tab after eqt or what is installed beside it has changed takes a second longer. No
+component of a plugin file is known here.
 """
 
 from __future__ import annotations
 
+import json
+import os
+import sysconfig
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import typer
 
 from eqt_cli.config.catalogue import KINDS
 
-if TYPE_CHECKING:
-    import ast
-
 Completions = list[tuple[str, str]]
 """What may stand there, and what it means."""
-
-_PLACES = {
-    "controllers[0]": "eqt_cli.controllers",
-    "reference": "eqt_cli.references",
-    "initial.pose": "eqt_cli.ensemble.poses",
-    "initial.velocity": "eqt_cli.ensemble.velocities",
-    "solver": "eqt_cli.engines",
-}
-"""Where in a configuration the options of which components stand."""
 
 
 def names(kind: str) -> Callable[[str], Completions]:
     """Completes the name of a component."""
 
     def complete(incomplete: str) -> Completions:
-        return _starting(incomplete, _names(KINDS[kind]))
+        return _starting(incomplete, _known()["names"][kind])
 
     return complete
 
@@ -57,7 +51,7 @@ def words(*known: str) -> Callable[[str], Completions]:
 
 def keys(incomplete: str) -> Completions:
     """Completes a key of any configuration."""
-    return _starting(incomplete, _all_keys(None))
+    return _starting(incomplete, _known()["keys"])
 
 
 def settings(ctx: typer.Context, incomplete: str) -> Completions:
@@ -65,20 +59,15 @@ def settings(ctx: typer.Context, incomplete: str) -> Completions:
     # What is not parsed yet, as the line ends in an option without its value, is in `args`.
     words = [ctx.params.get("config"), ctx.params.get("target"), *ctx.args]
     given = next((Path(word) for word in words if word and Path(word).is_file()), None)
-    return _starting(incomplete, {f"{key}=": text for key, text in _all_keys(given).items()})
+    known = dict.fromkeys(_written(given), "") | _known()["keys"]
+    return _starting(incomplete, {f"{key}=": text for key, text in known.items()})
 
 
 def figure_options(ctx: typer.Context, incomplete: str) -> Completions:
     """Completes ``KEY=``, an option of the figures that are asked for, or of any; and of one."""
-    bases = ("eqt_cli.plots.base", "eqt_cli.plots.drawing.first_runs")
-    classes = {name: node for m in (*bases, KINDS["figures"]) for name, node in _classes(m).items()}
-    wanted = ctx.params.get("figure") or _names(KINDS["figures"])
-    found = [
-        (str(_name(node)), option)
-        for node in classes.values()
-        if _name(node) in wanted
-        for option in _fields(node, classes)
-    ]
+    options = _known()["figure_options"]
+    wanted = ctx.params.get("figure") or options
+    found = [(name, option) for name in wanted for option in options.get(name, ())]
     plain = {f"{option}=": "" for _, option in found}
     dotted = {f"{name}.{option}=": "" for name, option in found} if "." in incomplete else {}
     return _starting(incomplete, plain | dotted)
@@ -88,30 +77,7 @@ def _starting(incomplete: str, known: dict[str, str]) -> Completions:
     return [(word, text) for word, text in known.items() if word.startswith(incomplete)]
 
 
-# Keys of configurations ---------------------------------------------------------------------------
-
-
-def _all_keys(given: Path | None) -> dict[str, str]:
-    """Keys that a configuration may have, with the meanings of those that have one."""
-    sections = _classes("eqt_cli.config.schema")
-    found = dict(_section("Config", "", sections))
-    for place, package in _PLACES.items():
-        classes = _classes(package)
-        options = [option for node in classes.values() for option in _options(node, classes)]
-        found |= {f"{place}.{option}": "" for option in ["kind", *options]}
-    del found["solver.kind"]  # there it is `engine`
-    judgement = _classes("eqt_cli.config.schema")
-    own = ["engine", *_fields(judgement["Judgement"], judgement)]
-    found |= {f"solver.{key}": "" for key in own}
-    found |= dict.fromkeys(("controllers[0].label", "reference.pose", "reference.velocity"), "")
-    return found | {key: found.get(key, "") for key in _written(given)}
-
-
-def _section(name: str, prefix: str, sections: dict[str, ast.ClassDef]) -> Iterator[Any]:
-    for key, (annotation, meaning) in _fields(sections[name], sections).items():
-        yield f"{prefix}{key}", meaning
-        if annotation in sections:
-            yield from _section(annotation, f"{prefix}{key}.", sections)
+# Keys in a file -----------------------------------------------------------------------------------
 
 
 def _written(path: Path | None) -> list[str]:
@@ -137,68 +103,47 @@ def _below(data: Any, prefix: str) -> Iterator[str]:
         yield from _below(value, key)
 
 
-# Classes in source files --------------------------------------------------------------------------
+# What eqt knows -----------------------------------------------------------------------------------
 
 
-def _names(package: str) -> dict[str, str]:
-    """The components of a package, with their summaries."""
-    import ast
-
-    found = {
-        name: (ast.get_docstring(node) or "").partition("\n")[0]
-        for node in _classes(package).values()
-        if (name := _name(node))
-    }
-    return dict(sorted(found.items()))
-
-
-def _classes(module: str) -> dict[str, ast.ClassDef]:
-    """The classes at the top level of a module, or of all modules of a package, by name."""
-    import ast
-
-    import eqt_cli
-
-    path = Path(eqt_cli.__file__).parent.joinpath(*module.split(".")[1:])
-    files = sorted(path.glob("*.py")) if path.is_dir() else [path.with_suffix(".py")]
-    trees = (ast.parse(file.read_bytes()) for file in files)
-    return {
-        node.name: node for tree in trees for node in tree.body if isinstance(node, ast.ClassDef)
-    }
-
-
-def _name(node: ast.ClassDef) -> str:
-    """The name of the component that a class is; empty if it is none."""
-    import ast
-
-    for entry in node.body:
-        if isinstance(entry, ast.AnnAssign | ast.Assign) and isinstance(entry.value, ast.Constant):
-            targets = entry.targets if isinstance(entry, ast.Assign) else [entry.target]
-            if any(isinstance(target, ast.Name) and target.id == "name" for target in targets):
-                return str(entry.value.value)
-    return ""
-
-
-def _options(node: ast.ClassDef, classes: dict[str, ast.ClassDef]) -> list[str]:
-    """The options of a component; none if the class is no component."""
-    return list(_fields(node, classes)) if _name(node) else []
-
-
-def _fields(node: ast.ClassDef, classes: dict[str, ast.ClassDef]) -> dict[str, tuple[str, str]]:
-    """What a class and its bases annotate: types in a word, and docstrings below."""
-    import ast
-
-    found: dict[str, tuple[str, str]] = {}
-    for base in node.bases:
-        name = ast.unparse(base).partition("[")[0]
-        if name in classes:
-            found |= _fields(classes[name], classes)
-    for entry, after in zip(node.body, [*node.body[1:], None], strict=True):
-        if not isinstance(entry, ast.AnnAssign):
-            continue
-        kind, default = ast.unparse(entry.annotation), ast.unparse(entry.value or entry.target)
-        if kind.startswith("ClassVar") or "init=False" in default:
-            continue
-        said = after.value if isinstance(after, ast.Expr) else None
-        text = str(said.value) if isinstance(said, ast.Constant) else ""
-        found[ast.unparse(entry.target)] = kind.partition(" ")[0], " ".join(text.split())
+@cache
+def _known() -> dict[str, Any]:
+    """Names of components, keys of configurations, options of figures: as kept, or found anew."""
+    state, file = _state(), _file()
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        kept = json.loads(file.read_text(encoding="utf-8"))
+        if kept["state"] == state:
+            return dict(kept)
+    found = {"state": state} | _collected()
+    with suppress(OSError):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        temporary = file.with_suffix(f".{os.getpid()}.tmp")
+        temporary.write_text(json.dumps(found), encoding="utf-8")
+        temporary.replace(file)
     return found
+
+
+def _file() -> Path:
+    caches = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(caches) / "eqt" / "completion.json"
+
+
+def _state() -> list[int]:
+    """When eqt's own files, and what is installed beside it, have changed last."""
+    own = Path(__file__).parents[1]
+    times = [path.stat().st_mtime_ns for path in own.rglob("*.py")]
+    return [len(times), max(times), Path(sysconfig.get_path("purelib")).stat().st_mtime_ns]
+
+
+def _collected() -> dict[str, Any]:
+    from eqt_cli.config.catalogue import registry
+    from eqt_cli.config.json_schema import json_schema
+    from eqt_cli.config.keys import keys_of
+    from eqt_cli.core.registry import summary
+    from eqt_cli.core.validation import option_names
+
+    return {
+        "names": {kind: {one.name: summary(one) for one in registry(kind).all()} for kind in KINDS},
+        "keys": {each.key: each.meaning for each in keys_of(json_schema())},
+        "figure_options": {one.name: option_names(one) for one in registry("figures").all()},
+    }

@@ -39,21 +39,20 @@ def new(
     from eqt_cli.cli.output import say
     from eqt_cli.config import shipped
     from eqt_cli.core.errors import EqtError
+    from eqt_cli.core.files import refusals
 
     text = shipped.text(source)
     if file == Path("-"):
         print(text, end="")
         return
     file = file or Path(f"{source}.yaml")
-    try:
+    with refusals(file, "written"):
         file.parent.mkdir(parents=True, exist_ok=True)
-        with file.open("x", encoding="utf-8") as stream:
-            stream.write(text)
-    except OSError as error:
-        if file.exists():
+        try:
+            with file.open("x", encoding="utf-8") as stream:
+                stream.write(text)
+        except FileExistsError:
             raise EqtError(f"{file}: exists already; give another name, or remove it") from None
-        reason = (error.strerror or str(error)).lower()
-        raise EqtError(f"{file}: cannot be written: {reason}") from error
     print(file)
     if not quiet:
         say(f"next: eqt run {file}")
@@ -78,7 +77,7 @@ def check(
     quiet: options.Quiet = False,
 ) -> None:
     """Check a configuration without running it, its reference over the whole horizon."""
-    from eqt_cli.cli.output import print_json, say
+    from eqt_cli.cli.output import print_json, problem_records, say
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
     from eqt_cli.core.errors import ConfigError
@@ -86,7 +85,7 @@ def check(
     from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
     from eqt_cli.experiment.sweeping import study
 
-    source = read_config(config, set_ or ())
+    source = read_config(config, options.overrides(set_))
     try:
         found = study(source, trust_plugins=trust_plugins)
         problems = Problems(source.place)
@@ -96,7 +95,7 @@ def check(
     except ConfigError as error:
         if not json:
             raise
-        print_json(_document(config, [asdict(problem) for problem in error.problems]))
+        print_json(_document(config, problem_records(error.problems)))
         raise typer.Exit(error.exit_code) from error
     experiment = found.base
     if resolved and json:
@@ -122,7 +121,7 @@ def check(
 
 
 def _document(
-    path: Path, problems: list[dict[str, Any]], study: Study | None = None
+    path: Path, problems: list[dict[str, str]], study: Study | None = None
 ) -> dict[str, Any]:
     """What `check` finds, for programs: an editor, or continuous integration."""
     found: dict[str, Any] = {"config": str(path), "fine": not problems, "problems": problems}

@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
+    from eqt_cli.api import LoadedExperiment, StoredResult
+    from eqt_cli.execution.execute import Shard
+    from eqt_cli.execution.executors import Executor
     from eqt_cli.experiment.study import Study
-    from eqt_cli.run.execute import Execution, Shard
-    from eqt_cli.run.executors import Executor
+    from eqt_cli.results.result import Result
 
 
 def shard_from(text: str | None) -> Shard | None:
     """``2/8`` as a shard; None stays None."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.run.execute import Shard
+    from eqt_cli.execution.execute import Shard
 
     if text is None:
         return None
@@ -29,26 +29,20 @@ def shard_from(text: str | None) -> Shard | None:
 
 
 def executor_from(
-    study: Study, name: str | None, workers: int | None, scheduler: str | None
+    experiment: LoadedExperiment, name: str | None, workers: int | None, scheduler: str | None
 ) -> Executor:
-    """The executor asked for, or the one that suits the engine: threads, or processes."""
+    """The executor asked for, or the one that suits."""
+    from eqt_cli.api import choose_executor
     from eqt_cli.cli.options import cores
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.run.executors import executors
 
-    workers = workers or cores()
     if scheduler and name not in (None, "dask"):
         raise EqtError(f"--scheduler: is for --executor dask, got --executor {name}")
-    if scheduler:
-        make: Callable[..., Executor] = executors.get("dask")  # the only one with a scheduler
-        return make(workers, scheduler)
-    if name is None:
-        name = "threads" if study.base.engine.threads else "auto"
-    return executors.get(name)(workers)
+    return choose_executor(experiment, workers or cores(), name, scheduler)
 
 
-def run_study(
-    study: Study,
+def run_experiment(
+    experiment: LoadedExperiment,
     out: Path | None,
     executor: Executor,
     *,
@@ -58,16 +52,16 @@ def run_study(
     json: bool,
     quiet: bool,
 ) -> None:
-    """Execute, report on stdout, and exit as the outcome demands."""
+    """Run, report on stdout, and exit as the outcome demands."""
+    from eqt_cli import api
     from eqt_cli.cli.output import say, warn
     from eqt_cli.cli.progress import progress
-    from eqt_cli.run.execute import execute
 
-    out = out or Path("results") / study.name
+    out = out or Path("results") / experiment.name
     try:
-        with progress(study.plans.total, quiet=quiet) as advance:
-            outcome = execute(
-                study,
+        with progress(experiment.study.plans.total, quiet=quiet) as advance:
+            done = api.run(
+                experiment,
                 out,
                 executor=executor,
                 force=force,
@@ -78,23 +72,23 @@ def run_study(
                 remark=warn,
             )
     except KeyboardInterrupt:
-        raise _interrupted(study, out) from None
+        raise _interrupted(experiment.study, out) from None
     if not quiet:
-        for entry in outcome.removed:
+        for entry in done.removed:
             say(f"removed {entry}")
-        if outcome.was_complete:
+        if done.was_complete:
             say(f"{out} already holds this experiment; --force runs it again")
-        elif outcome.resumed:
-            say(f"{outcome.resumed} of {outcome.runs} runs were there already")
-    if not outcome.packed:
-        _print_shard(outcome, shard, json)
+        elif done.resumed:
+            say(f"{done.resumed} of {done.runs} runs were there already")
+    if not done.packed:
+        _print_shard(done, shard, json)
     else:
-        report(outcome, json=json)
+        report(done, json=json)
 
 
 def _interrupted(study: Study, out: Path) -> Exception:
     from eqt_cli.core.errors import InterruptedRun
-    from eqt_cli.run.folder import ResultFolder
+    from eqt_cli.execution.folder import ResultFolder
 
     parts = ResultFolder(out).parts.listed()
     done = sum(study.plans.runs_of(number) for number in parts if number < len(study.plans))
@@ -105,87 +99,72 @@ def _interrupted(study: Study, out: Path) -> Exception:
     )
 
 
-def _print_shard(outcome: Execution, shard: Shard | None, json: bool) -> None:
-    from eqt_cli.cli.output import print_json
-
+def _print_shard(done: StoredResult, shard: Shard | None, json: bool) -> None:
     if json:
-        print_json(
-            {
-                "folder": str(outcome.folder.path),
-                "runs": outcome.runs,
-                "failed": outcome.failed,
-                "resumed": outcome.resumed,
-                "seconds": outcome.seconds,
-                "causes": ["some runs failed"] if outcome.failed else [],
-            }
-        )
+        _print_json(done, {"folder": str(done.path)}, ["some runs failed"] if done.failed else [])
     else:
         assert shard is not None
-        print(f"shard {shard.index}/{shard.count}: {outcome.runs} runs, {outcome.failed} failed")
-        print(f"next     eqt pack {outcome.folder.path}  (when all shards are done)")
-    if outcome.failed:
+        print(f"shard {shard.index}/{shard.count}: {done.runs} runs, {done.failed} failed")
+        print(f"next     eqt pack {done.path}  (when all shards are done)")
+    if done.failed:
         raise typer.Exit(3)
 
 
-def report(outcome: Execution, *, json: bool) -> None:
+def report(done: StoredResult, *, json: bool) -> None:
     """Print what came out, and exit with 3 or 4 where runs failed or the check did not hold."""
-    from eqt_cli.cli.output import print_json
     from eqt_cli.results.result import open_result
 
-    with open_result(outcome.folder.results) as results:
+    with open_result(done.file) as results:
         check = results.cross_check
-    if json:
-        print_json(_document(outcome))
-    else:
-        _print_summary(outcome)
-    if outcome.failed:
+        if json:
+            _print_document(done, results)
+        else:
+            _print_summary(done, results)
+    if done.failed:
         raise typer.Exit(3)
     if check is not None and not check.holds:
         raise typer.Exit(4)
 
 
-def _document(outcome: Execution) -> dict[str, Any]:
+def _print_json(done: StoredResult, first: dict[str, Any], causes: list[str], **last: Any) -> None:
+    from eqt_cli.cli.output import print_json
+
+    counted = {"runs": done.runs, "failed": done.failed, "resumed": done.resumed}
+    print_json({**first, **counted, "seconds": done.seconds, "causes": causes, **last})
+
+
+def _print_document(done: StoredResult, results: Result) -> None:
     from dataclasses import asdict
 
-    from eqt_cli.results.result import open_result
-
-    with open_result(outcome.folder.results) as results:
-        rows = results.headline()
-        check = results.cross_check
-        points = results.dimensions.get("point")
-    causes = ["some runs failed"] if outcome.failed else []
+    check = results.cross_check
+    points = results.dimensions.get("point")
+    first = {"results": str(done.file), "was_complete": done.was_complete}
+    causes = ["some runs failed"] if done.failed else []
     if check and not check.holds:
         causes.append("the cross-check does not hold")
-    return {
-        "results": str(outcome.folder.results),
-        "was_complete": outcome.was_complete,
-        **({} if points is None else {"points": points}),
-        "runs": outcome.runs,
-        "failed": outcome.failed,
-        "resumed": outcome.resumed,
-        "seconds": outcome.seconds,
-        "causes": causes,
-        "controllers": rows,
-        "cross_check": asdict(check) | {"holds": check.holds} if check else None,
-    }
+    _print_json(
+        done,
+        first if points is None else first | {"points": points},
+        causes,
+        controllers=results.headline(),
+        cross_check=asdict(check) | {"holds": check.holds} if check else None,
+    )
 
 
-def _print_summary(outcome: Execution) -> None:
+def _print_summary(done: StoredResult, results: Result) -> None:
     from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
-    from eqt_cli.results.result import open_result
 
-    with open_result(outcome.folder.results) as results:
-        points = results.dimensions.get("point")
-        print_headline(results)
-        print()
-        print_accuracy(results)
-        if outcome.failed:
-            print_failures(results)
-    took = "".join(f", {name} {value:.1f} s" for name, value in outcome.seconds.items())
+    points = results.dimensions.get("point")
+    print_headline(results)
+    print()
+    print_accuracy(results)
+    if done.failed:
+        print_failures(results)
+    took = "".join(f", {name} {value:.1f} s" for name, value in done.seconds.items())
     over = "" if points is None else f"{points} points, "
-    print(f"{over}{outcome.runs} runs{took}")
-    print(f"results  {outcome.folder.results}")
-    if outcome.failed < outcome.runs:
-        print(f"next     eqt plot {outcome.folder.path}")
+    print(f"{over}{done.runs} runs{took}")
+    print(f"results  {done.file}")
+    if done.failed < done.runs:
+        print(f"next     eqt plot {done.path}")
     else:
-        print(f"next     eqt show {outcome.folder.path} --failed")
+        print(f"next     eqt show {done.path} --failed")

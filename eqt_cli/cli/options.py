@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from eqt_cli.cli import completion
+
+
+def placed(option: str, texts: Sequence[str] | None) -> dict[str, str]:
+    """What a repeated option was given, by the places that messages name: ``--set[0]``."""
+    return {f"{option}[{index}]": text for index, text in enumerate(texts or ())}
+
+
+def overrides(set_: Sequence[str] | None, engine: str | None = None) -> dict[str, str]:
+    """What ``--set`` and ``--engine`` change of a configuration."""
+    chosen = {} if engine is None else {"--engine": f"solver.engine={engine}"}
+    return placed("--set", set_) | chosen
 
 
 def folder(text: str) -> Path:
@@ -26,6 +38,23 @@ def folder(text: str) -> Path:
     return Path(text)
 
 
+def out(help: str) -> Any:
+    """The option ``--out`` for a folder."""
+    return typer.Option("--out", metavar="DIR", parser=folder, help=help)
+
+
+def figure(help: str) -> Any:
+    """The option ``--figure``."""
+    complete = completion.names("figures")
+    return typer.Option("--figure", metavar="NAME", autocompletion=complete, help=help)
+
+
+def one_of(*words: str, option: str, help: str) -> Any:
+    """An option that takes one of some words."""
+    return typer.Option(option, metavar="NAME", autocompletion=completion.words(*words), help=help)
+
+
+Result = Annotated[Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")]
 Set = Annotated[
     list[str] | None,
     typer.Option(
@@ -35,9 +64,7 @@ Set = Annotated[
         help="Override a key of the configuration, as gains.kp=2; may be repeated.",
     ),
 ]
-Out = Annotated[
-    Path | None, typer.Option("--out", metavar="DIR", parser=folder, help="Result folder.")
-]
+Out = Annotated[Path | None, out("Result folder.")]
 Json = Annotated[bool, typer.Option("--json", metavar="", help="Print one JSON document.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", metavar="", help="Print results only.")]
 Workers = Annotated[

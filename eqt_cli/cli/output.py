@@ -7,11 +7,11 @@ import math
 import shutil
 import sys
 import textwrap
-from dataclasses import asdict
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from eqt_cli.core.errors import EqtError
+    from eqt_cli.core.errors import EqtError, EqtWarning, InputProblem
 
 
 def say(message: str) -> None:
@@ -19,9 +19,14 @@ def say(message: str) -> None:
     print(message, file=sys.stderr)
 
 
-def warn(message: str) -> None:
+def warn(remark: EqtWarning) -> None:
     """What a user should know of a result even with --quiet, on stderr."""
-    say(f"eqt: {message}")
+    say(f"eqt: {remark.told(option)}")
+
+
+def option(argument: str) -> str:
+    """An argument as commands take it: ``--out``."""
+    return f"--{argument.replace('_', '-')}"
 
 
 def print_json(document: Any) -> None:
@@ -31,8 +36,13 @@ def print_json(document: Any) -> None:
 
 def print_error(error: EqtError) -> None:
     """What went wrong as one JSON document, with the place of every problem that has one."""
-    problems = [asdict(problem) for problem in getattr(error, "problems", ())]
-    print_json({"error": str(error), "exit_code": error.exit_code, "problems": problems})
+    problems = problem_records(getattr(error, "problems", ()))
+    print_json({"error": error.told(option), "exit_code": error.exit_code, "problems": problems})
+
+
+def problem_records(problems: Iterable[InputProblem]) -> list[dict[str, str]]:
+    """Problems for programs: path, message and place of each."""
+    return [{"path": p.path, "message": p.told(option), "place": p.place} for p in problems]
 
 
 def _plain(value: Any) -> Any:

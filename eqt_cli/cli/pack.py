@@ -18,12 +18,8 @@ def pack(
     json: options.Json = False,
 ) -> None:
     """Pack the parts of all shards into results.h5."""
+    from eqt_cli import api
     from eqt_cli.cli.execution import report
     from eqt_cli.cli.output import warn
-    from eqt_cli.config.source import read_config
-    from eqt_cli.experiment.sweeping import study
-    from eqt_cli.run.execute import pack_folder
-    from eqt_cli.run.folder import CONFIG
 
-    found = study(read_config(folder / CONFIG), trust_plugins=trust_plugins)
-    report(pack_folder(found, folder, warn), json=json)
+    report(api.pack(folder, trust_plugins=trust_plugins, remark=warn), json=json)

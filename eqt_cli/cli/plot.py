@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -12,7 +11,7 @@ import typer
 from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
-    from eqt_cli.results.result import Result
+    from eqt_cli.plots.baseline import Check
 
 
 def plot(
@@ -24,13 +23,7 @@ def plot(
         ),
     ],
     figure: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--figure",
-            metavar="NAME",
-            autocompletion=completion.names("figures"),
-            help="Figure to draw, may be repeated; default: paper.",
-        ),
+        list[str] | None, options.figure("Figure to draw, may be repeated; default: paper.")
     ] = None,
     option: Annotated[
         list[str] | None,
@@ -44,20 +37,16 @@ def plot(
     ] = None,
     format_: Annotated[
         list[str] | None,
-        typer.Option(
-            "--format",
-            metavar="NAME",
-            autocompletion=completion.words("pdf", "svg", "png", "json"),
+        options.one_of(
+            *("pdf", "svg", "png", "json"),
+            option="--format",
             help="pdf, svg, png, or json for the numbers; may be repeated; default: all pictures.",
         ),
     ] = None,
     width: Annotated[
         str,
-        typer.Option(
-            "--width",
-            metavar="NAME",
-            autocompletion=completion.words("column", "page"),
-            help="column (3.5 in) or page (7.16 in).",
+        options.one_of(
+            "column", "page", option="--width", help="column (3.5 in) or page (7.16 in)."
         ),
     ] = "column",
     style: Annotated[
@@ -74,12 +63,7 @@ def plot(
     ] = False,
     out: Annotated[
         Path | None,
-        typer.Option(
-            "--out",
-            metavar="DIR",
-            parser=options.folder,
-            help="Folder of the figures; default: RESULT/figures. Several results need it.",
-        ),
+        options.out("Folder of the figures; default: RESULT/figures. Several results need it."),
     ] = None,
     check: Annotated[
         Path | None,
@@ -102,111 +86,80 @@ def plot(
     quiet: options.Quiet = False,
 ) -> None:
     """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
-    from eqt_cli.analysis.verification import verify_stored
+    from eqt_cli import api
     from eqt_cli.cli.output import print_json, say
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.plots.base import OfCertificates
-    from eqt_cli.plots.drawing.style import Style
-    from eqt_cli.plots.figures import figures
-    from eqt_cli.plots.render import FORMATS, render
-    from eqt_cli.plots.save import check_targets
-    from eqt_cli.results.result import open_result, point_folder
+    from eqt_cli.plots.render import FORMATS
 
     if len(result) > 1 and out is None and check is None:
         raise EqtError("several results have no common folder; say with --out DIR where to draw")
-    with ExitStack() as stack:
-        chosen = [(path, one) for path in result for one in point or (None,)]
-        results = [stack.enter_context(open_result(path, one)) for path, one in chosen]
-        names = figure or _default(results[0], quiet=quiet or json)
-        given = _options(names, option or ())
-        if check is not None:
-            if format_ or out or style or tex:
-                raise EqtError(
-                    "--check draws nothing; leave --format, --style, --tex and --out out"
-                )
-            _check(results, names, check, given, json=json)
-            return
-        within = point_folder(*point) if point else Path("figures")
-        folder = out or results[0].path.parent / within
-        formats = format_ or FORMATS
-        check_targets(folder / f"{name}.{one}" for name in names for one in formats)
-        verified = any(issubclass(figures.get(name), OfCertificates) for name in names)
-        if verified and not quiet:
-            say("checking the paper's statements on the result takes some seconds")
-        rows = (
-            verify_stored(results[0], trust_plugins=trust_plugins, workers=options.cores()).rows
-            if verified
-            else []
-        )
-        look = Style(tuple(style or ()), tex)
-        files = [
-            file
-            for name in names
-            for file in render(
-                results,
-                name,
-                folder,
-                formats,
-                width,
-                given[name],
-                style=look,
-                certificates=rows,
-            )
-        ]
-        if json:
-            print_json({"figures": list(map(str, files))})
-            return
+    names = figure or (["paper"] if point else _default(result[0], quiet=quiet or json))
+    figures = _options(names, option or ())
+    if check is not None:
+        if format_ or out or style or tex:
+            raise EqtError("--check draws nothing; leave --format, --style, --tex and --out out")
+        _print_checks(api.check_figures(result, figures, check, point=point), result, json)
+        return
+    files = api.plot(
+        result,
+        figures,
+        out,
+        formats=format_ or FORMATS,
+        width=width,
+        style=style or (),
+        tex=tex,
+        point=point,
+        trust_plugins=trust_plugins,
+        workers=options.cores(),
+        note=(lambda text: None) if quiet else say,
+    )
+    if json:
+        print_json({"figures": list(map(str, files))})
+        return
     for file in files:
         print(f"figure   {file}")
 
 
-def _check(
-    results: Sequence[Result],
-    names: list[str],
-    folder: Path,
-    options: dict[str, dict[str, Any]],
-    *,
-    json: bool,
-) -> None:
-    """Compare figures with what is kept in a folder, and say where they differ."""
+def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool) -> None:
+    """Say where figures differ from what is kept, and exit with 4 if any does."""
     from dataclasses import asdict
 
     from eqt_cli.cli.output import print_json
     from eqt_cli.plots.baseline import TOLERANCE
-    from eqt_cli.plots.render import check
+    from eqt_cli.store.layout import FILE_NAME
 
-    found = {name: check(results, name, folder, options[name]) for name in names}
     if json:
-        checks = {name: asdict(one) for name, one in found.items()}
-        checked = [str(one.path) for one in results]
-        print_json({"checked": checked, "tolerance": TOLERANCE, "figures": checks})
+        checked = [str(one if one.suffix == ".h5" else one / FILE_NAME) for one in results]
+        found = {name: asdict(one) for name, one in checks.items()}
+        print_json({"checked": checked, "tolerance": TOLERANCE, "figures": found})
     else:
-        for name, one in found.items():
+        for name, one in checks.items():
             for difference in one.differences:
                 print(f"figure '{name}', {difference}")
             print(
                 f"figure '{name}': {'differs' if one.differences else 'agrees'}; {one.curves} "
                 f"curves, largest difference {one.largest:.1e} (bound {TOLERANCE:.0e})"
             )
-    if any(one.differences for one in found.values()):
+    if any(one.differences for one in checks.values()):
         raise typer.Exit(4)
 
 
-def _default(results: Result, *, quiet: bool) -> list[str]:
+def _default(result: Path, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
     from eqt_cli.cli.output import say
-    from eqt_cli.plots.drawing.swept import Swept
+    from eqt_cli.results.result import open_result
 
-    if "point" not in results.dimensions:
-        return ["paper"]
-    axes = Swept(results, "sweep").axes
-    if 1 <= len(axes) <= 2:
+    with open_result(result) as results:
+        if not results.is_sweep:
+            return ["paper"]
+        swept = results.swept_keys
+    if 1 <= len(swept) <= 2:
         return ["sweep", "pareto"]
-    if axes and not quiet:
-        keys = ", ".join(axis.key for axis in axes)
+    if swept and not quiet:
+        keys = ", ".join(one.key for one in swept)
         say(
-            f"figure 'sweep' has room for two swept keys, and here are {len(axes)} ({keys}); drawn "
-            "is 'pareto', and --point draws single points"
+            f"figure 'sweep' has room for two swept keys, and here are {len(swept)} ({keys}); "
+            "drawn is 'pareto', and --point draws single points"
         )
     return ["pareto"]
 

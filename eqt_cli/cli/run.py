@@ -31,13 +31,18 @@ def run(
 
     Run it again after an interruption: it continues.
     """
-    from eqt_cli.cli.execution import executor_from, run_study, shard_from
+    from eqt_cli.api import LoadedExperiment
+    from eqt_cli.cli.execution import executor_from, run_experiment, shard_from
     from eqt_cli.config.source import read_config
+    from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.sweeping import study
 
-    source = read_config(config, set_ or (), engine)
-    found = study(source, sweeping=False, trust_plugins=trust_plugins)
-    run_study(
+    source = read_config(config, options.overrides(set_, engine))
+    if source.data.get("sweep"):
+        place = source.place(("sweep",))
+        raise EqtError(f"{place}: the configuration sweeps; use: eqt sweep {source.path}")
+    found = LoadedExperiment(study(source, trust_plugins=trust_plugins))
+    run_experiment(
         found,
         out,
         executor_from(found, executor, workers, scheduler),

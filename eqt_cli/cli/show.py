@@ -10,14 +10,12 @@ import typer
 from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
+    from eqt_cli.execution.unfinished import Unfinished
     from eqt_cli.results.result import Result
-    from eqt_cli.run.unfinished import Unfinished
 
 
 def show(
-    result: Annotated[
-        Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")
-    ],
+    result: options.Result,
     config: Annotated[
         bool, typer.Option("--config", metavar="", help="Print the resolved configuration.")
     ] = False,
@@ -48,7 +46,7 @@ def show(
 ) -> None:
     """Summarise a result: what was run, where, and what came out."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.run.unfinished import unfinished
+    from eqt_cli.execution.unfinished import unfinished
 
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
@@ -59,14 +57,14 @@ def show(
         _print_unfinished(result, found, json)
         return
 
-    from eqt_cli.cli.tables import print_table
+    from eqt_cli.cli.run_table import print_run_table
     from eqt_cli.results.result import open_result
 
     if json and table:
         raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
     with open_result(result, point) as results:
         if table:
-            print_table(results, format_ or "csv")
+            print_run_table(results, format_ or "csv")
         else:
             (view or _summary)(results, json)
 
@@ -106,21 +104,17 @@ def _document(results: Result) -> dict[str, object]:
         "provenance": results.provenance,
         "dimensions": dict(results.dimensions),
         "variables": {
-            name: {"dims": list(results.dims(name)), "units": _units(results, name)}
+            name: {"dims": list(results.dims(name)), "units": results.units(name)}
             for name in results.names
         },
         "controllers": results.headline(),
     }
 
 
-def _units(results: Result, name: str) -> str:
-    return "" if name == "message" else results.units(name)
-
-
 def _summary(results: Result, as_json: bool) -> None:
     from eqt_cli.cli.output import print_json
     from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
-    from eqt_cli.run.provenance import OTHERS, differences
+    from eqt_cli.execution.provenance import OTHERS, differences
 
     if as_json:
         print_json(_document(results))
@@ -157,7 +151,7 @@ def _variables(results: Result, as_json: bool) -> None:
 
     header = ["variable", "dimensions", "units", "meaning"]
     found = [
-        (name, results.dims(name), _units(results, name), results.long_name(name))
+        (name, results.dims(name), results.units(name), results.long_name(name))
         for name in results.names
     ]
     if as_json:

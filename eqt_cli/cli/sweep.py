@@ -10,8 +10,8 @@ import typer
 from eqt_cli.cli import completion, options
 
 if TYPE_CHECKING:
+    from eqt_cli.execution.executors import Executor
     from eqt_cli.experiment.study import Study
-    from eqt_cli.run.executors import Executor
 
 FIRST_POINTS = 5
 """Shown by --dry-run."""
@@ -56,29 +56,38 @@ def sweep(
 
     Run it again after an interruption: it continues.
     """
-    from eqt_cli.cli.execution import executor_from, run_study, shard_from
+    from eqt_cli.api import LoadedExperiment
+    from eqt_cli.cli.execution import executor_from, run_experiment, shard_from
     from eqt_cli.cli.output import say
     from eqt_cli.cli.progress import progress
     from eqt_cli.config.source import read_config
+    from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.sweeping import add_grids, study
 
-    source = read_config(config, set_ or (), engine)
-    add_grids(source, grid or ())
-    found = study(
-        source,
-        sweeping=True,
-        trust_plugins=trust_plugins,
-        most_checked=MOST_CHECKED if dry_run else None,
-        watch=lambda points: progress(points, quiet=quiet, what="points checked"),
+    source = read_config(config, options.overrides(set_, engine))
+    add_grids(source, options.placed("--grid", grid))
+    if not source.data.get("sweep"):
+        raise EqtError(
+            f"{source.source.name}: sweeps nothing; add a `sweep` section or --grid KEY=A,B, "
+            f"or use: eqt run {source.path}"
+        )
+    found = LoadedExperiment(
+        study(
+            source,
+            trust_plugins=trust_plugins,
+            most_checked=MOST_CHECKED if dry_run else None,
+            watch=lambda points: progress(points, quiet=quiet, what="points checked"),
+        )
     )
     chosen = executor_from(found, executor, workers, scheduler)
     if dry_run:
-        if len(found) > MOST_CHECKED and not quiet:
-            checked = f"{MOST_CHECKED} of its {len(found)} points were checked"
+        points = len(found.study)
+        if points > MOST_CHECKED and not quiet:
+            checked = f"{MOST_CHECKED} of its {points} points were checked"
             say(f"{config}: {checked}; a run checks all")
-        _print_plan(found, chosen, json)
+        _print_plan(found.study, chosen, json)
         return
-    run_study(
+    run_experiment(
         found,
         out,
         chosen,
@@ -92,7 +101,7 @@ def sweep(
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     from eqt_cli.cli.output import duration, print_json, size
-    from eqt_cli.run.cost import check_memory, estimate
+    from eqt_cli.execution.cost import check_memory, estimate
 
     assert study.sweep is not None
     check_memory(study)

@@ -54,7 +54,7 @@ def verify(
             experiment = build(source_of(results), trust_plugins=trust_plugins)
             found = verify_results(experiment, results, workers)
     else:
-        source = read_config(target, set_ or (), engine)
+        source = read_config(target, options.overrides(set_, engine))
         if point is not None:
             source = config_at(source, point)
         experiment = build(source, trust_plugins=trust_plugins)
@@ -101,14 +101,14 @@ def _document(
 
 
 def _print(experiment: Experiment, found: Verification) -> None:
-    from eqt_cli.analysis.certificate_sheet import certificate_sheet, doubtful, tally
+    from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally
     from eqt_cli.cli.output import table
 
-    if (sheet := certificate_sheet(found.rows)) is not None:
-        for section in sheet.sections:
-            print(f"{section.title}\n{table(sheet.header, section.rows)}\n")
-        if sheet.notes:
-            print("\n".join(sheet.notes), end="\n\n")
+    if (made := certificate_table(found.rows)) is not None:
+        for block in made.blocks:
+            print(f"{block.title}\n{table(made.header, block.rows)}\n")
+        if made.notes:
+            print("\n".join(made.notes), end="\n\n")
     counted = f"{found.runs} runs with engine {experiment.engine.name}"
     print(f"{experiment.name} on {experiment.group.name}: {tally(found.rows)}, {counted}")
     for doubt in doubtful(found.rows):

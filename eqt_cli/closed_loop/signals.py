@@ -117,6 +117,13 @@ SIGNALS = (
 """Every signal, in the order of `compute`."""
 
 
+def signal_of(name: str) -> Signal | None:
+    """The signal that a name is of, or of a part of: that of ``torque_norm_rotation``."""
+    # The last one first: ``pose_error`` is no part of ``pose``.
+    found = (signal for signal in reversed(SIGNALS) if f"{name}_".startswith(f"{signal.name}_"))
+    return next(found, None)
+
+
 def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
     """All signals at the sample times, and the energy balance L + W.
 

@@ -16,7 +16,7 @@ KINDS = {
     "poses": "eqt_cli.ensemble.poses",
     "velocities": "eqt_cli.ensemble.velocities",
     "designs": "eqt_cli.ensemble.designs",
-    "executors": "eqt_cli.run.executors",
+    "executors": "eqt_cli.execution.executors",
     "figures": "eqt_cli.plots.figures",
     "certificates": "eqt_cli.analysis.certificates",
     "claims": "eqt_cli.analysis.comparison.claims",

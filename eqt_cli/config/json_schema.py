@@ -13,6 +13,7 @@ from eqt_cli.core.problems import parse_key
 from eqt_cli.core.registry import Registry, meanings, summary
 from eqt_cli.core.validation import option_names
 from eqt_cli.engines import engines
+from eqt_cli.ensemble.axes import Drawn, Spaced
 from eqt_cli.ensemble.designs import Surroundings, designs
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.spread import Spread
@@ -34,14 +35,15 @@ def json_schema() -> dict[str, Any]:
     top["controllers"]["items"] = _any_of(controllers, shared, extra={"label": LABEL})
     initial = shared["InitialSection"]["properties"]
     shared["PoseDistribution"] = _any_of(pose_distributions, shared)
-    for name, meaning in meanings(Spread).items():
-        shared[Spread.__name__]["properties"][name]["description"] = meaning
     one = {"$ref": "#/$defs/PoseDistribution"}
     initial["pose"] |= {"anyOf": [one, {"type": "array", "items": one}]}
     initial["velocity"] |= _any_of(velocity_distributions, shared)
     top["reference"] = _reference(top["reference"], shared)
     top["solver"] = _solver(top["solver"], shared)
     shared["SweepBlock"] = _sweep_block(schema)
+    for kind in (Spread, Spaced, Drawn):
+        for name, meaning in meanings(kind).items():
+            shared[kind.__name__]["properties"][name]["description"] = meaning
     top["sweep"]["anyOf"][0]["items"] = {"$ref": "#/$defs/SweepBlock"}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",

@@ -21,7 +21,7 @@ class Key:
     Attributes
     ----------
     key
-        As ``--set`` takes it: ``gains.kp``, ``controllers[0].label``.
+        As overrides take it: ``gains.kp``, ``controllers[0].label``.
     value
         What it may be, in words; code is between backticks.
     default

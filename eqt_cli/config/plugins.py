@@ -5,11 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 from eqt_cli.config.source import ConfigSource, source_of
-from eqt_cli.core.errors import ComponentError
+from eqt_cli.core.errors import ComponentError, Remedy
+from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import load_plugin
 from eqt_cli.core.validation import shown
-from eqt_cli.store.reader import Results
+from eqt_cli.store.reader import ResultFile
 
 
 def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dict[str, str]:
@@ -37,7 +38,7 @@ def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dic
     return sources
 
 
-def load_stored_plugins(results: Results) -> None:
+def load_stored_plugins(results: ResultFile) -> None:
     """Execute the plugins that a result holds; for results that are trusted.
 
     Raises
@@ -65,8 +66,8 @@ def _text(source: ConfigSource, path: object, trusted: bool) -> str:
         return _read(source.folder / path)
     if not trusted:
         raise ComponentError(
-            f"the result holds the source of {path}, which is executed only on request; "
-            "read it with `eqt show --plugins`, then add --trust-plugins"
+            f"the result holds the source of {path}, which is executed only on request",
+            Remedy("read it with `eqt show --plugins`, then add {}", "trust_plugins"),
         )
     if path not in source.stored_plugins:
         raise ComponentError(f"the result does not hold the source of {path}")
@@ -74,11 +75,9 @@ def _text(source: ConfigSource, path: object, trusted: bool) -> str:
 
 
 def _read(file: Path) -> str:
-    try:
-        return file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        relative = "plugin paths are relative to the configuration's folder"
-        raise ComponentError(f"{file}: does not exist; {relative}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
-        raise ComponentError(f"plugin {file}: cannot be read: {reason}") from error
+    with refusals(f"plugin {file}", "read", kind=ComponentError):
+        try:
+            return file.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            relative = "plugin paths are relative to the configuration's folder"
+            raise ComponentError(f"{file}: does not exist; {relative}") from None

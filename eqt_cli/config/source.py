@@ -1,10 +1,10 @@
-"""A configuration as a user gives it: a YAML file, or a result, with `--set` overrides."""
+"""A configuration as a user gives it: a YAML file, or a result, with overrides."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,11 @@ from typing import Any
 from eqt_cli.config import yaml_source
 from eqt_cli.config.yaml_source import Source
 from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
+from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.store.layout import FILE_NAME
-from eqt_cli.store.reader import Results, open_results
+from eqt_cli.store.reader import ResultFile, open_results
 
 _MOST_FILES = 5
 """Named in a message."""
@@ -44,24 +45,20 @@ class ConfigSource:
         return self.source.name.removesuffix(_STORED)
 
     def place(self, path: KeyPath) -> str:
-        """``file:line:column``, or ``--set[0]`` for what an override gave."""
+        """``file:line:column``, or where an override was given."""
         for depth in range(len(path), 0, -1):
             if path[:depth] in self.overrides:
                 return self.overrides[path[:depth]]
         return self.source.key_place(path)
 
 
-def read_config(
-    path: Path, overrides: Sequence[str] = (), engine: str | None = None
-) -> ConfigSource:
+def read_config(path: Path, overrides: Sequence[str] | Mapping[str, str] = ()) -> ConfigSource:
     """Read a YAML file, or the configuration inside a result file or folder, and apply overrides.
 
     Parameters
     ----------
     overrides
-        ``KEY=VALUE``, as given with ``--set``.
-    engine
-        As given with ``--engine``.
+        ``KEY=VALUE``; by the place that messages name, which is ``overrides[0]`` of a sequence.
 
     Raises
     ------
@@ -76,34 +73,40 @@ def read_config(
     else:
         source = yaml_source.load(_text(path), str(path))
         config = ConfigSource(source, source.data, path.parent)
+    overridden(config, overrides)
+    if config.data.get("name") is None:
+        config.data = config.data | {"name": _name(path)}
+    return config
+
+
+def overridden(config: ConfigSource, overrides: Sequence[str] | Mapping[str, str]) -> ConfigSource:
+    """The configuration itself, after overrides as of `read_config` have been applied.
+
+    Raises
+    ------
+    ConfigError
+        For overrides that do not parse.
+    """
     problems: list[InputProblem] = []
-    places = [(f"--set[{index}]", override) for index, override in enumerate(overrides)]
-    if engine is not None:
-        places.append(("--engine", f"solver.engine={engine}"))
-    for place, override in places:
+    if not isinstance(overrides, Mapping):
+        overrides = {f"overrides[{index}]": text for index, text in enumerate(overrides)}
+    for place, override in overrides.items():
         try:
             _apply(config, override, place)
         except ConfigError as error:
             problems += error.problems
     if problems:
         raise ConfigError(problems)
-    if config.data.get("name") is None:
-        config.data = config.data | {"name": _name(path)}
     return config
 
 
 def _text(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise EqtError(
-            f"{path}: does not exist; give a YAML file, which `eqt config new` writes, or a result"
-        ) from None
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise EqtError(
-            f"{path}: cannot be read: {reason}; check the path and its permissions"
-        ) from error
+    with refusals(path, "read", "check the path and its permissions"):
+        try:
+            return path.read_bytes()
+        except FileNotFoundError:
+            wanted = "give a YAML file, which `eqt config new` writes, or a result"
+            raise EqtError(f"{path}: does not exist; {wanted}") from None
 
 
 def _name(path: Path) -> str:
@@ -116,7 +119,7 @@ def _from_result(path: Path) -> ConfigSource:
         return source_of(results)
 
 
-def source_of(results: Results) -> ConfigSource:
+def source_of(results: ResultFile) -> ConfigSource:
     """The configuration inside an open result, with the plugins that it was run with."""
     text = str(results.attributes["config"])
     plugins = yaml_source.load(str(results.attributes["plugins"]), "plugins").data

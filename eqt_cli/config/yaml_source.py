@@ -91,7 +91,7 @@ def load(text: str | bytes, name: str) -> Source:
 
 
 def parse_value(text: str, name: str) -> Any:
-    """Read one value of any kind, as given to ``--set KEY=VALUE``; no text is null.
+    """Read one value of any kind, as the value of an override; no text is null.
 
     Raises
     ------

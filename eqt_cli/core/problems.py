@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from copy import copy
 from typing import TypeAlias
 
-from eqt_cli.core.errors import ConfigError, InputError, InputProblem
+from eqt_cli.core.errors import ConfigError, InputError, InputProblem, Remedy
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 """Where in an input: ``("controllers", 0, "label")``."""
@@ -22,7 +22,7 @@ class Problems:
     Parameters
     ----------
     located
-        Gives ``file:line:column``, or ``--set[0]``, for a path.
+        Gives ``file:line:column``, or where it was overridden, for a path.
     """
 
     def __init__(self, located: Callable[[KeyPath], str] = lambda path: "") -> None:
@@ -36,9 +36,10 @@ class Problems:
         inner._path = (*self._path, *steps)
         return inner
 
-    def add(self, message: str) -> None:
+    def add(self, message: str, remedies: tuple[Remedy, ...] = ()) -> None:
         """Note what is wrong at this place; the same is noted once."""
-        problem = InputProblem(dotted(self._path), message, self._located(self._path))
+        place = self._located(self._path)
+        problem = InputProblem(dotted(self._path), message, place, remedies)
         self._found.setdefault(problem, self._path)
 
     @contextmanager
@@ -47,7 +48,7 @@ class Problems:
         try:
             yield
         except InputError as error:
-            self.at(*steps).add(str(error))
+            self.at(*steps).add(str(error.args[0]), error.remedies)
 
     def __iter__(self) -> Iterator[InputProblem]:
         depth = len(self._path)

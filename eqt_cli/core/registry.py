@@ -22,6 +22,8 @@ from types import ModuleType
 from typing import Any, Generic, TypeVar
 
 from eqt_cli.core.errors import ComponentError, suggestion
+from eqt_cli.core.files import refusals
+from eqt_cli.core.old_paths import find_moved
 
 T = TypeVar("T")
 
@@ -61,6 +63,7 @@ class Registry(Generic[T]):
             for component in self._components(importlib.import_module(info.name)):
                 found[_name(component)] = component
         for point in _entry_points().select(group=self.entry_point_group):
+            find_moved()
             try:
                 component = point.load()
             except Exception as error:
@@ -149,11 +152,8 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
     ComponentError
         If the file cannot be read, fails when executed, or defines no component.
     """
-    try:
+    with refusals(f"plugin {path}", "read", kind=ComponentError):
         text = path.read_text(encoding="utf-8") if source is None else source
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ComponentError(f"plugin {path}: cannot be read: {reason.lower()}") from error
     digest = sha256(text.encode()).hexdigest()
     module = _loaded_plugins.get(digest) or _executed(path, text, digest)
     # Messages quote its lines, also where the text is not that of the file, or there is none.
@@ -174,6 +174,7 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
 
 
 def _executed(path: Path, text: str, digest: str) -> ModuleType:
+    find_moved()
     module = ModuleType(f"{_PLUGIN}{digest[:12]}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # dataclasses look their module up there

@@ -6,10 +6,11 @@ import dataclasses
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from pydantic import Discriminator, TypeAdapter, ValidationError
+from pydantic import BaseModel, Discriminator, TypeAdapter, ValidationError
+from pydantic.fields import FieldInfo
 
 from eqt_cli.core.component import option_of_field
 from eqt_cli.core.errors import suggestion
@@ -17,9 +18,6 @@ from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.core.registry import Registry
 
 T = TypeVar("T")
-
-KnownKeys = Callable[[KeyPath], Mapping[str, str]]
-"""The keys that a mapping at a path may have, for suggestions, with their meanings."""
 
 _UNKNOWN_KEY = "unknown key"
 _MISSING = "missing; this key has no default"
@@ -61,24 +59,33 @@ def _validated(
         # As JSON, since strict validation takes a mapping for a dataclass only from there.
         return _adapter(kind).validate_json(json.dumps(data, default=str)), []
     except ValidationError as error:
-        known = partial(_known_options, kind, common)
-        return None, note_errors(error, data, known, problems)[0]
+        return None, note_errors(error, data, kind, problems, common)[0]
 
 
-def _known_options(kind: Any, common: tuple[str, ...], path: KeyPath) -> dict[str, str]:
-    """The keys at a place within data of a type; their meanings are in docstrings."""
+def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[str, str]:
+    """The keys at a place within data of a type, with the meanings that models give them."""
     for step in path:
-        hints = [get_type_hints(owner) for owner in _dataclasses_in(kind)]
+        hints = [get_type_hints(owner) for owner in _owners(kind)]
         kind = next((hint[str(step)] for hint in hints if str(step) in hint), kind)
-    names = [name for owner in _dataclasses_in(kind) for name in option_names(owner)]
-    return dict.fromkeys([*(() if path else common), *names], "")
+    found = dict.fromkeys(() if path else common, "")
+    for owner in _owners(kind):
+        if issubclass(owner, BaseModel):
+            found |= {name: _meaning(name, field) for name, field in owner.model_fields.items()}
+        else:
+            found |= dict.fromkeys(option_names(owner), "")
+    return found
 
 
-def _dataclasses_in(kind: Any) -> list[type]:
-    """The dataclasses that a value of a type may be, or contain."""
-    if isinstance(kind, type) and dataclasses.is_dataclass(kind):
+def _meaning(name: str, field: FieldInfo) -> str:
+    said = " ".join((field.description or "").split()).removesuffix(".")
+    return said + "".join(f", as {name}: {example}" for example in field.examples or ())
+
+
+def _owners(kind: Any) -> list[type]:
+    """The models and dataclasses that a value of a type may be, or contain."""
+    if isinstance(kind, type) and (dataclasses.is_dataclass(kind) or issubclass(kind, BaseModel)):
         return [kind]
-    return [found for part in get_args(kind) for found in _dataclasses_in(part)]
+    return [found for part in get_args(kind) for found in _owners(part)]
 
 
 def one_of(kind: Callable[[Any], str | None], expected: str) -> Discriminator:
@@ -89,14 +96,17 @@ def one_of(kind: Callable[[Any], str | None], expected: str) -> Discriminator:
 def note_errors(
     error: ValidationError,
     data: Any,
-    known: KnownKeys,
+    kind: Any,
     problems: Problems,
+    common: tuple[str, ...] = (),
     elsewhere: Callable[[KeyPath], str | None] = lambda path: None,
 ) -> tuple[list[KeyPath], list[KeyPath]]:
-    """Note what pydantic found in `data`, at the places that the user wrote.
+    """Note what pydantic found in `data` of a type, at the places that the user wrote.
 
     Parameters
     ----------
+    common
+        Keys that `data` may have beside those of its type.
     elsewhere
         Where a key belongs that is unknown at a path, if that is clear.
 
@@ -111,17 +121,18 @@ def note_errors(
     messages: dict[KeyPath, str] = {}
     expected: dict[KeyPath, list[str]] = {}
     for detail in error.errors(include_url=False):
-        kind, context = detail["type"], detail.get("ctx", {})
-        path = _written(detail["loc"], data, missing=kind == "missing")
-        if kind in ("extra_forbidden", "unexpected_keyword_argument"):
-            unknown[path] = unknown_key(str(path[-1]), known(path[:-1]), elsewhere(path))
-        elif kind == "missing":
-            meaning = known(path[:-1]).get(str(path[-1]))
+        wrong, context = detail["type"], detail.get("ctx", {})
+        path = _written(detail["loc"], data, missing=wrong == "missing")
+        known = known_keys(kind, path[:-1], common)
+        if wrong in ("extra_forbidden", "unexpected_keyword_argument"):
+            unknown[path] = unknown_key(str(path[-1]), known, elsewhere(path))
+        elif wrong == "missing":
+            meaning = known.get(str(path[-1]))
             messages[path] = f"missing; expected: {meaning}" if meaning else _MISSING
-        elif kind == "value_error":
+        elif wrong == "value_error":
             messages[path] = str(context["error"])
         else:
-            words = _EXPECTED[kind].format(**context) if kind in _EXPECTED else detail["msg"]
+            words = _EXPECTED[wrong].format(**context) if wrong in _EXPECTED else detail["msg"]
             expected.setdefault(path, []).append(words)
     noted = [*expected, *messages, *unknown]
     for path, alternatives in expected.items():

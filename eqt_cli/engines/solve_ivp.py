@@ -46,6 +46,7 @@ class SolveIvp(Engine):
     """
 
     name: ClassVar[str] = "solve_ivp"
+    cross_check_rank: ClassVar[int | None] = 1
 
     method: Literal["DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"] = "DOP853"
     rtol: Positive = 1e-9

@@ -62,6 +62,7 @@ class Taylor(Engine):
     name: ClassVar[str] = "taylor"
     estimates_errors: ClassVar[bool] = True
     threads: ClassVar[bool] = True
+    cross_check_rank: ClassVar[int | None] = 2
     part_runs: ClassVar[int] = 500
 
     tol: Positive | None = None

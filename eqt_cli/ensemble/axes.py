@@ -145,11 +145,11 @@ def _sampled_kind(value: Any) -> str | None:
 ListedAxis = Annotated[
     Annotated[Values, Tag("list")] | Annotated[Spaced, Tag("range")],
     one_of(_listed_kind, "a list of values, or {low: …, high: …, points: …}"),
+    Field(description="A list of values, or so many points of a range."),
 ]
-"""A list of values, or so many points of a range."""
 
 SampledAxis = Annotated[
     Annotated[Drawn, Tag("range")] | Annotated[Choices, Tag("choices")],
     one_of(_sampled_kind, "{low: …, high: …} or {values: […]}"),
+    Field(description="A range, or values that are equally likely."),
 ]
-"""A range, or values that are equally likely."""

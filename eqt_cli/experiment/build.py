@@ -10,7 +10,7 @@ from contextlib import suppress
 from copy import deepcopy
 from dataclasses import dataclass
 from hashlib import sha256
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
@@ -24,7 +24,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
 from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.core.registry import Registry
-from eqt_cli.core.validation import as_section, component, note_errors, shown
+from eqt_cli.core.validation import as_section, component, known_keys, note_errors, shown
 from eqt_cli.engines import Engine
 from eqt_cli.ensemble.factor_poses import FactorPoses
 from eqt_cli.ensemble.poses import PoseDistribution, pose_distributions
@@ -140,7 +140,8 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         horizon = sections["time"].duration if sections["time"] else 0.0
         inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
     if group:
-        known = _good_keys(GainsSection, source.data.get("gains"))
+        whole = sections["gains"]
+        known = dict(whole) if whole else _good_keys(GainsSection, source.data.get("gains"))
         gains = gains_from(known, group, problems.at("gains"))
     if initial:
         start = _start(initial, group, desired, source, problems.at("initial"))
@@ -227,7 +228,7 @@ def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
         config = Config.model_validate(data)
         return {name: getattr(config, name) for name in Config.model_fields}
     except ValidationError as error:
-        unknown, wrong = note_errors(error, data, _known_keys, problems, _elsewhere)
+        unknown, wrong = note_errors(error, data, Config, problems, elsewhere=_elsewhere)
     data, broken = deepcopy(data), {path[0] for path in wrong}
     for path in unknown:
         _remove(data, path)  # the rest of its section can still be judged
@@ -259,33 +260,12 @@ def _remove(data: Any, path: KeyPath) -> None:
     del data[path[-1]]
 
 
-def _known_keys(path: KeyPath) -> dict[str, str]:
-    """The keys of the section at a path, with their meanings."""
-    models: list[type[Section]] = [Config]
-    for step in path:
-        annotations = [model.model_fields[str(step)].rebuild_annotation() for model in models]
-        models = [model for annotation in annotations for model in _sections_in(annotation)]
-    return {
-        name: " ".join((field.description or "").split()).removesuffix(".")
-        + "".join(f", as {name}: {example}" for example in field.examples or ())
-        for model in models
-        for name, field in model.model_fields.items()
-    }
-
-
 def _elsewhere(path: KeyPath) -> str | None:
     """The section's key that is written without its section: ``gains.kp`` for ``kp``."""
     if len(path) != 1:
         return None
-    found = (name for name in Config.model_fields if path[0] in _known_keys((name,)))
+    found = (name for name in Config.model_fields if path[0] in known_keys(Config, (name,)))
     return next((f"{name}.{path[0]}" for name in found), None)
-
-
-def _sections_in(annotation: Any) -> list[type[Section]]:
-    """The sections that a value of this type may be."""
-    if isinstance(annotation, type) and issubclass(annotation, Section):
-        return [annotation]
-    return [model for part in get_args(annotation) for model in _sections_in(part)]
 
 
 def _group(name: str | None, problems: Problems) -> MatrixLieGroup | None:

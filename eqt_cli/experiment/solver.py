@@ -8,6 +8,7 @@ from typing import Any
 from eqt_cli.config.schema import DEFAULT_ENGINE, Judgement
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
+from eqt_cli.core.registry import is_foreign
 from eqt_cli.core.validation import option_names, shown, unknown_key, with_options
 from eqt_cli.engines import Engine, engines
 
@@ -52,8 +53,9 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
         return None
     keys = {**section, **asdict(engine), **asdict(judgement), "engine": name}
     given = {key: value for key, value in keys.items() if value is not None}
-    others = (entry for entry in built if entry is not engine and _can_check(entry))
-    return Solver(engine, next(others, None), judgement, {"engine": name} | given)
+    others = [entry for entry in built if entry is not engine and _can_check(entry)]
+    other = min(others, key=_cross_check_order, default=None)
+    return Solver(engine, other, judgement, {"engine": name} | given)
 
 
 def _require_available(name: Any) -> None:
@@ -74,4 +76,9 @@ def _can_check(engine: Engine) -> bool:
     """Whether another engine is there, and can work with the keys that it shares."""
     found = Problems()
     engine.check(found)
-    return engine.unavailable() is None and not found
+    return engine.cross_check_rank is not None and engine.unavailable() is None and not found
+
+
+def _cross_check_order(engine: Engine) -> tuple[bool, int]:
+    """eqt's own engines come before others that are derived from them."""
+    return is_foreign(type(engine).__module__), engine.cross_check_rank or 0

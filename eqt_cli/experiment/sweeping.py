@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
@@ -36,8 +36,8 @@ def unwatched(total: int) -> AbstractContextManager[Callable[[float], None]]:
     return nullcontext(lambda amount: None)
 
 
-def add_grids(source: ConfigSource, grids: Sequence[str]) -> None:
-    """Append ``gains.kd=0.25,0.5,1`` from the command line as blocks of the sweep.
+def add_grids(source: ConfigSource, grids: Mapping[str, str]) -> None:
+    """Append texts such as ``gains.kd=0.25,0.5,1``, by their places, as blocks of the sweep.
 
     Raises
     ------
@@ -45,8 +45,7 @@ def add_grids(source: ConfigSource, grids: Sequence[str]) -> None:
         For what does not parse.
     """
     blocks = list(source.data.get("sweep") or [])
-    for index, grid in enumerate(grids):
-        place = f"--grid[{index}]"
+    for place, grid in grids.items():
         key, equals, text = grid.partition("=")
         if not equals or not key.strip() or not text.strip():
             message = f"expected KEY=VALUE,VALUE,…, got '{grid}'"
@@ -60,7 +59,6 @@ def add_grids(source: ConfigSource, grids: Sequence[str]) -> None:
 def study(
     source: ConfigSource,
     *,
-    sweeping: bool | None = None,
     trust_plugins: bool = False,
     most_checked: int | None = None,
     watch: Watch = unwatched,
@@ -69,8 +67,6 @@ def study(
 
     Parameters
     ----------
-    sweeping
-        Whether there must be a sweep (True), must be none (False), or may be one (None).
     trust_plugins
         Execute plugin sources that are stored in a result file.
     most_checked
@@ -84,17 +80,8 @@ def study(
         With every problem, those of a swept value at the place where it was written.
     """
     section = source.data.get("sweep")
-    if sweeping is True and not section:
-        raise EqtError(
-            f"{source.source.name}: sweeps nothing; add a `sweep` section or --grid KEY=A,B, "
-            f"or use: eqt run {source.path}"
-        )
-    if sweeping is False and section:
-        raise EqtError(
-            f"{source.place(('sweep',))}: the configuration sweeps; use: eqt sweep {source.path}"
-        )
     bare = without_sweep(source)
-    if section is None or (section == [] and not sweeping):
+    if section is None or section == []:
         return Study(bare, None, build(bare, trust_plugins=trust_plugins))
     sweep = _sweep(source, section)
     base = build(at_point(bare, sweep, 0), trust_plugins=trust_plugins)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from eqt_cli.analysis.certificates import Row
-from eqt_cli.plots.drawing.ensembles import error
-from eqt_cli.plots.drawing.good_metrics import GoodMetrics
-from eqt_cli.plots.drawing.good_runs import GoodRuns
-from eqt_cli.plots.drawing.swept import Swept
-from eqt_cli.plots.drawing.verified import Verified
-from eqt_cli.store.reader import Results
+from eqt_cli.core.component import Component
+from eqt_cli.core.problems import Problems
+from eqt_cli.core.registry import Registry
+from eqt_cli.plots.shown import ShownCertificates, ShownMetrics, ShownRuns, ShownSweep
+from eqt_cli.results.result import Result
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
@@ -32,7 +31,7 @@ S = TypeVar("S", bound=Subject)
 
 
 @dataclass(frozen=True)
-class Figure(ABC, Generic[S]):
+class Figure(Component, Generic[S]):
     """A picture of results: a frozen dataclass whose fields are its options.
 
     Attributes
@@ -43,15 +42,11 @@ class Figure(ABC, Generic[S]):
         Labels of the controllers to show; all if empty.
     """
 
-    name: ClassVar[str]
-    # Read by pydantic when options are given: no other keys, no silent conversions.
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
-
     controllers: Sequence[str] = ()
 
     def draw(
         self,
-        results: Sequence[Results],
+        results: Sequence[Result],
         width: Width = "column",
         *,
         style: Style | None = None,
@@ -73,11 +68,15 @@ class Figure(ABC, Generic[S]):
         Raises
         ------
         EqtError
-            If the results lack what the figure shows, or it cannot be drawn in this style.
+            If an option will not do, the results lack what the figure shows, or it cannot be drawn
+            in this style.
         """
         from eqt_cli.plots.drawing.layout import add_remarks, freeze
         from eqt_cli.plots.drawing.style import HOUSE, house_style
 
+        problems = Problems(lambda path: f"figure '{self.name}'")
+        self.check(problems)
+        problems.raise_if_any()
         shown = self.subject(results, certificates)
         with house_style(style or HOUSE):
             drawing = self.compose(shown, width)
@@ -85,8 +84,11 @@ class Figure(ABC, Generic[S]):
             freeze(drawing)
         return drawing
 
+    def check(self, problems: Problems) -> None:
+        """Note what of the options will not do, as far as their types cannot say it."""
+
     @abstractmethod
-    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> S:
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> S:
         """What of the results is shown."""
 
     @abstractmethod
@@ -95,16 +97,34 @@ class Figure(ABC, Generic[S]):
 
 
 @dataclass(frozen=True)
-class OverTime(Figure[GoodRuns]):
+class OverTime(Figure[ShownRuns]):
     """A figure of trajectories, of one result or several."""
 
-    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> GoodRuns:
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownRuns:
         """The runs that did not fail."""
-        return GoodRuns(results, self.name, self.controllers)
+        return ShownRuns(results, self.name, self.controllers)
 
 
 @dataclass(frozen=True)
-class OfMetrics(Figure[GoodMetrics]):
+class OfFirstRuns(OverTime):
+    """A figure of single runs as paths, each with its start and end.
+
+    Attributes
+    ----------
+    runs
+        How many runs of each controller are drawn at most, the first ones.
+    """
+
+    runs: int = 20
+
+    def check(self, problems: Problems) -> None:
+        """At least one run is drawn."""
+        if self.runs < 1:
+            problems.at("runs").add(f"expected 1 or more, got {self.runs}")
+
+
+@dataclass(frozen=True)
+class OfMetrics(Figure[ShownMetrics]):
     """A figure of metrics of single runs, of one result or several; it needs no trajectories.
 
     Attributes
@@ -115,28 +135,32 @@ class OfMetrics(Figure[GoodMetrics]):
 
     metrics: Sequence[str] = ()
 
-    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> GoodMetrics:
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownMetrics:
         """The runs that did not fail, and what was measured of each."""
-        return GoodMetrics(results, self.name, self.controllers, self.metrics)
+        return ShownMetrics(results, self.name, self.controllers, self.metrics)
 
 
 @dataclass(frozen=True)
-class OfSweep(Figure[Swept]):
+class OfSweep(Figure[ShownSweep]):
     """A figure of the metrics of one sweep."""
 
-    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> Swept:
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownSweep:
         """The points and what was measured at each."""
         if len(results) > 1:
-            raise error(results[1], self.name, "shows one sweep at a time")
-        return Swept(results[0], self.name, self.controllers)
+            raise results[1].error(f"figure '{self.name}' shows one sweep at a time")
+        return ShownSweep(results[0], self.name, self.controllers)
 
 
 @dataclass(frozen=True)
-class OfCertificates(Figure[Verified]):
+class OfCertificates(Figure[ShownCertificates]):
     """A figure of what the verification of one result found."""
 
-    def subject(self, results: Sequence[Results], certificates: Sequence[Row]) -> Verified:
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownCertificates:
         """The certificates that have a number and a bound."""
         if len(results) > 1:
-            raise error(results[1], self.name, "shows one result at a time")
-        return Verified(results[0], certificates, self.name, self.controllers)
+            raise results[1].error(f"figure '{self.name}' shows one result at a time")
+        return ShownCertificates(results[0], certificates, self.name, self.controllers)
+
+
+# Beside the base class, so that a plugin that imports one is known to the other.
+figures = Registry("figure", "eqt_cli.plots.figures", Figure, "eqt.plots")

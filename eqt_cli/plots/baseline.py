@@ -12,7 +12,8 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.numbers import Curve
+from eqt_cli.core.files import refusals
+from eqt_cli.plots.curve_data import Curve
 
 TOLERANCE = 1e-6
 """How far a curve may lie from its baseline, over the largest value of the baseline's curve.
@@ -63,12 +64,10 @@ def read(path: Path) -> list[Curve]:
     EqtError
         If the file cannot be read or holds anything else.
     """
+    with refusals(path, "read", _ANEW):
+        content = path.read_bytes()
     try:
-        records = json.loads(path.read_text(encoding="utf-8"))
-        return [_curve(record) for record in records]
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise EqtError(f"{path}: cannot be read: {reason}; {_ANEW}") from error
+        return [_curve(record) for record in json.loads(content)]
     except (ValueError, TypeError, KeyError) as error:
         raise EqtError(f"{path}: does not hold the numbers of a figure; {_ANEW}") from error
 
@@ -96,28 +95,22 @@ def _differences(new: Curve, old: Curve) -> Iterator[str]:
             f"{len(old.x)} over {_span(old.x)}"
         )
         return
-    tolerance = TOLERANCE * _scale(old.x)
-    error = _error(new.x, old.x)
-    wrong = np.flatnonzero(error > tolerance)
-    if len(wrong):
-        worst = int(np.argmax(error))
-        yield (
-            f"{_named(new)}: {len(wrong)} of {len(error)} samples lie elsewhere across; most "
-            f"number {worst + 1}: got {_place(new, worst)}, expected {_place(old, worst)} within "
-            f"{tolerance:.1e}"
-        )
-        return
-    tolerance = TOLERANCE * _scale(old.y)
-    error = _error(new.y, old.y)
-    wrong = np.flatnonzero(error > tolerance)
-    if len(wrong):
-        worst = int(np.argmax(error))
-        first, last, most = (_place(old, index) for index in (wrong[0], wrong[-1], worst))
-        yield (
-            f"{_named(new)}: {len(wrong)} of {len(error)} samples differ, from {first} to {last}; "
-            f"most at {most}: got {new.y[worst]:.{DIGITS}g}, expected {old.y[worst]:.{DIGITS}g} "
-            f"within {tolerance:.1e}"
-        )
+    for found, kept in ((new.x, old.x), (new.y, old.y)):
+        error, tolerance = _error(found, kept), TOLERANCE * _scale(kept)
+        wrong = np.flatnonzero(error > tolerance)
+        if len(wrong):
+            worst = int(np.argmax(error))
+            first, last, most = (_place(old, index) for index in (wrong[0], wrong[-1], worst))
+            how = (
+                f"lie elsewhere across; most number {worst + 1}: got {_place(new, worst)}, "
+                f"expected {most}"
+                if kept is old.x
+                else f"differ, from {first} to {last}; most at {most}: got "
+                f"{found[worst]:.{DIGITS}g}, expected {kept[worst]:.{DIGITS}g}"
+            )
+            samples = f"{len(wrong)} of {len(error)} samples"
+            yield f"{_named(new)}: {samples} {how} within {tolerance:.1e}"
+            return
 
 
 def _named(curve: Curve) -> str:
@@ -144,10 +137,13 @@ def _scale(values: Array) -> float:
 
 
 def _error(new: Array, old: Array) -> Array:
-    """Difference at every sample; infinite where one of the two has no number."""
-    error = np.abs(new - old)
-    gaps = np.isnan(new), np.isnan(old)
-    return np.where(gaps[0] & gaps[1], 0.0, np.where(gaps[0] | gaps[1], np.inf, error))
+    """Difference at every sample; infinite where one of the two has no number.
+
+    Files have numbers only, so what is infinite in a figure is none here.
+    """
+    seen = np.isfinite(new), np.isfinite(old)
+    error = np.abs(np.subtract(new, old, out=np.zeros(new.shape), where=seen[0] & seen[1]))
+    return np.where(seen[0] == seen[1], error, np.inf)
 
 
 def _largest(new: Curve, old: Curve) -> float:

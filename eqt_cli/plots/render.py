@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import summary
+from eqt_cli.core.validation import option_names, with_options
 from eqt_cli.plots import baseline
 from eqt_cli.plots.base import Figure, OfCertificates
 from eqt_cli.plots.baseline import Check
-from eqt_cli.plots.drawing.ensembles import names
-from eqt_cli.plots.drawing.numbers import curves
+from eqt_cli.plots.curve_data import curves
 from eqt_cli.plots.drawing.style import HOUSE, WIDTHS, Style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.save import Format, encode, write
-from eqt_cli.store.reader import Results
+from eqt_cli.plots.shown import names
+from eqt_cli.results.result import Result
 
 Choice = TypeVar("Choice", bound=str)
 
@@ -29,7 +29,7 @@ NUMBERS: Literal["json"] = "json"
 
 
 def render(
-    results: Sequence[Results],
+    results: Sequence[Result],
     figure_name: str,
     folder: Path,
     formats: Sequence[str] = FORMATS,
@@ -71,7 +71,7 @@ def render(
     """
     figure = figure_from(figure_name, options or {})
     wanted = [_one_of("format", given, (*FORMATS, NUMBERS)) for given in formats]
-    style.prepare(tuple(wanted))
+    style.prepare([format for format in wanted if format != NUMBERS])
     drawing = figure.draw(
         results, _one_of("width", width, list(WIDTHS)), style=style, certificates=certificates
     )
@@ -89,7 +89,7 @@ def render(
 
 
 def check(
-    results: Sequence[Results],
+    results: Sequence[Result],
     figure_name: str,
     folder: Path,
     options: Mapping[str, Any] | None = None,
@@ -120,7 +120,7 @@ def options_of(name: str) -> list[str]:
     ComponentError
         If there is no such figure.
     """
-    return [field.name for field in fields(figures.get(name)) if field.init]
+    return option_names(figures.get(name))
 
 
 def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
@@ -131,25 +131,11 @@ def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
     EqtError
         If there is no such figure or option, or an option cannot have its value.
     """
-    from pydantic import TypeAdapter, ValidationError  # slow to import, and often not needed
-
-    component = figures.get(name)
-    known = options_of(name)
-    for option in options:
-        if option not in known:
-            hint = suggestion(option, known) or f"; it has: {', '.join(known)}"
-            raise EqtError(f"figure '{name}' has no option '{option}'{hint}")
-    try:
-        # As JSON, since strict validation takes a mapping for a dataclass only from there.
-        return TypeAdapter(component).validate_json(json.dumps(dict(options)))
-    except ValidationError as error:
-        detail = error.errors(include_url=False)[0]
-        wrong = str(detail["loc"][0])
-        expected = detail["msg"].removeprefix("Input should be ")
-        expected = "true or false" if detail["type"].startswith("bool") else expected
-        raise EqtError(
-            f"figure '{name}', option '{wrong}': got {options[wrong]!r}; expected {expected}"
-        ) from error
+    problems = Problems(lambda path: f"figure '{name}'")
+    figure = with_options(figures.get(name), options, problems)
+    problems.raise_if_any()
+    assert figure is not None  # since there are no problems
+    return figure
 
 
 def _one_of(what: str, given: str, known: Sequence[Choice]) -> Choice:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -15,7 +15,8 @@ from typing import Any, Literal
 from matplotlib.backends.backend_pdf import PdfFile
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
+from eqt_cli.core.files import refusals, replace_file
 from eqt_cli.core.marks import is_eqts
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.drawing.style import HOUSE, Style, house_style
@@ -48,22 +49,20 @@ def check_targets(paths: Iterable[Path]) -> None:
         If one of them is a folder or a file that eqt did not write, or its folder is none.
     """
     for path in paths:
-        try:
+        with refusals(path, "written", OTHER_FOLDER):
             if path.is_dir():
                 example = path / "report.html"
                 raise EqtError(f"{path}: is a folder; expected a file, such as {example}")
             if path.exists() and not is_eqts(path):
                 raise EqtError(
-                    f"{path}: exists, and is no figure or page that eqt wrote; choose another "
-                    "place with --out"
+                    f"{path}: exists, and is no figure or page that eqt wrote",
+                    Remedy("choose another place with {}", "out"),
                 )
             folder = next(parent for parent in path.absolute().parents if parent.exists())
-        except OSError as error:
-            raise _refused(path, (error.strerror or str(error)).lower()) from error
-        if not folder.is_dir():
-            raise _refused(path, "not a directory")
-        if not os.access(folder, os.W_OK | os.X_OK):
-            raise _refused(path, "permission denied")
+            if not folder.is_dir():
+                raise NotADirectoryError("not a directory")
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise PermissionError("permission denied")
 
 
 def write(contents: Mapping[Path, bytes]) -> None:
@@ -76,20 +75,9 @@ def write(contents: Mapping[Path, bytes]) -> None:
     """
     check_targets(contents)
     for path, content in contents.items():
-        temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-        try:
+        with refusals(path, "written", OTHER_FOLDER):
             path.parent.mkdir(parents=True, exist_ok=True)
-            temporary.write_bytes(content)
-            temporary.replace(path)
-        except OSError as error:
-            raise _refused(path, (error.strerror or str(error)).lower()) from error
-        finally:
-            with suppress(OSError):
-                temporary.unlink(missing_ok=True)
-
-
-def _refused(path: Path, reason: str) -> EqtError:
-    return EqtError(f"{path}: cannot be written: {reason}; choose another folder with --out")
+            replace_file(path, content)
 
 
 @contextmanager

@@ -14,14 +14,14 @@ from eqt_cli.plots.animation.motion import Course, Motion, motion
 from eqt_cli.plots.animation.scene import AZIMUTH, ELEVATION, FACES, corners
 from eqt_cli.report.curves import looks
 from eqt_cli.report.document import TEMPLATES, environment
-from eqt_cli.report.runs import column
+from eqt_cli.report.runs import columns
 from eqt_cli.results.result import Result
 
 SAMPLES = 401
 """Samples of the run that the page holds, at most; it interpolates between them."""
 
 
-def animation(results: Result, run: int, controllers: Sequence[str] = ()) -> str:
+def animation(result: Result, run: int, controllers: Sequence[str] = ()) -> str:
     """The page; it needs no network and no other file.
 
     Parameters
@@ -34,28 +34,28 @@ def animation(results: Result, run: int, controllers: Sequence[str] = ()) -> str
     EqtError
         If the run cannot be shown; see `motion`.
     """
-    shown = motion(results, run, controllers)
+    shown = motion(result, run, controllers)
     css, js = ("report.css", "animation.css"), "animation.js"
     return (
         environment()
         .get_template("animation.html.j2")
         .render(
             version=__version__,
-            title=results.title,
-            group=results.group_name,
+            title=result.title,
+            group=result.group_name,
             labels=[ensemble.title for ensemble in shown.ensembles],
             run=run,
             samples=len(shown.times),
-            data=_document(shown, results),
+            data=_document(shown, result),
             css=Markup("".join((TEMPLATES / name).read_text(encoding="utf-8") for name in css)),
             js=Markup((TEMPLATES / js).read_text(encoding="utf-8")),
         )
     )
 
 
-def _document(shown: Motion, results: Result) -> dict[str, Any]:
+def _document(shown: Motion, result: Result) -> dict[str, Any]:
     kept = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
-    styles = looks(results)
+    styles, heads = looks(result), columns(result, list(shown.norms))
     return {
         "run": shown.run,
         "times": _rounded(shown.times[kept]),
@@ -73,14 +73,8 @@ def _document(shown: Motion, results: Result) -> dict[str, Any]:
         "corners": corners().tolist(),
         "faces": [list(face) for face in FACES],
         "panels": [
-            {
-                **column(results, name),
-                "curves": [_rounded(curve[kept]) for curve in values],
-            }
-            for name, values in (
-                (shown.error_name, shown.error),
-                (shown.torque_name, shown.torque),
-            )
+            {**head, "curves": [_rounded(curve[kept]) for curve in values]}
+            for head, values in zip(heads, shown.norms.values(), strict=True)
         ],
     }
 

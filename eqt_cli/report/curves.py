@@ -9,7 +9,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.style import house_style, line_style
-from eqt_cli.report.runs import column
+from eqt_cli.report.runs import columns
 from eqt_cli.results.result import Result
 
 SAMPLES = 101
@@ -59,14 +59,16 @@ def curves(result: Result) -> Document | None:
         "controllers": looks(result),
         "power": POWER,
         "levels": LEVELS,
-        "panels": [_panel(result, name, result.read(name, **chosen)) for name in names],
+        "panels": [
+            _panel(head, result.read(head["metric"], **chosen)) for head in columns(result, names)
+        ],
     }
 
 
-def _panel(result: Result, name: str, values: Array) -> Document:
+def _panel(head: Document, values: Array) -> Document:
     codes, largest = quantised(values)
     return {
-        **column(result, name),
+        **head,
         "largest": largest,
         "codes": b64encode(codes.astype("<u2").tobytes()).decode("ascii"),
     }

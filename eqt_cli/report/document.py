@@ -7,21 +7,23 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
-from eqt_cli.analysis.certificate_sheet import certificate_sheet
+from eqt_cli.analysis.certificate_table import certificate_table
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.notation import Plain
-from eqt_cli.analysis.comparison.tables import Sheet, sheets
+from eqt_cli.analysis.comparison.tables import text_tables
+from eqt_cli.analysis.text_tables import TextTable
 from eqt_cli.core.version import __version__
 from eqt_cli.report.curves import curves
-from eqt_cli.report.facts import facts
+from eqt_cli.report.facts import accuracy, lead, provenance
 from eqt_cli.report.figures import DEFAULT, SWEPT, Wanted, inline_figures
 from eqt_cli.report.points import best_points, point_table
-from eqt_cli.report.runs import run_table
-from eqt_cli.results.result import Result
+from eqt_cli.report.runs import columns, run_table
+from eqt_cli.results.result import HEADLINE, Result
 
 _NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
 """A number, perhaps with a percent sign, a spread or an interval."""
@@ -32,7 +34,7 @@ TEMPLATES = Path(__file__).with_name("templates")
 
 
 def report(
-    results: Result,
+    result: Result,
     wanted: Sequence[Wanted] | None = None,
     certificates: Sequence[Row] = (),
     unverified: str = "",
@@ -43,7 +45,7 @@ def report(
 
     Parameters
     ----------
-    results
+    result
         Open.
     wanted
         The figures, by default those of its kind; what cannot be drawn of this result is left out,
@@ -53,43 +55,51 @@ def report(
     unverified
         Why there are no certificates, if there are none.
     """
-    sweeps = results.is_sweep
-    default = SWEPT if sweeps else DEFAULT
-    drawn, remarks = inline_figures(results, default if wanted is None else wanted, certificates)
+    default = SWEPT if result.is_sweep else DEFAULT
+    drawn, remarks = inline_figures(result, default if wanted is None else wanted, certificates)
     return (
         environment()
         .get_template("report.html.j2")
         .render(
             version=__version__,
-            facts=facts(results),
+            result=result,
+            failed=len(result.failures),
+            lead=lead(result),
+            accuracy=list(accuracy(result)),
+            provenance=provenance(result),
+            config=str(result.attributes.get("config", "")).rstrip(),
             figures=[{"key": f.key, "svg": Markup(f.svg), "caption": f.caption} for f in drawn],
             remarks=remarks,
-            certificates=_table(certificate_sheet(certificates)),
+            certificates=_table(certificate_table(certificates)),
             unverified=unverified,
             css=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),
             js=Markup((TEMPLATES / "report.js").read_text(encoding="utf-8")),
-            **(_of_sweep(results) if sweeps else _of_experiment(results)),
+            **(_of_sweep(result) if result.is_sweep else _of_experiment(result)),
         )
     )
 
 
-def _of_experiment(results: Result) -> dict[str, Any]:
-    comparison = compare(results)
-    made = sheets(comparison, Plain())
+def _of_experiment(result: Result) -> dict[str, Any]:
+    comparison = compare(result)
+    made = text_tables(comparison, Plain())
     return {
         "best": None,
+        "headline": result.headline(),
+        "means": columns(result, [name for name, of in HEADLINE.items() if of is np.mean]),
         "claims": _table(made.get("claims")),
         "levels": _table(made.get("controllers")),
         "pairs": _table(made.get("pairs")),
         "missing": comparison.missing,
-        "picker": curves(results),
-        "table": run_table(results),
+        "picker": curves(result),
+        "table": run_table(result),
     }
 
 
-def _of_sweep(results: Result) -> dict[str, Any]:
-    absent = dict.fromkeys(("claims", "levels", "pairs", "missing", "picker"))
-    return {**absent, "best": _table(best_points(results)), "table": point_table(results)}
+def _of_sweep(result: Result) -> dict[str, Any]:
+    """As of an experiment; a mean over all points means little."""
+    absent = ("headline", "means", "claims", "levels", "pairs", "missing", "picker")
+    made = {"best": _table(best_points(result)), "table": point_table(result)}
+    return dict.fromkeys(absent) | made
 
 
 def environment() -> Environment:
@@ -115,20 +125,20 @@ def _typeset(text: str) -> Markup:
     return Markup(_NORM.sub(lambda norm: norm[0].replace(" ", "\u00a0"), escaped))
 
 
-def _table(sheet: Sheet | None) -> dict[str, Any] | None:
-    """A sheet for the page: minus signs as such, and which columns are numbers."""
-    if sheet is None:
+def _table(table: TextTable | None) -> dict[str, Any] | None:
+    """A table for the page: minus signs as such, and which columns are numbers."""
+    if table is None:
         return None
-    columns = list(zip(*(row for part in sheet.sections for row in part.rows), strict=True))
+    cells = list(zip(*(row for block in table.blocks for row in block.rows), strict=True))
     return {
-        "caption": sheet.caption,
-        "header": sheet.header,
-        "numeric": [all(_is_numeric(cell) for cell in column) for column in columns],
-        "sections": [
-            {"title": part.title, "rows": [[_minus(cell) for cell in row] for row in part.rows]}
-            for part in sheet.sections
+        "caption": table.caption,
+        "header": table.header,
+        "numeric": [all(_is_numeric(cell) for cell in column) for column in cells],
+        "blocks": [
+            {"title": block.title, "rows": [[_minus(cell) for cell in row] for row in block.rows]}
+            for block in table.blocks
         ],
-        "notes": sheet.notes,
+        "notes": table.notes,
     }
 
 

@@ -127,7 +127,7 @@ SWEPT = (
 
 
 def inline_figures(
-    results: Result, wanted: Sequence[Wanted], certificates: Sequence[Row] = ()
+    result: Result, wanted: Sequence[Wanted], certificates: Sequence[Row] = ()
 ) -> tuple[list[Drawn], list[str]]:
     """The figures that can be drawn of a result, and remarks on the others."""
     drawn, remarks = [], []
@@ -135,9 +135,9 @@ def inline_figures(
         if figure.name not in figures.names() or _is_idle(figure, certificates):
             continue
         try:
-            drawn.append(_draw(results, figure, f"figure{number}", certificates))
+            drawn.append(_draw(result, figure, f"figure{number}", certificates))
         except EqtError as error:
-            remarks.append(str(error).removeprefix(f"{results.path}: "))
+            remarks.append(str(error).removeprefix(f"{result.path}: "))
     return drawn, remarks
 
 
@@ -160,15 +160,15 @@ def named(names: Sequence[str]) -> list[Wanted]:
     return [known.get(name, Wanted(name)) for name in names]
 
 
-def _draw(results: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> Drawn:
+def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> Drawn:
     figure = figure_from(wanted.name, wanted.options)
-    text = encode(figure.draw([results], "page", certificates=certificates), "svg")
+    text = encode(figure.draw([result], "page", certificates=certificates), "svg")
     caption = wanted.caption or summary(type(figure))
     svg = inlined(text, key, caption)
     if len(svg) > LARGEST:
         raise EqtError(
             f"figure '{wanted.name}' has too many curves for a page; "
-            f"`eqt plot {results.path.parent} --figure {wanted.name}` draws it"
+            f"`eqt plot {result.path.parent} --figure {wanted.name}` draws it"
         )
     return Drawn(key, svg, caption)
 

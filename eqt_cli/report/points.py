@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.tables import Section, Sheet
+from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
-from eqt_cli.report.runs import COLUMNS, MOST_ROWS, Document, column, plain, unit_of
+from eqt_cli.report.runs import COLUMNS, MOST_ROWS, Document, columns, plain, unit_of
 from eqt_cli.results.result import Result, mean_over_runs
 
 BEST = ("mean_pose_error", "early_torque", "effort", "peak_torque")
@@ -27,8 +27,8 @@ def point_table(result: Result) -> Document:
     order = sorted(order, key=lambda row: failed[row[1], row[0]] == 0)[:MOST_ROWS]
     return {
         "item": "point",
-        "columns": [{"name": key.key, "unit": "", "given": True} for key in keys]
-        + [column(result, name) for name in names],
+        "columns": [{"metric": "", "name": key.key, "unit": "", "given": True} for key in keys]
+        + columns(result, names),
         "controllers": result.labels,
         "rows": [
             [
@@ -45,9 +45,9 @@ def point_table(result: Result) -> Document:
     }
 
 
-def best_points(result: Result) -> Sheet:
+def best_points(result: Result) -> TextTable:
     """For each controller, the point where the mean over runs of a metric is least."""
-    sections = []
+    blocks = []
     for name in (name for name in BEST if result.has(name)):
         means = mean_over_runs(result.metric(name))
         rows = [
@@ -57,12 +57,12 @@ def best_points(result: Result) -> Sheet:
         ]
         unit = unit_of(result, name).replace("^2", "²")
         title = result.quantity(name).described + (f", {unit}" if unit else "")
-        sections.append(Section(title, rows))
-    return Sheet(
+        blocks.append(Block(title, rows))
+    return TextTable(
         "best",
         "Points where the mean over runs is least, of those that were computed",
         ["controller", "point", *(key.key for key in result.swept_keys), "mean"],
-        sections,
+        blocks,
     )
 
 

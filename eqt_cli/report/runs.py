@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -47,7 +48,7 @@ def run_table(result: Result) -> Document:
     messages = result.messages(failed) if len(failed) and result.has("message") else []
     return {
         "item": "run",
-        "columns": [column(result, name) for name in names],
+        "columns": columns(result, names),
         "controllers": result.labels,
         "rows": [
             [int(c), int(r), meaning_of(int(status[c, r])), *(plain(of[c, r]) for of in values)]
@@ -58,9 +59,12 @@ def run_table(result: Result) -> Document:
     }
 
 
-def column(result: Result, name: str) -> Document:
-    """The head of a column of numbers: what they are, and their unit, unless they are pure."""
-    return {"name": result.quantity(name).described, "unit": unit_of(result, name)}
+def columns(result: Result, names: Sequence[str]) -> list[Document]:
+    """Heads of columns: which number of a result, what it is, its unit if it is no pure number."""
+    return [
+        {"metric": name, "name": result.quantity(name).described, "unit": unit_of(result, name)}
+        for name in names
+    ]
 
 
 def unit_of(result: Result, name: str) -> str:

@@ -5,8 +5,6 @@ This is the only file that a new one takes. It knows neither files nor controlle
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from eqt_cli.core.arrays import Array
@@ -41,7 +39,7 @@ def effort(times: Array, torque_norm: Array) -> Array:
 
 
 def peak(times: Array, values: Array) -> Array:
-    """The largest value at a sample."""
+    """The largest value at a sample; a larger one between two samples is missed."""
     largest: Array = values.max(axis=-1)
     return largest
 
@@ -76,8 +74,7 @@ def settling_time(times: Array, error: Array, threshold: float) -> Array:
     e0 = np.take_along_axis(error, last[..., None], axis=-1)[..., 0]
     e1 = np.take_along_axis(error, after[..., None], axis=-1)[..., 0]
     with np.errstate(divide="ignore", invalid="ignore"):
-        fraction = (e0 - threshold) / (e0 - e1)
-    crossing = times[last] + fraction * (times[after] - times[last])
+        crossing = times[last] + (e0 - threshold) / (e0 - e1) * (times[after] - times[last])
     settled = np.where(above.any(axis=-1), crossing, 0.0)
     settled[above[..., -1] | ~np.isfinite(error).all(axis=-1)] = np.nan
     return settled
@@ -119,22 +116,17 @@ def energy_residual(times: Array, lyapunov: Array, balance: Array) -> Array:
 
 # The table ---------------------------------------------------------------------------------------
 
-_MEAN_TORQUE = Quantity(
-    "mean_torque",
-    "mean ||tau|| over the horizon",
-    units="{}",
-    signals=("torque_norm",),
-    label="mean {}",
-    better="lower",
-    stored=False,
-    of=time_mean,
-    windowed=True,
-    compared=(EARLY, WHOLE),
-    parted=True,
-)
-
 METRICS = (
-    _MEAN_TORQUE,
+    Quantity(
+        "mean_torque",
+        "mean ||tau|| over the horizon",
+        signals=("torque_norm",),
+        label="mean {}",
+        better="lower",
+        stored=False,
+        of=time_mean,
+        compared=(EARLY, WHOLE),
+    ),
     Quantity(
         "effort",
         "control effort, integral of ||tau||^2",
@@ -144,32 +136,25 @@ METRICS = (
         formula=r"\int {}^2\,\mathrm{d}t",
         better="lower",
         of=effort,
-        windowed=True,
         compared=(WHOLE,),
-        parted=True,
     ),
     Quantity(
         "peak_torque",
         "largest ||tau|| at the samples",
-        units="{}",
         signals=("torque_norm",),
         label="largest {}",
         better="lower",
         of=peak,
-        windowed=True,
         compared=(WHOLE,),
-        parted=True,
     ),
-    replace(
-        _MEAN_TORQUE,
-        name="early_torque",
-        long_name="mean ||tau|| over the first 5 s",
+    Quantity(
+        "early_torque",
+        "mean ||tau|| over the first 5 s",
+        signals=("torque_norm",),
         label="mean {}, first 5 s",
-        stored=True,
+        better="lower",
+        of=time_mean,
         window=EARLY,
-        windowed=False,
-        compared=(),
-        parted=False,
     ),
     Quantity(
         "actuator_work",
@@ -181,20 +166,16 @@ METRICS = (
         better="lower",
         stored=False,
         of=actuator_work,
-        windowed=True,
         compared=(WHOLE,),
     ),
     Quantity(
         "mean_pose_error",
         "mean ||I - Q_E||_F over the horizon",
-        units="{}",
         signals=("pose_error",),
         label="mean {}",
         better="lower",
         of=time_mean,
-        windowed=True,
         compared=(WHOLE,),
-        parted=True,
     ),
     Quantity(
         "squared_pose_error",
@@ -206,44 +187,33 @@ METRICS = (
         better="lower",
         stored=False,
         of=integral_of_square,
-        windowed=True,
         compared=(WHOLE,),
-        parted=True,
     ),
     Quantity(
         "final_pose_error",
         "||I - Q_E||_F at the end",
-        units="{}",
         signals=("pose_error",),
         label="final {}",
         better="lower",
         of=final,
-        windowed=True,
-        parted=True,
     ),
     Quantity(
         "mean_velocity_error",
         "mean ||V - Vd|| over the horizon",
-        units="{}",
         signals=("velocity_error",),
         label="mean {}",
         better="lower",
         stored=False,
         of=time_mean,
-        windowed=True,
         compared=(WHOLE,),
-        parted=True,
     ),
     Quantity(
         "final_velocity_error",
         "||V - Vd|| at the end",
-        units="{}",
         signals=("velocity_error",),
         label="final {}",
         better="lower",
         of=final,
-        windowed=True,
-        parted=True,
     ),
     Quantity(
         "settling_time",
@@ -262,23 +232,22 @@ METRICS = (
         "half the slope of -log L",
         units="1/s",
         signals=("lyapunov",),
-        symbol=r"\sqrt{\mathcal{L}}",
+        own_symbol=r"\sqrt{\mathcal{L}}",
         label="decay rate of {}",
         better="higher",
         stored=False,
         of=decay_rate,
-        windowed=True,
         compared=(WHOLE,),
     ),
     Quantity(
         "lyapunov_rise",
         "largest rise of L above an earlier value, relative to L(0)",
+        units="1",
         signals=("lyapunov",),
         label="largest rise of {}, relative to {}(0)",
         better="lower",
         stored=False,
         of=largest_rise,
-        windowed=True,
     ),
 )
 """What controllers are compared by, in the order of tables; those `stored` are in result files."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eqt_cli.closed_loop.signals import SIGNALS
+from eqt_cli.closed_loop.signals import SIGNALS, signal_of
 from eqt_cli.engines import Status
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.groups import MatrixLieGroup
@@ -27,11 +27,9 @@ _OVER_TIME = tuple(
         signal.name,
         signal.long_name,
         Per.TRAJECTORY,
-        units="{}",
         signals=(signal.name,),
         label="{}",
         dims=("time", *signal.dims),
-        parted=signal.of_part is not None,
     )
     for signal in SIGNALS
 )
@@ -41,9 +39,8 @@ _DESIRED = tuple(
         name,
         name.replace("_", " ") + ", from a solve of its own",
         Per.DESIRED,
-        units="{}",
         signals=(like,),
-        symbol=_SIGNALS[like].symbol + "_d",
+        own_symbol=_SIGNALS[like].symbol + "_d",
         label="{}",
         dims=("time", *_SIGNALS[like].dims),
     )
@@ -55,7 +52,6 @@ _INITIAL = (
         "initial_pose",
         "pose at the start, same for all controllers",
         Per.INITIAL,
-        units="{}",
         signals=("pose",),
         dims=("row", "col"),
     ),
@@ -63,18 +59,22 @@ _INITIAL = (
         "initial_velocity",
         "body velocity at the start",
         Per.INITIAL,
-        units="{}",
         signals=("velocity",),
         dims=("axis",),
     ),
 )
 
 _OF_THE_RUN = (
-    Quantity("steps", "work of the solver, as its engine counts it", dtype=np.dtype("i8")),
-    Quantity("group_drift", "largest distance from the group", label="drift from the group"),
+    Quantity(
+        "steps", "work of the solver, as its engine counts it", units="1", dtype=np.dtype("i8")
+    ),
+    Quantity(
+        "group_drift", "largest distance from the group", units="1", label="drift from the group"
+    ),
     Quantity(
         "energy_residual",
         "largest |L + W - L(0)| / max(L(0), 1 J)",
+        units="1",
         signals=("lyapunov", "energy_balance"),
         label="energy residual",
         of=energy_residual,
@@ -82,7 +82,6 @@ _OF_THE_RUN = (
     Quantity(
         "unstable_distance",
         "smallest ||Q_E - Qc||_F, Qc critical points other than I",
-        units="{}",
         signals=("pose",),
     ),
     Quantity(
@@ -97,29 +96,26 @@ _OF_THE_RUN = (
         units="mixed",
         label="residual of the reference",
     ),
-    Quantity("status", "end of the run", dtype=np.dtype("i4"), notes={"meanings": STATUS_MEANINGS}),
+    Quantity(
+        "status",
+        "end of the run",
+        units="1",
+        dtype=np.dtype("i4"),
+        notes={"meanings": STATUS_MEANINGS},
+    ),
     Quantity("message", "why the run failed", units="", dtype=None),
 )
 """How good the numbers are, and how the run ended; what has no formula is told by the run."""
 
 
-def _with_symbol(quantity: Quantity) -> Quantity:
-    if quantity.symbol or not quantity.signals:
-        return quantity
-    return replace(quantity, symbol=_SIGNALS[quantity.signals[0]].symbol)
-
-
 QUANTITIES = {
-    quantity.name: _with_symbol(quantity)
+    quantity.name: quantity
     for quantity in (*_OVER_TIME, *_DESIRED, *_INITIAL, *METRICS, *_OF_THE_RUN)
 }
 """All of them by name, those that are stored in the order of a result file."""
 
 MEASURED = tuple(q for q in QUANTITIES.values() if q.per is Per.RUN and q.of and q.stored)
 """What is computed from the signals of a run and stored."""
-
-COMPARED = tuple(QUANTITIES[metric.name] for metric in METRICS)
-"""What controllers are compared by, in the order of tables."""
 
 
 def quantities(experiment: Experiment) -> list[Quantity]:
@@ -151,12 +147,12 @@ def quantity_of(name: str, long_name: str = "") -> Quantity:
     A norm's part has the row of the norm, with its own name. What this version does not know is
     a number per run without a formula.
     """
+    signal = signal_of(name)
     if name in QUANTITIES:
         return QUANTITIES[name]
-    for quantity in _OVER_TIME:
-        if quantity.parted and name.startswith(f"{quantity.name}_"):
-            return QUANTITIES[quantity.name].part(name.removeprefix(f"{quantity.name}_"))
-    return Quantity(name, long_name or name)
+    if signal is not None and signal.of_part is not None:
+        return QUANTITIES[signal.name].part(name.removeprefix(f"{signal.name}_"))
+    return Quantity(name, long_name or name, units="")
 
 
 def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from eqt_cli.closed_loop.signals import signal_of
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.windows import WHOLE, Window
 from eqt_cli.store.variables import Attribute
@@ -64,8 +65,8 @@ class Quantity:
         of a result, the unit itself. Nothing for text.
     signals
         The signals that it is computed from; it takes unit, symbol and parts of the first.
-    symbol
-        In LaTeX; that of the first signal if not given.
+    own_symbol
+        In LaTeX, where it is not that of the first signal.
     label
         Its short name, with ``{}`` for the symbol: ``mean {}``; the long name if empty.
     formula
@@ -82,11 +83,9 @@ class Quantity:
     settings
         Keys of the configuration that `of` takes, by the names of arguments and of attributes.
     window
-        Over which it is taken; what is `windowed` can be taken over any other as well.
+        Over which it is taken; where that is the whole run, it can be taken over any other as well.
     compared
         The windows over which controllers are compared by it unless a user chooses.
-    parted
-        Its first signal is a norm, which may have parts, such as rotation and translation.
     censored
         NaN in a run that is good says: later than the end of the run.
     notes
@@ -96,9 +95,9 @@ class Quantity:
     name: str
     long_name: str
     per: Per = Per.RUN
-    units: str = "1"
+    units: str = "{}"
     signals: tuple[str, ...] = ()
-    symbol: str = ""
+    own_symbol: str = ""
     label: str = ""
     formula: str = ""
     better: Better = "neither"
@@ -108,11 +107,28 @@ class Quantity:
     of: Callable[..., Array] | None = None
     settings: Mapping[str, str] = field(default_factory=dict)
     window: Window = WHOLE
-    windowed: bool = False
     compared: tuple[Window, ...] = ()
-    parted: bool = False
     censored: bool = False
     notes: Mapping[str, Attribute] = field(default_factory=dict)
+
+    @property
+    def windowed(self) -> bool:
+        """Whether it can be taken over any window, and not only over its own."""
+        known = all(signal_of(name) for name in self.signals)
+        return self.of is not None and known and self.window == WHOLE and not self.settings
+
+    @property
+    def parted(self) -> bool:
+        """Whether it has values for the parts of a norm, such as rotation and translation."""
+        signal = signal_of(self.signals[0]) if self.signals else None
+        is_norm = signal is not None and signal.of_part is not None
+        return is_norm and (self.windowed or self.per is Per.TRAJECTORY)
+
+    @property
+    def symbol(self) -> str:
+        """In LaTeX: its own, or that of its first signal; nothing without a signal."""
+        signal = signal_of(self.signals[0]) if self.signals else None
+        return self.own_symbol or (signal.symbol if signal else "")
 
     @property
     def attributes(self) -> dict[str, Attribute]:
@@ -154,11 +170,10 @@ class Quantity:
         return replace(
             self,
             name=f"{self.name}_{name}",
-            long_name=f"{self.long_name}, {words} part",
+            long_name=f"{self.long_name}, {name} part",
             signals=(f"{self.signals[0]}_{name}", *self.signals[1:]),
             label=f"{self.label} {words}",
             stored=self.per is Per.TRAJECTORY,
-            parted=False,
         )
 
     def measure(

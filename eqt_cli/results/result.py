@@ -24,7 +24,8 @@ from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.experiment.point import config_at
 from eqt_cli.groups import MatrixLieGroup, group_named
-from eqt_cli.results.quantities import COMPARED, QUANTITIES, quantity_of
+from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.quantities import QUANTITIES, quantity_of
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.results.windows import WHOLE, Window
 from eqt_cli.store.layout import POINT
@@ -200,19 +201,6 @@ class Result(ResultFile):
         except (yaml.YAMLError, KeyError, TypeError, RecursionError, ValueError):
             return {label: label for label in self.labels}
 
-    def controller(self, label: str) -> int:
-        """The position of a controller.
-
-        Raises
-        ------
-        EqtError
-            If there is none of that label.
-        """
-        if label not in self.labels:
-            hint = suggestion(label, self.labels) or f"; it holds: {', '.join(self.labels)}"
-            raise self.error(f"holds no controller '{label}'{hint}")
-        return self.labels.index(label)
-
     @property
     def source(self) -> ConfigSource:
         """The stored configuration, with the plugins that it was run with."""
@@ -272,10 +260,10 @@ class Result(ResultFile):
         """Runs per controller, and point."""
         return self.dimensions["run"]
 
-    @property
+    @cached_property
     def times(self) -> Array:
         """The sample times of trajectories, s."""
-        return self.coordinate("time")
+        return _fixed(self.coordinate("time"))
 
     @property
     def horizon(self) -> float | None:
@@ -288,7 +276,7 @@ class Result(ResultFile):
     @cached_property
     def status(self) -> Array:
         """How every run ended, ``(controllers, runs)``, with the points of a sweep in front."""
-        return self["status"]
+        return _fixed(self["status"])
 
     @property
     def good(self) -> Array:
@@ -384,7 +372,7 @@ class Result(ResultFile):
         """The numbers of the runs whose trajectories are stored; none without trajectories."""
         if not self.is_over_time("lyapunov"):
             return np.array([], dtype=int)
-        return self.coordinate(self.run_dimension)
+        return _fixed(self.coordinate(self.run_dimension))
 
     def is_over_time(self, name: str) -> bool:
         """Whether the file holds this over time."""
@@ -513,7 +501,7 @@ class Result(ResultFile):
     def comparable(self) -> dict[str, Quantity]:
         """All numbers per run that this result has or that can be computed from it, by name."""
         found: dict[str, Quantity] = {}
-        for quantity in COMPARED:
+        for quantity in METRICS:
             if self._has_signals(quantity) or self._metrics_like(quantity):
                 found[quantity.name] = quantity
             for part in self.parts(quantity.signals[0]) if quantity.parted else ():
@@ -697,6 +685,12 @@ def meaning_of(status: int) -> str:
 def point_folder(*points: int) -> Path:
     """Where in a result folder goes what is made of points of a sweep."""
     return Path("figures") / "_".join(["point", *map(str, points)])
+
+
+def _fixed(values: Array) -> Array:
+    """What is kept for later, and therefore never to be written to."""
+    values.setflags(write=False)
+    return values
 
 
 def _trajectories(signals: Sequence[str]) -> str:

@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from eqt_cli.core.errors import ResultError, suggestion
+from eqt_cli.core.errors import Remedy, ResultError, suggestion
 from eqt_cli.store import safety
 from eqt_cli.store.layout import FILE_NAME, FORMAT, FORMAT_ATTRIBUTE, POINT
 from eqt_cli.store.variables import Attribute
@@ -165,8 +165,12 @@ class ResultFile:
         points = self.dimensions.get(POINT)
         if points is not None:
             raise ResultError(
-                f"{self.path}: {what}, and this is a sweep of {points} points; choose one of 0 to "
-                f"{points - 1} with --point, as `eqt show {self.path.parent} --table` lists them"
+                f"{self.path}: {what}, and this is a sweep of {points} points",
+                Remedy(
+                    f"choose one of 0 to {points - 1} with {{}}, as `eqt show {self.path.parent} "
+                    "--table` lists them",
+                    "point",
+                ),
             )
         return self
 
@@ -296,9 +300,6 @@ def _opened(path: Path) -> Any:
         if "locking flag" not in str(error):
             raise
         return h5py.File(path, "r")
-
-
-Results = ResultFile
 
 
 class MissingAttributeError(ResultError, KeyError):

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from eqt_cli.core.errors import ResultError
+from eqt_cli.core.errors import Remedy, ResultError
 from eqt_cli.store.layout import COORDINATES, FORMAT, FORMAT_ATTRIBUTE, PLACEHOLDER
 from eqt_cli.store.sink import Sink
 from eqt_cli.store.variables import Attribute, Table, Variable
@@ -74,7 +74,7 @@ def created(path: str | Path, tag: str = "") -> Iterator[Any]:
         temporary.replace(target)
         _sync_folder(target.parent)
     except OSError as error:
-        raise ResultError(_explain(target, error)) from error
+        raise _refused(target, error) from error
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
@@ -189,13 +189,13 @@ def _sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-def _explain(target: Path, error: OSError) -> str:
+def _refused(target: Path, error: OSError) -> ResultError:
     if error.errno in _NO_SPACE:
-        remedy = "free some space or choose another folder with --out"
+        remedy = Remedy("free some space or choose another folder with {}", "out")
     elif error.errno in _FORBIDDEN:
-        remedy = "choose a folder that you may write to with --out"
+        remedy = Remedy("choose a folder that you may write to with {}", "out")
     elif error.errno in _NO_FOLDER:
-        remedy = f"create the folder {target.parent} first"
+        remedy = Remedy(f"create the folder {target.parent} first")
     else:
-        remedy = f"check the folder {target.parent}"
-    return f"{target}: cannot be written: {error.strerror or error}; {remedy}"
+        remedy = Remedy(f"check the folder {target.parent}")
+    return ResultError(f"{target}: cannot be written: {error.strerror or error}", remedy)

@@ -38,13 +38,13 @@ def test_effect_sizes(torques):
     pair = only(compare(torques, metrics=["mean_torque"]).pairs)
     differences = -0.5 - 0.01 * NOISE**2
     assert pair.cohen_d == pytest.approx(differences.mean() / differences.std(ddof=1), rel=1e-9)
-    assert pair.superiority == 1.0
+    assert pair.first_better == 1.0
 
 
 def test_ties_count_half(make_result):
     signals = {"torque_norm": make_result.constant([1, 1, 1, 1], [1, 1, 2, 0])}
     results = make_result(["a", "b"], signals | {"lyapunov": signals["torque_norm"]})
-    assert only(compare(results, metrics=["mean_torque"]).pairs).superiority == 0.5
+    assert only(compare(results, metrics=["mean_torque"]).pairs).first_better == 0.5
 
 
 def test_what_differs_by_rounding_is_equal(make_result):
@@ -53,7 +53,7 @@ def test_what_differs_by_rounding_is_equal(make_result):
     results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
     comparison = compare(results, metrics=["mean_torque"])
     pair = only(comparison.pairs)
-    assert (pair.difference, pair.low, pair.high, pair.superiority) == (0, 0, 0, 0.5)
+    assert (pair.difference, pair.low, pair.high, pair.first_better) == (0, 0, 0, 0.5)
     assert pair.runs_to_decide is None
     assert [j.verdict for j in comparison.judgements if j.pair] == ["undecided"]
 
@@ -62,7 +62,7 @@ def test_more_of_a_rate_is_better(make_result):
     fast, slow = np.exp(-2 * make_result.times), np.exp(-make_result.times)
     results = make_result(["a", "b"], {"lyapunov": np.array([[fast] * 3, [slow] * 3])})
     comparison = compare(results, metrics=["decay_rate"])
-    assert only(comparison.pairs).superiority == 1.0
+    assert only(comparison.pairs).first_better == 1.0
     assert [level.mean for level in comparison.levels] == pytest.approx([1.0, 0.5], rel=1e-12)
 
 
@@ -89,7 +89,7 @@ def test_runs_that_never_settle_count_as_the_horizon(make_result):
     assert [level.censored for level in comparison.levels] == [2, 2]
     assert comparison.levels[0].mean == pytest.approx((3 + 4 + 20 + 5 + 20 + 6) / 6)
     # Earlier in three runs, later in two, and both beyond the horizon in one.
-    assert pair.superiority == pytest.approx(3.5 / 6)
+    assert pair.first_better == pytest.approx(3.5 / 6)
 
 
 def test_a_failed_run_is_not_censored(make_result):

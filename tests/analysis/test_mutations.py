@@ -12,19 +12,24 @@ import pytest
 
 from eqt_cli.analysis.certificates import Verdict, error_system
 from eqt_cli.analysis.verification import verify_experiment
+from eqt_cli.closed_loop import ClosedLoop, ErrorSystem
 from eqt_cli.config import shipped
 from eqt_cli.config.source import read_config
+from eqt_cli.controllers import controllers
 from eqt_cli.controllers.family import Family
 from eqt_cli.controllers.stabilising import Stabilising
 from eqt_cli.core.arrays import apply_matrix, transpose
 from eqt_cli.experiment.build import build
-from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups import MatrixLieGroup, euclidean
 from eqt_cli.groups.euclidean import EuclideanGroup
-from eqt_cli.mechanics import navigation
+from eqt_cli.groups.product import ProductGroup
+from eqt_cli.mechanics import critical_points, navigation
+from eqt_cli.mechanics.critical_points import CriticalSet
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInertia
 from eqt_cli.mechanics.lie_poisson import lie_poisson
 from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.references.constant import ConstantReference
 
 SHORT = ["time.duration=1", "time.samples=11", "ensemble.runs=2"]
 
@@ -33,6 +38,14 @@ FACTORED = f"inertia={{initial: [[2, 0, 0.1], [0, 3, 0], [0.1, 0, 4]], factor: {
     "'", '"'
 )
 PRESCRIBED = 'inertia={matrix: [["2 + t/5", 0, "sin(t)/5"], [0, 3, 0], ["sin(t)/5", 0, 4]]}'
+KEPT = "reference={kind: constant, velocity: [0.3, 0.2, -0.1]}"
+TWO_BODIES = [
+    "group=SO3*SO3",
+    "gains.kp=[[1, 1.5, 2], [2, 2.5, 3]]",
+    "initial.pose=[haar, haar]",
+]
+
+TURN = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
 
 EXPERIMENTS = {
     "paper": ("paper", []),
@@ -40,6 +53,12 @@ EXPERIMENTS = {
     "factored": ("paper", [FACTORED]),
     "prescribed": ("paper", [PRESCRIBED]),
     "satellite": ("satellite_panels", []),
+    "kept velocity": ("paper", [PRESCRIBED, KEPT]),
+    "body and slider": ("body_and_slider", []),
+    "two bodies": ("body_and_slider", TWO_BODIES),
+    "attitude": ("attitude_distinct", []),
+    "plane": ("se2_vehicle", []),
+    "extended poses": ("se23", []),
 }
 
 
@@ -102,6 +121,30 @@ def in_property(owner, name, fault):
     return plant
 
 
+def in_law(name, **numbers):
+    """A copy of a registered law in its place, whose class has other numbers."""
+
+    def plant(monkeypatch):
+        law = controllers.get(name)
+        fields = {key: dataclasses.field(default=n, init=False) for key, n in numbers.items()}
+        types = {key: type(number) for key, number in numbers.items()}
+        copy = type(law.__name__, (law,), {"__annotations__": types, "name": name, **fields})
+        planted = dataclasses.dataclass(frozen=True)(copy)
+        monkeypatch.setitem(controllers._found, name, planted)
+
+    return plant
+
+
+def together(*plants):
+    """Several faults at once."""
+
+    def plant(monkeypatch):
+        for each in plants:
+            each(monkeypatch)
+
+    return plant
+
+
 def gyroscopic_sign(law, s):
     return 2 * law.gyroscopic * s.G.ad_star(s.V_tilde, s.Pd)
 
@@ -141,6 +184,42 @@ def inertia_force_sign(law, s):
 
 def reference_torque_missing(law, s):
     return -s.tau_d
+
+
+def transposed_damping(exact, s):
+    return apply_matrix(transpose(s.gains.K_d), s.V_tilde)
+
+
+def transposed_spatial_damping(exact, s):
+    return apply_matrix(transpose(s.gains.K_d), s.V_E)
+
+
+def damping_in_space(exact, s):
+    return s.G.Ad_star(s.Qd, s.spatial_damping)
+
+
+def initial_state_at_0(exact, loop, Q, V, Qd, Vd, t=0.0):
+    return exact(loop, Q, V, Qd, Vd, 0.0)
+
+
+def error_velocity_in_the_body(exact, system, t, state):
+    """Lemma 6.1 with Ṽ for V_E."""
+    G, s = system.group, system.tracking(t, state)
+    _, tau_E = Semidirect(G).error_input((s.Qd, s.Pd), (s.V, system.torque(s)), (s.Vd, s.tau_d))
+    E_dot = lie_poisson(G, *system.error(state), s.V_tilde, tau_E)
+    return system._derivative(s, *E_dot, 0.0, state)
+
+
+def of_the_inverse_in_the_second_factor(exact, G, Q):
+    matrix, block, axes = exact(G, Q).copy(), G.blocks[1], G.coordinates[1]
+    second = G.factors[1]
+    matrix[..., axes, axes] = second.Ad_matrix(second.inverse(Q[..., block, block]))
+    return matrix
+
+
+def least_drift(exact, G, Q):
+    drifts = [f.drift(Q[..., block, block]) for f, block in zip(G.factors, G.blocks, strict=True)]
+    return np.min(drifts, axis=0)
 
 
 def inertia_with_other_change(factor):
@@ -317,14 +396,94 @@ PLANTS = {
         "paper",
         in_method(Inertia, "velocity", lambda exact, now, P: 1.001 * exact(now, P)),
     ),
+    "GT: g = 0.6": ("paper", in_law("gt", gyroscopic=0.6)),
+    "GT: c = 0.6": ("paper", in_law("gt", transport=0.6)),
+    "GT: K_d in space": ("paper", in_law("gt", damping="spatial")),
+    "GT: K_d in space, SE(3)": ("bluerov2", in_law("gt", damping="spatial")),
+    "stabilising: K_d in space": (
+        "satellite",
+        in_property(Tracking, "body_damping", damping_in_space),
+    ),
+    "K_d: transposed": (
+        "bluerov2",
+        together(
+            in_property(Tracking, "body_damping", transposed_damping),
+            in_property(Tracking, "spatial_damping", transposed_spatial_damping),
+        ),
+    ),
+    "V_E: in the body": ("bluerov2", in_property(Tracking, "V_E", lambda exact, s: s.V_tilde)),
+    "error system: V_E in the body": (
+        "paper",
+        in_method(ErrorSystem, "vector_field", error_velocity_in_the_body),
+    ),
+    "state: inertia of t = 0": (
+        "prescribed",
+        in_method(ClosedLoop, "initial_state", initial_state_at_0),
+    ),
+    "kept velocity: no force of the inertia": (
+        "kept velocity",
+        in_method(
+            ConstantReference,
+            "driving_torque",
+            lambda exact, reference, G, inertia, t, Pd: -G.ad_star(inertia.velocity(Pd), Pd),
+        ),
+    ),
+    "exp: Jacobian transposed": (
+        "bluerov2",
+        in_function(euclidean._left_jacobian_times, lambda exact, turn, x: exact(-turn, x)),
+    ),
+    "exp: Jacobian left out": (
+        "bluerov2",
+        in_function(euclidean._left_jacobian_times, lambda exact, turn, x: x),
+    ),
+    "log: Jacobian left out": (
+        "bluerov2",
+        in_function(euclidean._inverse_left_jacobian_times, lambda exact, R, turn, x: x),
+    ),
+    "exp: Jacobian of the plane transposed": (
+        "plane",
+        in_function(euclidean._left_jacobian_times, lambda exact, turn, x: exact(-turn, x)),
+    ),
+    "SE_2(3): columns exchanged": (
+        "extended poses",
+        in_method(EuclideanGroup, "_columns", lambda exact, G, V: exact(G, V)[..., ::-1, :]),
+    ),
+    "product: Ad of the inverse": (
+        "two bodies",
+        in_method(ProductGroup, "Ad_matrix", of_the_inverse_in_the_second_factor),
+    ),
+    "product: drift of the best factor": (
+        "body and slider",
+        in_method(ProductGroup, "drift", least_drift),
+    ),
+    "critical points: index counts what rises": (
+        "paper",
+        lambda monkeypatch: monkeypatch.setattr(
+            CriticalSet, "index", property(lambda each: int((each.hessian > each._zero).sum()))
+        ),
+    ),
+    "critical points: Hessian, factor 2": (
+        "bluerov2",
+        in_function(critical_points._hessian, lambda exact, *rest: 2 * exact(*rest)),
+    ),
+    "critical points: half-turns about other axes": (
+        "attitude",
+        in_function(
+            critical_points._eigenspaces,
+            lambda exact, values, vectors: exact(values, TURN @ vectors),
+        ),
+    ),
 }
 
 # Which rows turn red ------------------------------------------------------------------------------
 
 ALL = "eqt,gt,nog,asym"
-THROUGH = on("eqt", "control through G ⋉ g*")
+WEIGHTS = "weights (g, c, n) of the law"
+THROUGH = on("eqt", "control through G ⋉ g*") | on(ALL, WEIGHTS)  # both go through G ⋉ g*
 LITERAL = {(f"{title} on SO(3)", title.lower()) for title in ("EqT", "GT", "nog", "asym")}
 POWER = "power of the feedforward"
+CRITICAL = "critical points of Υ"
+EXP = on("", "exp and log")
 BALANCE = ("energy balance", "rate of L")
 ALONE = on(ALL, "error system by itself")
 
@@ -334,12 +493,13 @@ def literal(*laws):
 
 
 EXPECTED = {
-    "g: sign": literal("eqt", "gt", "asym") | THROUGH,  # gyroscopic: no power, nog has none
+    # Gyroscopic: no power; nog has none.
+    "g: sign": literal("eqt", "gt", "asym") | THROUGH - on("nog", WEIGHTS),
     "c: sign": LITERAL | THROUGH | on(ALL, POWER, *BALANCE),
-    "n: sign": literal("gt", "asym") | on("gt,asym", POWER, *BALANCE),
-    "n: factor 2": literal("gt", "asym") | on("gt,asym", POWER, *BALANCE),
+    "n: sign": literal("gt", "asym") | on("gt,asym", WEIGHTS, POWER, *BALANCE),
+    "n: factor 2": literal("gt", "asym") | on("gt,asym", WEIGHTS, POWER, *BALANCE),
     "damping: sign": LITERAL | THROUGH | on(ALL, *BALANCE),
-    "damping: frame": THROUGH | on("eqt,nog,asym", *BALANCE),
+    "damping: frame": THROUGH - on("gt", WEIGHTS) | on("eqt,nog,asym", *BALANCE),
     "gradient term: sign": LITERAL | THROUGH | on(ALL, *BALANCE),
     "gradient term: not transported": LITERAL | THROUGH | on(ALL, *BALANCE),
     "gradient term: not transported, SE(3)": THROUGH | on(ALL, *BALANCE),
@@ -352,16 +512,20 @@ EXPECTED = {
         "", "feedforward of a varying inertia", "feedforward of the error inertia"
     )
     | on(ALL, *BALANCE),
-    "S-dot: sign": on("", "feedforward of a varying inertia", "feedforward of the error inertia")
+    "S-dot: sign": on(
+        "", "V_d is kept", "feedforward of a varying inertia", "feedforward of the error inertia"
+    )
     | on("with,without", *BALANCE),
     "S-dot: skew part": on("", "feedforward of a varying inertia"),
     "I-dot: factor 2": on(
         "", "feedforward of a varying inertia", "feedforward of the error inertia"
     )
     | on(ALL, *BALANCE),
-    "gradient of the potential: sign": on("", "gradient of Υ") | LITERAL | on(ALL, *BALANCE),
-    "gradient of the potential: factor 2": on("", "gradient of Υ") | on(ALL, *BALANCE),
-    # The theorem's control and the body's change together, so that they still agree.
+    "gradient of the potential: sign": on("", "gradient of Υ", CRITICAL)
+    | LITERAL
+    | on(ALL, *BALANCE),
+    "gradient of the potential: factor 2": on("", "gradient of Υ", CRITICAL) | on(ALL, *BALANCE),
+    # The theorem's control and the body's change together, so that they still agree for EqT.
     "ad*: sign": on(
         "",
         "ad* is the dual of the bracket",
@@ -373,6 +537,7 @@ EXPECTED = {
     )
     | LITERAL
     | ALONE
+    | on("gt,nog,asym", WEIGHTS)
     | on(ALL, POWER)
     | on("gt,asym", *BALANCE),
     "ad*: not transposed": on(
@@ -493,9 +658,49 @@ EXPECTED = {
     "eq. (28): sign": on("", "Ad and ad of G ⋉ g*"),
     "L: factor of the kinetic energy": on("", "error velocity and energy") | on(ALL, *BALANCE),
     "dissipation: sign": on(ALL, *BALANCE),
-    "inverse of the inertia: factor": on("", "error velocity and energy")
+    "inverse of the inertia: factor": on("", "momentum of a velocity", "error velocity and energy")
     | LITERAL
     | on("gt,asym", POWER, *BALANCE),
+    "GT: g = 0.6": literal("gt") | on("gt", WEIGHTS),
+    "GT: c = 0.6": literal("gt") | on("gt", WEIGHTS, POWER),
+    # On SO(3) with K_d a multiple of the identity, so that no run can tell the frames apart.
+    "GT: K_d in space": literal("gt") | on("gt", WEIGHTS),
+    "GT: K_d in space, SE(3)": on("gt", WEIGHTS),
+    "stabilising: K_d in space": on("with,without", "stabilising control"),
+    "K_d: transposed": THROUGH,
+    "V_E: in the body": THROUGH - on("gt", WEIGHTS) | on("eqt,nog,asym", *BALANCE),
+    "error system: V_E in the body": ALONE,
+    "state: inertia of t = 0": on("", "momentum of a velocity"),
+    "kept velocity: no force of the inertia": on("", "V_d is kept"),
+    "exp: Jacobian transposed": EXP,
+    "exp: Jacobian left out": EXP,
+    "log: Jacobian left out": EXP,
+    "exp: Jacobian of the plane transposed": EXP,
+    "SE_2(3): columns exchanged": EXP,
+    "product: Ad of the inverse": on(
+        "",
+        "Ad* is the dual of conjugation",
+        "product and inverse of G ⋉ g*",
+        "left invariance",
+        "equivariance",
+        "error dynamics",
+        "rate of Ad_{Q_d⁻¹}",
+        "feedforward of the error inertia",
+        "translations of G ⋉ g*",
+        "Ad and ad of G ⋉ g*",
+    )
+    | ALONE
+    | on(ALL, *BALANCE),
+    # The bounds of two more rows lean on the drift of the poses that are drawn.
+    "product: drift of the best factor": on(
+        "",
+        "drift of every part",
+        "Ad* is the dual of conjugation",
+        "product and inverse of G ⋉ g*",
+    ),
+    "critical points: index counts what rises": on("", CRITICAL),
+    "critical points: Hessian, factor 2": on("", CRITICAL),
+    "critical points: half-turns about other axes": on("", CRITICAL),
 }
 
 SYMPTOMS = {"decrease of L", "Q → Q_d", "P → P_d"}

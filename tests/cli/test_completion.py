@@ -2,27 +2,40 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from eqt_cli.cli import completion
-from eqt_cli.cli.tables import FORMATS
+from eqt_cli.cli.run_table import FORMATS
 from eqt_cli.config import shipped
 from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.config.json_schema import json_schema
 from eqt_cli.config.keys import keys_of
 from eqt_cli.core.registry import summary
 from eqt_cli.core.validation import option_names
+from eqt_cli.engines import engines
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import FORMATS as PICTURES
 
 Eqt = Callable[..., Any]
 Complete = Callable[[str], list[str]]
+
+
+@pytest.fixture(autouse=True)
+def caches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The folder of this user's caches: an empty one."""
+    folder = tmp_path / "caches"
+    folder.mkdir()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(folder))
+    completion._known.cache_clear()
+    yield folder
+    completion._known.cache_clear()
 
 
 @pytest.fixture
@@ -82,24 +95,16 @@ def test_a_broken_configuration_does_not_disturb(
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_names_in_the_sources_are_those_of_the_registry(kind: str) -> None:
+def test_the_names_are_those_of_the_registry(kind: str) -> None:
     expected = {component.name: summary(component) for component in registry(kind).all()}
     assert dict(completion.names(kind)("")) == expected
 
 
-def test_the_keys_in_the_sources_are_those_of_the_schema() -> None:
-    found = completion._all_keys(None)
-    expected = {each.key: each.meaning for each in keys_of(json_schema())}
-    # Where the schema goes deeper than the sources tell without being imported.
-    deeper = {"inertia.initial", "inertia.factor", "inertia.matrix"}
-    deeper |= {"initial.pose.position.std", "initial.pose.velocity.std"}
-    assert set(found) == set(expected) - deeper
-    assert {key: text for key, text in found.items() if text} == {
-        key: expected[key] for key, text in found.items() if text
-    }
+def test_the_keys_are_those_of_the_schema() -> None:
+    assert dict(completion.keys("")) == {each.key: each.meaning for each in keys_of(json_schema())}
 
 
-def test_the_options_in_the_sources_are_those_of_the_figures(complete: Complete) -> None:
+def test_the_options_are_those_of_the_figures(complete: Complete) -> None:
     for figure in figures.all():
         offered = complete(f"eqt plot out --figure {figure.name} --option ")
         assert offered == [f"{name}=" for name in option_names(figure)]
@@ -112,13 +117,28 @@ def test_words_are_what_is_accepted(complete: Complete) -> None:
     assert complete("eqt config new --from ") == shipped.names()
 
 
-def test_nothing_heavy_is_loaded() -> None:
+def test_nothing_heavy_is_loaded_a_second_time(caches: Path) -> None:
+    completion._known()
     code = (
         "import sys\nfrom eqt_cli.cli import completion\n"
-        "assert completion._all_keys(None) and completion.names('figures')('')\n"
+        "assert completion.keys('') and completion.names('figures')('')\n"
         "print([m for m in ('numpy', 'pydantic', 'h5py', 'matplotlib') if m in sys.modules])\n"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, encoding="utf-8", check=True
     )
     assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize("kept", ["", "{}", "[1]", '{"state": 0}'])
+def test_what_was_kept_of_another_state_is_found_anew(caches: Path, kept: str) -> None:
+    path = caches / "eqt" / "completion.json"
+    path.parent.mkdir()
+    path.write_text(kept, encoding="utf-8")
+    assert completion.names("engines")("s") == [("solve_ivp", summary(engines.get("solve_ivp")))]
+    assert json.loads(path.read_text(encoding="utf-8"))["state"] == completion._state()
+
+
+def test_a_place_that_cannot_be_written_does_not_disturb(caches: Path) -> None:
+    (caches / "eqt").write_text("", encoding="utf-8")
+    assert completion.names("engines")("s")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -40,17 +39,20 @@ def test_a_wrong_style_is_one_line_on_stderr(eqt: Eqt, result: str) -> None:
     done = eqt("plot", result, "--style", "mine.mplstyle")
     assert (done.code, done.out) == (2, "")
     assert done.err == (
-        "eqt: mine.mplstyle:1: axes.grid cannot be 'perhaps': Cannot convert 'perhaps' to bool; "
-        "Matplotlib's own value is False\n"
+        "eqt: mine.mplstyle: the style sheet is wrong: Key axes.grid: Cannot convert 'perhaps' to "
+        "bool\n"
     )
     assert not Path(result, "figures").exists()
 
 
 def test_tex_needs_latex(eqt: Eqt, result: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(shutil, "which", lambda program: None)
-    done = eqt("plot", result, "--tex")
+    # With a preamble for which Matplotlib has kept no text.
+    preamble = f"text.latex.preamble: \\def\\new{{{Path.cwd()}}}\n"
+    Path("new.mplstyle").write_text(preamble, encoding="utf-8")
+    monkeypatch.setenv("PATH", str(Path.cwd()))
+    done = eqt("plot", result, "--tex", "--style", "new.mplstyle")
     assert (done.code, done.out) == (2, "")
-    assert done.err.startswith("eqt: LaTeX needs the program 'latex', which is not found; install ")
+    assert done.err.startswith("eqt: LaTeX does not work: latex could not be found; change the ")
 
 
 def test_what_is_printed_is_the_files(eqt: Eqt, result: str) -> None:
@@ -93,7 +95,7 @@ def test_an_option_that_no_figure_has(eqt: Eqt, result: str, option: str, said: 
 def test_an_option_of_one_figure_is_refused_by_it(eqt: Eqt, result: str) -> None:
     done = eqt("plot", result, *BOTH, "--option", "torque.log=true")
     assert done.code == 2
-    assert done.err.startswith("eqt: figure 'torque' has no option 'log'; ")
+    assert done.err.startswith("eqt: figure 'torque': log: unknown key; known here: ")
 
 
 def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt: Eqt) -> None:

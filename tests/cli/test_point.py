@@ -175,7 +175,7 @@ def test_the_summary_of_a_sweep_over_durations_names_none(eqt: Eqt) -> None:
     eqt("sweep", "c.yaml", *RAGGED, "--quiet", "--out", "out")
     shown = eqt("show", "out").out
     assert "sizes    point 4, controller 2, run 3\n" in shown
-    assert "controller  runs  mean ‖τ‖ early  mean ‖I−Q_E‖  final ‖I−Q_E‖" in shown
+    assert "controller  runs  mean ‖τ‖, first 5 s  mean ‖I − Q_E‖  final ‖I − Q_E‖" in shown
 
 
 def test_dry_run_tells_the_size_of_groups(eqt: Eqt) -> None:

@@ -69,7 +69,7 @@ def test_the_summary(eqt: Eqt) -> None:
     header, rule, eqt_row, gt_row, blank, runs, results, last = done.out.splitlines()
     assert (done.code, done.err) == (0, "")
     assert header == (
-        "controller  runs  mean ‖τ‖ 0-1 s  mean ‖I−Q_E‖ 0-1 s  final ‖I−Q_E‖  final ‖V−V_d‖  "
+        "controller  runs  mean ‖τ‖, first 5 s  mean ‖I − Q_E‖  final ‖I − Q_E‖  final ‖V − V_d‖  "
         "energy residual"
     )
     assert set(rule) == {"─", " "}
@@ -171,7 +171,7 @@ def test_workers_change_no_number(eqt: Eqt) -> None:
 def test_a_complete_result_is_not_run_again(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
     eqt("run", "c.yaml")
     written = Path("results/c/results.h5").stat()
-    monkeypatch.setattr("eqt_cli.run.part_task.compute_part", None)
+    monkeypatch.setattr("eqt_cli.execution.part_task.compute_part", None)
     done = eqt("run", "c.yaml")
     assert done.code == 0
     assert done.err == (

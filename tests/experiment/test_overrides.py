@@ -47,88 +47,90 @@ def test_the_last_override_counts(experiment: Build) -> None:
     [
         (
             "gains.kp",
-            "--set[0]: expected KEY=VALUE, got 'gains.kp'",
+            "overrides[0]: expected KEY=VALUE, got 'gains.kp'",
         ),
         (
             "=2",
-            "--set[0]: expected KEY=VALUE, got '=2'",
+            "overrides[0]: expected KEY=VALUE, got '=2'",
         ),
         (
             "gains.=2",
-            "--set[0]: expected a key such as gains.kp or controllers[0].label, got 'gains.'",
+            "overrides[0]: expected a key such as gains.kp or controllers[0].label, got 'gains.'",
         ),
         (
             "gains..kp=2",
-            "--set[0]: expected a key such as gains.kp or controllers[0].label, got 'gains..kp'",
+            "overrides[0]: expected a key such as gains.kp or controllers[0].label, "
+            "got 'gains..kp'",
         ),
         (
             "controllers[x]=gt",
-            "--set[0]: expected a key such as gains.kp or controllers[0].label, got "
+            "overrides[0]: expected a key such as gains.kp or controllers[0].label, got "
             "'controllers[x]'",
         ),
         (
             "inertia[²]=1",
-            "--set[0]: expected a key such as gains.kp or controllers[0].label, got 'inertia[²]'",
+            "overrides[0]: expected a key such as gains.kp or controllers[0].label, "
+            "got 'inertia[²]'",
         ),
         (
             "gains.kp=[1,",
-            "--set[0]: gains.kp: a '[' or '{' is never closed",
+            "overrides[0]: gains.kp: a '[' or '{' is never closed",
         ),
         (
             "time.duration=017",
-            "--set[0]: time.duration: 017 is ambiguous: write 17 or 0o17",
+            "overrides[0]: time.duration: 017 is ambiguous: write 17 or 0o17",
         ),
         (
             "gains={kp: 1, kp: 2}",
-            "--set[0]: gains.kp: duplicate key",
+            "overrides[0]: gains.kp: duplicate key",
         ),
         (
             "gains.kpp=2",
-            "--set[0]: gains.kpp: unknown key; did you mean 'kp'?",
+            "overrides[0]: gains.kpp: unknown key; did you mean 'kp'?",
         ),
         (
             "controllers[5]=gt",
-            "--set[0]: controllers[5]: no entry 5; controllers has 2, counted from 0",
+            "overrides[0]: controllers[5]: no entry 5; controllers has 2, counted from 0",
         ),
         (
             "controllers[0].label=x",
-            "--set[0]: controllers[0].label: controllers[0] is 'eqt', not a mapping; set "
+            "overrides[0]: controllers[0].label: controllers[0] is 'eqt', not a mapping; set "
             "controllers[0] as a whole",
         ),
         (
             "inertia[0][1]=5",
-            "--set[0]: inertia[0][1]: inertia[0] is 2, not a list; set inertia[0] as a whole",
+            "overrides[0]: inertia[0][1]: inertia[0] is 2, not a list; set inertia[0] as a whole",
         ),
         (
             "ensemble[0]=1",
-            "--set[0]: ensemble[0]: ensemble is a mapping, not a list; set ensemble as a whole",
+            "overrides[0]: ensemble[0]: ensemble is a mapping, not a list; set ensemble as a whole",
         ),
         (
             "initial.pose.kind=euler",
-            "--set[0]: initial.pose.kind: initial.pose is 'haar', not a mapping; set "
+            "overrides[0]: initial.pose.kind: initial.pose is 'haar', not a mapping; set "
             "initial.pose as a whole",
         ),
         (
             "gains.kp=",
-            "--set[0]: gains.kp: expected a number, a list (the diagonal) or a list of rows, "
+            "overrides[0]: gains.kp: expected a number, a list (the diagonal) or a list of rows, "
             "got null",
         ),
         (
             "time.samples=1",
-            "--set[0]: time.samples: expected a whole number of at least 2, got 1",
+            "overrides[0]: time.samples: expected a whole number of at least 2, got 1",
         ),
         (
             "time={samples: 5}",
-            "--set[0]: time.duration: missing; expected: Length of the horizon, s",
+            "overrides[0]: time.duration: missing; expected: Length of the horizon, s",
         ),
         (
             "controllers=[eqt, eqt]",
-            "--set[0]: controllers[1]: label 'eqt' is taken by an earlier controller; give "
+            "overrides[0]: controllers[1]: label 'eqt' is taken by an earlier controller; give "
             "this one a `label`",
         ),
         (
             "gains.kp=1=2",
-            "--set[0]: gains.kp: expected a number, got '1=2': unexpected character '=' at "
+            "overrides[0]: gains.kp: expected a number, got '1=2': unexpected character '=' at "
             "column 2",
         ),
     ],
@@ -139,26 +141,26 @@ def test_a_wrong_override(message: Message, override: str, said: str) -> None:
 
 def test_all_that_cannot_be_applied_are_reported_together(message: Message) -> None:
     assert message("gains.kp", "gains.kd=2", "inertia[3]=1", "gains.kp=017").splitlines() == [
-        "--set[0]: expected KEY=VALUE, got 'gains.kp'",
-        "--set[2]: inertia[3]: no entry 3; inertia has 3, counted from 0",
-        "--set[3]: gains.kp: 017 is ambiguous: write 17 or 0o17",
+        "overrides[0]: expected KEY=VALUE, got 'gains.kp'",
+        "overrides[2]: inertia[3]: no entry 3; inertia has 3, counted from 0",
+        "overrides[3]: gains.kp: 017 is ambiguous: write 17 or 0o17",
     ]
 
 
 def test_overrides_and_the_file_are_reported_together(message: Message) -> None:
     said = message("gains.kd=-1", "time.samples=1", inertia="[1, 2]").splitlines()
     assert said == [
-        "--set[0]: gains.kd: expected a positive definite matrix, got eigenvalues -1, -1, -1",
-        "--set[1]: time.samples: expected a whole number of at least 2, got 1",
         "c.yaml:2:1: inertia: expected 3 diagonal entries for SO3, got 2",
+        "overrides[0]: gains.kd: expected a positive definite matrix, got eigenvalues -1, -1, -1",
+        "overrides[1]: time.samples: expected a whole number of at least 2, got 1",
     ]
 
 
 def test_what_a_later_override_replaces_is_not_the_place(message: Message) -> None:
     assert message("gains.kd=1", "gains={kp: 1, kd: -1}") == (
-        "--set[1]: gains.kd: expected a positive definite matrix, got eigenvalues -1, -1, -1"
+        "overrides[1]: gains.kd: expected a positive definite matrix, got eigenvalues -1, -1, -1"
     )
 
 
 def test_a_new_section_of_an_override_is_its_place(message: Message) -> None:
-    assert message("gian.kp=1") == "--set[0]: gian: unknown key; did you mean 'gains'?"
+    assert message("gian.kp=1") == "overrides[0]: gian: unknown key; did you mean 'gains'?"

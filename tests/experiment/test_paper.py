@@ -16,9 +16,9 @@ import pytest
 
 from eqt_cli.config.shipped import folder
 from eqt_cli.config.source import read_config
+from eqt_cli.execution.execute import execute
 from eqt_cli.experiment.sweeping import study
-from eqt_cli.run.execute import execute
-from eqt_cli.store.reader import Results, open_results
+from eqt_cli.store.reader import ResultFile, open_results
 
 LABELS = ["eqt", "gt", "nog", "asym"]
 MULTIPLE = 4 * np.sqrt(2)
@@ -30,7 +30,7 @@ MEAN_POSE_ERROR = {"eqt": 0.67, "gt": 0.57, "nog": 0.85, "asym": 0.56}
 
 
 @pytest.fixture(scope="module")
-def paper(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Results]:
+def paper(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ResultFile]:
     out: Path = tmp_path_factory.mktemp("paper")
     engine = "taylor" if find_spec("heyoka") else "solve_ivp"
     source = read_config(
@@ -48,50 +48,50 @@ def assert_expected(values: np.ndarray, expected: float, rounding: float) -> Non
     assert abs(values.mean() - expected) < MULTIPLE * error + rounding
 
 
-def test_every_run_of_every_controller_ends_well(paper: Results) -> None:
+def test_every_run_of_every_controller_ends_well(paper: ResultFile) -> None:
     assert list(paper.coordinate("controller")) == LABELS
     assert paper["status"].shape == (4, 200)
     assert not paper["status"].any()
 
 
 @pytest.mark.parametrize("name", START)
-def test_where_the_curves_start(paper: Results, name: str) -> None:
+def test_where_the_curves_start(paper: ResultFile, name: str) -> None:
     # Since ω_d(0) = 0, all four laws start with the same torque, too.
     values = paper.read(name, controller=0, time=0)
     assert_expected(values, START[name], 0.05)
 
 
 @pytest.mark.parametrize("label", LABELS)
-def test_the_highest_mean_torque(paper: Results, label: str) -> None:
+def test_the_highest_mean_torque(paper: ResultFile, label: str) -> None:
     torque = paper.read("torque_norm", controller=LABELS.index(label))
     peak = torque.mean(axis=0).argmax()
     assert_expected(torque[:, peak], PEAK[label], 0.05)
 
 
 @pytest.mark.parametrize("label", LABELS)
-def test_the_mean_torque_of_the_first_five_seconds(paper: Results, label: str) -> None:
+def test_the_mean_torque_of_the_first_five_seconds(paper: ResultFile, label: str) -> None:
     torque = paper.read("early_torque", controller=LABELS.index(label))
     assert_expected(torque, EARLY_TORQUE[label], 0.005)
 
 
 @pytest.mark.parametrize("label", LABELS)
-def test_the_mean_attitude_error(paper: Results, label: str) -> None:
+def test_the_mean_attitude_error(paper: ResultFile, label: str) -> None:
     error = paper.read("mean_pose_error", controller=LABELS.index(label))
     assert_expected(error, MEAN_POSE_ERROR[label], 0.005)
 
 
-def test_all_controllers_stabilise(paper: Results) -> None:
+def test_all_controllers_stabilise(paper: ResultFile) -> None:
     lyapunov = paper["lyapunov"].mean(axis=1)
     # After 20 s a percent is left with nog, the slowest, and a tenth of that with the others.
     assert (lyapunov[:, -1] < 0.02 * lyapunov[:, 0]).all()
 
 
-def test_eqt_needs_less_torque_than_gt_in_the_first_five_seconds(paper: Results) -> None:
+def test_eqt_needs_less_torque_than_gt_in_the_first_five_seconds(paper: ResultFile) -> None:
     eqt, gt = paper.read("early_torque", controller=[0, 1])
     assert_smaller(eqt, gt)
 
 
-def test_the_attitude_error_of_eqt_decays_more_slowly_than_that_of_gt(paper: Results) -> None:
+def test_the_attitude_error_of_eqt_decays_more_slowly_than_that_of_gt(paper: ResultFile) -> None:
     eqt, gt = paper.read("mean_pose_error", controller=[0, 1])
     assert_smaller(gt, eqt)
 
@@ -102,6 +102,6 @@ def assert_smaller(one: np.ndarray, other: np.ndarray) -> None:
     assert difference.mean() > 4 * difference.std(ddof=1) / np.sqrt(len(difference))
 
 
-def test_the_energy_balance_holds_for_every_run(paper: Results) -> None:
+def test_the_energy_balance_holds_for_every_run(paper: ResultFile) -> None:
     # Of the order of rtol = 1e-9, times what the worst run amplifies (70 times).
     assert paper["energy_residual"].max() < 1e-7

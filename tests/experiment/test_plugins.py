@@ -10,10 +10,10 @@ import pytest
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.execute import Execution, execute
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.sweeping import study
-from eqt_cli.run.execute import Execution, execute
-from eqt_cli.store.reader import Results, open_results
+from eqt_cli.store.reader import ResultFile, open_results
 
 Run = Callable[..., Execution]
 Build = Callable[..., Experiment]
@@ -96,7 +96,7 @@ def law(folder: Path) -> Path:
     return path
 
 
-def datasets(results: Results) -> dict[str, np.ndarray]:
+def datasets(results: ResultFile) -> dict[str, np.ndarray]:
     return {name: results[name] for name in (*results.names, *results.coordinates)}
 
 
@@ -178,7 +178,7 @@ def test_a_result_executes_no_plugin_unasked(run: Run, law: Path) -> None:
     assert place.startswith(f"{Path('out/results.h5')}[config]:")
     assert str(caught.value) == (
         f"{place}: plugins[0]: the result holds the source of law.py, which is executed only on "
-        "request; read it with `eqt show --plugins`, then add --trust-plugins"
+        "request; read it with `eqt show --plugins`, then add trust_plugins=True"
     )
 
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eqt_cli.run.execute import Execution
-from eqt_cli.store.reader import Results, open_results
+from eqt_cli.execution.execute import Execution
+from eqt_cli.store.reader import ResultFile, open_results
 
 Run = Callable[..., Execution]
 
@@ -58,25 +58,25 @@ RIGID = {
 
 
 @pytest.fixture
-def results(run: Run) -> Iterator[Callable[..., Results]]:
+def results(run: Run) -> Iterator[Callable[..., ResultFile]]:
     """The open result of a run."""
     with ExitStack() as stack:
 
-        def read(*overrides: str, **options: Any) -> Results:
+        def read(*overrides: str, **options: Any) -> ResultFile:
             found = open_results(run(*overrides, **options).folder.results)
             return stack.enter_context(found)
 
         yield read
 
 
-def described(results: Results) -> dict[str, tuple[tuple[str, ...], str]]:
+def described(results: ResultFile) -> dict[str, tuple[tuple[str, ...], str]]:
     return {name: (results.dims(name), results.units(name)) for name in results.names}
 
 
 # The layout -------------------------------------------------------------------------------------
 
 
-def test_every_variable_with_its_dimensions_and_units(results: Callable[..., Results]) -> None:
+def test_every_variable_with_its_dimensions_and_units(results: Callable[..., ResultFile]) -> None:
     found = results()
     assert described(found) == VARIABLES
     assert dict(found.dimensions) == {
@@ -90,7 +90,7 @@ def test_every_variable_with_its_dimensions_and_units(results: Callable[..., Res
     assert all(found.long_name(name) != name for name in found.names)
 
 
-def test_coordinates(results: Callable[..., Results]) -> None:
+def test_coordinates(results: Callable[..., ResultFile]) -> None:
     found = results()
     assert list(found.coordinate("controller")) == ["eqt", "gt"]
     assert list(found.coordinate("axis")) == ["ωx", "ωy", "ωz"]
@@ -98,7 +98,9 @@ def test_coordinates(results: Callable[..., Results]) -> None:
     assert found.units("time") == "s"
 
 
-def test_rotation_and_translation_have_norms_of_their_own(results: Callable[..., Results]) -> None:
+def test_rotation_and_translation_have_norms_of_their_own(
+    results: Callable[..., ResultFile],
+) -> None:
     found = results(**RIGID)
     mixed = described(found)
     assert {name: mixed[name][1] for name in mixed if name.startswith("pose_error")} == {
@@ -164,7 +166,7 @@ def test_xarray_opens_a_rigid_motion(run: Run) -> None:
 # What the numbers are ---------------------------------------------------------------------------
 
 
-def test_the_signals_are_those_of_the_states(results: Callable[..., Results]) -> None:
+def test_the_signals_are_those_of_the_states(results: Callable[..., ResultFile]) -> None:
     found = results()
     Q, Qd, V = found["pose"], found["desired_pose"], found["velocity"]
     error = np.linalg.norm(np.eye(3) - Q @ Qd.swapaxes(-1, -2), axis=(-2, -1))
@@ -178,7 +180,7 @@ def test_the_signals_are_those_of_the_states(results: Callable[..., Results]) ->
     np.testing.assert_allclose(found["torque_norm"], norm, rtol=1e-14)
 
 
-def test_runs_start_where_they_were_drawn(results: Callable[..., Results]) -> None:
+def test_runs_start_where_they_were_drawn(results: Callable[..., ResultFile]) -> None:
     found = results()
     for controller in range(2):
         np.testing.assert_array_equal(
@@ -191,7 +193,7 @@ def test_runs_start_where_they_were_drawn(results: Callable[..., Results]) -> No
 
 
 def test_initial_states_do_not_depend_on_the_number_of_runs(
-    results: Callable[..., Results],
+    results: Callable[..., ResultFile],
 ) -> None:
     few, many = results(), results("ensemble.runs=5", out="more")
     np.testing.assert_array_equal(many["initial_pose"][:3], few["initial_pose"])
@@ -211,7 +213,7 @@ def test_equal_experiments_give_equal_files(run: Run) -> None:
         np.testing.assert_array_equal(values, other[name], err_msg=name)
 
 
-def test_the_energy_balance_holds(results: Callable[..., Results]) -> None:
+def test_the_energy_balance_holds(results: Callable[..., ResultFile]) -> None:
     # W is integrated at rtol 1e-6 along with a state that varies by a few units.
     assert results()["energy_residual"].max() < 1e-5
 
@@ -232,7 +234,7 @@ def test_the_energy_balance_holds(results: Callable[..., Results]) -> None:
     ],
 )
 def test_metrics_are_those_of_everything(
-    results: Callable[..., Results], override: str, kept: tuple[str, ...]
+    results: Callable[..., ResultFile], override: str, kept: tuple[str, ...]
 ) -> None:
     whole, part = results(), results(override, out="part")
     assert [name for name in part.names if name in TRAJECTORIES] == (TRAJECTORIES if kept else [])
@@ -243,7 +245,7 @@ def test_metrics_are_those_of_everything(
 
 
 def test_the_first_runs_are_those_whose_trajectories_are_kept(
-    results: Callable[..., Results],
+    results: Callable[..., ResultFile],
 ) -> None:
     whole, part = results(), results("store.trajectories=2", out="part")
     assert part.dimensions["stored_run"] == 2
@@ -252,7 +254,7 @@ def test_the_first_runs_are_those_whose_trajectories_are_kept(
         np.testing.assert_array_equal(part[name], whole[name][:, :2], err_msg=name)
 
 
-def test_every_third_sample_is_kept(results: Callable[..., Results]) -> None:
+def test_every_third_sample_is_kept(results: Callable[..., ResultFile]) -> None:
     whole, part = results(), results("store.decimate=3", out="part")
     np.testing.assert_array_equal(part.coordinate("time"), whole.coordinate("time")[::3])
     for name in TRAJECTORIES:
@@ -260,7 +262,7 @@ def test_every_third_sample_is_kept(results: Callable[..., Results]) -> None:
     np.testing.assert_array_equal(part["desired_pose"], whole["desired_pose"][::3])
 
 
-def test_compressed_data_are_the_same(results: Callable[..., Results]) -> None:
+def test_compressed_data_are_the_same(results: Callable[..., ResultFile]) -> None:
     whole, part = results(), results("store.compression=gzip", out="part")
     for name in whole.names:
         np.testing.assert_array_equal(part[name], whole[name], err_msg=name)
@@ -297,7 +299,7 @@ class Undefined(Controller):
 
 @pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
 def test_a_failed_run_is_a_row_and_harms_no_other(
-    results: Callable[..., Results], folder: Path, engine: str
+    results: Callable[..., ResultFile], folder: Path, engine: str
 ) -> None:
     if engine == "taylor":
         pytest.importorskip("heyoka")
@@ -319,7 +321,7 @@ def test_a_failed_run_is_a_row_and_harms_no_other(
 
 
 def test_a_law_that_fails_on_the_reference_leaves_it_to_the_others(
-    results: Callable[..., Results], folder: Path
+    results: Callable[..., ResultFile], folder: Path
 ) -> None:
     (folder / "law.py").write_text(ESCAPE, encoding="utf-8")
     alone = results(out="alone", controllers="[eqt]")
@@ -330,13 +332,13 @@ def test_a_law_that_fails_on_the_reference_leaves_it_to_the_others(
     np.testing.assert_array_equal(found["reference_residual"][1], alone["reference_residual"][0])
 
 
-def test_the_step_limit(results: Callable[..., Results]) -> None:
+def test_the_step_limit(results: Callable[..., ResultFile]) -> None:
     found = results("solver.max_steps=20")
     assert (found["status"] == 3).all()
     assert found["message"][0, 0].endswith("step limit: 20 evaluations (solver.max_steps)")
 
 
-def test_the_largest_error_allowed(results: Callable[..., Results]) -> None:
+def test_the_largest_error_allowed(results: Callable[..., ResultFile]) -> None:
     found = results("solver.error_estimate=true", "solver.max_error=1e-15")
     estimate = found["error_estimate"]
     assert (found["status"] == 4).all()
@@ -367,7 +369,7 @@ class Shifted(SolveIvp):
 """
 
 
-def checked(results: Results) -> dict[str, object]:
+def checked(results: ResultFile) -> dict[str, object]:
     return {
         key.removeprefix("cross_check_"): value
         for key, value in results.attributes.items()
@@ -375,14 +377,14 @@ def checked(results: Results) -> dict[str, object]:
     }
 
 
-def test_an_engine_is_checked_by_another(results: Callable[..., Results]) -> None:
+def test_an_engine_is_checked_by_another(results: Callable[..., ResultFile]) -> None:
     pytest.importorskip("heyoka")
     found = checked(results("solver.cross_check=2"))
     assert (found["method"], found["runs"], found["bound"]) == ("engine taylor", 2, 1e-3)
     assert 0 < float(str(found["difference"])) < 1e-4
 
 
-def test_results_do_not_depend_on_the_check(results: Callable[..., Results]) -> None:
+def test_results_do_not_depend_on_the_check(results: Callable[..., ResultFile]) -> None:
     none, some = results(), results("solver.cross_check=2", out="checked")
     assert checked(none) == {}
     for name in none.names:
@@ -390,7 +392,7 @@ def test_results_do_not_depend_on_the_check(results: Callable[..., Results]) -> 
 
 
 def test_a_law_that_another_engine_cannot_compile_is_checked_by_its_own(
-    results: Callable[..., Results], folder: Path
+    results: Callable[..., ResultFile], folder: Path
 ) -> None:
     (folder / "law.py").write_text(UNCOMPILABLE, encoding="utf-8")
     found = results("solver.cross_check=2", plugins="[law.py]", controllers="[escape, eqt]")
@@ -399,7 +401,7 @@ def test_a_law_that_another_engine_cannot_compile_is_checked_by_its_own(
 
 
 def test_a_law_built_on_another_is_checked_by_its_own_torque(
-    results: Callable[..., Results], folder: Path
+    results: Callable[..., ResultFile], folder: Path
 ) -> None:
     (folder / "law.py").write_text(
         "from eqt_cli.controllers.eqt import EqT\n\n\n"
@@ -414,7 +416,7 @@ def test_a_law_built_on_another_is_checked_by_its_own_torque(
 
 
 def test_an_engine_that_is_wrong_is_found_out(
-    results: Callable[..., Results], folder: Path
+    results: Callable[..., ResultFile], folder: Path
 ) -> None:
     (folder / "engine.py").write_text(SHIFTED, encoding="utf-8")
     found = checked(
@@ -425,7 +427,7 @@ def test_an_engine_that_is_wrong_is_found_out(
 
 
 def test_where_every_run_failed_there_is_nothing_to_check(
-    results: Callable[..., Results], folder: Path
+    results: Callable[..., ResultFile], folder: Path
 ) -> None:
     (folder / "law.py").write_text(ESCAPE, encoding="utf-8")
     found = results("solver.cross_check=1", plugins="[law.py]", controllers="[undefined]")
@@ -433,7 +435,7 @@ def test_where_every_run_failed_there_is_nothing_to_check(
 
 
 def test_distance_to_the_unstable_equilibria_is_the_least_along_the_run(
-    results: Callable[..., Results],
+    results: Callable[..., ResultFile],
 ) -> None:
     """With K = diag(1, 2, 3): the half-turns about the axes."""
     file = results("gains.kp=[1, 2, 3]")

@@ -40,7 +40,7 @@ def _message(text: str | bytes) -> str:
 
 def _set_message(text: str) -> str:
     with pytest.raises(ConfigError) as caught:
-        parse_value(text, "--set[0]")
+        parse_value(text, "overrides[0]")
     return str(caught.value)
 
 
@@ -213,22 +213,22 @@ def test_dotted() -> None:
     ],
 )
 def test_parse_value(text: str, value: object) -> None:
-    assert parse_value(text, "--set[0]") == value
+    assert parse_value(text, "overrides[0]") == value
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("017", "--set[0]: 017 is ambiguous: write 17 or 0o17"),
-        ("{a: 1, a: 2}", "--set[0]: a: duplicate key"),
-        ("[1, 2", "--set[0]: the '[' is never closed"),
-        ("[1, 2}", "--set[0]: expected ',' or ']' in the list"),
-        ("[", "--set[0]: a '[' or '{' is never closed"),
-        ("{a[0]: 1}", '--set[0]: a key with a bracket must be quoted here: {"a[0]": …}'),
-        ("@x", "--set[0]: a value cannot start with '@'; quote it"),
+        ("017", "overrides[0]: 017 is ambiguous: write 17 or 0o17"),
+        ("{a: 1, a: 2}", "overrides[0]: a: duplicate key"),
+        ("[1, 2", "overrides[0]: the '[' is never closed"),
+        ("[1, 2}", "overrides[0]: expected ',' or ']' in the list"),
+        ("[", "overrides[0]: a '[' or '{' is never closed"),
+        ("{a[0]: 1}", 'overrides[0]: a key with a bracket must be quoted here: {"a[0]": …}'),
+        ("@x", "overrides[0]: a value cannot start with '@'; quote it"),
         (
             "\x07",
-            "--set[0]: character U+0007 is not allowed; remove it, or write it as an escape "
+            "overrides[0]: character U+0007 is not allowed; remove it, or write it as an escape "
             "in double quotes",
         ),
     ],

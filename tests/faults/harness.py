@@ -15,7 +15,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from eqt_cli.run.folder import ResultFolder
+from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.store.reader import open_results
 
 START = "from eqt_cli.cli import main; main()"

@@ -11,12 +11,12 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.animation.gif import _Stage, gif
 from eqt_cli.plots.animation.motion import MOST_CONTROLLERS, motion
 from eqt_cli.plots.animation.scene import FACES, block, camera, corners, flat, tips
-from eqt_cli.store.reader import open_results
+from eqt_cli.results.result import open_result
 
 
 @pytest.fixture(scope="module")
 def results(paper_result):
-    with open_results(paper_result) as opened:
+    with open_result(paper_result) as opened:
         yield opened
 
 
@@ -24,8 +24,10 @@ def test_motion_is_that_of_the_result(results):
     shown = motion(results, 7, ["gt", "eqt"])
     assert [ensemble.label for ensemble in shown.ensembles] == ["eqt", "gt"]
     assert np.array_equal(shown.body.rotation[1], results.read("pose", controller=1, run=7))
-    assert np.array_equal(shown.torque[0], results.read("torque_norm", controller=0, run=7))
-    assert (shown.has_rotation, shown.has_translation) == (True, False)
+    assert np.array_equal(
+        shown.norms["torque_norm"][0], results.read("torque_norm", controller=0, run=7)
+    )
+    assert not shown.has_translation
     assert (shown.extent, shown.length) == (0.0, 1.0)
 
 

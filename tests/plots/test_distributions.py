@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing import boxes
-from eqt_cli.plots.drawing.good_metrics import DEFAULT, Sample
-from eqt_cli.plots.drawing.numbers import curves
+from eqt_cli.plots.curve_data import curves
+from eqt_cli.plots.drawing import box_plots
 from eqt_cli.plots.figures import distributions
 from eqt_cli.plots.figures.distributions import Distributions
 from eqt_cli.plots.save import encode
+from eqt_cli.plots.shown import DEFAULT_METRICS, Sample
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def test_boxes_are_quantiles_and_means(so3, opened):
 
 
 def test_of_many_runs_only_the_extremes_are_points(so3, opened, monkeypatch):
-    monkeypatch.setattr(boxes, "MOST_POINTS", 5)
+    monkeypatch.setattr(box_plots, "MOST_POINTS", 5)
     results = opened(so3)
     drawing = Distributions().draw([results])
     extremes = drawn(drawing)["effort", "extremes gt"].x
@@ -66,7 +66,7 @@ def test_controllers_are_named_beside_the_boxes_of_the_first_column(so3, opened)
 def test_defaults_are_those_that_the_result_holds(so3, altered, opened):
     drawing = Distributions().draw([altered(so3, peak_torque=None)])
     shown = [axes.get_label() for axes in drawing.axes]
-    assert shown == [name for name in DEFAULT if name != "peak_torque"]
+    assert shown == [name for name in DEFAULT_METRICS if name != "peak_torque"]
 
 
 def test_trajectories_are_not_needed(so3, altered, opened):
@@ -176,7 +176,7 @@ def test_unknown_metrics_are_refused(name, end, so3, opened):
 
 def test_a_result_without_any_of_the_metrics_says_so(so3, altered):
     with pytest.raises(EqtError) as caught:
-        Distributions().draw([altered(so3, **dict.fromkeys(DEFAULT))])
+        Distributions().draw([altered(so3, **dict.fromkeys(DEFAULT_METRICS))])
     assert str(caught.value).endswith(
         "figure 'distributions' finds none of the metrics effort, early_torque, peak_torque, "
         "mean_pose_error, final_pose_error, settling_time; choose others with the option 'metrics'"

@@ -73,8 +73,8 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
     code = (
         "from pathlib import Path\n"
         "from eqt_cli.plots.render import render\n"
-        "from eqt_cli.store.reader import open_results\n"
-        f"with open_results({str(so3)!r}) as results:\n"
+        "from eqt_cli.results.result import open_result\n"
+        f"with open_result({str(so3)!r}) as results:\n"
         f"    for name in {NAMES}:\n"
         "        render([results], name, Path.cwd())\n"
     )

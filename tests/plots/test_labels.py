@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
-from eqt_cli.plots.drawing.labels import SYMBOLS, component, free_text, notation, quantity
+from eqt_cli.plots.drawing.labels import component, free_text, notation, quantity
+from eqt_cli.results.quantities import QUANTITIES
 
 
 @pytest.mark.parametrize(
@@ -33,8 +34,8 @@ def test_units_are_upright(unit, expected):
 
 
 def test_every_symbol_can_be_typeset():
-    for symbol in SYMBOLS.values():
-        MathTextParser("path").parse(f"${symbol}$")
+    for named in QUANTITIES.values():
+        MathTextParser("path").parse(f"${named.symbol}$" if named.symbol else "")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.baseline import TOLERANCE, compare, read, to_json
-from eqt_cli.plots.drawing.numbers import MOST_SAMPLES, Curve, curves, plain
+from eqt_cli.plots.curve_data import MOST_SAMPLES, Curve, curves, plain
 from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.plots.figures.torque import Torque
 from eqt_cli.plots.render import check, render
@@ -150,10 +150,10 @@ def test_a_file_that_is_not_there_is_named(so3, opened, tmp_path):
 @pytest.fixture(scope="module")
 def kept(so3, tmp_path_factory):
     """The numbers of two figures of the small experiment."""
-    from eqt_cli.store.reader import open_results
+    from eqt_cli.results.result import open_result
 
     folder = tmp_path_factory.mktemp("kept")
-    with open_results(so3) as results:
+    with open_result(so3) as results:
         for name in ("paper", "torque"):
             render([results], name, folder, ["json"])
     return folder

@@ -79,7 +79,7 @@ def test_logarithmic_scales(so3, opened):
 
 
 @pytest.mark.parametrize("make", [Phase, lambda **options: figure_from("phase", options)])
-def test_a_figure_of_no_runs_is_refused(make):
+def test_a_figure_of_no_runs_is_refused(make, so3, opened):
     with pytest.raises(EqtError) as caught:
-        make(runs=0)
-    assert str(caught.value) == "figure 'phase', option 'runs': got 0; expected 1 or more"
+        make(runs=0).draw([opened(so3)])
+    assert str(caught.value) == "figure 'phase': runs: expected 1 or more, got 0"

@@ -46,7 +46,7 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     with pytest.raises(EqtError) as caught:
         write({path: b"new"})
     assert str(caught.value) == (
-        f"{path}: cannot be written: not a directory; choose another folder with --out"
+        f"{path}: cannot be written: not a directory; choose another folder with out=…"
     )
 
 
@@ -76,7 +76,7 @@ def test_files_of_others_are_not_replaced(tmp_path):
     with pytest.raises(EqtError) as caught:
         write({path: b"new"})
     assert str(caught.value) == (
-        f"{path}: exists, and is no figure or page that eqt wrote; choose another place with --out"
+        f"{path}: exists, and is no figure or page that eqt wrote; choose another place with out=…"
     )
     assert b"TeX" in path.read_bytes()
 
@@ -105,19 +105,18 @@ def test_options_come_as_data():
     ("name", "options", "message"),
     [
         ("papper", {}, "unknown figure 'papper'; did you mean 'paper'?"),
-        ("paper", {"bnads": 1}, "figure 'paper' has no option 'bnads'; did you mean 'bands'?"),
-        ("paper", {"x": 1}, "figure 'paper' has no option 'x'; it has: controllers, log, bands"),
+        ("paper", {"bnads": 1}, "figure 'paper': bnads: unknown key; did you mean 'bands'?"),
+        ("paper", {"x": 1}, "figure 'paper': x: unknown key; known here: controllers, log, bands"),
         (
             "paper",
             {"bands": "some"},
-            "figure 'paper', option 'bands': got 'some'; "
-            "expected 'none', 'quantiles' or 'bootstrap'",
+            "figure 'paper': bands: expected 'none', 'quantiles' or 'bootstrap', got 'some'",
         ),
-        ("paper", {"log": 1}, "figure 'paper', option 'log': got 1; expected true or false"),
+        ("paper", {"log": 1}, "figure 'paper': log: expected true or false, got 1"),
         (
             "paper",
             {"controllers": "eqt"},
-            "figure 'paper', option 'controllers': got 'eqt'; expected a valid array",
+            "figure 'paper': controllers: expected a list, as [eqt], got 'eqt'",
         ),
     ],
 )

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.ensembles import ensembles, names
 from eqt_cli.plots.drawing.style import house_style, line_style
 from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.plots.figures.runs import Runs
 from eqt_cli.plots.figures.sweep import SweepFigure
 from eqt_cli.plots.figures.torque import Torque
+from eqt_cli.plots.shown import ShownControllers, names
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def test_curves_of_more_results_than_dashes_look_different(so3, tmp_path, opened
     for path in paths:
         path.parent.mkdir()
         shutil.copy(so3, path)
-    shown = ensembles([opened(path) for path in paths], "paper")
+    shown = ShownControllers([opened(path) for path in paths], "paper").ensembles
     with house_style():
         looks = {str(line_style(ensemble.look)) for ensemble in shown}
     assert len(looks) == 20

@@ -5,7 +5,7 @@ import pytest
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.groups import group_named
-from eqt_cli.plots.drawing.disc import path, project, radius
+from eqt_cli.plots.drawing.sphere_projection import path, project, radius
 from eqt_cli.plots.figures.sphere import Sphere
 
 ROUNDING = {"atol": 1e-15}  # of a few operations on numbers up to 1

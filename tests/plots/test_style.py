@@ -3,11 +3,11 @@
 import itertools
 
 import matplotlib
+import matplotlib.style
 import pytest
 from matplotlib.colors import to_rgb
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.sheets import available
 from eqt_cli.plots.drawing.style import WIDTHS, Style, house_style, ink, line_style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import render
@@ -152,7 +152,7 @@ def test_equal_styles_give_equal_files(style, so3, opened, tmp_path):
     assert found[0] == found[1]
 
 
-@pytest.mark.parametrize("name", available())
+@pytest.mark.parametrize("name", matplotlib.style.available)
 def test_figures_can_be_drawn_in_every_style_of_matplotlib(name, so3, opened, caplog):
     style = Style((name,))
     drawing = figures.get("paper")().draw([opened(so3)], style=style)
@@ -190,8 +190,16 @@ def test_no_font_at_all_is_an_error(style):
     )
 
 
+def test_keys_of_a_machine_change_nothing(style, recwarn):
+    before = matplotlib.rcParams["toolbar"]
+    with house_style(style("toolbar: None", "font.size: 9")):
+        assert matplotlib.rcParams["toolbar"] == before
+        assert matplotlib.rcParams["font.size"] == 9
+    assert not recwarn.list
+
+
 def test_a_wrong_sheet_is_found_before_anything_is_drawn(style, so3, opened, tmp_path):
-    with pytest.raises(EqtError, match="cannot be 'x'"):
+    with pytest.raises(EqtError, match=r"Key font\.size: Could not convert 'x' to float"):
         render([opened(so3)], "paper", tmp_path / "new", style=style("font.size: x"))
     assert not (tmp_path / "new").exists()
 

@@ -6,11 +6,11 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.callouts import name_points
+from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import FEW, number_values
-from eqt_cli.plots.drawing.swept import Swept
 from eqt_cli.plots.figures.pareto import Pareto, front
 from eqt_cli.plots.figures.sweep import SweepFigure
+from eqt_cli.plots.shown import ShownSweep
 
 ONE = [{"grid": {"gains.kd": [0.25, 0.5, 1, 2]}}]
 TWO = [{"grid": {"gains.kp": [1, 2, 4]}}, {"grid": {"inertia": [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]}}]
@@ -90,7 +90,7 @@ def test_two_keys_give_a_map_per_controller_on_one_scale(swept):
 
 
 def test_keys_that_change_together_are_one_axis(swept):
-    assert [axis.key for axis in Swept(swept(LINKED), "sweep").axes] == ["gains.kd"]
+    assert [axis.key for axis in ShownSweep(swept(LINKED), "sweep").axes] == ["gains.kd"]
 
 
 def test_pareto_shows_every_point_and_the_front(swept):

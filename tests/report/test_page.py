@@ -69,7 +69,11 @@ def test_equal_results_give_equal_pages(paper_result, text):
 def test_every_run_is_in_the_table(text):
     table = json.loads(re.search(r'id="data-runs"[^>]*>(.*?)</script>', text, re.DOTALL)[1])
     assert (len(table["rows"]), table["total"]) == (240, 240)
-    assert table["columns"][0] == {"name": "mean ‖τ‖, first 5 s", "unit": "N m"}
+    assert table["columns"][0] == {
+        "metric": "early_torque",
+        "name": "mean ‖τ‖, first 5 s",
+        "unit": "N m",
+    }
 
 
 def test_what_was_run_is_there_to_read(text):

@@ -53,9 +53,9 @@ def test_failed_runs_are_counted_and_left_out_of_means(results, monkeypatch):
 
 
 def test_the_best_point_has_the_least_mean(results):
-    (section,) = (s for s in best_points(results).sections if s.title.startswith("effort"))
+    (block,) = (b for b in best_points(results).blocks if b.title.startswith("effort"))
     means = results["effort"].mean(axis=-1)
-    for controller, row in enumerate(section.rows):
+    for controller, row in enumerate(block.rows):
         point = int(np.argmin(means[:, controller]))
         assert row[1] == str(point)
         assert row[2:4] == [f"{results[key][point]:.4g}" for key in ("gains.kp", "gains.kd")]

@@ -173,7 +173,7 @@ def test_a_full_disk_leaves_the_old_file_and_no_other(path, room):
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert done.stdout == (
         f"{path}: cannot be written: File too large; "
-        "free some space or choose another folder with --out\n"
+        "free some space or choose another folder with out=…\n"
     )
     assert [entry.name for entry in path.parent.iterdir()] == ["results.h5"]
     assert path.read_text(encoding="utf-8") == "old"
@@ -213,17 +213,17 @@ def test_an_interruption_removes_the_unfinished_file(path, table, monkeypatch):
         (
             errno.ENOSPC,
             "No space left on device",
-            "free some space or choose another folder with --out",
+            "free some space or choose another folder with out=…",
         ),
         (
             errno.EACCES,
             "Permission denied",
-            "choose a folder that you may write to with --out",
+            "choose a folder that you may write to with out=…",
         ),
         (
             errno.EROFS,
             "Read-only file system",
-            "choose a folder that you may write to with --out",
+            "choose a folder that you may write to with out=…",
         ),
         (errno.EIO, "Input/output error", "check the folder {folder}"),
     ],

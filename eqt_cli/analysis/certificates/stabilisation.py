@@ -1,4 +1,4 @@
-"""Stabilisation by energy shaping, for an inertia that may vary in time (§3)."""
+"""Mechanical systems and their stabilisation, for an inertia that may vary in time (§3)."""
 
 from __future__ import annotations
 
@@ -8,14 +8,54 @@ from typing import Any, ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Identity, LiteralForm
-from eqt_cli.analysis.evidence.running_error import lifted, rate_of
+from eqt_cli.analysis.evidence.running_error import UNIT, lifted, rate_of, value_of
 from eqt_cli.analysis.evidence.sample import Sample, with_rate
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, apply_matrix, dot, stack, transpose
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.critical_points import critical_sets
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
 from eqt_cli.mechanics.navigation import gradient, potential
 from eqt_cli.mechanics.tracking import Tracking
+
+FLAT = 1e-9
+"""Eigenvalues of a Hessian this small, relative to the largest, are 0."""
+
+
+class Momentum(Identity):
+    """P = 𝕀_t V: a state made of poses and velocities at a time t has them at that time."""
+
+    name: ClassVar[str] = "momentum of a velocity"
+    statement: ClassVar[str] = "eq. (6)"
+    section: ClassVar[float] = 3.05
+
+    def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
+        """What a law reads of a state against what the state was made of."""
+        s, (Q, V, Qd, Vd) = sample.s, sample.drawn
+        yield s.Q, Q
+        yield s.Qd, Qd
+        inertia, _ = value_of(s.inertia.matrix)
+        # The momenta of the state are products in plain floats, which the inverse magnifies.
+        roundings = 4 * len(V[0]) * UNIT * np.linalg.cond(inertia).max()
+        for found, velocity in ((s.V, V), (s.Vd, Vd)):
+            yield found, lifted(velocity, roundings * np.abs(velocity).max())
+
+
+class KeptVelocity(Identity):
+    """V̇_d = 0 along the closed loop, where the reference keeps its velocity."""
+
+    name: ClassVar[str] = "V_d is kept"
+    statement: ClassVar[str] = "eq. (5)"
+    section: ClassVar[float] = 3.06
+
+    def applies(self, loop: ClosedLoop) -> bool:
+        """To a reference that says so."""
+        return loop.reference.keeps_velocity
+
+    def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
+        """The rate of V_d."""
+        rate = rate_of(sample.s.Vd)
+        yield rate, np.zeros(rate.shape)
 
 
 class InertiaRate(Identity):
@@ -61,6 +101,29 @@ class NavigationGradient(Identity):
         yield rate_of(potential(G, K, along)), dot(gradient(G, K, Q), V)
         if is_rotations_of_space(G):
             yield gradient(G, K, Q), vee(K @ Q - transpose(Q) @ transpose(K))
+
+
+class CriticalPoints(Identity):
+    """dΥ = 0 at the critical points that are known, with the Hessian and the index said of them."""
+
+    name: ClassVar[str] = "critical points of Υ"
+    statement: ClassVar[str] = "Definition 2.1, Example 3.4"
+    section: ClassVar[float] = 3.41
+
+    def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
+        """The gradient there, and the eigenvalues of its derivative along the group."""
+        G, K = sample.G, value_of(sample.loop.gains.K)[0]
+        roundings = 16 * len(K) * UNIT * np.linalg.cond(K)
+        for each in critical_sets(G, K) or ():
+            Q = lifted(each.Q, roundings * np.abs(each.Q).max())
+            yield gradient(G, K, Q), np.zeros(G.dimension)
+            slopes = [rate_of(gradient(G, K, with_rate(Q, each.Q @ E))) for E in G.basis]
+            hessian, _ = value_of(stack(slopes))
+            found = np.linalg.eigvalsh((hessian + hessian.T) / 2)
+            scale = np.abs(found).max()
+            yield lifted(each.hessian, roundings * len(found) * scale), found
+            falls, flat = found < -FLAT * scale, np.abs(found) <= FLAT * scale
+            yield np.array([each.index, each.nullity]), np.array([falls.sum(), flat.sum()])
 
 
 class StabilisingControl(LiteralForm):

@@ -16,7 +16,7 @@ from eqt_cli.analysis.comparison.verdicts import (
     measured_by,
 )
 from eqt_cli.core.errors import EqtError
-from eqt_cli.results.quantities import COMPARED
+from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import PerRun, Result
 from eqt_cli.results.windows import WHOLE, Window
@@ -158,7 +158,7 @@ def _defaults(result: Result) -> list[tuple[Quantity, Window]]:
     """What is compared unless a user chooses; parts instead of norms with mixed units."""
     return [
         (quantity, window)
-        for base in COMPARED
+        for base in METRICS
         for quantity in result.by_parts(base.name)
         for window in base.compared
         if result.covers(quantity, window)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from abc import ABC, abstractmethod
 
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.windows import Window
@@ -18,28 +17,32 @@ _LATEX_SPECIAL = {
 }
 
 
-class Notation(ABC):
-    """How the cells of a table are written."""
+class Plain:
+    """How the cells of a table are written, for terminals and HTML."""
 
-    @abstractmethod
+    plus_minus = "±"
+
     def text(self, words: str) -> str:
         """Words, such as a label that a user chose."""
+        return words
 
-    @abstractmethod
-    def symbol(self, quantity: Quantity) -> str:
-        """The name of a quantity, with its formula."""
+    def name(self, quantity: Quantity) -> str:
+        """What a quantity is called, with its formula."""
+        return quantity.described
 
-    @abstractmethod
     def unit(self, unit: str) -> str:
         """A unit; nothing for a pure number."""
+        if unit in ("", "1"):
+            return ""
+        return re.sub(r"\^(-?\d+)", lambda match: match[1].translate(_SUPERSCRIPTS), unit)
 
-    @abstractmethod
     def window(self, window: Window) -> str:
         """A window in seconds."""
+        return f"{window.start:g}–{window.stop:g} s"
 
-    @abstractmethod
     def number(self, text: str) -> str:
         """A number that is formatted already."""
+        return text
 
     def interval(self, mean: float, low: float, high: float) -> str:
         """A mean with its interval, to two digits of its half width."""
@@ -56,32 +59,9 @@ class Notation(ABC):
             return self.number(fixed(mean, digits))
         return f"{self.number(fixed(mean, digits))} {self.plus_minus} {fixed(half, digits)}"
 
-    plus_minus = "±"
 
-
-class Plain(Notation):
-    """For terminals and HTML."""
-
-    def text(self, words: str) -> str:
-        return words
-
-    def symbol(self, quantity: Quantity) -> str:
-        return quantity.described
-
-    def unit(self, unit: str) -> str:
-        if unit in ("", "1"):
-            return ""
-        return re.sub(r"\^(-?\d+)", lambda match: match[1].translate(_SUPERSCRIPTS), unit)
-
-    def window(self, window: Window) -> str:
-        return f"{window.start:g}–{window.stop:g} s"
-
-    def number(self, text: str) -> str:
-        return text
-
-
-class Latex(Notation):
-    """For LaTeX, with packages booktabs and amsmath."""
+class Latex(Plain):
+    """The same for LaTeX, with packages booktabs and amsmath."""
 
     plus_minus = r"$\pm$"
 
@@ -91,17 +71,16 @@ class Latex(Notation):
             escaped = escaped.replace(plain, symbol)
         return escaped
 
-    def symbol(self, quantity: Quantity) -> str:
-        label = quantity.label.replace("{}", f"${quantity.symbol}$") if quantity.label else ""
-        label = label or self.text(quantity.long_name.replace("||", "‖"))
+    def name(self, quantity: Quantity) -> str:
+        label = self.text(quantity.long_name.replace("||", "‖"))
+        if quantity.label:
+            label = quantity.label.replace("{}", f"${quantity.symbol}$")
         formula = quantity.formula.replace("{}", quantity.symbol)
         return f"{label} ${formula}$" if formula else label
 
     def unit(self, unit: str) -> str:
-        if unit in ("", "1"):
-            return ""
-        if unit == "mixed":
-            return "mixed"
+        if unit in ("", "1", "mixed"):
+            return super().unit(unit)
         return rf"$\mathrm{{{unit.replace(' ', chr(92) + ',')}}}$"
 
     def window(self, window: Window) -> str:

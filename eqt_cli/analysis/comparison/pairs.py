@@ -34,7 +34,7 @@ class Level:
         Runs that failed, and good ones that have no value.
     mean, low, high
         The mean over runs and its interval.
-    deviation, median
+    standard_deviation, median
         Standard deviation and median over runs.
     """
 
@@ -47,7 +47,7 @@ class Level:
     mean: float
     low: float
     high: float
-    deviation: float
+    standard_deviation: float
     median: float
 
 
@@ -71,7 +71,7 @@ class Pair:
         Means over the pairs.
     cohen_d
         Mean over standard deviation of the differences.
-    superiority
+    first_better
         The share of pairs in which the first is better; ties count half.
     runs_to_decide
         Runs that would tell the difference from 0, as `power.runs_to_decide`; None from fewer
@@ -91,7 +91,7 @@ class Pair:
     mean_first: float
     mean_second: float
     cohen_d: float
-    superiority: float
+    first_better: float
     runs_to_decide: int | None
 
     @property
@@ -111,7 +111,7 @@ class Pair:
             mean_first=self.mean_second,
             mean_second=self.mean_first,
             cohen_d=-self.cohen_d,
-            superiority=1 - self.superiority,
+            first_better=1 - self.first_better,
         )
 
 
@@ -146,7 +146,7 @@ def statistics(
         axis=1,
     )
     intervals = intervals_of_means(columns, confidence=confidence, resamples=resamples, seed=seed)
-    ends = iter(_rows(intervals))
+    ends = iter(_ends(intervals))
     levels, pairs = [], []
     for s in measured:
         levels += [_level(s, c, label, good, next(ends)) for c, label in enumerate(labels)]
@@ -154,15 +154,15 @@ def statistics(
     return Statistics(levels, pairs, intervals.resamples)
 
 
-_Row = tuple[float, float, float]
+_Interval = tuple[float, float, float]
 
 
-def _rows(found: Intervals) -> Iterator[_Row]:
+def _ends(found: Intervals) -> Iterator[_Interval]:
     for mean, low, high in zip(found.mean, found.low, found.high, strict=True):
         yield float(mean), float(low), float(high)
 
 
-def _level(s: PerRun, c: int, label: str, good: Array, row: _Row) -> Level:
+def _level(s: PerRun, c: int, label: str, good: Array, interval: _Interval) -> Level:
     values = s.values[c][np.isfinite(s.values[c])]
     failed = int(np.count_nonzero(~good[c, : s.runs]))
     return Level(
@@ -172,23 +172,29 @@ def _level(s: PerRun, c: int, label: str, good: Array, row: _Row) -> Level:
         int(np.count_nonzero(s.censored[c])),
         failed,
         s.runs - failed - len(values),
-        *row,
-        deviation=_deviation(values),
+        *interval,
+        standard_deviation=_deviation(values),
         median=float(np.median(values)) if len(values) else float("nan"),
     )
 
 
 def _pair(
-    s: PerRun, a: int, b: int, labels: Sequence[str], good: Array, confidence: float, row: _Row
+    s: PerRun,
+    a: int,
+    b: int,
+    labels: Sequence[str],
+    good: Array,
+    confidence: float,
+    interval: _Interval,
 ) -> Pair:
     both = np.isfinite(s.values[a]) & np.isfinite(s.values[b])
     differences = _differences(s, a, b)[both]
     failed = int(np.count_nonzero(~(good[a] & good[b])[: s.runs]))
-    deviation, mean = _deviation(differences), row[0]
+    deviation, mean = _deviation(differences), interval[0]
     with np.errstate(invalid="ignore", divide="ignore"):
         cohen_d = float(np.float64(mean) / deviation)
     better = -differences if s.quantity.better != "higher" else differences
-    superiority = _mean((better > 0) + (better == 0) / 2)
+    first_better = _mean((better > 0) + (better == 0) / 2)
     return Pair(
         s,
         labels[a],
@@ -197,11 +203,11 @@ def _pair(
         int(np.count_nonzero((s.censored[a] | s.censored[b]) & both)),
         failed,
         s.runs - failed - len(differences),
-        *row,
+        *interval,
         mean_first=_mean(s.values[a][both]),
         mean_second=_mean(s.values[b][both]),
         cohen_d=cohen_d,
-        superiority=superiority,
+        first_better=first_better,
         runs_to_decide=runs_to_decide(cohen_d, confidence) if both.sum() >= FEWEST else None,
     )
 

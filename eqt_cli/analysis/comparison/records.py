@@ -36,37 +36,23 @@ def _what(measured: PerRun) -> Record:
     }
 
 
+def _fields(row: Level | Pair | Judgement, *names: str) -> Record:
+    return {name: getattr(row, name) for name in names}
+
+
 def _level(level: Level) -> Record:
     return {
         **_what(level.measured),
-        "controller": level.controller,
-        "runs": level.runs,
-        "failed": level.failed,
-        "undefined": level.undefined,
-        "censored": level.censored,
-        "mean": level.mean,
-        "low": level.low,
-        "high": level.high,
-        "standard_deviation": level.deviation,
-        "median": level.median,
+        **_fields(level, "controller", "runs", "failed", "undefined", "censored"),
+        **_fields(level, "mean", "low", "high", "standard_deviation", "median"),
     }
 
 
 def _pair(pair: Pair) -> Record:
     return {
         **_what(pair.measured),
-        "first": pair.first,
-        "second": pair.second,
-        "pairs": pair.pairs,
-        "failed": pair.failed,
-        "undefined": pair.undefined,
-        "censored": pair.censored,
-        "difference": pair.difference,
-        "low": pair.low,
-        "high": pair.high,
-        "relative": pair.relative,
-        "cohen_d": pair.cohen_d,
-        "first_better": pair.superiority,
+        **_fields(pair, "first", "second", "pairs", "failed", "undefined", "censored"),
+        **_fields(pair, "difference", "low", "high", "relative", "cohen_d", "first_better"),
         "runs_to_decide": pair.runs_to_decide,
     }
 
@@ -89,6 +75,5 @@ def _judgement(judgement: Judgement) -> Record:
         **_what(judgement.measured),
         "first": judgement.controller,
         "pairs": judgement.runs,
-        "held": judgement.held,
-        "low": judgement.low,
+        **_fields(judgement, "held", "low"),
     }

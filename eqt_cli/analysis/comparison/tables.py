@@ -3,59 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from itertools import groupby
 
 from eqt_cli.analysis.comparison.bootstrap import FEWEST
 from eqt_cli.analysis.comparison.compare import Comparison
-from eqt_cli.analysis.comparison.notation import Notation
+from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.pairs import Pair
 from eqt_cli.analysis.comparison.power import POWER
 from eqt_cli.analysis.comparison.verdicts import Judgement
+from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.results.result import PerRun
-
-TABLES = ("controllers", "pairs", "claims")
 
 FEW = 10
 """Pairs below which intervals are rough."""
 
 
-@dataclass(frozen=True)
-class Section:
-    """Rows under a common heading, which may be empty."""
-
-    title: str
-    rows: list[list[str]]
-
-
-@dataclass(frozen=True)
-class Sheet:
-    """A table.
-
-    Attributes
-    ----------
-    name
-        One of `TABLES`.
-    caption
-        What it shows, in a sentence.
-    header
-        One heading per column.
-    sections
-        The rows.
-    notes
-        What a reader must know to read it.
-    """
-
-    name: str
-    caption: str
-    header: list[str]
-    sections: list[Section]
-    notes: list[str] = field(default_factory=list)
-
-
-def sheets(
-    comparison: Comparison, notation: Notation, against: Sequence[str] = ()
-) -> dict[str, Sheet]:
+def text_tables(
+    comparison: Comparison, notation: Plain, against: Sequence[str] = ()
+) -> dict[str, TextTable]:
     """All tables by name; those without rows are left out.
 
     Parameters
@@ -68,10 +33,10 @@ def sheets(
         _pairs(comparison, notation, against),
         _claims(comparison, notation),
     ]
-    return {sheet.name: sheet for sheet in made if sheet.sections}
+    return {table.name: table for table in made if table.blocks}
 
 
-def _controllers(comparison: Comparison, write: Notation) -> Sheet:
+def _controllers(comparison: Comparison, write: Plain) -> TextTable:
     rows = []
     notes = []
     for _, found in groupby(comparison.levels, key=lambda level: id(level.measured)):
@@ -99,12 +64,12 @@ def _controllers(comparison: Comparison, write: Notation) -> Sheet:
     )
     labels = [write.text(label) for label in comparison.labels]
     header = ["measure", "window", "unit", *labels]
-    return Sheet(
-        "controllers", caption, header, [Section("", rows)] if rows else [], _plain(notes, write)
+    return TextTable(
+        "controllers", caption, header, [Block("", rows)] if rows else [], _plain(notes, write)
     )
 
 
-def _pairs(comparison: Comparison, write: Notation, against: Sequence[str]) -> Sheet:
+def _pairs(comparison: Comparison, write: Plain, against: Sequence[str]) -> TextTable:
     position = {label: index for index, label in enumerate(comparison.labels)}
 
     def names(pair: Pair) -> tuple[str, str]:
@@ -114,10 +79,10 @@ def _pairs(comparison: Comparison, write: Notation, against: Sequence[str]) -> S
         return position[pair.first], position[pair.second]
 
     shown = [p for p in comparison.pairs if not against or set(names(p)) & set(against)]
-    sections = []
+    blocks = []
     for (first, second), found in groupby(sorted(shown, key=order), key=names):
         rows = [_pair_row(pair, write) for pair in found]
-        sections.append(Section(write.text(f"{first} − {second}"), rows))
+        blocks.append(Block(write.text(f"{first} − {second}"), rows))
     caption = (
         f"Paired differences on the same initial states, with {_level_name(comparison, write)} "
         "intervals"
@@ -133,16 +98,18 @@ def _pairs(comparison: Comparison, write: Notation, against: Sequence[str]) -> S
         "pairs",
         "runs to decide",
     ]
-    return Sheet("pairs", caption, header, sections, _plain(_pair_notes(comparison, shown), write))
+    return TextTable(
+        "pairs", caption, header, blocks, _plain(_pair_notes(comparison, shown), write)
+    )
 
 
-def _pair_row(pair: Pair, write: Notation) -> list[str]:
+def _pair_row(pair: Pair, write: Plain) -> list[str]:
     return [
         *_measure(pair.measured, write),
         write.interval(pair.difference, pair.low, pair.high),
         _relative(pair, write),
         write.number(_two(pair.cohen_d)),
-        _two(pair.superiority),
+        _two(pair.first_better),
         str(pair.pairs),
         _runs(pair.runs_to_decide),
     ]
@@ -167,14 +134,14 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     return notes
 
 
-def _claims(comparison: Comparison, write: Notation) -> Sheet:
-    sections = []
+def _claims(comparison: Comparison, write: Plain) -> TextTable:
+    blocks = []
     for says, found in groupby(comparison.judgements, key=lambda judgement: judgement.says):
         judgements = list(found)
         rows = [_claim_row(judgement, write) for judgement in judgements]
         absent = ", ".join(judgements[0].absent)
         without = f" (here without {absent})" if absent else ""
-        sections.append(Section(write.text(f"“{says}”{without}"), rows))
+        blocks.append(Block(write.text(f"“{says}”{without}"), rows))
     sources = dict.fromkeys(judgement.source for judgement in comparison.judgements)
     caption = (
         f"Claims of {write.text('; '.join(sources))}, asked of this experiment, at "
@@ -186,10 +153,10 @@ def _claims(comparison: Comparison, write: Notation) -> Sheet:
         "supported, when it lies above; undecided, when it holds 0. A claim on every run takes "
         "enough runs without exception to speak for 95 % of all initial states."
     ]
-    return Sheet("claims", caption, header, sections, _plain(notes, write))
+    return TextTable("claims", caption, header, blocks, _plain(notes, write))
 
 
-def _claim_row(judgement: Judgement, write: Notation) -> list[str]:
+def _claim_row(judgement: Judgement, write: Plain) -> list[str]:
     if judgement.pair is None:
         assert judgement.measured is not None
         what = write.text(f"{judgement.controller}: {judgement.statement}")
@@ -197,7 +164,7 @@ def _claim_row(judgement: Judgement, write: Notation) -> list[str]:
         window = write.window(judgement.measured.window)
     else:
         pair = judgement.pair
-        symbol = write.symbol(pair.measured.quantity)
+        symbol = write.name(pair.measured.quantity)
         what = f"{symbol}: {write.text(f'{pair.first} − {pair.second}')}"
         interval = write.interval(pair.difference, pair.low, pair.high)
         found = " ".join(filter(None, [interval, write.unit(pair.measured.unit)]))
@@ -206,21 +173,21 @@ def _claim_row(judgement: Judgement, write: Notation) -> list[str]:
     return [what, window, found, str(judgement.verdict), _runs(judgement.runs_to_decide)]
 
 
-def _measure(measured: PerRun, write: Notation) -> list[str]:
+def _measure(measured: PerRun, write: Plain) -> list[str]:
     return [
-        write.symbol(measured.quantity),
+        write.name(measured.quantity),
         write.window(measured.window),
         write.unit(measured.unit),
     ]
 
 
-def _relative(pair: Pair, write: Notation) -> str:
+def _relative(pair: Pair, write: Plain) -> str:
     if pair.relative != pair.relative:
         return "-"
     return write.number(f"{100 * pair.relative:+.1f}") + write.text(" %")
 
 
-def _level_name(comparison: Comparison, write: Notation) -> str:
+def _level_name(comparison: Comparison, write: Plain) -> str:
     return write.text(f"{100 * comparison.confidence:g} % bootstrap")
 
 
@@ -236,5 +203,5 @@ def _runs(runs: int | None) -> str:
     return "-" if runs is None else str(runs)
 
 
-def _plain(notes: Sequence[str], write: Notation) -> list[str]:
+def _plain(notes: Sequence[str], write: Plain) -> list[str]:
     return [write.text(note) for note in notes]

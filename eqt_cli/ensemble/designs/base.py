@@ -7,9 +7,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self, TypeAlias, get_type_hints
 
+from pydantic import TypeAdapter
+
 from eqt_cli.core.component import Component
-from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.core.problems import KeyPath, Problems, parse_key
 from eqt_cli.core.validation import shown, validated, with_options
+from eqt_cli.ensemble.axes import ListedAxis, Spaced
 
 
 class Design(Component):
@@ -92,6 +95,23 @@ class Surroundings:
 
     axes: Callable[[Schema], Schema]
     block: Schema
+
+
+LISTED: Schema = TypeAdapter(ListedAxis).json_schema()
+"""Of one axis, as a list or a range."""
+
+
+def listed(section: Any, path: Path, note: Note) -> list[Any] | None:
+    """The values of such an axis, or None after noting what is wrong with it."""
+    problems = Problems()
+    axis = validated(ListedAxis, section, problems)
+    if isinstance(axis, Spaced):
+        axis.check(problems)
+    for problem in problems:
+        note((*path, *(parse_key(problem.path) if problem.path else ())), problem.message)
+    if problems:
+        return None
+    return axis.values if isinstance(axis, Spaced) else list(axis)
 
 
 def _read_by_parse(design: Any, section: Any, problems: Problems) -> Any:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from io import BytesIO
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,25 +18,25 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.animation.motion import Motion, motion
 from eqt_cli.plots.animation.scene import block, flat, tips
-from eqt_cli.plots.drawing.curves import scale_norm
-from eqt_cli.plots.drawing.labels import SYMBOLS, quantity
+from eqt_cli.plots.drawing.labels import quantity, signal_label
 from eqt_cli.plots.drawing.layout import freeze, name_scale
+from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import house_style, line_style
-from eqt_cli.store.reader import Results
+from eqt_cli.results.result import Result
 
 DOTS_PER_INCH = 110
 COLOURS = 160
 """Of the palette that all pictures share, so that nothing flickers."""
 
 _PAPER = 245
-_AXES = "xyz"
+_NAMES = "xyz"
 _MARGIN = 1.3
 """in lengths of an axis, beyond all places: the axes, their names and half a letter."""
 _REFERENCE = "0.35"
 
 
 def gif(
-    results: Results,
+    results: Result,
     run: int,
     controllers: Sequence[str] = (),
     *,
@@ -103,16 +102,15 @@ class _Stage:
         self.motion = shown
         count = len(shown.ensembles)
         drawing = Figure(figsize=(7.16, 1.9 + 7.16 / max(count, 3)))
-        self.canvas = _canvas(drawing)
+        self.canvas = cast(Any, FigureCanvasAgg(drawing))  # whose methods have no types
         drawing.set_dpi(DOTS_PER_INCH)
         ratios = [7.16 / max(count, 3), 1.9]
         upper, lower = np.ravel(np.asarray(drawing.subfigures(2, 1, height_ratios=ratios)))
         bodies = upper.subplots(1, count, squeeze=False)[0]
-        error, torque = lower.subplots(1, 2)
+        panels = lower.subplots(1, len(shown.norms))
         self.bodies = [_Body(axes, shown, index) for index, axes in enumerate(bodies)]
         self.curves = [
-            _Curves(error, shown, shown.error, shown.error_name, shown.error_unit),
-            _Curves(torque, shown, shown.torque, shown.torque_name, shown.torque_unit),
+            _Curves(axes, shown, name) for axes, name in zip(panels, shown.norms, strict=True)
         ]
         self.clock = upper.suptitle(self._time(0), fontsize="medium")
         self.canvas.draw()
@@ -130,11 +128,6 @@ class _Stage:
         self.clock.set_text(self._time(sample))
         self.canvas.draw()
         return Image.fromarray(np.asarray(self.canvas.buffer_rgba())[..., :3].copy())
-
-
-def _canvas(drawing: Figure) -> Any:
-    """What draws into memory; its methods have no types."""
-    return FigureCanvasAgg(drawing)
 
 
 class _Body:
@@ -156,8 +149,9 @@ class _Body:
         (self.trail,) = axes.plot([], [], color=self.colour, linewidth=0.9)
         self.faces = PolyCollection([], edgecolor=self.colour, linewidth=0.7, zorder=2)
         axes.add_collection(self.faces)
-        self.reference = _frame(axes, _REFERENCE, (0, (3, 1.5)), 1.0, 3)
-        self.frame = _frame(axes, self.colour, "-", 1.8, 4)
+        dashed = {"linestyle": (0, (3, 1.5)), "linewidth": 1.0}
+        self.reference = _Axes(axes, 3, color=_REFERENCE, **dashed)
+        self.frame = _Axes(axes, 4, color=self.colour, linestyle="-", linewidth=1.8)
         gone: dict[str, Any] = {"ha": "center", "va": "bottom", "transform": axes.transAxes}
         self.gone = axes.text(0.5, 0, "run failed", color=self.colour, fontsize="small", **gone)
 
@@ -179,10 +173,13 @@ class _Body:
             self.frame.put(place, tips(rotation, place, self.length))
 
 
-@dataclass
-class _Frame:
-    lines: list[Any]
-    names: list[Any]
+class _Axes:
+    """The three axes of a frame, with their names."""
+
+    def __init__(self, axes: Axes, order: int, **look: Any) -> None:
+        self.lines = [axes.plot([], [], zorder=order, **look)[0] for _ in _NAMES]
+        text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
+        self.names = [axes.text(0, 0, f"${n}$", color=look["color"], **text) for n in _NAMES]
 
     def put(self, origin: Array, ends: Array) -> None:
         start = flat(origin)
@@ -195,34 +192,20 @@ class _Frame:
             artist.set_visible(not hidden)
 
 
-def _frame(axes: Axes, colour: str, dashes: Any, width: float, order: int) -> _Frame:
-    """Three axes with their names."""
-    lines = [
-        axes.plot([], [], color=colour, linestyle=dashes, linewidth=width, zorder=order)[0]
-        for _ in _AXES
-    ]
-    names = [
-        axes.text(0, 0, f"${name}$", color=colour, ha="center", va="center", fontsize="small")
-        for name in _AXES
-    ]
-    return _Frame(lines, names)
-
-
 class _Curves:
     """Curves that grow, over what they will be."""
 
-    def __init__(self, axes: Axes, shown: Motion, values: Array, name: str, unit: str) -> None:
-        self.times, self.values = shown.times, values
+    def __init__(self, axes: Axes, shown: Motion, name: str) -> None:
+        self.times, self.values = shown.times, shown.norms[name]
         looks = [line_style(ensemble.look) for ensemble in shown.ensembles]
-        for look, curve in zip(looks, values, strict=True):
+        for look, curve in zip(looks, self.values, strict=True):
             axes.plot(self.times, curve, color=(look["color"], 0.25), linewidth=0.6)
         self.lines = [axes.plot([], [], **look)[0] for look in looks]
         self.now = axes.axvline(self.times[0], color="0.5", linewidth=0.6)
         axes.set_xlim(self.times[0], self.times[-1])
         scale_norm(axes, log=False)
         axes.set_xlabel(quantity("t", "s"))
-        (symbol,) = (symbol for norm, symbol in SYMBOLS.items() if name.startswith(norm))
-        name_scale(axes, quantity(symbol, unit))
+        name_scale(axes, signal_label(shown.ensembles[0].results, name))
 
     def show(self, sample: int) -> None:
         for line, curve in zip(self.lines, self.values, strict=True):

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.errors import EqtError
 from eqt_cli.groups import Part, group_named
-from eqt_cli.plots.drawing.ensembles import Ensemble
-from eqt_cli.plots.drawing.good_runs import GoodRuns, run_dimension
-from eqt_cli.store.reader import Results
+from eqt_cli.plots.shown import Ensemble, ShownRuns
+from eqt_cli.results.result import Result
 
 MOST_CONTROLLERS = 6
 """Bodies that are shown side by side."""
@@ -48,15 +46,11 @@ class Motion:
         The controllers; curves and bodies have their order.
     body, reference
         Courses of the bodies, with a leading controller axis, and of the reference.
-    has_rotation, has_translation
-        What the group is made of.
-    error, torque : (controllers, samples)
-        Norms of the pose error and the torque; of the rotation part where parts have units of
+    has_translation
+        Whether bodies move as well as turn.
+    norms : dict of str to (controllers, samples)
+        The norms of pose error and torque by name; of the rotation part where parts have units of
         their own.
-    error_name, torque_name
-        Names of those signals.
-    error_unit, torque_unit
-        Their units.
     """
 
     run: int
@@ -64,14 +58,8 @@ class Motion:
     ensembles: Sequence[Ensemble]
     body: Course
     reference: Course
-    has_rotation: bool
     has_translation: bool
-    error: Array
-    torque: Array
-    error_name: str
-    torque_name: str
-    error_unit: str
-    torque_unit: str
+    norms: dict[str, Array]
 
     @property
     def centre(self) -> Array:
@@ -99,7 +87,7 @@ class Motion:
         return finite
 
 
-def motion(results: Results, run: int, controllers: Sequence[str] = ()) -> Motion:
+def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion:
     """One run of a result.
 
     Parameters
@@ -114,43 +102,28 @@ def motion(results: Results, run: int, controllers: Sequence[str] = ()) -> Motio
     EqtError
         If the run is not stored, there is no such controller, or the group is not known here.
     """
-    source = GoodRuns([results], "animation", controllers)
-    stored = [int(number) for number in results.coordinate(run_dimension(results))]
-    if run not in stored:
-        raise EqtError(
-            f"{results.path}: the trajectory of run {run} is not stored; stored are runs "
-            f"{stored[0]} to {stored[-1]}"
-        )
+    source = ShownRuns([results], "animation", controllers)
+    poses = results.trajectory("pose", run)
     ensembles = source.ensembles if controllers else source.ensembles[:MOST_CONTROLLERS]
-    parts = group_named(str(results.attributes.get("group"))).parts
+    shown = [ensemble.controller for ensemble in ensembles]
+    parts = group_named(results.group_name).parts
     turning = next((part for part in parts if part.name.startswith("rotation")), None)
     moving = next((part for part in parts if part.pose_unit == "m"), None)
     if turning is None and moving is None:
-        raise EqtError(
-            f"{results.path}: a pose of {results.attributes.get('group')} is neither a rotation "
-            "nor a place in metres, so no body can be shown; `eqt plot --figure runs` draws its "
-            "runs"
+        raise results.error(
+            f"a pose of {results.group_name} is neither a rotation nor a place in metres, so no "
+            "body can be shown; `eqt plot --figure runs` draws its runs"
         )
-    at = {run_dimension(results): stored.index(run)}
     end = f"_{turning.name}" if turning and results.has(f"pose_error_{turning.name}") else ""
-
-    def signal(name: str) -> Array:
-        return np.stack([results.read(name, controller=e.controller, **at) for e in ensembles])
-
+    norms = [norm + end for norm in ("pose_error", "torque_norm")]
     return Motion(
         run=run,
-        times=results.coordinate("time"),
+        times=results.times,
         ensembles=ensembles,
-        body=_course(signal("pose"), turning, moving),
+        body=_course(poses[shown], turning, moving),
         reference=_course(results["desired_pose"], turning, moving),
-        has_rotation=turning is not None,
         has_translation=moving is not None,
-        error=signal("pose_error" + end),
-        torque=signal("torque_norm" + end),
-        error_name="pose_error" + end,
-        torque_name="torque_norm" + end,
-        error_unit=source.unit("pose_error" + end),
-        torque_unit=source.unit("torque_norm" + end),
+        norms={name: results.trajectory(name, run)[shown] for name in norms},
     )
 
 

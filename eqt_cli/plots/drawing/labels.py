@@ -1,29 +1,23 @@
-"""Symbols, units and names as text that Matplotlib or LaTeX sets; it knows no result or layout.
+"""Symbols, units and names as text that Matplotlib or LaTeX sets; it knows no layout.
 
-Symbols are written in the mathematics that both have in common. What a user chose is escaped for
-LaTeX here, and nowhere else, where LaTeX sets the text (``text.usetex``).
+Symbols are written in the mathematics that both have in common. What a user chose goes through
+`free_text`, which escapes it for the one that sets it (LaTeX where ``text.usetex`` is on).
 """
 
 from __future__ import annotations
 
 import re
 import textwrap
-import unicodedata
 from itertools import groupby
 
 import matplotlib
 from matplotlib.mathtext import MathTextParser
 
-SYMBOLS = {
-    "pose_error": r"\|I - Q_E\|_{\mathrm{F}}",
-    "velocity_error": r"\|V - V_d\|",
-    "torque_norm": r"\|\tau\|",
-    "lyapunov": r"\mathcal{L}",
-}
-"""The paper's symbol for each scalar signal, in Matplotlib's mathematical notation."""
+from eqt_cli.plots.drawing import latex
+from eqt_cli.plots.drawing.tex_letters import mathematical, shift
+from eqt_cli.results.quantities import QUANTITIES
+from eqt_cli.results.result import Result
 
-_RENAMED = {"LAMDA": "LAMBDA", "OMICRON": "o"}
-"""Greek letters that Unicode and TeX name differently."""
 _SYMBOL = re.compile(r"\w+_\{[^}]*\}|\w+[_^]\w+|\w+\*|\b[GLPQ]\b|[⋉→Υ]")
 """A symbol of the paper among words: with an index or a star, or a single letter."""
 _COMMANDS = {
@@ -41,53 +35,12 @@ _COMMANDS = {
     "Υ": r"\Upsilon",
     "τ": r"\tau",
 }
-_LIKE_LATIN = dict(zip("ΑΒΕΖΗΙΚΜΝΟΡΤΥΧ", "ABEZHIKMNOPTYX", strict=True))
-"""Greek capitals for which TeX has no command."""
-_SHIFTS = {"<sub>": "_", "<super>": "^"}
-"""How Unicode describes the letters of an index or an exponent."""
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
 _DOLLAR = re.compile(r"(?<!\\)\$")
 
-_IN_LATEX = {
-    "\\": r"\textbackslash{}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    "|": r"\textbar{}",
-    '"': r"\textquotedbl{}",
-    "`": r"\textasciigrave{}",
-    "'": r"'{}",  # two would be a quotation mark, as two hyphens a dash
-    ",": r",{}",
-    "-": r"-{}",
-    **{character: "\\" + character for character in "{}$&%#_"},
-}
-"""Characters that are not themselves in a text for LaTeX."""
-_MATHEMATICAL = {
-    "‖": r"\|",
-    "−": "-",
-    "·": r"\cdot",
-    "×": r"\times",
-    "±": r"\pm",
-    "∞": r"\infty",
-    "√": r"\surd",
-    "∂": r"\partial",
-    "∇": r"\nabla",
-    "∫": r"\int",
-    "∑": r"\sum",
-    "∈": r"\in",
-    "≈": r"\approx",
-    "≠": r"\neq",
-    "≤": r"\leq",
-    "≥": r"\geq",
-    "→": r"\rightarrow",
-    "←": r"\leftarrow",
-    "↔": r"\leftrightarrow",
-    "⋉": r"\ltimes",
-    "𝕀": r"\mathbb{I}",
-    "ℝ": r"\mathbb{R}",
-}
-"""Characters that LaTeX has in mathematics only, besides Greek letters and indices."""
+
+SYMBOLS = {quantity.name: quantity.symbol for quantity in QUANTITIES.values() if quantity.symbol}
+"""By the names of what results hold, as plugins of the first version look them up."""
 
 
 def quantity(symbol: str, unit: str) -> str:
@@ -116,31 +69,26 @@ def in_words(words: str, unit: str) -> str:
     return words + quantity("", unit).removeprefix("$$")
 
 
+def signal_label(result: Result, signal: str) -> str:
+    """The label of an axis along which a signal is drawn: its symbol with its unit there."""
+    return quantity(result.quantity(signal).symbol, result.units(signal))
+
+
+def metric_label(result: Result, metric: str, characters: int) -> str:
+    """The name of a metric with its unit, in lines of at most so many characters."""
+    found, unit = result.quantity(metric), result.units(metric)
+    if "{}" in found.label:
+        return found.label.replace("{}", quantity(found.symbol, unit))
+    return in_words(free_text(found.label or found.long_name, characters), unit)
+
+
 def component(symbol: str, axis: str) -> str:
     r"""The symbol with the name of an axis as its index: ``\tau_{\omega x_{1}}`` for ``ωx₁``."""
     pieces = []
-    for shift, letters in groupby(filter(str.isalnum, axis), _shift):
-        text = " ".join(_mathematical(letter) for letter in letters)
-        pieces.append(f"{shift}{{{text}}}" if shift else text)
+    for place, letters in groupby(filter(str.isalnum, axis), shift):
+        text = " ".join(map(mathematical, letters))
+        pieces.append(f"{place}{{{text}}}" if place else text)
     return f"{symbol}_{{{''.join(pieces)}}}"
-
-
-def _shift(letter: str) -> str:
-    """``_`` for a letter that is an index of its own, ``^`` for an exponent; nothing for others."""
-    return _SHIFTS.get(unicodedata.decomposition(letter).partition(" ")[0], "")
-
-
-def _mathematical(letter: str) -> str:
-    """A letter in mathematical notation, where Greek ones have names; indices on the line."""
-    if _shift(letter):
-        letter = unicodedata.normalize("NFKC", letter)
-    words = unicodedata.name(letter, "").split()
-    if len(words) == 4 and words[0] == "GREEK" and words[2] == "LETTER":
-        name = _RENAMED.get(words[3], words[3])
-        if words[1] == "SMALL":
-            return name if name == "o" else "\\" + name.lower()
-        return _LIKE_LATIN.get(letter) or "\\" + name.capitalize()
-    return letter
 
 
 def notation(text: str) -> str:
@@ -175,7 +123,7 @@ def free_text(name: str, characters: int) -> str:
     # Texts and mathematics in turn.
     pieces = enumerate(_DOLLAR.split(shown))
     return "".join(
-        f"${_mathematics(piece)}$" if number % 2 else _literal(piece.replace(r"\$", "$"))
+        f"${latex.mathematics(piece)}$" if number % 2 else _literal(piece.replace(r"\$", "$"))
         for number, piece in pieces
     )
 
@@ -198,33 +146,4 @@ def _in_lines(text: str, characters: int) -> str:
 
 def _literal(text: str) -> str:
     """Text in which no character is a command."""
-    if not _by_latex():
-        return text.replace("$", r"\$")
-    return "".join(map(_letter_for_latex, unicodedata.normalize("NFC", text)))
-
-
-def _letter_for_latex(letter: str) -> str:
-    if letter in _IN_LATEX:
-        return _IN_LATEX[letter]
-    command = _command(letter)
-    return letter if command is None else rf"\ensuremath{{{command}}}"
-
-
-def _mathematics(text: str) -> str:
-    """Mathematics that Matplotlib knows, for LaTeX, where comments and the like must be escaped."""
-    escaped = re.sub(r"(?<!\\)[%#&]", r"\\\g<0>", text)
-    return "".join(
-        letter if (command := _command(letter)) is None else f"{{{command}}}" for letter in escaped
-    )
-
-
-def _command(letter: str) -> str | None:
-    """A letter that LaTeX has in mathematics only; None for all others."""
-    if letter in _MATHEMATICAL:
-        return _MATHEMATICAL[letter]
-    if letter.isascii():
-        return None
-    found = _mathematical(letter)
-    if shift := _shift(letter):
-        return f"{{}}{shift}{{{found}}}"
-    return found if found != letter else None
+    return latex.escaped(text) if _by_latex() else text.replace("$", r"\$")

@@ -1,9 +1,9 @@
-"""Sheets of panels, legends and remarks; it knows no signal and no controller."""
+"""Sheets of panels, their names, legends and remarks; it knows no signal and no result."""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from matplotlib import rcParams
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.labels import free_text, quantity
+from eqt_cli.plots.drawing.labels import free_text, part_name, quantity
 from eqt_cli.plots.drawing.style import WIDTHS, Width, size_of_type
 
 EMPTY = "."
@@ -88,6 +88,35 @@ def rows_of(names: Sequence[str], columns: int) -> Mosaic:
     return rows
 
 
+def panel(controller: str, part: str) -> str:
+    """The name of the panel of a controller, by its label, and a part."""
+    return f"runs of {controller}{part}"
+
+
+def panels_by_controller(
+    controllers: Sequence[str], parts: Sequence[str], columns: int = 2
+) -> Mosaic:
+    """A row per controller and a column per part; or, with one part, controllers in rows.
+
+    Parameters
+    ----------
+    controllers
+        Their labels.
+    parts
+        Suffixes of the norms with units of their own; one if there is nothing to tell apart.
+    columns
+        Panels in a row where there is one part.
+    """
+    if len(parts) > 1:
+        return [[panel(label, part) for part in parts] for label in controllers]
+    return rows_of([panel(label, parts[0]) for label in controllers], columns)
+
+
+def panel_title(controller: str, part: str) -> str:
+    """What stands above a panel."""
+    return f"{controller}, {part_name(part)}" if part else controller
+
+
 def numbered_below(mosaic: Mosaic) -> set[str]:
     """The panels with numbers along their lower edge: those with no panel of equal width below."""
     below: Mosaic = [*mosaic[1:], [EMPTY] * len(mosaic[0])]
@@ -116,6 +145,12 @@ def hide_scale(axes: Axes) -> None:
     """Leave out what names a vertical scale, since the panel to the left shows it."""
     axes.tick_params(labelleft=False)
     axes.set_ylabel("")
+
+
+def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
+    """Name and number a vertical scale in the first panel of a row only."""
+    for name in (name for row in mosaic for name in row[1:] if name != EMPTY):
+        hide_scale(panels[name])
 
 
 def add_title(axes: Axes, name: str, room: float) -> None:

@@ -1,4 +1,4 @@
-"""Scales with as many numbers as there is room for; it knows no figure and no result."""
+"""Scales and their numbers; it knows no figure and no result."""
 
 from __future__ import annotations
 
@@ -35,6 +35,18 @@ def scale_log(axes: Axes, direction: Direction, seen: Array) -> None:
     if decades < 2:
         axis.set_major_formatter(FuncFormatter(_number))
     axis.set_minor_formatter(NullFormatter())
+
+
+def scale_norm(axes: Axes, *, log: bool, direction: Direction = "y") -> None:
+    """A scale for curves that are never negative: logarithmic if asked and possible, or from 0."""
+    across = direction == "x"
+    drawn = (line.get_xdata() if across else line.get_ydata() for line in axes.lines)
+    if log and any(np.any(np.asarray(values) > 0) for values in drawn):
+        axes.set(**{f"{direction}scale": "log"})
+    elif across:
+        axes.set_xlim(left=0)
+    else:
+        axes.set_ylim(bottom=0)
 
 
 def number_values(axes: Axes, values: Array, room: float) -> None:

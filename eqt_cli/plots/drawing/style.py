@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property
+from io import BytesIO
 from math import lcm
 from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib
 from matplotlib.colors import to_hex, to_rgba
+from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, fontManager
+from matplotlib.style import use
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing import latex, sheets
-from eqt_cli.plots.drawing.look import Look
-from eqt_cli.plots.drawing.sheets import Settings
+from eqt_cli.plots.drawing import latex, style_sheets
+from eqt_cli.plots.drawing.style_sheets import Settings
 
 Width = Literal["column", "page"]
 
@@ -75,17 +78,18 @@ class Style:
         """
         given: Settings = {}
         for sheet in self.sheets:
-            given |= sheets.read(sheet)
-        settings = sheets.read_file(_SHEET) | given | _KEPT
+            given |= style_sheets.read(sheet)
+        settings = style_sheets.read_file(_SHEET) | given | _KEPT
         if not (self.tex or given.get("text.usetex", False)):
             return settings | {"text.usetex": False, "font.family": _installed(settings)}
         # Fonts that a sheet names are Matplotlib's; those of LaTeX come by its preamble.
         kind = {"font.family": given.get("font.family")}
         kept = kind if kind["font.family"] in (["sans-serif"], ["monospace"]) else {}
         preamble = latex.preamble(given.get("text.latex.preamble", ""))
-        return settings | sheets.read_file(_LATEX_SHEET) | kept | {"text.latex.preamble": preamble}
+        own = style_sheets.read_file(_LATEX_SHEET) | kept
+        return settings | own | {"text.latex.preamble": preamble}
 
-    def prepare(self, formats: tuple[str, ...] = ()) -> None:
+    def prepare(self, formats: Sequence[str] = ("pdf",)) -> None:
         """Make sure that figures can be drawn so, as files of these formats, before any is.
 
         Raises
@@ -95,7 +99,11 @@ class Style:
         """
         with house_style(self):
             if _PRESENT["text.usetex"]:
-                latex.require(png="png" in formats)
+                probe = Figure(figsize=(1, 1))
+                probe.set_layout_engine("none")
+                probe.text(0, 0, "eqt")
+                for format in formats:
+                    probe.savefig(BytesIO(), format=format)
 
 
 def _installed(settings: Settings) -> list[str]:
@@ -137,12 +145,33 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
     settings = style.settings
     with matplotlib.rc_context():
         matplotlib.rcdefaults()
-        _PRESENT.update(settings)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of keys of a machine, which `use` omits
+            use(settings)
         if to_hex(_PRESENT["grid.color"]) == ink():
             # Of a sheet that shows no grid; eqt does, and it must not hide the curves.
             _PRESENT["grid.color"] = ink(_GRID)
         with latex.explained() if settings["text.usetex"] else nullcontext():
             yield
+
+
+@dataclass(frozen=True)
+class Look:
+    """On what the line style of a curve depends.
+
+    Attributes
+    ----------
+    index
+        The controller's position, or the curve's place in the figure.
+    pair
+        The positions of its colour and its dashes, where these mean two different things.
+    pairs
+        How many colours and dashes the figure needs for that.
+    """
+
+    index: int
+    pair: tuple[int, int] = (0, 0)
+    pairs: tuple[int, int] = (0, 0)
 
 
 def line_style(look: int | Look) -> dict[str, Any]:

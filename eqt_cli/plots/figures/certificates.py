@@ -18,7 +18,7 @@ from eqt_cli.plots.base import OfCertificates
 from eqt_cli.plots.drawing.labels import notation
 from eqt_cli.plots.drawing.layout import add_legend
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
-from eqt_cli.plots.drawing.verified import Verified
+from eqt_cli.plots.shown import ShownCertificates
 
 _ROW_HEIGHT = 0.155
 _NO_LAW, _BEYOND = 0.65, 0.07
@@ -35,7 +35,7 @@ class Certificates(OfCertificates):
 
     name: ClassVar[str] = "certificates"
 
-    def compose(self, found: Verified, width: Width) -> Drawing:
+    def compose(self, found: ShownCertificates, width: Width) -> Drawing:
         """Identities above trajectories, the paper's order downwards."""
         drawing = Drawing(figsize=(WIDTHS[width], 0.5 + _ROW_HEIGHT * len(found.names)))
         axes = drawing.add_subplot(label="certificates")
@@ -57,7 +57,7 @@ class Certificates(OfCertificates):
         return drawing
 
 
-def _all(found: Verified) -> list[Row]:
+def _all(found: ShownCertificates) -> list[Row]:
     return [row for name in found.names for row in found.rows(name)]
 
 
@@ -67,7 +67,7 @@ def _ratio(row: Row) -> float:
     return abs(row.measured) / row.bound if row.measured else 0.0
 
 
-def _least(found: Verified) -> float:
+def _least(found: ShownCertificates) -> float:
     """The left end of the scale: a decade below the least ratio that is not 0."""
     ratios = [ratio for row in _all(found) if (ratio := _ratio(row)) > 0]
     return float(10.0 ** (np.floor(np.log10(min([*ratios, 1.0]))) - 1))
@@ -94,7 +94,7 @@ def _mark(axes: Axes, row: Row, height: float, least: float, look: dict[str, Any
     axes.plot([at], [height], **(plain | style))
 
 
-def _name_rows(axes: Axes, found: Verified, width: Width) -> None:
+def _name_rows(axes: Axes, found: ShownCertificates, width: Width) -> None:
     """The statements, with where the paper makes them if there is room."""
     texts = []
     for name in found.names:

@@ -11,13 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.plots.base import OfMetrics
-from eqt_cli.plots.drawing.boxes import box_legend, draw_box
-from eqt_cli.plots.drawing.good_metrics import GoodMetrics, Sample
-from eqt_cli.plots.drawing.labels import free_text
+from eqt_cli.plots.drawing.box_plots import box_legend, draw_box
+from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, blank_sheet, rows_of
-from eqt_cli.plots.drawing.metric_names import metric_label
 from eqt_cli.plots.drawing.scales import even, scale_log
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
+from eqt_cli.plots.shown import Sample, ShownMetrics
 
 MOST_STEPS = 500
 """Steps of a distribution function, at most: each then stands for several runs."""
@@ -62,7 +61,7 @@ class Distributions(OfMetrics):
     kind: Literal["box", "ecdf"] = "box"
     log: bool = False
 
-    def compose(self, metrics: GoodMetrics, width: Width) -> Drawing:
+    def compose(self, metrics: ShownMetrics, width: Width) -> Drawing:
         """Two panels in a row of a column, three in one of a page."""
         places = rows_of(metrics.metrics, _COLUMNS[width])
         room = WIDTHS[width] / len(places[0])
@@ -90,7 +89,7 @@ class Distributions(OfMetrics):
         return drawing
 
     def _scale(
-        self, axes: Axes, metrics: GoodMetrics, samples: Sequence[Sample], room: float
+        self, axes: Axes, metrics: ShownMetrics, samples: Sequence[Sample], room: float
     ) -> None:
         """The scale across; where runs had not settled, it ends where they do."""
         seen = np.concatenate([sample.seen for sample in samples])
@@ -104,7 +103,7 @@ class Distributions(OfMetrics):
             _count(axes, samples, room, boxes=self.kind == "box")
 
 
-def _fill_boxes(axes: Axes, metrics: GoodMetrics, samples: Sequence[Sample]) -> None:
+def _fill_boxes(axes: Axes, metrics: ShownMetrics, samples: Sequence[Sample]) -> None:
     """A box per controller, the first on top."""
     for row, (ensemble, sample) in enumerate(zip(metrics.shown, samples, strict=True)):
         colour = line_style(ensemble.look)["color"]
@@ -116,7 +115,7 @@ def _fill_boxes(axes: Axes, metrics: GoodMetrics, samples: Sequence[Sample]) -> 
     axes.tick_params(axis="y", length=0)
 
 
-def _fill_steps(axes: Axes, metrics: GoodMetrics, samples: Sequence[Sample]) -> None:
+def _fill_steps(axes: Axes, metrics: ShownMetrics, samples: Sequence[Sample]) -> None:
     """The fraction of runs up to every value, of all runs with one, settled or not."""
     for ensemble, sample in zip(metrics.shown, samples, strict=True):
         seen = sample.seen

@@ -9,11 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.drawing.curves import Bands, draw_band, scale_norm
-from eqt_cli.plots.drawing.good_runs import GoodRuns
-from eqt_cli.plots.drawing.labels import SYMBOLS, part_name, quantity
+from eqt_cli.plots.drawing.curves import Bands, draw_band
+from eqt_cli.plots.drawing.labels import part_name, signal_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
+from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
+from eqt_cli.plots.shown import ShownRuns
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
 
@@ -39,7 +40,7 @@ class Paper(OverTime):
     log: bool = False
     bands: Bands = "none"
 
-    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Two by two panels, or a row per norm and a column per part."""
         parts = runs.parts
         norms = [[norm + part for part in parts] for norm in _NORMS]
@@ -55,7 +56,7 @@ class Paper(OverTime):
         add_legend(drawing, panels["lyapunov"].lines, [e.title for e in runs.shown])
         return drawing
 
-    def _fill(self, axes: Axes, signal: str, runs: GoodRuns) -> None:
+    def _fill(self, axes: Axes, signal: str, runs: ShownRuns) -> None:
         for ensemble in runs.shown:
             values = runs.values(signal, ensemble)
             look = line_style(ensemble.look)
@@ -63,5 +64,4 @@ class Paper(OverTime):
             axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
             draw_band(axes, times, values, self.bands, look["color"], ensemble.label)
         scale_norm(axes, log=self.log and not signal.startswith("torque_norm"))
-        (symbol,) = (symbol for norm, symbol in SYMBOLS.items() if signal.startswith(norm))
-        name_scale(axes, quantity(symbol, runs.unit(signal)))
+        name_scale(axes, signal_label(runs.results[0], signal))

@@ -11,13 +11,13 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
-from eqt_cli.plots.drawing.callouts import name_points
-from eqt_cli.plots.drawing.labels import free_text
+from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend
-from eqt_cli.plots.drawing.metric_names import metric_label
+from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import scale_log
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
-from eqt_cli.plots.drawing.swept import Swept, mean_over_runs
+from eqt_cli.plots.shown import ShownSweep
+from eqt_cli.results.result import mean_over_runs
 
 _HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4}
 _PALE = 0.45
@@ -48,7 +48,7 @@ class Pareto(OfSweep):
     error: str = "mean_pose_error"
     log: bool = False
 
-    def compose(self, swept: Swept, width: Width) -> Drawing:
+    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """The means over the good runs of every point, and their front, for every controller."""
         cost, error = (mean_over_runs(swept.metric(name)) for name in (self.cost, self.error))
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
@@ -75,7 +75,9 @@ class Pareto(OfSweep):
         return drawing
 
 
-def _name_fronts(panel: Axes, swept: Swept, fronts: list[Array], cost: Array, error: Array) -> None:
+def _name_fronts(
+    panel: Axes, swept: ShownSweep, fronts: list[Array], cost: Array, error: Array
+) -> None:
     """Write the swept values beside the points of the fronts."""
     points, texts, colours, corners = [], [], [], [np.column_stack([cost.ravel(), error.ravel()])]
     for k, (best, position) in enumerate(zip(fronts, swept.controllers, strict=True)):

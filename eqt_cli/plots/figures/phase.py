@@ -14,23 +14,24 @@ from matplotlib.ticker import MaxNLocator
 
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import critical_sets
-from eqt_cli.plots.drawing.by_controller import mosaic, panel, panel_title
-from eqt_cli.plots.drawing.curves import scale_norm
-from eqt_cli.plots.drawing.ensembles import Ensemble
-from eqt_cli.plots.drawing.first_runs import OfFirstRuns, draw_paths, path_legend
-from eqt_cli.plots.drawing.good_runs import GoodRuns
-from eqt_cli.plots.drawing.labels import SYMBOLS, quantity
+from eqt_cli.plots.base import OfFirstRuns
+from eqt_cli.plots.drawing.curves import draw_paths, path_legend
+from eqt_cli.plots.drawing.labels import signal_label
 from eqt_cli.plots.drawing.layout import (
-    EMPTY,
     Mosaic,
     add_legend,
     add_title,
     blank_sheet,
-    hide_scale,
+    hide_inner_scales,
     name_scale,
     numbered_below,
+    panel,
+    panel_title,
+    panels_by_controller,
 )
+from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
+from eqt_cli.plots.shown import Ensemble, ShownRuns
 
 _HEIGHTS: dict[Width, float] = {"column": 1.35, "page": 1.75}
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
@@ -64,10 +65,10 @@ class Phase(OfFirstRuns):
 
     log: bool = False
 
-    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """A row per controller and a column per part, or else two or four controllers a row."""
         shown, parts = runs.shown, runs.parts
-        places = mosaic([e.label for e in shown], parts, _COLUMNS[width])
+        places = panels_by_controller([e.label for e in shown], parts, _COLUMNS[width])
         drawing, panels = blank_sheet(width, places, _HEIGHTS[width])
         room = WIDTHS[width] / len(places[0]) - _BESIDE
         marked = False
@@ -88,13 +89,13 @@ class Phase(OfFirstRuns):
         add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
-    def _fill(self, axes: Axes, runs: GoodRuns, ensemble: Ensemble, part: str) -> None:
+    def _fill(self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, part: str) -> None:
         pose, velocity = _POSE + part, _VELOCITY + part
         x, y = (runs.values(norm, ensemble, self.runs) for norm in (pose, velocity))
-        paths = zip(x, y, strict=True)
-        draw_paths(axes, dict(zip(runs.numbers(ensemble, self.runs), paths, strict=True)), ensemble)
-        axes.set_xlabel(quantity(SYMBOLS[_POSE], runs.unit(pose)))
-        name_scale(axes, quantity(SYMBOLS[_VELOCITY], runs.unit(velocity)))
+        numbers = runs.numbers(ensemble, self.runs)
+        draw_paths(axes, dict(zip(numbers, zip(x, y, strict=True), strict=True)), ensemble)
+        axes.set_xlabel(signal_label(ensemble.results, pose))
+        name_scale(axes, signal_label(ensemble.results, velocity))
 
     def _scale(self, column: Sequence[Axes]) -> None:
         """One scale for a part; it must hold every run, so it comes after them."""
@@ -113,10 +114,7 @@ def _hide_scales(panels: Mapping[str, Axes], places: Mosaic, parts: Sequence[str
         axes.tick_params(labelbottom=name in numbered)
         axes.xaxis.label.set_visible(name in numbered)
     if len(parts) == 1:
-        for row in places:
-            for name in row[1:]:
-                if name != EMPTY:
-                    hide_scale(panels[name])
+        hide_inner_scales(panels, places)
 
 
 def _mark_half_turns(column: Sequence[Axes], group: MatrixLieGroup | None, part: str) -> bool:

@@ -11,21 +11,22 @@ from matplotlib.lines import Line2D
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.drawing.by_controller import mosaic, panel, panel_title
-from eqt_cli.plots.drawing.curves import THIN, scale_norm, thin_line
-from eqt_cli.plots.drawing.good_runs import GoodRuns
-from eqt_cli.plots.drawing.labels import SYMBOLS, quantity
+from eqt_cli.plots.drawing.curves import thin_line, thin_line_legend
+from eqt_cli.plots.drawing.labels import signal_label
 from eqt_cli.plots.drawing.layout import (
-    EMPTY,
     add_legend,
     add_title,
-    hide_scale,
+    hide_inner_scales,
     name_scale,
+    panel,
+    panel_title,
+    panels_by_controller,
     share_scale,
     sheet,
 )
-from eqt_cli.plots.drawing.look import Look
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
+from eqt_cli.plots.drawing.scales import scale_norm
+from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink
+from eqt_cli.plots.shown import ShownRuns
 
 MOST_LINES = 200
 """Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
@@ -51,11 +52,11 @@ class Runs(OverTime):
     signal: Literal["pose_error", "velocity_error", "torque_norm", "lyapunov"] = "pose_error"
     log: bool = False
 
-    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """A row per controller and a column per part, or else controllers two by two."""
         shown = runs.shown
         parts = [""] if self.signal == "lyapunov" else runs.parts
-        places = mosaic([e.label for e in shown], parts)
+        places = panels_by_controller([e.label for e in shown], parts)
         room = WIDTHS[width] / len(places[0])
         drawing, panels = sheet(width, places, runs.span, runs.unit("time"))
         for part in parts:
@@ -66,23 +67,17 @@ class Runs(OverTime):
                 values = runs.values(signal, ensemble)
                 self._fill(axes, runs.times(ensemble), values, ensemble.look)
                 add_title(axes, panel_title(ensemble.title, part), room)
-                name_scale(axes, quantity(SYMBOLS[self.signal], runs.unit(signal)))
+                name_scale(axes, signal_label(ensemble.results, signal))
         for axes in panels.values():  # now that every curve of a common scale is there
             scale_norm(axes, log=self.log)
         if len(parts) == 1:
-            for _, right in (row for row in places if len(row) == 2 and row[1] != EMPTY):
-                hide_scale(panels[right])
-        add_legend(drawing, *_legend(max(int(e.good.sum()) for e in shown)))
+            hide_inner_scales(panels, places)
+        handles = thin_line_legend(max(int(e.good.sum()) for e in shown), MOST_LINES)
+        handles["mean over runs"] = Line2D([], [], color=ink())
+        add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
     def _fill(self, axes: Axes, times: Array, values: Array, look: Look) -> None:
         drawn = values[:MOST_LINES]
         axes.plot(times, drawn.T, **thin_line(look, len(drawn)))
         axes.plot(times, values.mean(axis=0), color=ink(), label="mean")
-
-
-def _legend(runs: int) -> tuple[list[Line2D], list[str]]:
-    single = Line2D([], [], color=ink(0.5), linewidth=2 * THIN)
-    mean = Line2D([], [], color=ink())
-    lines = "single runs" if runs <= MOST_LINES else f"first {MOST_LINES} runs"
-    return [single, mean], [lines, "mean over runs"]

@@ -14,14 +14,20 @@ from matplotlib.patches import Circle
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import Part
 from eqt_cli.mechanics.tracking import pose_error
-from eqt_cli.plots.drawing import disc
-from eqt_cli.plots.drawing.by_controller import mosaic, panel, panel_title
-from eqt_cli.plots.drawing.ensembles import Ensemble
-from eqt_cli.plots.drawing.first_runs import OfFirstRuns, draw_paths, path_legend
-from eqt_cli.plots.drawing.good_runs import GoodRuns
+from eqt_cli.plots.base import OfFirstRuns
+from eqt_cli.plots.drawing import sphere_projection
+from eqt_cli.plots.drawing.curves import draw_paths, path_legend
 from eqt_cli.plots.drawing.labels import free_text
-from eqt_cli.plots.drawing.layout import add_legend, add_title, blank_sheet
+from eqt_cli.plots.drawing.layout import (
+    add_legend,
+    add_title,
+    blank_sheet,
+    panel,
+    panel_title,
+    panels_by_controller,
+)
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, size_of_type
+from eqt_cli.plots.shown import Ensemble, ShownRuns
 
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
 _AXES = "xyz"
@@ -68,11 +74,11 @@ class Sphere(OfFirstRuns):
 
     axis: Literal["x", "y", "z"] = "z"
 
-    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """A disc per controller, or a column of discs per rotation of the group."""
         shown, parts, centre = runs.shown, self._rotations(runs), _AXES.index(self.axis)
         suffixes = [f"_{part.name}" for part in parts] if len(parts) > 1 else [""]
-        places = mosaic([e.label for e in shown], suffixes, _COLUMNS[width])
+        places = panels_by_controller([e.label for e in shown], suffixes, _COLUMNS[width])
         room = WIDTHS[width] / max(len(places[0]), 2)
         drawing, panels = blank_sheet(width, places, room + _ABOVE)
         for ensemble in shown:
@@ -81,7 +87,7 @@ class Sphere(OfFirstRuns):
                 axes = panels[panel(ensemble.label, suffix)]
                 points = errors[(..., *part.entries)][..., centre]
                 _draw_grid(axes, centre)
-                paths = (disc.path(run, centre) for run in points)
+                paths = (sphere_projection.path(run, centre) for run in points)
                 numbers = runs.numbers(ensemble, self.runs)
                 draw_paths(axes, dict(zip(numbers, paths, strict=True)), ensemble)
                 add_title(axes, panel_title(ensemble.title, suffix), room)
@@ -89,10 +95,10 @@ class Sphere(OfFirstRuns):
         add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
-    def _rotations(self, runs: GoodRuns) -> list[Part]:
+    def _rotations(self, runs: ShownRuns) -> list[Part]:
         """The rotations in space among the parts of the group."""
         if runs.group is None:
-            name = runs.results[0].attributes.get("group")
+            name = runs.results[0].group_name
             raise runs.error(f"does not know group '{name}', which a plugin of the result defines")
         turning = [part for part in runs.group.parts if part.name.startswith("rotation")]
         found = [part for part in turning if part.entries[0].stop - part.entries[0].start == 3]
@@ -105,7 +111,7 @@ class Sphere(OfFirstRuns):
         return found
 
 
-def _errors(runs: GoodRuns, ensemble: Ensemble, most: int) -> Array:
+def _errors(runs: ShownRuns, ensemble: Ensemble, most: int) -> Array:
     """Q_E of the first runs, ``(runs, samples, d, d)``."""
     assert runs.group is not None
     poses, desired = runs.values("pose", ensemble, most), runs.desired("pose", ensemble)
@@ -118,7 +124,7 @@ def _draw_grid(axes: Axes, centre: int) -> None:
     ground = {"facecolor": (ink(0), 0.85), "edgecolor": "none", "pad": 0.5}
     small = _SMALL * size_of_type("font.size")
     for angle in _CIRCLES:
-        radius = disc.radius(np.deg2rad(angle))
+        radius = sphere_projection.radius(np.deg2rad(angle))
         is_rim = angle == _CIRCLES[-1]
         edge = {"color": ink(), **_RIM} if is_rim else grid
         axes.add_patch(Circle((0, 0), float(radius), fill=False, **edge))

@@ -12,12 +12,12 @@ from matplotlib.figure import Figure as Drawing
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.drawing.curves import BAND, band_look
-from eqt_cli.plots.drawing.labels import free_text
+from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title
-from eqt_cli.plots.drawing.metric_names import metric_label
 from eqt_cli.plots.drawing.scales import number_values
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
-from eqt_cli.plots.drawing.swept import Axis, Swept, mean_over_runs
+from eqt_cli.plots.shown import ShownSweep
+from eqt_cli.results.result import SweptKey, mean_over_runs
 
 _LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
@@ -49,7 +49,7 @@ class SweepFigure(OfSweep):
 
     metric: str = "mean_pose_error"
 
-    def compose(self, swept: Swept, width: Width) -> Drawing:
+    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """One panel of curves, or a map per controller, of means over the good runs."""
         values, axes = swept.metric(self.metric), swept.axes
         if not 1 <= len(axes) <= 2:
@@ -63,7 +63,9 @@ class SweepFigure(OfSweep):
             return self._curves(swept, axes[0], values, label, width)
         return self._maps(swept, axes, values, label, width)
 
-    def _curves(self, swept: Swept, axis: Axis, values: Array, label: str, width: Width) -> Drawing:
+    def _curves(
+        self, swept: ShownSweep, axis: SweptKey, values: Array, label: str, width: Width
+    ) -> Drawing:
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panel = drawing.add_subplot()
         order = np.argsort(axis.values, kind="stable")
@@ -72,13 +74,8 @@ class SweepFigure(OfSweep):
             found = values[order, k]
             style = line_style(position)
             mean = mean_over_runs(found)
-            # Hollow, so that of curves that coincide all markers are seen.
-            points: dict[str, Any] = {
-                "marker": marker(position),
-                "markersize": 4.5,
-                "markerfacecolor": "none",
-            }
-            lines += panel.plot(axis.values[order], mean, label=title, **points, **style)
+            shape = {"marker": marker(position), **_POINTS}
+            lines += panel.plot(axis.values[order], mean, label=title, **shape, **style)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
             low, high = np.nanquantile(found, BAND, axis=-1)
@@ -91,7 +88,7 @@ class SweepFigure(OfSweep):
         return drawing
 
     def _maps(
-        self, swept: Swept, axes: list[Axis], values: Array, label: str, width: Width
+        self, swept: ShownSweep, axes: list[SweptKey], values: Array, label: str, width: Width
     ) -> Drawing:
         means = mean_over_runs(values)
         count = len(swept.titles)
@@ -123,24 +120,24 @@ def _name(panel: Axes, x: float, y: float, law: str) -> None:
     panel.annotate(free_text(law, 12), (x, y), ha="center", va="center", fontsize="small", bbox=box)
 
 
-def _scale(panel: Axes, axis: Axis, room: float) -> None:
+def _scale(panel: Axes, axis: SweptKey, room: float) -> None:
     """Name the scale across and what is at it, within so many inches."""
     panel.set_xlabel(free_text(axis.key, _LONGEST))
-    if axis.ticks:
-        texts = [free_text(text, _LONGEST) for text in axis.ticks.values()]
-        panel.set_xticks(list(axis.ticks), texts)
+    if axis.texts:
+        texts = [free_text(text, _LONGEST) for text in axis.texts.values()]
+        panel.set_xticks(list(axis.texts), texts)
         return
     if axis.logarithmic:
         panel.set_xscale("log")
     number_values(panel, axis.values, room)
 
 
-def _levels(panel: Axes, direction: str, levels: Array, axis: Axis) -> None:
+def _levels(panel: Axes, direction: str, levels: Array, axis: SweptKey) -> None:
     """Number the cells of a map; at most about six are written."""
     step = max(1, len(levels) // 6)
     shown = range(0, len(levels), step)
     numbers = [f"{levels[k]:.3g}".replace("-", "−") for k in shown]
-    names = [axis.ticks.get(float(levels[k]), text) for k, text in zip(shown, numbers, strict=True)]
+    names = [axis.texts.get(float(levels[k]), text) for k, text in zip(shown, numbers, strict=True)]
     texts = [free_text(name, _LONGEST) for name in names]
     panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
     panel.set(**{f"{direction}label": free_text(axis.key, _LONGEST)})

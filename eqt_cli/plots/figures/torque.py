@@ -14,17 +14,17 @@ from matplotlib.patches import Patch
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.drawing.curves import BAND_NAMES, Bands, band_look, draw_band
-from eqt_cli.plots.drawing.good_runs import GoodRuns
 from eqt_cli.plots.drawing.labels import component, quantity
 from eqt_cli.plots.drawing.layout import (
     add_legend,
     add_title,
-    hide_scale,
+    hide_inner_scales,
     name_scale,
     share_scale,
     sheet,
 )
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
+from eqt_cli.plots.shown import ShownRuns
 
 _MOST_CONTROLLERS: dict[Width, int] = {"column": 4, "page": 8}
 _DESIRED: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.5))}
@@ -49,7 +49,7 @@ class Torque(OverTime):
 
     bands: Bands = "quantiles"
 
-    def compose(self, runs: GoodRuns, width: Width) -> Drawing:
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Axes downwards with a scale each, controllers to the right."""
         shown, most = runs.shown, _MOST_CONTROLLERS[width]
         if len(shown) > most:
@@ -65,8 +65,7 @@ class Torque(OverTime):
         for row, (axis, unit) in zip(grid, runs.axes, strict=True):
             share_scale(row)
             name_scale(row[0], quantity(component(r"\tau", axis), unit))
-            for axes in row[1:]:
-                hide_scale(axes)
+        hide_inner_scales(panels, rows)
         for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):
             add_title(column[0], ensemble.title, WIDTHS[width] / len(shown))
             colour = line_style(ensemble.look)["color"]

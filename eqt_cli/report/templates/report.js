@@ -172,8 +172,8 @@
     function summarised() {
       const run = data.runs[index];
       const rows = table.rows.filter((row) => row[1] === run);
-      const settling = table.columns.findIndex((column) => column.name === "settling time");
-      const early = table.columns.findIndex((column) => column.name.startsWith("mean ‖τ‖"));
+      const settling = table.columns.findIndex((column) => column.metric === "settling_time");
+      const early = table.columns.findIndex((column) => column.metric === "early_torque");
       const parts = rows.map((row) => {
         const words = [];
         if (row[2] !== "ok") words.push(row[2]);

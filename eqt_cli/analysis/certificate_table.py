@@ -1,0 +1,77 @@
+"""Certificates as a table of text; it must not know how they were found."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.analysis.text_tables import Block, TextTable
+
+_KINDS = {
+    "identity": "Identities, at random states: difference of both sides, bound of its rounding",
+    "trajectory": "Trajectories, over the runs: error or change, tolerance",
+    "hypothesis": "Hypotheses: what the theorems assume",
+}
+_HOLDS, _FAILS = Verdict.HOLDS, Verdict.FAILS
+_LEGEND = {
+    Verdict.UNDECIDED: "the numbers at hand neither confirm nor refute it",
+    Verdict.UNCLAIMED: "the paper does not say so of this law",
+    Verdict.MORSE_BOTT: "the critical points form manifolds, so the paper's Morse condition is "
+    "met only across them",
+    Verdict.GROWING: "the largest value over the second half of the horizon exceeds the first's, "
+    "so that a bound is in doubt",
+    Verdict.VIOLATED: "the theorems do not cover this experiment",
+    Verdict.UNKNOWN: "what is at hand does not tell",
+}
+"""What the verdicts other than holds and FAILS mean."""
+
+_HEADER = ["statement", "what", "law", "measured", "bound", "verdict", "remark"]
+
+
+def certificate_table(rows: Sequence[Row]) -> TextTable | None:
+    """A block per kind, in the order of the rows; None if there are none."""
+    blocks = [
+        Block(title, [_cells(row) for row in rows if row.kind == kind])
+        for kind, title in _KINDS.items()
+    ]
+    blocks = [block for block in blocks if block.rows]
+    if not blocks:
+        return None
+    doubts = doubtful(rows)
+    assumed = f"; of the hypotheses {'; '.join(doubts)}" if doubts else ""
+    occurring = {row.verdict for row in rows}
+    return TextTable(
+        "certificates",
+        f"The paper's statements, checked on this experiment: {tally(rows)}{assumed}",
+        _HEADER,
+        blocks,
+        [f"{verdict}: {meaning}." for verdict, meaning in _LEGEND.items() if verdict in occurring],
+    )
+
+
+def tally(rows: Sequence[Row]) -> str:
+    """How many identities and trajectory rows end how: ``41 hold, 2 undecided, 0 fail``."""
+    counts = Counter(row.verdict for row in rows if row.kind != "hypothesis")
+    others = [f"{count} {v}" for v, count in counts.items() if v not in (_HOLDS, _FAILS)]
+    return ", ".join([f"{counts[_HOLDS]} hold", *sorted(others), f"{counts[_FAILS]} fail"])
+
+
+def doubtful(rows: Sequence[Row]) -> list[str]:
+    """The hypotheses that are violated or seem to be: ``growing: Q_d is bounded``."""
+    return [
+        f"{row.verdict}: {row.name}{f' ({row.controller})' if row.controller else ''}"
+        for row in rows
+        if row.kind == "hypothesis" and row.verdict in (Verdict.VIOLATED, Verdict.GROWING)
+    ]
+
+
+def _cells(row: Row) -> list[str]:
+    numbers = [_number(row.measured), _number(row.bound)]
+    return [row.statement, row.name, row.controller, *numbers, str(row.verdict), row.remark]
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return ""
+    return f"{value:.1e}" if value and abs(value) < 1e-2 else f"{value:.3g}"

@@ -1,0 +1,38 @@
+"""Tables of text: blocks of rows under a header; it knows neither contents nor output formats."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+
+@dataclass(frozen=True)
+class Block:
+    """Rows under a common heading, which may be empty."""
+
+    title: str
+    rows: list[list[str]]
+
+
+@dataclass(frozen=True)
+class TextTable:
+    """A table.
+
+    Attributes
+    ----------
+    name
+        What it is called.
+    caption
+        What it shows, in a sentence.
+    header
+        One heading per column.
+    blocks
+        The rows.
+    notes
+        What a reader must know to read it.
+    """
+
+    name: str
+    caption: str
+    header: list[str]
+    blocks: list[Block]
+    notes: list[str] = field(default_factory=list)

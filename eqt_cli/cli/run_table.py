@@ -1,0 +1,49 @@
+"""Every run with its numbers as text for other programs: CSV or JSON lines."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.results.result import Result
+
+FORMATS = ("csv", "jsonl")
+
+
+def print_run_table(result: Result, form: str) -> None:
+    """Every run with its numbers, on stdout, with all their digits."""
+    if form not in FORMATS:
+        hint = suggestion(form, FORMATS) or f"; known: {', '.join(FORMATS)}"
+        raise EqtError(f"--format: unknown format '{form}'{hint}")
+    swept = [
+        name for name in result.coordinates if name != "point" and result.dims(name) == ("point",)
+    ]
+    numbers = [name for name in result.names if result.dims(name) == result.dims("status")]
+    first = ["point", *swept] if result.is_sweep else []
+    header, rows = [*first, "controller", "run", *numbers], _rows(result, swept, numbers)
+    if form == "csv":
+        writer = csv.writer(sys.stdout, lineterminator="\n")
+        writer.writerow(header)
+        writer.writerows(rows)
+        return
+    for row in rows:
+        plain = (None if isinstance(v, float) and not math.isfinite(v) else v for v in row)
+        print(json.dumps(dict(zip(header, plain, strict=True)), ensure_ascii=False))
+
+
+def _rows(result: Result, swept: list[str], numbers: list[str]) -> Iterator[list[Any]]:
+    """Point by point, controller by controller."""
+    values = [result.coordinate(name).tolist() for name in swept]
+    shape = (result.points, len(result.labels), result.runs)
+    columns = [result[name].reshape(shape) for name in numbers]
+    for point in range(result.points):
+        here = [point, *(value[point] for value in values)] if result.is_sweep else []
+        for controller, label in enumerate(result.labels):
+            found = [column[point, controller].tolist() for column in columns]
+            for run, row in enumerate(zip(*found, strict=True)):
+                yield [*here, label, run, *row]

@@ -1,0 +1,47 @@
+"""Small files: written in one step, and what the system refuses in words."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from eqt_cli.core.errors import EqtError, Remedy
+
+
+def replace_file(path: Path, content: bytes) -> None:
+    """Write a file whole or not at all, whenever the process or the machine may stop."""
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as stream:
+            stream.write(content)
+            stream.flush()
+            os.fsync(stream.fileno())
+        temporary.replace(path)
+    finally:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def refusals(
+    subject: object, done: str, remedy: Remedy | str = "", kind: type[EqtError] = EqtError
+) -> Iterator[None]:
+    """Say what the system refuses: ``x.yaml: cannot be read: permission denied; check …``.
+
+    Parameters
+    ----------
+    done
+        What is done in the block: ``"read"``.
+    remedy
+        What the user can do about it.
+    kind
+        The error to raise instead of the system's.
+    """
+    try:
+        yield
+    except (OSError, UnicodeDecodeError) as error:
+        reason = (getattr(error, "strerror", None) or str(error)).lower()
+        advice = Remedy(remedy) if isinstance(remedy, str) else remedy
+        raise kind(f"{subject}: cannot be {done}: {reason}", advice) from error

@@ -1,0 +1,319 @@
+"""A study from configuration to result folder: what is missing is computed, then all is packed."""
+
+from __future__ import annotations
+
+import shutil
+import time
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from eqt_cli.config.yaml_source import dump
+from eqt_cli.core.errors import EqtError, EqtWarning, Remedy
+from eqt_cli.execution.cost import check_resources
+from eqt_cli.execution.executors import MOST_TRIES, Executor
+from eqt_cli.execution.executors.serial import Serial
+from eqt_cli.execution.folder import ResultFolder
+from eqt_cli.execution.lock import LOCK, locked
+from eqt_cli.execution.pack import BrokenPart, pack
+from eqt_cli.execution.part_task import PartTask
+from eqt_cli.execution.provenance import OTHERS, differences, provenance, together
+from eqt_cli.execution.rerun import patch, rerun_of
+from eqt_cli.execution.result_layout import described
+from eqt_cli.experiment.study import Study
+from eqt_cli.results.quantities import quantities
+
+RERUN = "rerun"
+
+Progress = Callable[[float], None]
+Remark = Callable[[EqtWarning], None]
+
+
+def warn(remark: EqtWarning) -> None:
+    """What is done with a remark where nothing else is asked for."""
+    warnings.warn(remark, stacklevel=3)
+
+
+@dataclass(frozen=True)
+class Shard:
+    """The share of one job of an array: parts `index`, `index` + `count`, …; counted from 1."""
+
+    index: int
+    count: int
+
+
+@dataclass(frozen=True)
+class Execution:
+    """What `execute` did.
+
+    Attributes
+    ----------
+    folder
+        Where the result is.
+    was_complete
+        The folder held this study's finished result already; nothing was run.
+    removed
+        What `force` removed.
+    runs, failed
+        Runs over all controllers and points, and those with a status other than 0.
+    resumed
+        Runs that earlier sessions had finished.
+    packed
+        Whether the result file is there; a shard alone does not write it.
+    seconds
+        Wall time of simulation and writing, s.
+    """
+
+    folder: ResultFolder
+    was_complete: bool
+    removed: list[str]
+    runs: int
+    failed: int
+    resumed: int = 0
+    packed: bool = True
+    seconds: dict[str, float] = field(default_factory=dict)
+
+
+def execute(
+    study: Study,
+    out: Path,
+    *,
+    executor: Executor | None = None,
+    force: bool = False,
+    rerun_failed: bool = False,
+    shard: Shard | None = None,
+    progress: Progress = lambda runs: None,
+    resumed: Progress = lambda runs: None,
+    remark: Remark = warn,
+) -> Execution:
+    """Compute what of a study is not in its folder yet, and pack the result file.
+
+    Parameters
+    ----------
+    executor
+        Who computes the parts; default: this process.
+    force
+        Start over, removing what eqt wrote there.
+    rerun_failed
+        Compute those runs again that failed, each by itself.
+    shard
+        Compute only this share of the parts, beside other processes, and do not pack.
+    progress
+        Told how many more runs are done, in fractions.
+    resumed
+        Told at the start how many runs earlier sessions have done.
+    remark
+        Told what a user should know and no error is.
+
+    Raises
+    ------
+    EqtError
+        If the folder holds something else, is in use, or cannot be written.
+    """
+    folder = ResultFolder(out)
+    complete = not force and folder.is_complete(study)
+    if complete:
+        failed = int((folder.manifest or {}).get("failed", 0))
+        if not (rerun_failed and failed):
+            return Execution(folder, True, [], study.plans.total, failed)
+    check_resources(study, out)
+    with ExitStack() as locks:
+        locks.enter_context(locked(out, shared=shard is not None, remark=remark))
+        if shard:
+            locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
+        session = _Session(study, folder, executor or Serial(), progress, resumed, remark)
+        if complete:
+            return session.rerun(failed)
+        if rerun_failed:
+            session.forget_lost()
+        done = session.run(force, shard)
+        again = rerun_failed and done.failed and done.packed
+        return session.rerun(done.failed) if again else done
+
+
+def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
+    """Pack the parts that shards have computed; `remark` is as of `execute`.
+
+    Raises
+    ------
+    EqtError
+        If some are missing, or the folder is not this study's.
+    """
+    folder = ResultFolder(out)
+    if folder.is_complete(study):
+        failed = int((folder.manifest or {}).get("failed", 0))
+        return Execution(folder, True, [], study.plans.total, failed)
+    with locked(out, remark=remark):
+        missing = len(study.plans) - len(folder.parts.listed())
+        if missing:
+            raise EqtError(
+                f"{out}: {missing} of {len(study.plans)} parts are missing; run every shard to its "
+                "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
+            )
+        return _Session(study, folder, Serial(), remark=remark).run(False, None)
+
+
+class _Session:
+    def __init__(
+        self,
+        study: Study,
+        folder: ResultFolder,
+        executor: Executor,
+        progress: Progress = lambda runs: None,
+        resumed: Progress = lambda runs: None,
+        remark: Remark = warn,
+    ) -> None:
+        self.study, self.folder, self.executor = study, folder, executor
+        self.progress, self.resumed, self.remark = progress, resumed, remark
+        self.plan, self.files = study.plans, folder.parts
+        self.task = PartTask(study, self.files)
+        self.seconds: dict[str, float] = {}
+
+    def run(self, force: bool, shard: Shard | None) -> Execution:
+        earlier = self.folder.manifest or {}
+        manifest = self._manifest(earlier, afresh=force or not (shard or self.files.listed()))
+        removed = self.folder.claim(self.study, manifest, force)
+        if shard is None:
+            self.folder.tidy()
+        wanted = (
+            range(shard.index - 1, len(self.plan), shard.count) if shard else range(len(self.plan))
+        )
+        if shard or earlier.get("quantities") != manifest["quantities"]:
+            self._forget_outdated(self.task, wanted)
+        there = self.files.listed()
+        resumed = sum(self.plan.runs_of(number) for number in wanted if number in there)
+        self.resumed(resumed)
+        with _timed(self.seconds, "simulation"):
+            self.task.prepare()
+            self._compute([number for number in wanted if number not in there])
+        if shard is None:
+            with _timed(self.seconds, "writing"):
+                self._pack(manifest["provenance"])
+        listed = self.files.listed()
+        failed = sum(listed[number].failed for number in wanted)
+        if shard is None:
+            finished = datetime.now(UTC).isoformat(timespec="seconds")
+            ending = {"finished": finished, "seconds": self.seconds, "failed": failed}
+            self.folder.finish(manifest | ending)
+        runs = sum(self.plan.runs_of(number) for number in wanted)
+        return Execution(
+            self.folder, False, removed, runs, failed, resumed, shard is None, self.seconds
+        )
+
+    def forget_lost(self) -> None:
+        """Remove the parts of which every run failed, so that they are computed as a whole."""
+        for number, entry in self.files.listed().items():
+            if entry.failed == self.plan.runs_of(number):
+                entry.path.unlink()
+
+    def _forget_outdated(self, task: PartTask, numbers: Iterable[int]) -> None:
+        """Remove those of some parts that do not hold all that this version keeps, and say so."""
+        there = task.files.listed()
+        outdated = [n for n in numbers if n in there and task.is_outdated(n, there[n].path)]
+        for number in outdated:
+            there[number].path.unlink()
+        if outdated:
+            runs = sum(map(self.plan.runs_of, outdated))
+            self.remark(
+                EqtWarning(
+                    f"{self.folder.path}: {runs} of its runs were computed with a version of eqt "
+                    "that keeps other numbers of each; they are computed again"
+                )
+            )
+
+    def rerun(self, failed: int) -> Execution:
+        """Compute the failed runs of a finished result again, and replace their rows."""
+        self.resumed(self.plan.total - failed)
+        place = self.folder.path.resolve() / RERUN
+        place.mkdir(exist_ok=True)
+        again = rerun_of(self.study, self.folder.results, place)
+        manifest = self.folder.manifest or {}
+        now = provenance(self.study.source.folder)
+        earlier = manifest.get("provenance", now)
+        self._tell_versions([earlier], now)
+        origin = together(earlier, now)
+        with _timed(self.seconds, "simulation"):
+            again.parts.prepare()
+            self._forget_outdated(again.parts, again.failed)
+            for outcome in self.executor.outcomes(again, again.missing, self.progress):
+                self.progress(0 if outcome.failed is not None else again.runs_of(outcome.item))
+        with _timed(self.seconds, "writing"):
+            still = patch(again, self.folder.results, origin)
+        self.folder.finish(manifest | {"failed": still, "provenance": origin})
+        shutil.rmtree(place)
+        done, total = self.plan.total - failed, self.plan.total
+        return Execution(self.folder, False, [], total, still, done, True, self.seconds)
+
+    def _compute(self, missing: Sequence[int]) -> None:
+        for outcome in self.executor.outcomes(self.task, missing, self.progress):
+            if outcome.failed is None:
+                message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
+                self.progress(self.task.lose(outcome.item, message))
+
+    def _pack(self, origin: dict[str, Any]) -> None:
+        """Pack all parts; those that turn out to be damaged are computed again."""
+        config, plugins = dump(self.study.resolved), dump(self.study.base.plugins)
+        attributes = described(self.study, origin, config, plugins)
+        while True:
+            try:
+                pack(self.study, self.files, self.folder.results, attributes)
+                return
+            except BrokenPart as broken:
+                self._forget_outdated(self.task, range(len(self.plan)))
+                broken.path.unlink(missing_ok=True)
+                self.task.prepare()
+                there = self.files.listed()
+                self._compute([n for n in range(len(self.plan)) if n not in there])
+
+    def _tell_versions(self, earlier: Sequence[dict[str, Any]], now: dict[str, Any]) -> None:
+        """Say that not all runs are of the same versions, if they are not."""
+        differing = (differences(session, now) for session in earlier)
+        if listed := "; or ".join(filter(None, differing)):
+            self.remark(
+                EqtWarning(
+                    f"{self.folder.path}: some of its runs were computed with {listed}; they agree "
+                    "with the new ones within tolerances, not bit for bit",
+                    Remedy("{} starts over", "force"),
+                )
+            )
+
+    def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:
+        study = self.study
+        same = earlier.get("digest") == study.digest
+        origin = provenance(study.source.folder)
+        if same and not afresh and "provenance" in earlier:
+            origin = together(origin, earlier["provenance"])
+            self._tell_versions(origin.get(OTHERS, []), origin)
+        return {
+            "name": study.name,
+            "digest": study.digest,
+            "points": len(study) if study.sweep else None,
+            "runs": study.base.config.ensemble.runs,
+            "controllers": list(study.base.loops),
+            "plan": self.plan.data,
+            "quantities": [entry.name for entry in quantities(study.base)],
+            "config": study.numeric_config,
+            "provenance": origin,
+            "begun": earlier["begun"] if same and "begun" in earlier else _now(),
+        }
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+class _timed:
+    """Adds the wall time of its block to `seconds`, under a name."""
+
+    def __init__(self, seconds: dict[str, float], name: str) -> None:
+        self.seconds, self.name = seconds, name
+
+    def __enter__(self) -> None:
+        self.started = time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.seconds[self.name] = round(time.perf_counter() - self.started, 3)

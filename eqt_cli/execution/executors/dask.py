@@ -1,0 +1,129 @@
+"""A Dask cluster: one that runs already, or one of this machine, started for the occasion."""
+
+from __future__ import annotations
+
+import logging
+import pickle
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import lru_cache
+from importlib.util import find_spec
+from typing import Any, ClassVar
+
+from threadpoolctl import threadpool_limits
+
+from eqt_cli.core.errors import EqtError, Remedy
+from eqt_cli.execution.executors.base import (
+    MOST_TRIES,
+    Executor,
+    Outcome,
+    Progress,
+    Task,
+    TaskContext,
+)
+
+CONNECT_WITHIN = 20.0
+"""s to reach a scheduler."""
+
+
+@dataclass(frozen=True)
+class Dask(Executor):
+    """Workers of Dask.distributed, which see the same result folder as this process.
+
+    Attributes
+    ----------
+    scheduler
+        Address of a running scheduler; None starts a cluster of `workers` processes here.
+    """
+
+    name: ClassVar[str] = "dask"
+    scheduler: str | None = None
+
+    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
+        if not items:
+            return
+        if not find_spec("distributed"):
+            raise EqtError("executor dask needs Dask.distributed: pip install 'eqt-cli[dask]'")
+        from distributed import KilledWorker, as_completed
+
+        payload = pickle.dumps(task)
+        waiting = deque(items)
+        with ExitStack() as stack:
+            client = self._client(stack)
+            futures: dict[Any, int] = {}
+            finished = as_completed(loop=client.loop)
+
+            def submit() -> None:
+                # No more than can run: a dying worker then takes none with it that only waited.
+                room = max(1, sum(client.nthreads().values())) - len(futures)
+                for _ in range(min(room, len(waiting))):
+                    item = waiting.popleft()
+                    future = client.submit(_do, payload, item, pure=False)
+                    futures[future] = item
+                    finished.add(future)
+
+            submit()
+            for future in finished:
+                item = futures.pop(future)
+                submit()
+                try:
+                    failed = future.result()
+                except KilledWorker:
+                    yield Outcome(item, None)
+                else:
+                    progress(task.runs_of(item))
+                    yield Outcome(item, failed)
+
+    def _client(self, stack: ExitStack) -> Any:
+        import dask
+        from distributed import Client
+
+        if self.scheduler:
+            try:
+                return stack.enter_context(
+                    Client(self.scheduler, timeout=CONNECT_WITHIN, set_as_default=False)
+                )
+            except (OSError, ValueError, TimeoutError) as error:
+                raise EqtError(
+                    f"scheduler {self.scheduler}: cannot be reached: {error}",
+                    Remedy("start one with `dask scheduler`"),
+                    Remedy("leave {} out", "scheduler"),
+                ) from error
+        retried = {"distributed.scheduler.allowed-failures": MOST_TRIES - 1}
+        stack.enter_context(dask.config.set(retried))
+        cluster = stack.enter_context(self._local_cluster())
+        return stack.enter_context(Client(cluster, set_as_default=False))
+
+    def _local_cluster(self) -> Any:
+        """A cluster of this machine; one whose workers die while it starts is started again."""
+        from distributed import LocalCluster
+
+        tries = 0
+        while True:
+            try:
+                return LocalCluster(
+                    n_workers=self.workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address="127.0.0.1:0",  # some port is opened; any, and for us only
+                    silence_logs=logging.CRITICAL,
+                )
+            except RuntimeError as error:
+                tries += 1
+                if tries == MOST_TRIES:
+                    raise EqtError(f"executor dask: no cluster can be started: {error}") from error
+
+
+def _do(payload: bytes, item: int) -> int:
+    """One item, in a worker."""
+    with threadpool_limits(1):
+        return _task(payload)(item, TaskContext())
+
+
+@lru_cache(maxsize=4)
+def _task(payload: bytes) -> Task:
+    """The work, opened once in each worker."""
+    task: Task = pickle.loads(payload)
+    return task

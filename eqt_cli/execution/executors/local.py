@@ -1,0 +1,176 @@
+"""Several processes of this machine; one that dies costs the item that it had in hand.
+
+Processes are spawned, not forked: a fork copies locks that threads of the parent hold. They are not
+a pool of the standard library, which gives up all items when one process dies.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing import connection, get_context, parent_process
+from typing import Any, ClassVar
+
+from threadpoolctl import threadpool_limits
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.executors.base import (
+    MOST_TRIES,
+    Executor,
+    Outcome,
+    Progress,
+    Task,
+    TaskContext,
+)
+
+NONE = -1
+"""No item."""
+
+REPORT_EVERY = 0.2
+"""s between a worker's reports of progress."""
+
+
+@dataclass(frozen=True)
+class Local(Executor):
+    """Processes of this machine, each with one BLAS thread."""
+
+    name: ClassVar[str] = "local"
+
+    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
+        waiting = deque(items)
+        tries = dict.fromkeys(items, 0)
+        workers = [_Worker(task, progress) for _ in range(min(self.workers, len(items)))]
+        try:
+            while busy := _occupied(workers, waiting):
+                ready = connection.wait([worker.pipe for worker in busy])
+                for worker in [worker for worker in busy if worker.pipe in ready]:
+                    item = worker.item
+                    try:
+                        failed = worker.answer()
+                    except _Lost:
+                        tries[item] += 1
+                        if tries[item] < MOST_TRIES:
+                            waiting.appendleft(item)
+                        else:
+                            yield Outcome(item, None)
+                    else:
+                        if failed is not None:
+                            yield Outcome(item, failed)
+        finally:
+            for worker in workers:
+                worker.end()
+
+
+class _Lost(Exception):
+    """The process is gone, with the item that it had in hand."""
+
+
+def _occupied(workers: list[_Worker], waiting: deque[int]) -> list[_Worker]:
+    """Give an item to everyone without one, and return those who have one."""
+    for worker in workers:
+        if worker.item == NONE and waiting:
+            worker.give(waiting.popleft())
+    return [worker for worker in workers if worker.item != NONE]
+
+
+@dataclass
+class _Worker:
+    """One process, started when it is first given an item, and what it has in hand."""
+
+    task: Task
+    progress: Progress
+    item: int = NONE
+    process: Any = None
+    pipe: Any = None
+    reported: float = 0.0
+
+    def give(self, item: int) -> None:
+        self.item, self.reported = item, 0.0
+        if self.process is None:
+            context = get_context("spawn")
+            self.pipe, theirs = context.Pipe()
+            self.process = context.Process(target=_serve, args=(theirs, self.task), daemon=True)
+            self.process.start()
+            theirs.close()
+        with suppress(OSError):  # if it has died meanwhile, the end of the pipe says so next
+            self.pipe.send(item)
+
+    def answer(self) -> int | None:
+        """What it says: how many runs failed, or None where it only reports progress."""
+        try:
+            kind, value = self.pipe.recv()
+        except (EOFError, OSError):
+            self._advance(0.0)
+            self.end()
+            self.process, self.item = None, NONE
+            raise _Lost from None
+        if kind == "error":
+            raise value
+        if kind == "progress":
+            self._advance(self.reported + value)
+            return None
+        self._advance(self.task.runs_of(self.item))
+        self.item = NONE
+        return int(value)
+
+    def _advance(self, reached: float) -> None:
+        self.progress(reached - self.reported)
+        self.reported = reached
+
+    def end(self) -> None:
+        if self.process is not None:
+            self.process.kill()  # a part that it has not finished does not exist
+            self.process.join()
+            self.pipe.close()
+
+
+def _serve(pipe: Any, task: Task) -> None:
+    """The life of a worker: items until the pipe ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    due = 0.0
+    pending = 0.0
+
+    def report(amount: float) -> None:
+        nonlocal due, pending
+        pending += amount
+        if time.monotonic() >= due:
+            pipe.send(("progress", pending))
+            due, pending = time.monotonic() + REPORT_EVERY, 0.0
+
+    with threadpool_limits(1):
+        while True:
+            try:
+                item = pipe.recv()
+            except (EOFError, OSError):
+                return
+            try:
+                answer: Any = ("done", task(item, TaskContext(report)))
+            except Exception as error:
+                answer = ("error", _portable(error))
+            pending = 0.0
+            pipe.send(answer)
+
+
+def _portable(error: Exception) -> Exception:
+    """The error itself where it survives the journey, or one that says the same."""
+    try:
+        pickle.loads(pickle.dumps(error))
+    except Exception:
+        return EqtError(str(error)) if isinstance(error, EqtError) else RuntimeError(repr(error))
+    return error
+
+
+def _end_with_parent() -> None:
+    """A worker must not outlive who gave it work, not even if that was killed."""
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)

@@ -1,0 +1,33 @@
+"""One item after the other, in this process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from threadpoolctl import threadpool_limits
+
+from eqt_cli.execution.executors.base import Executor, Outcome, Progress, Task, TaskContext
+
+
+@dataclass(frozen=True)
+class Serial(Executor):
+    """In this process, one item at a time; an engine that can may use several threads for it."""
+
+    name: ClassVar[str] = "serial"
+
+    def at_once(self, items: int, each: float) -> int:
+        """One."""
+        return 1
+
+    def threads_for(self, items: int) -> int:
+        """All of them."""
+        return self.workers
+
+    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
+        context = TaskContext(progress, self.threads_for(len(items)))
+        for item in items:
+            with threadpool_limits(1):  # results must not depend on how a library splits a product
+                failed = task(item, context)
+            yield Outcome(item, failed)

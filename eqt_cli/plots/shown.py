@@ -1,0 +1,492 @@
+"""What of results a figure shows, and what it leaves out; it must not know how they are drawn."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.closed_loop.signals import MIXED
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.plots.drawing.labels import notation
+from eqt_cli.plots.drawing.style import Look
+from eqt_cli.results.result import Result, SweptKey
+
+DEFAULT_METRICS = (
+    "effort",
+    "early_torque",
+    "peak_torque",
+    "mean_pose_error",
+    "final_pose_error",
+    "settling_time",
+)
+"""The metrics that are shown unless told otherwise, those of them that all results hold."""
+
+_NORMS = ("pose_error", "velocity_error", "torque_norm")
+_DECIDED = (Verdict.HOLDS, Verdict.FAILS)
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """The runs of one controller of a result.
+
+    Attributes
+    ----------
+    results
+        The result that holds them.
+    controller
+        The controller's position there.
+    look
+        On what its line style depends: its position; among several results, its law for the colour
+        and the result for the dashes, or the result for both where there is one law.
+    label, title
+        Its name in the result and in figures; both name the result too where there are several.
+    good : (runs,)
+        Which of the runs ended well; for trajectories, of the runs that have one.
+    """
+
+    results: Result
+    controller: int
+    look: Look
+    label: str
+    title: str
+    good: Array
+
+    @property
+    def failed(self) -> int:
+        """How many runs are left out because they failed."""
+        return int(self.good.size - np.count_nonzero(self.good))
+
+
+class ShownControllers:
+    """Controllers of single experiments on one group.
+
+    Parameters
+    ----------
+    results
+        Open.
+    figure
+        Name of the figure, for messages.
+    chosen
+        Labels of the controllers to show; all if empty.
+
+    Attributes
+    ----------
+    ensembles : list of Ensemble
+        The controllers.
+
+    Raises
+    ------
+    EqtError
+        If one is a sweep, they are of several groups, a label is of no controller, or no run of
+        any is good.
+    """
+
+    def __init__(self, results: Sequence[Result], figure: str, chosen: Sequence[str] = ()) -> None:
+        self.results, self.figure = results, figure
+        for one in results:
+            one.single(f"figure '{figure}' shows single experiments")
+            if one.group_name != results[0].group_name:
+                message = (
+                    f"shows results on one group; this is on {one.group_name}, and "
+                    f"{results[0].path} on {results[0].group_name}"
+                )
+                raise _error(one, figure, message)
+        self.ensembles = _ensembles(results, _positions(results, figure, chosen))
+        if not self.shown:
+            raise self.error("has nothing to show, since every run failed; see `eqt show`")
+
+    @property
+    def shown(self) -> list[Ensemble]:
+        """The controllers with at least one good run."""
+        return [ensemble for ensemble in self.ensembles if ensemble.good.any()]
+
+    def unit(self, name: str) -> str:
+        """The unit of a variable."""
+        return self.results[0].units(name)
+
+    def notes(self) -> list[str]:
+        """What a reader must know about the runs that are not shown."""
+        return [
+            f"{e.title}: {e.failed} of {e.good.size} runs failed; left out."
+            for e in self.ensembles
+            if e.failed
+        ]
+
+    def error(self, message: str) -> EqtError:
+        """An error of this figure about the results."""
+        return _error(self.results[0], self.figure, message)
+
+
+class ShownRuns(ShownControllers):
+    """Trajectories of the runs, of one or several results on one group, that did not fail.
+
+    Raises
+    ------
+    EqtError
+        As `ShownControllers`; and if a result holds no trajectories, or of failed runs only.
+    """
+
+    def __init__(self, results: Sequence[Result], figure: str, chosen: Sequence[str] = ()) -> None:
+        super().__init__(results, figure, chosen)
+        for one in results:
+            self._check_stored(one, "lyapunov")
+            if len(one.times) < 2:
+                message = (
+                    "needs trajectories of two samples or more, and the result holds one; "
+                    "decrease store.decimate and run the experiment again"
+                )
+                raise _error(one, figure, message)
+        self.ensembles = [
+            replace(e, good=e.results.good_stored(e.controller)) for e in self.ensembles
+        ]
+        if not self.shown:
+            raise self.error("has nothing to show: every run whose trajectory is stored failed")
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The first and the last time of all results."""
+        ends = [one.times[[0, -1]] for one in self.results]
+        return float(np.min(ends)), float(np.max(ends))
+
+    def times(self, ensemble: Ensemble) -> Array:
+        """The sample times of a controller's runs."""
+        return ensemble.results.times
+
+    def values(self, signal: str, ensemble: Ensemble, most: int | None = None) -> Array:
+        """One signal of the good runs of a controller, ``(runs, samples, …)``.
+
+        Parameters
+        ----------
+        most
+            How many runs to read, the first ones; all if None.
+
+        Raises
+        ------
+        EqtError
+            If the result does not hold the signal over time.
+        """
+        self._check_stored(ensemble.results, signal)
+        return ensemble.results.trajectories(signal, ensemble.controller, most)
+
+    def numbers(self, ensemble: Ensemble, most: int | None = None) -> Array:
+        """The numbers of the good runs of a controller, as `values` takes them."""
+        numbers: Array = ensemble.results.stored_runs[ensemble.good][:most]
+        return numbers
+
+    def desired(self, signal: str, ensemble: Ensemble) -> Array:
+        """A signal of the reference at the sample times, ``(samples, …)``: ``torque`` for τ_d."""
+        self._check_stored(ensemble.results, f"desired_{signal}")
+        return ensemble.results[f"desired_{signal}"]
+
+    @cached_property
+    def parts(self) -> list[str]:
+        """Suffixes of the norms with units of their own, ``_rotation``; else one empty suffix."""
+        first = self.results[0]
+        suffixes = [f"_{part}" for part in first.parts(_NORMS[0])]
+        return [end for end in suffixes if all(first.has(norm + end) for norm in _NORMS)] or [""]
+
+    @property
+    def group(self) -> MatrixLieGroup | None:
+        """The group of all results; None if it is of a plugin, which need not be loaded here."""
+        return self.results[0].group
+
+    @cached_property
+    def axes(self) -> list[tuple[str, str]]:
+        """Name and torque unit of every algebra coordinate."""
+        axes = [str(name) for name in self.results[0].coordinate("axis")]
+        units = [self.unit("torque")] * len(axes)
+        if MIXED in units and self.group is not None:
+            for part in self.group.parts:
+                units[part.axes] = [part.force_unit] * len(axes[part.axes])
+        return list(zip(axes, units, strict=True))
+
+    def notes(self) -> list[str]:
+        """As `ShownControllers.notes`, after how many runs have trajectories."""
+        return [*self._thinned(), *super().notes()]
+
+    def _thinned(self) -> Iterator[str]:
+        for one, name in zip(self.results, names(self.results), strict=True):
+            if len(one.stored_runs) < one.runs:
+                whose = f" of {name}" if len(self.results) > 1 else ""
+                yield f"Trajectories of the first {len(one.stored_runs)} of {one.runs} runs{whose}."
+
+    def _check_stored(self, result: Result, signal: str) -> None:
+        result.check_stored(signal, who=f"figure '{self.figure}' needs")
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One metric over the good runs of a controller.
+
+    Attributes
+    ----------
+    values : (runs,)
+        In the order of the runs; infinite where a run had not settled by its end.
+    """
+
+    values: Array
+
+    @property
+    def seen(self) -> Array:
+        """The finite values, rising."""
+        return np.sort(self.values[np.isfinite(self.values)])
+
+    @property
+    def censored(self) -> int:
+        """How many runs had not settled."""
+        return int(np.isinf(self.values).sum())
+
+    @property
+    def mean(self) -> float:
+        """NaN where runs had not settled, since nobody knows when they would."""
+        return float(np.mean(self.values)) if self.values.size and not self.censored else np.nan
+
+    def quantiles(self, levels: Sequence[float]) -> Array:
+        """By linear interpolation between runs; infinite where that takes one not settled."""
+        seen = self.seen
+        places = (self.values.size - 1) * np.asarray(levels)
+        if not seen.size:
+            return np.full(len(places), np.inf)
+        found = np.interp(places, np.arange(seen.size), seen)
+        return np.where(np.ceil(places) < seen.size, found, np.inf)
+
+
+class ShownMetrics(ShownControllers):
+    """Metrics of the runs, of one or several results on one group, that did not fail.
+
+    Parameters
+    ----------
+    metrics
+        What to show, by names in the results; `DEFAULT_METRICS` if empty.
+
+    Attributes
+    ----------
+    metrics : list of str
+        What is shown.
+
+    Raises
+    ------
+    EqtError
+        As `ShownControllers`; and if a result holds no such metric.
+    """
+
+    def __init__(
+        self,
+        results: Sequence[Result],
+        figure: str,
+        chosen: Sequence[str] = (),
+        metrics: Sequence[str] = (),
+    ) -> None:
+        super().__init__(results, figure, chosen)
+        held = [name for name in DEFAULT_METRICS if all(name in one.metrics for one in results)]
+        self.metrics = list(dict.fromkeys(metrics)) or held
+        if not self.metrics:
+            message = f"finds none of the metrics {', '.join(DEFAULT_METRICS)}"
+            raise self.error(f"{message}; choose others with the option 'metrics'")
+        for one in results:
+            one.check_metrics(self.metrics, who=f"figure '{figure}'")
+
+    @cached_property
+    def samples(self) -> dict[tuple[str, str], Sample]:
+        """What is shown, by metric and the controller's label; runs without a value left out."""
+        return {(name, e.label): _sample(name, e) for name in self.metrics for e in self.shown}
+
+    def end(self, ensemble: Ensemble) -> float:
+        """The last time of a controller's runs."""
+        return float(ensemble.results.times[-1])
+
+    def notes(self) -> list[str]:
+        """As `ShownControllers.notes`, before how many runs have no value."""
+        return [*super().notes(), *self._without_value()]
+
+    def _without_value(self) -> Iterator[str]:
+        for name in self.metrics:
+            for ensemble in self.shown:
+                total = int(ensemble.good.sum())
+                without = total - self.samples[name, ensemble.label].values.size
+                if without:
+                    yield f"{ensemble.title}: {without} of {total} runs have no {name}; left out."
+
+
+def _sample(name: str, ensemble: Ensemble) -> Sample:
+    result, controller = ensemble.results, ensemble.controller
+    values = np.where(result.censored(name, controller), np.inf, result.metric(name, controller))[
+        ensemble.good
+    ]
+    return Sample(values[~np.isnan(values)])
+
+
+class ShownSweep:
+    """A sweep's metrics over the good runs of every point.
+
+    Parameters
+    ----------
+    results
+        The open result.
+    figure, chosen
+        As for `ShownControllers`.
+
+    Attributes
+    ----------
+    controllers : list of int
+        The positions of the controllers, on which their line styles depend.
+    titles : list of str
+        Their names in figures.
+
+    Raises
+    ------
+    EqtError
+        If the result is not one of a sweep, or there is no such controller.
+    """
+
+    def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
+        self.results, self.figure = results, figure
+        if not results.is_sweep:
+            raise self.error(
+                "shows sweeps, and this is a single experiment; see `eqt sweep --help`"
+            )
+        self.controllers = _positions([results], figure, chosen)[0]
+        self.titles = [results.titles[position] for position in self.controllers]
+
+    @property
+    def axes(self) -> list[SweptKey]:
+        """The swept keys that take more than one value; one for keys that change together."""
+        return self.results.swept_keys
+
+    def metric(self, name: str) -> Array:
+        """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed."""
+        self.results.check_metrics([name], who=f"figure '{self.figure}'")
+        values: Array = self.results.metric(name)[:, self.controllers]
+        return values
+
+    def laws(self, shown: int) -> dict[int, str]:
+        """The points where a controller, the n-th of those shown, is a law with a name of its own.
+
+        Empty where the sweep is not over the controllers' options.
+        """
+        return self.results.laws(self.controllers[shown])
+
+    def point_name(self, point: int) -> str:
+        """What is swept at a point: ``kp 2, kd 0.5``."""
+        return self.results.point_name(point)
+
+    def notes(self) -> list[str]:
+        """What a reader must know about the runs that are not shown."""
+        failed = int(np.count_nonzero(self.results.status[:, self.controllers]))
+        return [f"{failed} runs failed; left out."] if failed else []
+
+    def error(self, message: str) -> EqtError:
+        """An error of this figure about this result."""
+        return _error(self.results, self.figure, message)
+
+
+class ShownCertificates:
+    """Certificates that have a number and a bound: those of identities and of trajectories.
+
+    Parameters
+    ----------
+    results
+        The open result.
+    rows
+        What was found about it.
+    figure, chosen
+        As for `ShownControllers`.
+
+    Attributes
+    ----------
+    names : list of str
+        Of the certificates, in the paper's order.
+    laws : list of Ensemble
+        The controllers.
+
+    Raises
+    ------
+    EqtError
+        As `ShownControllers`; and if there are no certificates.
+    """
+
+    def __init__(
+        self, results: Result, rows: Sequence[Row], figure: str, chosen: Sequence[str] = ()
+    ) -> None:
+        self.laws = ShownControllers([results], figure, chosen).ensembles
+        labels = ["", *(law.label for law in self.laws)]
+        judged = [row for row in rows if row.kind != "hypothesis" and row.controller in labels]
+        self._shown = [row for row in judged if _has_place(row)]
+        self._left_out = [row for row in judged if row not in self._shown]
+        if not self._shown:
+            raise _error(results, figure, "finds no certificate to show; see `eqt verify`")
+        self.names = list(dict.fromkeys(row.name for row in self._shown))
+
+    def rows(self, name: str) -> list[Row]:
+        """The rows of a certificate, one per law where it is about laws."""
+        return [row for row in self._shown if row.name == name]
+
+    def notes(self) -> list[str]:
+        """What was checked and has no number."""
+        return list(self._notes())
+
+    def _notes(self) -> Iterator[str]:
+        open_ends = [str(row.verdict) for row in self._shown if row.verdict not in _DECIDED]
+        if open_ends:
+            yield f"Hollow markers: {', '.join(dict.fromkeys(open_ends))}."
+        if any(row.verdict is Verdict.FAILS for row in self._shown):
+            yield "Crosses: fails."
+        for row in self._left_out:
+            law = f" ({row.controller})" if row.controller else ""
+            yield f"{notation(row.name)}{law}: {row.verdict}."
+
+
+def names(results: Sequence[Result]) -> list[str]:
+    """What tells results apart: their titles, else their folders, else numbers as well."""
+    titles = [one.title for one in results]
+    folders = [one.path.parent.resolve().name for one in results]
+    for candidates in (titles, folders):
+        if len(set(candidates)) == len(results):
+            return candidates
+    return [f"{title} ({number})" for number, title in enumerate(titles, start=1)]
+
+
+def _positions(results: Sequence[Result], figure: str, chosen: Sequence[str]) -> list[list[int]]:
+    """Where the chosen controllers are in each result, all if none is chosen."""
+    known = list(dict.fromkeys(label for one in results for label in one.labels))
+    for label in chosen:
+        if label not in known:
+            hint = suggestion(label, known) or f"; the result holds: {', '.join(known)}"
+            raise _error(results[0], figure, f"finds no controller '{label}'{hint}")
+    return [
+        [k for k, label in enumerate(one.labels) if not chosen or label in chosen]
+        for one in results
+    ]
+
+
+def _ensembles(results: Sequence[Result], kept: Sequence[Sequence[int]]) -> list[Ensemble]:
+    """The controllers at these positions of each result."""
+    several = len(results) > 1
+    laws = list(dict.fromkeys(label for one in results for label in one.labels))
+    shown = {one.labels[k] for one, places in zip(results, kept, strict=True) for k in places}
+    pairs = (len(laws), len(results)) if len(shown) > 1 else (0, 0)
+    found: list[Ensemble] = []
+    for number, (one, name) in enumerate(zip(results, names(results), strict=True)):
+        end = f", {name}" if several else ""
+        for k in kept[number]:
+            label, title = one.labels[k], one.titles[k]
+            look = Look(len(found), (laws.index(label), number), pairs) if several else Look(k)
+            found.append(Ensemble(one, k, look, label + end, title + end, one.good[k]))
+    return found
+
+
+def _has_place(row: Row) -> bool:
+    """Whether it has a ratio of measured to bound; 0 over 0, an exact equality, counts as 0."""
+    if row.measured is None or row.bound is None:
+        return False
+    return row.bound != 0 or row.measured == 0
+
+
+def _error(result: Result, figure: str, message: str) -> EqtError:
+    return result.error(f"figure '{figure}' {message}")

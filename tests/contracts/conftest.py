@@ -1,0 +1,182 @@
+"""Every component of every registry, eqt's own and the first version's plugins, for shared tests.
+
+A test takes one as an argument: `controller_class`, `engine_class`, and so on. A component that a
+scan of its folder finds is tested without a further line, unless it has options that must be given:
+those are in `OPTIONS`.
+"""
+
+from __future__ import annotations
+
+import operator
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.config.catalogue import KINDS, registry
+from eqt_cli.controllers import controllers
+from eqt_cli.core import registry as registries
+from eqt_cli.core.arrays import FUNCTIONS, register_symbols
+from eqt_cli.core.registry import load_plugin
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.references import references
+
+PLUGINS = sorted(Path(__file__).parents[1].glob("compatibility/first_version/plugins/*.py"))
+
+ARGUMENTS = {"velocities": "velocity"}
+"""Singulars that are not the plural without its s."""
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "torque": {"torque": ["cos(t)", "sin(t)", "cos(t)*sin(t)", "1", "t", "sin(2*t)"]},
+    "swinging": {"frequencies": [1.0, 2.0, 0.5, 1.5, 0.1, 3.0]},
+}
+"""Of components that have no default for them; lists are cut to the dimension of the group."""
+
+
+@cache
+def components(kind: str) -> list[type]:
+    """Of eqt and of the first version's plugins, which stay unknown to the other tests."""
+    found = registry(kind).all()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registries, "_loaded_plugins", {})
+        for name in KINDS:
+            patch.setattr(registry(name), "_plugins", {})
+        for path in PLUGINS:
+            load_plugin(path)
+        return found + list(registry(kind)._plugins.values())
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    for kind in KINDS:
+        argument = f"{ARGUMENTS.get(kind, kind[:-1])}_class"
+        if argument in metafunc.fixturenames:
+            metafunc.parametrize(argument, components(kind), ids=lambda found: found.name)
+
+
+@pytest.fixture
+def first_version(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Load plugins of the first version, by the names of their files, for one test."""
+    monkeypatch.setattr(registries, "_loaded_plugins", {})
+    for kind in KINDS:
+        monkeypatch.setattr(registry(kind), "_plugins", {})
+
+    def load(*names: str) -> None:
+        for path in PLUGINS:
+            if path.stem in names:
+                load_plugin(path)
+
+    return load
+
+
+def made(component: type, dimension: int = 3) -> Any:
+    """A component with its default options."""
+    options = OPTIONS.get(component.name, {})
+    return component(**{name: values[:dimension] for name, values in options.items()})
+
+
+@pytest.fixture
+def make() -> Any:
+    return made
+
+
+# A closed loop for whatever is looked at ----------------------------------------------------------
+
+
+@pytest.fixture
+def loop_with() -> Any:
+    """A closed loop on a group, with a controller or a reference of one's own."""
+
+    def loop(group: str = "SO3", controller: Any = None, reference: Any = None) -> ClosedLoop:
+        law = controller or controllers.get("eqt")()
+        moves = "track" in law.tasks
+        G = group_named(group)
+        m, random = G.dimension, np.random.default_rng(1)
+        matrices = [random.uniform(-1, 1, (n, n)) / np.sqrt(n) for n in (m, G.size, m)]
+        inertia, kp, kd = (A @ A.T + np.eye(len(A)) / 2 for A in matrices)
+        if m == 3 and group == "SO3":  # principal moments that a body can have
+            inertia = np.array([[0.824, 0, 0.12], [0, 1.135, 0], [0.12, 0, 1.759]])
+        return ClosedLoop(
+            group=G,
+            inertia=Inertia(inertia, np.linalg.inv(inertia)),
+            gains=Gains(kp, kd),
+            reference=reference
+            or (made(references.get("torque"), m) if moves else made(references.get("constant"))),
+            controller=law,
+        )
+
+    return loop
+
+
+def states_of(loop: ClosedLoop, batch: tuple[int, ...], seed: int = 3) -> np.ndarray:
+    """Random flat states; the reference rests where the law is for a resting one."""
+    G, random = loop.group, np.random.default_rng(seed)
+    Q, Qd = (G.exp(random.standard_normal((*batch, G.dimension))) for _ in range(2))
+    V, Vd = random.standard_normal((2, *batch, G.dimension))
+    if "track" not in loop.controller.tasks:
+        Vd = 0 * Vd
+    return loop.initial_state(Q, V, Qd, Vd)
+
+
+@pytest.fixture
+def states() -> Any:
+    return states_of
+
+
+# Symbols ------------------------------------------------------------------------------------------
+
+
+class Symbol:
+    """A number that is no float: neither NumPy nor `if` can look into it."""
+
+    def __init__(self, value: float) -> None:
+        self.value = value
+
+    def __bool__(self) -> bool:
+        raise TypeError("a symbol is neither true nor false")
+
+    def __float__(self) -> float:
+        raise TypeError("a symbol is no number")
+
+
+def _plain(x: Any) -> float:
+    return x.value if isinstance(x, Symbol) else float(x)
+
+
+def _applied(function: Any, *arguments: Any) -> Symbol:
+    return Symbol(function(*map(_plain, arguments)))
+
+
+for _name in ("add", "sub", "mul", "truediv", "pow", "neg"):
+    _function = getattr(operator, _name)
+    setattr(Symbol, f"__{_name}__", lambda *a, f=_function: _applied(f, *a))
+    setattr(Symbol, f"__r{_name}__", lambda a, b, f=_function: _applied(f, b, a))
+
+register_symbols(
+    Symbol,
+    {name: partial(_applied, getattr(np, name)) for name in FUNCTIONS}
+    | {
+        "less": partial(_applied, operator.lt),
+        "where": partial(_applied, lambda condition, a, b: a if condition else b),
+    },
+)
+
+
+@pytest.fixture
+def symbols() -> Any:
+    """Numbers as symbols, and back."""
+
+    def to(values: np.ndarray | float) -> Any:
+        found = np.empty(np.shape(values), dtype=object)
+        for index, value in np.ndenumerate(np.asarray(values)):
+            found[index] = Symbol(float(value))
+        return found if found.shape else found[()]
+
+    def back(values: np.ndarray) -> np.ndarray:
+        return np.vectorize(_plain, otypes=[float])(values)
+
+    return to, back

@@ -1,0 +1,87 @@
+"""What every control law must do, whoever wrote it."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+# Tens of last places of torques up to a hundred.
+ROUNDING = 1e-11
+# Central differences of L over ±1e-4 s: the third derivative of energies up to a hundred times
+# 1e-8, and rounding over 1e-4; measured 1e-6.
+DIFFERENCES = 2e-5
+GROUPS = ["SO3", "SE2"]
+
+
+@pytest.fixture(params=GROUPS)
+def loop(request, loop_with, make, controller_class):
+    return loop_with(request.param, make(controller_class))
+
+
+@pytest.mark.parametrize("batch", [(), (4,), (2, 3)], ids=str)
+def test_torque_and_dissipation_have_the_batch_axes_of_the_state(loop, states, batch):
+    s = loop.tracking(0.3, states(loop, batch))
+    assert loop.controller.torque(s).shape == (*batch, loop.group.dimension)
+    dissipation = loop.controller.dissipation(s)
+    assert dissipation is None or np.shape(dissipation) == batch
+
+
+def test_many_states_equal_one_by_one(loop, states):
+    many = states(loop, (3,))
+    together = loop.vector_field(0.3, many)
+    alone = np.stack([loop.vector_field(0.3, one) for one in many])
+    np.testing.assert_allclose(together, alone, rtol=0, atol=ROUNDING)
+
+
+def test_batched_parameters_equal_one_by_one(loop, states):
+    many, scales = states(loop, (3,)), np.array([0.5, 1.0, 1.5])
+    batched = {
+        name: np.stack([scale * values for scale in scales])
+        for name, values in loop.parameters.items()
+        if name.startswith("controller.") or name in ("kp", "kd")
+    }
+    together = loop.with_parameters(loop.parameters | batched).vector_field(0.3, many)
+    for run in range(3):
+        own = {name: values[run] for name, values in batched.items()}
+        alone = loop.with_parameters(loop.parameters | own).vector_field(0.3, many[run])
+        np.testing.assert_allclose(together[run], alone, rtol=0, atol=ROUNDING)
+
+
+def test_dissipation_is_the_rate_at_which_l_falls(loop, states):
+    y, t, h = states(loop, (4,)), 0.3, 1e-4
+    dissipation = loop.controller.dissipation(loop.tracking(t, y))
+    if dissipation is None:
+        pytest.skip("the law does not say what it dissipates")
+    rate = loop.vector_field(t, y)
+    after, before = (loop.tracking(t + d, y + d * rate).lyapunov for d in (h, -h))
+    np.testing.assert_allclose(-(after - before) / (2 * h), dissipation, rtol=0, atol=DIFFERENCES)
+
+
+def test_symbols_give_the_same_as_floats(loop, states, symbols):
+    to, back = symbols
+    y = states(loop, (2,))
+    traced = loop.with_parameters({name: to(value) for name, value in loop.parameters.items()})
+    # Symbols are added in another order than NumPy's products.
+    found = back(traced.vector_field(to(0.3), to(y)))
+    np.testing.assert_allclose(found, loop.vector_field(0.3, y), rtol=0, atol=ROUNDING)
+
+
+def test_structure_is_hashable_and_parameters_are_arrays(loop):
+    hash(loop.controller.structure)
+    assert all(isinstance(value, np.ndarray) for value in loop.controller.parameters.values())
+
+
+def test_figures_and_configurations_have_a_name_for_it(controller_class):
+    assert controller_class.title
+    assert set(controller_class.tasks) <= {"track", "stabilise"}
+
+
+def test_what_it_claims_is_yes_no_or_nothing(make, controller_class):
+    assert make(controller_class).claims_decrease in (True, False, None)
+
+
+def test_a_law_of_eqt_pickles(make, controller_class):
+    if controller_class.__module__.startswith("eqt_plugin"):
+        pytest.skip("a plugin is loaded again in a worker, and is no module that can be imported")
+    law = make(controller_class)
+    assert pickle.loads(pickle.dumps(law)) == law

@@ -1,0 +1,92 @@
+"""What every figure must do, whoever wrote it."""
+
+import dataclasses
+
+import pytest
+
+from eqt_cli import api
+from eqt_cli.core.errors import EqtError
+from eqt_cli.core.registry import meanings
+from eqt_cli.plots.base import OfCertificates, OfSweep
+from eqt_cli.results.result import open_result
+
+CONFIG = {
+    "group": "SO3",
+    "inertia": [1, 2, 3],
+    "gains": {"kp": 1.0, "kd": 0.5},
+    "reference": {"torque": ["cos(t)", "sin(t)", "0"]},
+    "controllers": ["eqt", "gt"],
+    "initial": {"pose": {"kind": "exp_normal", "std": 1.0}, "velocity": "normal"},
+    "ensemble": {"runs": 3, "seed": 1},
+    "time": {"duration": 2.0, "samples": 11},
+    "solver": {"rtol": 1e-5, "cross_check": 0},
+}
+SWEEP = {"sweep": [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}]}
+IN = {"column": 3.5, "page": 7.16}
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """A single experiment, the same without trajectories, a sweep; and what `verify` finds."""
+    folder = tmp_path_factory.mktemp("figures")
+    ran = {
+        name: api.run(api.load_experiment(CONFIG | more, {"name": name}), folder / name)
+        for name, more in (
+            ("single", {}),
+            ("bare", {"store": {"trajectories": "none"}}),
+            ("sweep", SWEEP),
+        )
+    }
+    opened = {name: open_result(result.path) for name, result in ran.items()}
+    yield opened, api.verify(ran["single"]).rows
+    for one in opened.values():
+        one.close()
+
+
+def of_sweep(figure_class):
+    return issubclass(figure_class, OfSweep)
+
+
+@pytest.mark.parametrize("width", IN)
+def test_it_draws_a_result_as_wide_as_it_is_told(figure_class, results, width):
+    opened, rows = results
+    shown = opened["sweep" if of_sweep(figure_class) else "single"]
+    drawing = figure_class().draw([shown], width, certificates=rows)
+    assert drawing.get_figwidth() == pytest.approx(IN[width])
+    assert drawing.axes
+    assert all(axes.has_data() for axes in drawing.axes if axes.get_label() != "<colorbar>")
+
+
+def test_its_options_are_documented(figure_class):
+    told = meanings(figure_class)
+    assert [f.name for f in dataclasses.fields(figure_class) if not told.get(f.name)] == []
+    assert figure_class.__doc__
+
+
+def test_a_controller_that_there_is_not_is_named(figure_class, results):
+    opened, rows = results
+    shown = opened["sweep" if of_sweep(figure_class) else "single"]
+    with pytest.raises(EqtError, match=r"figure '.*' finds no controller 'gtt'"):
+        figure_class(controllers=("gtt",)).draw([shown], certificates=rows)
+
+
+def test_what_it_cannot_show_is_one_message(figure_class, results):
+    opened, _ = results
+    lacking = opened["single" if of_sweep(figure_class) else "sweep"]
+    if issubclass(figure_class, OfCertificates):
+        lacking = opened["single"]  # and nothing of what was verified
+    with pytest.raises(EqtError) as caught:
+        figure_class().draw([lacking])
+    assert f"'{figure_class.name}'" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_trajectories_that_are_not_kept_are_one_message_or_not_needed(figure_class, results):
+    opened, rows = results
+    said = f"'{figure_class.name}'"
+    try:
+        figure_class().draw([opened["bare"]], certificates=rows)
+    except EqtError as error:
+        said = str(error)
+    assert f"'{figure_class.name}'" in said
+    assert "\n" not in said

@@ -1,0 +1,54 @@
+"""What every distribution of initial poses must do, whoever wrote it."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.ensemble.initial import draw_initial_states
+from eqt_cli.ensemble.seeds import Stream, generator
+from eqt_cli.ensemble.velocities import velocity_distributions
+from eqt_cli.groups import group_named
+
+# Tens of last places.
+ROUNDING = 1e-13
+
+
+@pytest.fixture(params=["SO3", "SE2", "SE3", "R3", "SO2"])
+def case(request, make, pose_class):
+    """A group with a distribution that fits it."""
+    G, poses = group_named(request.param), make(pose_class)
+    if poses.problems(G):
+        assert all(len(problem) == 2 for problem in poses.problems(G))
+        pytest.skip("says that it does not fit the group")
+    return G, poses
+
+
+def drawn(G, poses, runs, seed=1):
+    poses, _ = draw_initial_states(
+        G,
+        poses,
+        velocity_distributions.get("normal")(),
+        Qd=G.identity,
+        Vd=np.zeros(G.dimension),
+        seed=seed,
+        runs=runs,
+    )
+    return poses
+
+
+def test_a_run_starts_at_the_same_pose_in_any_company(case):
+    all_of_them, some = drawn(*case, range(7)), drawn(*case, [5, 2])
+    np.testing.assert_array_equal(some, all_of_them[[5, 2]])
+
+
+def test_poses_are_on_the_group(case):
+    G, _ = case
+    for Q in drawn(*case, range(5)):
+        assert G.violation(Q) < ROUNDING
+
+
+def test_numbers_of_one_run_are_a_vector_that_a_seed_decides(case):
+    G, poses = case
+    one, again = (poses.draw(G, generator(1, Stream.INITIAL_STATE, 0)) for _ in range(2))
+    assert one.ndim == 1
+    np.testing.assert_array_equal(one, again)
+    assert poses.place(G, one[None]).shape == (1, G.size, G.size)

@@ -1,0 +1,49 @@
+"""What every desired trajectory must do, whoever wrote it."""
+
+import numpy as np
+import pytest
+
+# Tens of last places of torques up to ten.
+ROUNDING = 1e-12
+
+
+@pytest.fixture(params=["SO3", "SE3"])
+def loop(request, loop_with, make, reference_class):
+    m = {"SO3": 3, "SE3": 6}[request.param]
+    return loop_with(request.param, reference=make(reference_class, m))
+
+
+@pytest.mark.parametrize("batch", [(), (4,), (2, 3)], ids=str)
+def test_torque_takes_any_batch_axes(loop, states, batch):
+    s = loop.tracking(0.3, states(loop, batch))
+    assert np.broadcast_shapes(np.shape(s.tau_d), (*batch, loop.group.dimension)) == s.Pd.shape
+
+
+@pytest.mark.parametrize("t", [0.0, 0.3, 1.7])
+def test_many_states_equal_one_by_one(loop, states, t):
+    y = states(loop, (3,))
+    together = loop.tracking(t, y).tau_d
+    alone = np.stack([loop.tracking(t, one).tau_d for one in y])
+    np.testing.assert_allclose(*np.broadcast_arrays(together, alone), rtol=0, atol=ROUNDING)
+
+
+def test_symbols_give_the_same_as_floats(loop, states, symbols):
+    to, back = symbols
+    y = states(loop, (2,))
+    traced = loop.with_parameters({name: to(value) for name, value in loop.parameters.items()})
+    found = back(traced.tracking(to(0.3), to(y)).tau_d)
+    expected = loop.tracking(0.3, y).tau_d
+    np.testing.assert_allclose(*np.broadcast_arrays(found, expected), rtol=0, atol=ROUNDING)
+
+
+def test_a_velocity_that_is_kept_is_kept(loop, states):
+    if not loop.reference.keeps_velocity:
+        pytest.skip("its velocity changes")
+    y, h = states(loop, (3,)), 1e-3
+    later = y + h * loop.vector_field(0.0, y)
+    moved = loop.tracking(h, later).Vd - loop.tracking(0.0, y).Vd
+    np.testing.assert_allclose(moved, 0, rtol=0, atol=ROUNDING)
+
+
+def test_its_options_fit_the_group(loop):
+    assert loop.reference.problems(loop.group) == []

@@ -1,0 +1,48 @@
+"""What cannot fit into memory or onto the disk is refused before it is begun."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from eqt_cli.core.errors import ConfigError
+from eqt_cli.execution import cost
+from eqt_cli.execution.execute import Execution
+
+Run = Callable[..., Execution]
+
+
+def refusal(run: Run, *overrides: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        run(*overrides)
+    assert not Path("out").exists()
+    return str(caught.value)
+
+
+def test_memory(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """25 states and 19 signals: 3 runs × 1e8 samples × 44 numbers × 8 bytes × 3 copies."""
+    monkeypatch.setattr(cost, "_memory", lambda: 64 * 10**9)
+    assert refusal(run, "time.samples=100000000") == (
+        "overrides[0]: time.samples: a part of the runs takes at least 317 GB of memory at once, "
+        "and this machine has 64 GB; take fewer samples"
+    )
+
+
+def test_disk(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cost, "_free_disk", lambda folder: 64 * 10**9)
+    text = refusal(run, "ensemble.runs=100000000")
+    start = "overrides[0]: ensemble.runs: the result takes "
+    end = (
+        " on the disk, and out has 64 GB left; take fewer runs, fewer samples, or "
+        "store.trajectories: none"
+    )
+    assert text.startswith(start) and text.endswith(end)
+    needed = float(text[len(start) : -len(end)].removesuffix(" GB"))
+    assert needed > 2 * 0.1 * 8 * 11  # a signal of 11 samples for 1e8 runs of two controllers
+
+
+def test_what_there_is(tmp_path: Path) -> None:
+    assert cost._free_disk(tmp_path / "not" / "there") > 0
+    assert (cost._memory() or 10**9) > 10**8

@@ -1,0 +1,692 @@
+"""What a result folder goes through: begun, interrupted, resumed, damaged, packed, patched."""
+
+import errno
+import json
+import os
+import platform
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from eqt_cli.config.source import read_config
+from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.engines import Status
+from eqt_cli.execution.execute import Shard, execute, pack_folder
+from eqt_cli.execution.executors import Executor, Outcome
+from eqt_cli.execution.executors.local import Local
+from eqt_cli.execution.executors.serial import Serial
+from eqt_cli.execution.folder import ResultFolder
+from eqt_cli.execution.lock import holder, locked
+from eqt_cli.execution.unfinished import unfinished
+from eqt_cli.experiment.sweeping import add_grids, study
+from eqt_cli.store.reader import open_results
+
+CONFIG = """\
+group: SO3
+inertia: [1, 2, 3]
+gains: {kp: 1.0, kd: 0.5}
+reference: {torque: ["cos(t)", "sin(t)", "0"]}
+controllers: [eqt, gt]
+initial: {pose: {kind: haar}, velocity: {kind: normal}}
+ensemble: {runs: 7, seed: 1}
+time: {duration: 0.5, samples: 6}
+solver: {rtol: 1.0e-6, block: 3, cross_check: 2}
+"""
+SWEEP = """\
+sweep:
+  - grid: {gains.kp: [1, 2, 4]}
+  - zip: {inertia: [[1, 2, 3], [1, 1, 1]], "controllers[1]": [gt, gt]}
+"""
+
+
+@pytest.fixture(autouse=True)
+def _small_parts(monkeypatch):
+    """Parts of one block, so that a small experiment has several."""
+    monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 3)
+
+
+@pytest.fixture
+def make(tmp_path):
+    def study_of(text=CONFIG, *overrides, grids=(), name="config.yaml"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        source = read_config(path, overrides)
+        add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
+        return study(source)
+
+    return study_of
+
+
+class Stopping(Executor):
+    """Does some items and is then interrupted, as by Ctrl-C."""
+
+    def __init__(self, after):
+        object.__setattr__(self, "after", after)
+        object.__setattr__(self, "workers", 1)
+
+    def outcomes(self, task, items, progress):
+        yield from Serial().outcomes(task, items[: self.after], progress)
+        raise KeyboardInterrupt
+
+
+class Losing(Executor):
+    """Loses every worker that tries one of the items."""
+
+    def __init__(self, lost):
+        object.__setattr__(self, "lost", lost)
+        object.__setattr__(self, "workers", 1)
+
+    def outcomes(self, task, items, progress):
+        good = [item for item in items if item not in self.lost]
+        yield from Serial().outcomes(task, good, progress)
+        yield from (Outcome(item, None) for item in items if item in self.lost)
+
+
+def contents(folder):
+    with h5py.File(Path(folder) / "results.h5") as file:
+        return {name: file[name][()] for name in file}
+
+
+def assert_same(one, other):
+    assert one.keys() == other.keys()
+    for name in one:
+        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+
+
+@pytest.fixture
+def whole(make, tmp_path):
+    execute(make(), tmp_path / "whole")
+    return contents(tmp_path / "whole")
+
+
+def interrupted(found, out, after=2):
+    with pytest.raises(KeyboardInterrupt):
+        execute(found, out, executor=Stopping(after))
+
+
+# Resuming.
+
+
+def test_an_interrupted_run_continues_and_ends_the_same(make, whole, tmp_path):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    assert not (out / "results.h5").exists()
+    resumed, done = [], []
+    outcome = execute(make(), out, progress=done.append, resumed=resumed.append)
+    assert resumed == [6]
+    assert sum(done) == pytest.approx(8)
+    assert outcome.resumed == 6
+    assert outcome.failed == 0
+    assert_same(contents(out), whole)
+    assert not (out / "parts").exists()
+
+
+def test_a_finished_result_is_kept(make, tmp_path):
+    execute(make(), tmp_path / "out")
+    before = (tmp_path / "out/results.h5").stat().st_ino
+    assert execute(make(), tmp_path / "out").was_complete
+    assert (tmp_path / "out/results.h5").stat().st_ino == before
+
+
+def test_force_starts_over_and_says_what_it_removed(make, tmp_path):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    outcome = execute(make(), out, force=True)
+    assert outcome.resumed == 0
+    assert outcome.removed == [str(out / n) for n in ("parts", "config.yaml", "manifest.json")]
+
+
+def test_another_experiment_is_refused_with_the_keys_that_differ(make, tmp_path):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    with pytest.raises(EqtError) as caught:
+        execute(make(CONFIG, "gains.kp=2"), out)
+    assert str(caught.value) == (
+        f"{out}: holds another experiment, which differs in\n"
+        "  gains.kp: 1.0 there, 2.0 here\n"
+        "choose another folder with out=…, or replace it with force=True"
+    )
+    assert len(ResultFolder(out).parts.listed()) == 2
+
+
+@pytest.mark.parametrize("damage", ["truncated", "noise", "empty", "foreign"])
+def test_a_damaged_part_is_computed_again(make, whole, tmp_path, damage):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    part = out / "parts/000001.h5"
+    data = part.read_bytes()
+    if damage == "foreign":
+        other = tmp_path / "other"
+        interrupted(make(CONFIG, "gains.kp=2"), other)
+        data = (other / "parts/000001.h5").read_bytes()
+    bad = {"truncated": data[:2000], "noise": os.urandom(5000), "empty": b"", "foreign": data}
+    part.write_bytes(bad[damage])
+    execute(make(), out)
+    assert_same(contents(out), whole)
+
+
+def test_a_damaged_reference_is_computed_again(make, whole, tmp_path):
+    out = tmp_path / "out"
+    interrupted(make(), out, after=6)
+    (out / "parts/reference.h5").write_bytes(b"no")
+    execute(make(), out)
+    assert_same(contents(out), whole)
+
+
+def test_what_killed_processes_left_is_removed(make, whole, tmp_path):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    (out / "parts/000005.h5.1-1.tmp").write_bytes(b"half")
+    (out / "results.h5.tmp").write_bytes(b"half")
+    execute(make(), out)
+    assert_same(contents(out), whole)
+    assert not list(out.glob("**/*.tmp"))
+
+
+def test_a_kill_before_the_parts_are_removed_loses_nothing(make, whole, tmp_path, monkeypatch):
+    out = tmp_path / "out"
+
+    def die(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ResultFolder, "finish", die)
+    with pytest.raises(KeyboardInterrupt):
+        execute(make(), out)
+    monkeypatch.undo()
+    monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 3)
+    assert execute(make(), out).was_complete
+    assert_same(contents(out), whole)
+
+
+# Other versions.
+
+
+def pretend(out, **versions):
+    """Let the folder's last session have had other versions."""
+    path = out / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    manifest["provenance"] |= versions
+    path.write_text(json.dumps(manifest), encoding="utf-8")
+
+
+def origin_of(out):
+    manifest = json.loads((out / "manifest.json").read_text(encoding="utf-8"))
+    with open_results(out) as results:
+        assert json.loads(results.attributes["provenance"]) == manifest["provenance"]
+    return manifest["provenance"]
+
+
+@pytest.fixture
+def remarks():
+    return []
+
+
+def test_parts_of_other_versions_are_told_of_and_remembered(make, whole, tmp_path, remarks):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    pretend(out, numpy="1.0", machine="abacus")
+    execute(make(), out, remark=remarks.append)
+    assert list(map(str, remarks)) == [
+        f"{out}: some of its runs were computed with numpy 1.0 (not {np.__version__}), machine "
+        f"abacus (not {platform.machine()}); they agree with the new ones within tolerances, not "
+        "bit for bit; force=True starts over"
+    ]
+    origin = origin_of(out)
+    assert origin["numpy"] == np.__version__
+    assert [session["numpy"] for session in origin["other_sessions"]] == ["1.0"]
+    assert_same(contents(out), whole)
+
+
+def test_every_session_is_remembered_once(make, tmp_path, remarks):
+    out = tmp_path / "out"
+    for version in ("1.0", "1.1", "1.0", np.__version__):
+        interrupted(make(), out, after=1) if not out.exists() else None
+        pretend(out, numpy=version)
+        with pytest.raises(KeyboardInterrupt):
+            execute(make(), out, executor=Stopping(0), remark=remarks.append)
+    execute(make(), out, remark=remarks.append)
+    assert "numpy 1.0 (not " in str(remarks[-1])
+    assert "; or numpy 1.1 (not " in str(remarks[-1])
+    assert sorted(session["numpy"] for session in origin_of(out)["other_sessions"]) == [
+        "1.0",
+        "1.1",
+    ]
+
+
+def test_a_remark_is_a_warning_in_python(make, tmp_path):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    pretend(out, scipy="1.0")
+    with pytest.warns(UserWarning, match=r"some of its runs were computed with scipy 1\.0"):
+        execute(make(), out)
+
+
+@pytest.mark.parametrize("force", [True, False])
+def test_versions_of_what_is_not_there_any_more_do_not_matter(make, tmp_path, remarks, force):
+    out = tmp_path / "out"
+    interrupted(make(), out, after=2 if force else 0)
+    pretend(out, numpy="1.0")
+    execute(make(), out, force=force, remark=remarks.append)
+    assert remarks == []
+    assert "other_sessions" not in origin_of(out)
+
+
+def test_what_affects_no_number_is_not_told(make, tmp_path, remarks):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    pretend(out, h5py="1.0", cpu_count=1000, command="eqt else")
+    execute(make(), out, remark=remarks.append)
+    assert remarks == []
+
+
+def test_failed_runs_computed_again_with_other_versions(make, tmp_path, remarks):
+    out = tmp_path / "out"
+    execute(make(), out, executor=Losing({1}))
+    pretend(out, numpy="1.0")
+    execute(make(), out, rerun_failed=True, remark=remarks.append)
+    assert [f"numpy 1.0 (not {np.__version__})" in str(remark) for remark in remarks] == [True]
+    origin = origin_of(out)
+    assert origin["numpy"] == "1.0"  # as most of its runs
+    assert [session["numpy"] for session in origin["other_sessions"]] == [np.__version__]
+
+
+def test_packing_parts_of_shards_of_other_versions(make, tmp_path, remarks):
+    out = tmp_path / "out"
+    execute(make(), out, shard=Shard(1, 2))
+    pretend(out, numpy="1.0")
+    execute(make(), out, shard=Shard(2, 2), remark=remarks.append)
+    pack_folder(make(), out, remarks.append)
+    assert ["numpy 1.0" in str(remark) for remark in remarks] == [True, True]
+    assert [session["numpy"] for session in origin_of(out)["other_sessions"]] == ["1.0"]
+
+
+# Parts of versions that keep other numbers.
+
+
+def edit(path, change):
+    """Give a finished part other names for its rows of numbers, or other rows."""
+    with h5py.File(path, "r+") as file:
+        rows, names = file["numbers"][()], file.attrs["rows_of_numbers"].split()
+        file["numbers"][()], names = change(rows, names)
+        if names is None:
+            del file.attrs["rows_of_numbers"]
+        else:
+            file.attrs["rows_of_numbers"] = " ".join(names)
+
+
+def exchanged(rows, names):
+    """As a version writes them in whose source effort and peak torque have changed places."""
+    assert names[:2] == ["effort", "peak_torque"]
+    order = [1, 0, *range(2, len(rows))]
+    return rows[order], [names[index] for index in order]
+
+
+def unnamed(rows, names):
+    return rows, None
+
+
+def renamed(rows, names):
+    return rows, ["exertion" if name == "effort" else name for name in names]
+
+
+def forget_what_was_kept(out):
+    """Let the folder be of a session that kept other quantities."""
+    path = out / "manifest.json"
+    manifest = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(manifest | {"quantities": []}), encoding="utf-8")
+
+
+@pytest.mark.parametrize("told", [True, False], ids=["told", "not told"])
+def test_numbers_of_a_part_are_read_by_name(make, whole, tmp_path, remarks, told):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    edit(out / "parts/000001.h5", exchanged)
+    if told:
+        forget_what_was_kept(out)
+    assert execute(make(), out, remark=remarks.append).resumed == 6
+    assert remarks == []
+    assert_same(contents(out), whole)
+
+
+@pytest.mark.parametrize("change", [unnamed, renamed])
+@pytest.mark.parametrize("told", [True, False], ids=["told", "not told"])
+def test_a_part_that_lacks_a_number_is_computed_again(make, whole, tmp_path, remarks, change, told):
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    edit(out / "parts/000001.h5", change)
+    if told:
+        forget_what_was_kept(out)
+    assert execute(make(), out, remark=remarks.append).resumed == (3 if told else 6)
+    assert list(map(str, remarks)) == [
+        f"{out}: 3 of its runs were computed with a version of eqt that keeps other numbers of "
+        "each; they are computed again"
+    ]
+    assert_same(contents(out), whole)
+
+
+def test_a_shard_computes_its_own_outdated_parts_again(make, whole, tmp_path, remarks):
+    out = tmp_path / "out"
+    execute(make(), out, shard=Shard(1, 2))
+    for name in ("000000", "000002"):
+        edit(out / f"parts/{name}.h5", unnamed)
+    assert execute(make(), out, shard=Shard(2, 2), remark=remarks.append).resumed == 0
+    assert remarks == []
+    assert execute(make(), out, shard=Shard(1, 2), remark=remarks.append).resumed == 1
+    assert len(remarks) == 1
+    pack_folder(make(), out)
+    assert_same(contents(out), whole)
+
+
+def test_new_rows_that_lack_a_number_are_computed_again(make, whole, tmp_path, remarks):
+    out = tmp_path / "out"
+    execute(make(), out, executor=Losing({1, 2}))
+    with pytest.raises(KeyboardInterrupt):
+        execute(make(), out, rerun_failed=True, executor=Stopping(1))
+    edit(out / "rerun/000001.h5", unnamed)
+    assert execute(make(), out, rerun_failed=True, remark=remarks.append).failed == 0
+    assert len(remarks) == 1
+    assert_same(contents(out), whole)
+
+
+def test_failed_runs_of_a_result_with_other_variables_are_not_mixed_in(make, tmp_path):
+    out = tmp_path / "out"
+    execute(make(), out, executor=Losing({1}))
+    with h5py.File(out / "results.h5", "r+") as file:
+        file.move("effort", "exertion")
+    with pytest.raises(EqtError) as caught:
+        execute(make(), out, rerun_failed=True)
+    assert str(caught.value) == (
+        f"{out}/results.h5: was written by a version of eqt that keeps other variables; compute "
+        "its failed runs with that version, or start over with force=True"
+    )
+
+
+# Workers.
+
+
+def test_processes_give_the_same_bits(make, whole, tmp_path):
+    execute(make(), tmp_path / "out", executor=Local(2))
+    assert_same(contents(tmp_path / "out"), whole)
+
+
+def test_runs_of_a_lost_part_are_rows_with_a_status(make, tmp_path):
+    out = tmp_path / "out"
+    outcome = execute(make(), out, executor=Losing({1}))
+    assert outcome.failed == 3
+    with open_results(out) as results:
+        status = results["status"]
+        assert (status[1, :3] == Status.WORKER_LOST).all()
+        assert np.count_nonzero(status) == 3
+        assert results["message"][1, 0] == "worker lost 3 times (killed, or out of memory)"
+        assert np.isnan(results["effort"][1, :3]).all()
+
+
+@pytest.mark.parametrize("text", [CONFIG, CONFIG + SWEEP])
+def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, tmp_path, text):
+    execute(make(text), tmp_path / "whole")
+    out = tmp_path / "out"
+    execute(make(text), out, executor=Losing({1, 2}))
+    outcome = execute(make(text), out, rerun_failed=True)
+    assert outcome.failed == 0
+    assert outcome.resumed == outcome.runs - 6
+    found, expected = contents(out), contents(tmp_path / "whole")
+    for name in ("initial_pose", "initial_velocity"):  # rows of a lost part are drawn all the same
+        np.testing.assert_array_equal(found[name], expected[name])
+    assert_same(found, expected)
+    assert not (out / "rerun").exists()
+    assert execute(make(text), out, rerun_failed=True).was_complete
+
+
+def test_rerun_failed_integrates_failed_runs_alone(make, tmp_path):
+    """With a limit of steps that a block of three exceeds by its stricter tolerance only."""
+    out = tmp_path / "out"
+    text = CONFIG.replace(
+        "cross_check: 2", "cross_check: 2, max_error: 1.0e-30, error_estimate: true"
+    )
+    first = execute(make(text), out)
+    assert first.failed == 14
+    before = contents(out)
+    again = execute(make(text), out, rerun_failed=True)
+    assert again.failed == 14
+    after = contents(out)
+    assert (after["status"] == Status.ACCURACY).all()
+    assert not np.array_equal(before["effort"], after["effort"])
+    # Both are within a few times the tolerance of the same solution.
+    np.testing.assert_allclose(before["effort"], after["effort"], rtol=1e-4)
+
+
+def test_shards_and_pack_give_the_same_bits(make, whole, tmp_path):
+    out = tmp_path / "out"
+    first = execute(make(), out, shard=Shard(1, 2))
+    assert not first.packed
+    with pytest.raises(EqtError, match=r": 3 of 6 parts are missing; run every shard to its end"):
+        pack_folder(make(), out)
+    execute(make(), out, shard=Shard(2, 2))
+    assert pack_folder(make(), out).failed == 0
+    assert_same(contents(out), whole)
+
+
+# The lock.
+
+POSIX = pytest.mark.skipif(os.name != "posix", reason="locks files as POSIX does")
+
+
+@POSIX
+def test_two_processes_do_not_share_a_folder(make, tmp_path):
+    out = tmp_path / "out"
+    with locked(out):
+        assert holder(out)["pid"] == os.getpid()
+        with pytest.raises(EqtError) as caught:
+            execute(make(), out)
+    assert str(caught.value) == (
+        f"{out}: another eqt (process {os.getpid()} on {platform.node()}) is writing to it; "
+        "wait for its end, or choose another folder with out=…"
+    )
+    assert holder(out) is None
+    assert execute(make(), out).failed == 0
+
+
+@POSIX
+def test_shards_share_a_folder_but_not_with_others_or_themselves(make, tmp_path):
+    out = tmp_path / "out"
+    with locked(out, shared=True), locked(out, name=".lock-1-2"):
+        execute(make(), out, shard=Shard(2, 2))
+        for blocked in ({"shard": Shard(1, 2)}, {}):
+            with pytest.raises(EqtError, match="another eqt"):
+                execute(make(), out, **blocked)
+
+
+@POSIX
+def test_a_lock_ends_with_its_process_even_if_killed(tmp_path):
+    code = (
+        "import os, signal\nfrom pathlib import Path\n"
+        "from eqt_cli.execution.lock import locked\n"
+        f"with locked(Path({str(tmp_path)!r})): os.kill(os.getpid(), signal.SIGKILL)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
+    with locked(tmp_path):
+        pass
+
+
+@POSIX
+@pytest.mark.parametrize("code", [errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS])
+@pytest.mark.parametrize("shard", [None, Shard(1, 1)])
+def test_a_disk_that_refuses_locks_is_told_of_once(make, tmp_path, monkeypatch, code, shard):
+    def refused(*_):
+        raise OSError(code, "refused")
+
+    monkeypatch.setattr("fcntl.flock", refused)
+    out, remarks = tmp_path / "out", []
+    execute(make(), out, shard=shard, remark=remarks.append)
+    assert list(map(str, remarks)) == [
+        f"{out}: its disk refuses file locks, so nothing keeps a second eqt from writing to it at "
+        "the same time; run one at a time there, or choose another disk with out=…"
+    ]
+    assert holder(out) is None
+
+
+# Folders and disks that do not do as they should.
+
+
+@pytest.mark.skipif(os.name != "posix" or os.geteuid() == 0, reason="root may write anywhere")
+def test_a_folder_that_cannot_be_written_is_named(make, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir(mode=0o500)
+    with pytest.raises(EqtError, match=r"out: cannot be used: permission denied; choose another"):
+        execute(make(), out)
+
+
+def test_a_file_in_the_way_is_named(make, tmp_path):
+    out = tmp_path / "out"
+    out.write_text("", encoding="utf-8")
+    with pytest.raises(EqtError) as caught:
+        execute(make(), out)
+    assert str(caught.value) == (
+        f"{out}: cannot be used: not a directory; choose another folder with out=…"
+    )
+
+
+@POSIX
+def test_a_full_disk_loses_nothing(make, whole, tmp_path):
+    resource = pytest.importorskip("resource")
+    out = tmp_path / "out"
+    interrupted(make(), out)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
+    try:
+        with pytest.raises(EqtError, match=r"cannot be written: File too large; free some space"):
+            execute(make(), out)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not list(out.glob("**/*.tmp"))
+    for entry in ResultFolder(out).parts.listed().values():
+        open_results(entry.path).close()
+    execute(make(), out)
+    assert_same(contents(out), whole)
+
+
+# The state of an unfinished folder.
+
+
+def test_status_counts_from_the_listing_alone(make, tmp_path):
+    out = tmp_path / "out"
+    interrupted(make(), out, after=4)
+    (out / "parts/000001.h5").rename(out / "parts/000001.f2.h5")
+    found = unfinished(out)
+    assert (found.runs, found.done, found.failed) == (14, 12, 2)
+    assert found.writer is None
+    assert found.remaining is None
+    execute(make(), out)
+    assert unfinished(out) is None
+
+
+# Sweeps.
+
+
+def test_points_of_a_sweep_are_those_of_experiments_by_themselves(make, tmp_path):
+    """One point after the other, with blocks that hold runs of one point only, bit for bit."""
+    text = CONFIG.replace("block: 3", "block: 7")
+    execute(make(text + SWEEP), tmp_path / "sweep")
+    swept = contents(tmp_path / "sweep")
+    assert swept["effort"].shape == (6, 2, 7)
+    np.testing.assert_array_equal(swept["gains.kp"], [1, 1, 2, 2, 4, 4])
+    assert [json.loads(v) for v in swept["inertia.label"][:2]] == [[1, 2, 3], [1, 1, 1]]
+    for point, (kp, inertia) in enumerate(
+        (kp, inertia) for kp in (1, 2, 4) for inertia in ("[1, 2, 3]", "[1, 1, 1]")
+    ):
+        out = tmp_path / f"point{point}"
+        execute(make(text, f"gains.kp={kp}", f"inertia={inertia}"), out)
+        alone = contents(out)
+        for name in ("pose", "torque", "effort", "status", "desired_pose", "steps"):
+            np.testing.assert_array_equal(swept[name][point], alone[name], err_msg=name)
+        np.testing.assert_array_equal(swept["initial_pose"], alone["initial_pose"])
+
+
+def test_blocks_mix_points_and_agree_within_the_tolerance(make, tmp_path):
+    execute(make(CONFIG + SWEEP), tmp_path / "sweep")
+    execute(make(CONFIG, "gains.kp=4"), tmp_path / "alone")
+    swept, alone = contents(tmp_path / "sweep"), contents(tmp_path / "alone")
+    # rtol 1e-6, amplified little over half a second.
+    np.testing.assert_allclose(swept["pose"][4], alone["pose"], atol=1e-5)
+
+
+def test_an_interrupted_sweep_continues_and_ends_the_same(make, tmp_path):
+    execute(make(CONFIG + SWEEP), tmp_path / "whole")
+    interrupted(make(CONFIG + SWEEP), tmp_path / "out", after=7)
+    execute(make(CONFIG + SWEEP), tmp_path / "out")
+    assert_same(contents(tmp_path / "out"), contents(tmp_path / "whole"))
+
+
+def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
+    execute(make(grids=["ensemble.seed=1,2"]), tmp_path / "sweep")
+    execute(make(CONFIG, "ensemble.seed=2"), tmp_path / "alone")
+    swept, alone = contents(tmp_path / "sweep"), contents(tmp_path / "alone")
+    assert swept["initial_pose"].shape == (2, 7, 3, 3)
+    np.testing.assert_array_equal(swept["initial_pose"][1], alone["initial_pose"])
+
+
+def test_xarray_opens_a_sweep_and_unstacks_a_grid(make, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    found = make(grids=["gains.kp=1,2,4", "gains.kd=0.5,1"])
+    execute(found, tmp_path / "out")
+    with xarray.open_dataset(tmp_path / "out/results.h5", engine="h5netcdf") as dataset:
+        assert dataset.effort.dims == ("point", "controller", "run")
+        grid = dataset.set_index(point=["gains.kp", "gains.kd"]).unstack("point")
+        chosen = grid.effort.sel({"gains.kp": 2, "gains.kd": 1, "controller": "gt"})
+        np.testing.assert_array_equal(chosen, dataset.effort[3, 1])
+
+
+def test_a_result_of_a_sweep_runs_again_from_its_own_config(make, tmp_path):
+    execute(make(CONFIG + SWEEP), tmp_path / "out")
+    again = study(read_config(tmp_path / "out/results.h5"))
+    assert again.digest == make(CONFIG + SWEEP).digest
+
+
+def test_a_large_sweep_keeps_trajectories_only_if_asked(make):
+    grids = ["gains.kp=" + ",".join(str(k + 1) for k in range(800))]
+    assert make(grids=grids).kept == 0
+    assert make(CONFIG, "store.trajectories=2", grids=grids).kept == 2
+    assert make(grids=grids[:1], text=CONFIG.replace("runs: 7", "runs: 2")).kept == 2
+
+
+@pytest.mark.parametrize(
+    ("sweep", "message"),
+    [
+        (
+            "  - grid: {gains.kp: [1, -2]}",
+            "config.yaml:11:26: gains.kp: expected a weight whose navigation function has",
+        ),
+        (
+            "  - grid: {gains.kq: [1]}",
+            "config.yaml:11:23: gains.kq: unknown key; known here: kp, kd",
+        ),
+        ("  - grid: {gans.kp: [1]}", "config.yaml:11:22: sweep[0].grid.gans.kp[0]: unknown key"),
+        (
+            '  - grid: {"controllers[5]": [eqt]}',
+            "config.yaml:11:31: controllers[5]: no entry 5; controllers has 2, counted from 0",
+        ),
+        (
+            "  - grid: {group: [SO3, SE3]}",
+            "config.yaml:4:13: reference.torque: expected 6 expressions for SE3, got 3",
+        ),
+        (
+            '  - grid: {"controllers[0]": [eqt, nog]}',
+            "config.yaml:10:1: sweep: point 1: the controllers are nog, gt, and eqt, gt at point 0;"
+            " give each a `label` that stays the same",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_point_is_said_where_it_was_written(make, sweep, message):
+    with pytest.raises(ConfigError) as caught:
+        make(CONFIG + "sweep:\n" + sweep)
+    assert message in str(caught.value)
+
+
+def test_what_is_wrong_on_the_command_line_is_said_there(make):
+    with pytest.raises(ConfigError) as caught:
+        make(grids=["gains.kp=1,-2"])
+    assert str(caught.value).startswith("grids[0]: gains.kp: expected a weight")

@@ -1,0 +1,191 @@
+import signal
+import socket
+import sys
+import time
+from contextlib import suppress
+from importlib.util import find_spec
+
+import pytest
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.executors import MOST_TRIES, Outcome, executors
+
+# In a file of its own, where spawned processes find it.
+TASK = """
+import os, signal, time
+from pathlib import Path
+
+from eqt_cli.core.errors import EqtError
+
+
+class Task:
+    def __init__(self, folder):
+        self.folder = folder
+
+    def runs_of(self, item):
+        return 10
+
+    def __call__(self, item, ways):
+        with open(Path(self.folder) / f"{item}-{os.getpid()}-{time.monotonic_ns()}", "w"):
+            pass
+        if item in (13, 17) and (item == 13 or self._tries(item) == 1):
+            os.kill(os.getpid(), signal.SIGKILL)
+        if item == 99:
+            raise EqtError("no")
+        ways.progress(4)
+        return item % 2
+
+    def _tries(self, item):
+        return len(list(Path(self.folder).glob(f"{item}-*")))
+"""
+
+NAMES = [
+    pytest.param(
+        name,
+        marks=pytest.mark.skipif(
+            name == "dask" and not find_spec("distributed"), reason="needs the extra dask"
+        ),
+    )
+    for name in ("auto", "serial", "threads", "local", "dask")
+]
+SURVIVORS = [name for name in NAMES if name.values[0] in ("local", "dask")]
+POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="has no SIGKILL")
+
+
+@pytest.fixture
+def task(tmp_path, monkeypatch):
+    code = tmp_path / "code"
+    code.mkdir()
+    name = f"task_of_{tmp_path.name}"
+    (code / f"{name}.py").write_text(TASK, encoding="utf-8")
+    monkeypatch.syspath_prepend(code)
+    monkeypatch.setenv("PYTHONPATH", str(code), prepend=":")
+    done = tmp_path / "done"
+    done.mkdir()
+    return __import__(name).Task(str(done))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_item_ends_once_and_all_progress_is_reported(name, task):
+    seen = []
+    found = list(executors.get(name)(2).outcomes(task, [1, 2, 3, 4], seen.append))
+    assert sorted(found, key=lambda o: o.item) == [Outcome(k, k % 2) for k in (1, 2, 3, 4)]
+    if name in ("local", "dask"):
+        assert sum(seen) == 40
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_nothing_to_do_is_done(name, task):
+    assert list(executors.get(name)(2).outcomes(task, [], lambda amount: None)) == []
+
+
+@POSIX
+@pytest.mark.parametrize("name", SURVIVORS)
+def test_a_lost_worker_costs_its_item_only_which_is_tried_again(name, task, tmp_path):
+    found = list(executors.get(name)(2).outcomes(task, [1, 17, 3], lambda amount: None))
+    assert sorted(o.item for o in found) == [1, 3, 17]
+    assert all(o.failed == 1 for o in found)
+    assert len(list((tmp_path / "done").glob("17-*"))) == 2
+    assert len(list((tmp_path / "done").glob("1-*"))) == 1
+
+
+@POSIX
+@pytest.mark.parametrize("name", SURVIVORS)
+def test_an_item_that_loses_its_worker_again_and_again_is_given_up(name, task, tmp_path):
+    seen = []
+    found = list(executors.get(name)(1).outcomes(task, [13, 2], seen.append))
+    assert sorted(found, key=lambda o: o.item) == [Outcome(2, 0), Outcome(13, None)]
+    assert len(list((tmp_path / "done").glob("13-*"))) == MOST_TRIES
+    assert sum(seen) == 10  # of the good item alone
+
+
+@pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra dask")
+def test_a_cluster_starts_beside_another(task):
+    """The other one has taken the port where Dask's schedulers show themselves."""
+    with socket.socket() as other:
+        with suppress(OSError):  # there is another one indeed
+            other.bind(("", 8787))
+            other.listen()
+        found = list(executors.get("dask")(1).outcomes(task, [2], lambda amount: None))
+    assert found == [Outcome(2, 0)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_error_of_the_task_ends_everything(name, task):
+    with pytest.raises(EqtError, match="no"):
+        list(executors.get(name)(2).outcomes(task, [99], lambda amount: None))
+
+
+def test_workers_end_when_nobody_listens_any_more(task):
+    outcomes = executors.get("local")(2).outcomes(task, list(range(1, 10)), lambda amount: None)
+    next(outcomes)
+    outcomes.close()
+    import multiprocessing
+
+    deadline = time.monotonic() + 10
+    while multiprocessing.active_children() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert not multiprocessing.active_children()
+
+
+@POSIX
+def test_auto_takes_processes_only_where_they_are_worth_it(task, tmp_path, monkeypatch):
+    import os
+
+    from eqt_cli.execution.executors import auto
+
+    def processes():
+        return {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
+
+    items = [1, 2, 3, 4, 5]
+    list(auto.Auto(2).outcomes(task, items, lambda amount: None))
+    assert processes() == {str(os.getpid())}
+    monkeypatch.setattr(auto, "WORTH_STARTING", 0.0)
+    found = list(auto.Auto(2).outcomes(task, items, lambda amount: None))
+    assert len(found) == 5
+    assert len(processes()) > 1
+
+
+@pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra dask")
+def test_a_scheduler_that_does_not_answer_is_named(task, monkeypatch):
+    from eqt_cli.execution.executors import dask
+
+    monkeypatch.setattr(dask, "CONNECT_WITHIN", 0.2)
+    executor = dask.Dask(1, "tcp://127.0.0.1:9")
+    with pytest.raises(EqtError, match=r"^scheduler tcp://127\.0\.0\.1:9: cannot be reached: "):
+        list(executor.outcomes(task, [1], lambda amount: None))
+
+
+def test_dask_that_is_missing_is_named(task, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    from eqt_cli.execution.executors import dask
+
+    monkeypatch.setattr(dask, "find_spec", lambda name: None)
+    with pytest.raises(EqtError) as caught:
+        list(dask.Dask(1).outcomes(task, [1], lambda amount: None))
+    assert str(caught.value) == (
+        "executor dask needs Dask.distributed: pip install 'eqt-cli[dask]'"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "items", "each", "at_once", "seconds"),
+    [
+        ("serial", 4, 10.0, 1, 40.0),
+        ("threads", 4, 10.0, 3, 20.0),
+        ("local", 4, 10.0, 3, 20.0),
+        ("auto", 4, 1.0, 1, 4.0),  # not worth starting processes for
+        ("auto", 2, 10.0, 1, 20.0),  # the second is the last
+        ("auto", 5, 10.0, 3, 30.0),  # the first, and then four by three
+    ],
+)
+def test_expected_time(name, items, each, at_once, seconds):
+    executor = executors.get(name)(3)
+    assert executor.at_once(items, each) == at_once
+    assert executor.wall_time(items, each) == seconds
+
+
+def test_threads_share_what_items_leave():
+    assert executors.get("threads")(8).threads_for(3) == 2
+    assert executors.get("serial")(8).threads_for(3) == 8
+    assert executors.get("local")(8).threads_for(3) == 1

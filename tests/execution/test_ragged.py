@@ -1,0 +1,378 @@
+"""Sweeps whose points differ in shape: a group per point, and the metrics of all in the root."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from eqt_cli.config.source import read_config
+from eqt_cli.core.errors import EqtError, ResultError
+from eqt_cli.engines import Status
+from eqt_cli.execution.execute import Shard, execute, pack_folder
+from eqt_cli.execution.executors import Executor, Outcome
+from eqt_cli.execution.executors.local import Local
+from eqt_cli.execution.executors.serial import Serial
+from eqt_cli.execution.unfinished import unfinished
+from eqt_cli.experiment.sweeping import MOST_GROUPS, add_grids, study
+from eqt_cli.results.result import open_result
+from eqt_cli.store.reader import open_results
+
+CONFIG = """\
+group: SO3
+inertia: 2
+gains: {kp: 1.0, kd: 0.5}
+reference: {torque: ["cos(t)", "sin(t)", "0"]}
+controllers: [eqt, gt]
+initial: {pose: haar, velocity: normal}
+ensemble: {runs: 5, seed: 1}
+time: {duration: 0.5, samples: 6}
+solver: {rtol: 1.0e-6, block: 5, cross_check: 1}
+"""
+GROUPS = """\
+sweep:
+  - grid: {gains.kp: [1, 2]}
+  - zip:
+      group: [SO3, SE3]
+      reference.torque: [["cos(t)", "sin(t)", "0"], ["cos(t)", "0", "0", "1", "0", "0"]]
+      initial.pose: [haar, {kind: exp_normal, std: 0.5}]
+"""
+# Shared references and initial states, shapes that take turns.
+TIMES = "sweep: [{grid: {gains.kp: [1, 2], time.samples: [6, 4]}}]\n"
+
+
+@pytest.fixture(autouse=True)
+def _small_parts(monkeypatch):
+    """Parts of one block, so that every piece has several."""
+    monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 5)
+
+
+@pytest.fixture
+def make(tmp_path):
+    def study_of(text, *overrides, grids=()):
+        path = tmp_path / "config.yaml"
+        path.write_text(CONFIG + text, encoding="utf-8")
+        source = read_config(path, overrides)
+        add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
+        return study(source)
+
+    return study_of
+
+
+class Stopping(Executor):
+    """Does some items and is then interrupted, as by Ctrl-C."""
+
+    def outcomes(self, task, items, progress):
+        yield from Serial().outcomes(task, items[:3], progress)
+        raise KeyboardInterrupt
+
+
+class Losing(Executor):
+    """Loses every worker that tries one of two items, which are of different shapes."""
+
+    lost = (1, 6)
+
+    def outcomes(self, task, items, progress):
+        good = [item for item in items if item not in self.lost]
+        yield from Serial().outcomes(task, good, progress)
+        yield from (Outcome(item, None) for item in items if item in self.lost)
+
+
+def contents(folder):
+    """Every dataset by its path, read without eqt."""
+    found = {}
+
+    def add(name, entry):
+        if isinstance(entry, h5py.Dataset):
+            found[name] = entry[()]
+
+    with h5py.File(Path(folder) / "results.h5") as file:
+        file.visititems(add)
+    return found
+
+
+def assert_same(one, other):
+    assert one.keys() == other.keys()
+    for name in one:
+        assert one[name].dtype == other[name].dtype
+        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+
+
+@pytest.fixture(params=[GROUPS, TIMES], ids=["groups", "times"])
+def text(request):
+    return request.param
+
+
+@pytest.fixture
+def whole(make, text, tmp_path):
+    execute(make(text), tmp_path / "whole")
+    return contents(tmp_path / "whole")
+
+
+def test_the_root_is_that_of_any_sweep_without_what_differs(make, tmp_path):
+    execute(make(GROUPS), tmp_path / "out")
+    with open_results(tmp_path / "out") as results:
+        assert dict(results.dimensions) == {"point": 4, "controller": 2, "run": 5}
+        dims = {results.dims(name) for name in results.names}
+        assert dims == {("point", "controller", "run")}
+        assert results["group"].tolist() == ["SO3", "SE3"] * 2
+        assert results["gains.kp"].tolist() == [1, 1, 2, 2]
+        assert results.attributes["group"] == "SO3, SE3"
+        assert results.units("effort") == "mixed"
+        assert results.units("settling_time") == "s"
+        assert results.attributes["cross_check_runs"] == 2
+
+
+def test_groups_are_the_results_of_single_experiments(make, text, tmp_path):
+    """Blocks of five hold the runs of one point only, so that even the last bits agree."""
+    found = make(text)
+    execute(found, tmp_path / "out")
+    with open_results(tmp_path / "out") as results:
+        for point in range(4):
+            values = found.sweep.point(point)
+            settings = [f"{key}={value}" for key, value in values.items()]
+            execute(make("", *settings), tmp_path / str(point))
+            group = results.at(point)
+            with open_results(tmp_path / str(point)) as alone:
+                assert dict(group.dimensions) == dict(alone.dimensions)
+                assert (group.names, group.coordinates) == (alone.names, alone.coordinates)
+                assert group.attributes["config"] == alone.attributes["config"]
+                for name in (*alone.names, *alone.coordinates):
+                    np.testing.assert_array_equal(group[name], alone[name], err_msg=name)
+                    assert group.dims(name) == alone.dims(name)
+                    assert group.units(name) == alone.units(name)
+                for name in results.names:
+                    np.testing.assert_array_equal(results[name][point], alone[name])
+
+
+def test_an_interrupted_one_continues_and_ends_the_same(make, text, whole, tmp_path):
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        execute(make(text), out, executor=Stopping(1))
+    found = unfinished(out)
+    assert (found.runs, found.done) == (40, 15)
+    outcome = execute(make(text), out)
+    assert (outcome.resumed, outcome.failed) == (15, 0)
+    assert_same(contents(out), whole)
+    assert not (out / "parts").exists()
+    assert execute(make(text), out).was_complete
+
+
+def test_a_damaged_part_is_computed_again(make, text, whole, tmp_path):
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        execute(make(text), out, executor=Stopping(1))
+    (out / "parts/000001.h5").write_bytes(b"spoiled")
+    execute(make(text), out)
+    assert_same(contents(out), whole)
+
+
+def test_processes_give_the_same_bits(make, text, whole, tmp_path):
+    execute(make(text), tmp_path / "out", executor=Local(2))
+    assert_same(contents(tmp_path / "out"), whole)
+
+
+def test_shards_and_pack_give_the_same_bits(make, text, whole, tmp_path):
+    out = tmp_path / "out"
+    execute(make(text), out, shard=Shard(1, 2))
+    with pytest.raises(EqtError, match=r": 4 of 8 parts are missing; run every shard to its end"):
+        pack_folder(make(text), out)
+    execute(make(text), out, shard=Shard(2, 2))
+    assert pack_folder(make(text), out).failed == 0
+    assert_same(contents(out), whole)
+
+
+def test_rerun_failed_mends_lost_parts_bit_for_bit(make, text, whole, tmp_path):
+    out = tmp_path / "out"
+    first = execute(make(text), out, executor=Losing(1))
+    assert first.failed == 10
+    with open_results(out) as results:
+        assert np.count_nonzero(results["status"] == Status.WORKER_LOST) == 10
+        assert sum(np.count_nonzero(results.at(k)["status"]) for k in range(4)) == 10
+    outcome = execute(make(text), out, rerun_failed=True)
+    assert (outcome.failed, outcome.resumed) == (0, 30)
+    assert_same(contents(out), whole)
+
+
+def test_a_result_runs_again_from_its_own_config(make, text, tmp_path):
+    execute(make(text), tmp_path / "out")
+    assert study(read_config(tmp_path / "out/results.h5")).digest == make(text).digest
+
+
+def test_metrics_only(make, text, tmp_path):
+    execute(make(text, "store.trajectories=none"), tmp_path / "out")
+    with open_results(tmp_path / "out") as results:
+        group = results.at(1)
+        assert not group.has("pose")
+        assert group["initial_pose"].shape[0] == 5
+        np.testing.assert_array_equal(group["effort"], results["effort"][1])
+
+
+def test_compressed_groups(make, tmp_path, whole):
+    execute(make(GROUPS, "store.compression=gzip"), tmp_path / "out")
+    with h5py.File(tmp_path / "out/results.h5") as file:
+        assert file["point_3/pose"].compression == "gzip"
+    if "group" in whole:
+        assert_same(contents(tmp_path / "out"), whole)
+
+
+def test_xarray_opens_root_and_groups(make, text, tmp_path):
+    xarray = pytest.importorskip("xarray")
+    execute(make(text), tmp_path / "out")
+    file = tmp_path / "out/results.h5"
+    with xarray.open_dataset(file, engine="h5netcdf") as root:
+        assert root.effort.dims == ("point", "controller", "run")
+        assert "gains.kp" in root.effort.coords
+        effort = root.effort.values
+    for point in range(4):
+        with xarray.open_dataset(file, engine="h5netcdf", group=f"point_{point}") as group:
+            assert group.pose.dims == ("controller", "run", "time", "row", "col")
+            late = group.pose_error.sel(controller="gt").isel(time=-1)
+            np.testing.assert_array_equal(late, group.final_pose_error.sel(controller="gt"))
+            np.testing.assert_array_equal(group.effort, effort[point])
+
+
+def test_points_of_one_shape_keep_the_layout_without_groups(make, tmp_path):
+    execute(make("sweep: [{grid: {group: [SO3], gains.kp: [1, 2]}}]\n"), tmp_path / "out")
+    with h5py.File(tmp_path / "out/results.h5") as file:
+        assert "pose" in file
+        assert not any(isinstance(entry, h5py.Group) for entry in file.values())
+
+
+def test_one_point_of_a_sweep_without_groups(make, tmp_path):
+    execute(make("", grids=["gains.kp=1,2"]), tmp_path / "out")
+    execute(make("", "gains.kp=2"), tmp_path / "alone")
+    with (
+        open_result(tmp_path / "out", 1) as point,
+        open_results(tmp_path / "out") as whole,
+        open_results(tmp_path / "alone") as alone,
+    ):
+        assert dict(point.dimensions) == dict(alone.dimensions)
+        assert (point.names, point.coordinates) == (alone.names, alone.coordinates)
+        assert point.attributes["title"] == "config, point 1"
+        assert study(read_config_text(point, tmp_path)).digest == study_digest(alone, tmp_path)
+        for name in point.names:
+            np.testing.assert_array_equal(point[name], alone[name], err_msg=name)
+        chosen = point.read("effort", controller=1, run=slice(1, 3))
+        np.testing.assert_array_equal(chosen, whole["effort"][1, 1, 1:3])
+
+
+def read_config_text(results, folder):
+    path = folder / "again.yaml"
+    path.write_text(str(results.attributes["config"]), encoding="utf-8")
+    return read_config(path)
+
+
+def study_digest(results, folder):
+    return study(read_config_text(results, folder)).digest
+
+
+def test_points_that_do_not_exist(make, tmp_path):
+    execute(make(TIMES), tmp_path / "out")
+    execute(make(""), tmp_path / "alone")
+    path = tmp_path / "out/results.h5"
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results.at(4)
+    assert str(caught.value) == f"{path}: has no point 4; choose one of 0 to 3"
+    with open_results(path) as results, pytest.raises(ResultError) as caught:
+        results.at(0).at(0)
+    assert str(caught.value) == (f"{path}: is no sweep, so it has no point to choose; leave it out")
+
+
+@pytest.mark.parametrize(
+    ("grid", "message"),
+    [
+        (
+            "ensemble.runs=50,200",
+            "grids[0]: sweep[0].grid.ensemble.runs[0]: ensemble.runs cannot be swept: run k "
+            "starts from the same state however many there are, so the first 50 of 200 runs are "
+            "the ensemble of 50; ask for the most, and choose among them",
+        ),
+        (
+            "time=[{duration: 1}, {duration: 2}]",
+            "grids[0]: sweep[0].grid.time[0]: time is swept by its keys: zip time.duration and "
+            "time.samples",
+        ),
+        (
+            "task=track,stabilise",
+            "grids[0]: sweep[0].grid.task[0]: task cannot be swept: it gives the points laws of "
+            "different kinds; run one after the other",
+        ),
+        (
+            "name=a,b",
+            "grids[0]: sweep[0].grid.name[0]: name cannot be swept: it names the experiment as a "
+            "whole; run one after the other",
+        ),
+        (
+            "store.decimate=1,2",
+            "grids[0]: sweep[0].grid.store.decimate[0]: store cannot be swept: it decides what "
+            "the one result file holds; run one after the other",
+        ),
+    ],
+)
+def test_what_cannot_be_swept(make, grid, message):
+    with pytest.raises(EqtError) as caught:
+        make("", grids=[grid])
+    assert str(caught.value) == message
+
+
+def test_an_ensemble_of_another_size_at_some_point(make):
+    with pytest.raises(EqtError) as caught:
+        make("sweep: [{grid: {ensemble: [{runs: 5}, {runs: 6}]}}]\n")
+    assert "sweep: point 1: ensemble.runs is 6, and 5 at point 0; ensemble.runs" in str(
+        caught.value
+    )
+
+
+def test_more_groups_than_a_file_should_have(make, tmp_path):
+    values = f"{{low: 1, high: 2, points: {MOST_GROUPS + 1}}}"
+    with pytest.raises(EqtError) as caught:
+        make(f"sweep: [{{grid: {{time.duration: {values}}}}}]\n")
+    assert str(caught.value) == (
+        f"{tmp_path / 'config.yaml'}:10:1: 1001 points that differ in group or sample times are "
+        "too many for one file; sweep at most 1000, or these keys one after the other"
+    )
+
+
+# The laws among the points.
+
+
+def test_points_that_are_registered_laws(make, tmp_path):
+    text = """\
+sweep:
+  - zip:
+      controllers[0]:
+        - {kind: family, gyroscopic: 1, transport: 1, connection: -0.0, label: a}
+        - {kind: family, gyroscopic: 0, transport: 1, connection: 0, label: a}
+        - {kind: family, gyroscopic: 0.5, transport: 0.5, connection: 0.5, label: a, damping: body}
+        - {kind: family, gyroscopic: 0.5, transport: 0.5, connection: 0.5, label: a}
+        - {kind: asym, label: a}
+"""
+    execute(make(text, "gains.kd=[1, 2, 3]"), tmp_path / "out")
+    with open_results(tmp_path / "out") as results:
+        assert results.dims("law") == ("point", "controller")
+        assert results["law"][:, 0].tolist() == ["eqt", "nog", "gt", "", "asym"]
+        assert results["law"][:, 1].tolist() == ["gt"] * 5
+
+
+@pytest.mark.parametrize(
+    ("kd", "swept", "name"),
+    [("0.5", "", "gt"), ("[1, 2, 3]", "", ""), ("0.5", "gains.kp=1,2", "")],
+    ids=["alike from every frame", "with axes of its own", "another key swept"],
+)
+def test_the_frame_of_damping_is_no_difference_where_it_changes_no_torque(
+    make, tmp_path, kd, swept, name
+):
+    """GT damps in the body frame, and this member of the family in the spatial one."""
+    law = "{kind: family, gyroscopic: 0.5, transport: 0.5, connection: 0.5, label: a}"
+    text = f"sweep: [{{zip: {{'controllers[0]': [{law}]}}}}]\n"
+    found = make(text, f"gains.kd={kd}", grids=[swept] if swept else [])
+    execute(found, tmp_path / "out")
+    with open_results(tmp_path / "out") as results:
+        assert results["law"][0, 0] == name
+
+
+def test_laws_are_not_named_where_they_stay_the_same(make, tmp_path):
+    execute(make("", grids=["gains.kp=1,2"]), tmp_path / "out")
+    with open_results(tmp_path / "out") as results:
+        assert not results.has("law")

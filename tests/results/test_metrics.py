@@ -1,0 +1,111 @@
+"""Numbers per run of signals for which they are known exactly."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.results.metrics import settling_time
+from eqt_cli.results.quantities import QUANTITIES
+from eqt_cli.results.windows import WHOLE, Window
+
+T, H = 20.0, 0.5
+TIMES = np.linspace(0, T, 41)
+RAMP = TIMES[None]
+FALLING = np.exp(-2 * TIMES)[None]
+
+EXACT = {
+    # ∫t dt/T, exact for straight lines by the trapezoidal rule.
+    "mean_torque": ({"torque_norm": RAMP}, T / 2),
+    "mean_pose_error": ({"pose_error": RAMP}, T / 2),
+    "mean_velocity_error": ({"velocity_error": RAMP}, T / 2),
+    "early_torque": ({"torque_norm": RAMP}, 2.5),
+    # Simpson's rule is exact for parabolas; the trapezoidal rule adds T h²/6 to T³/3.
+    "effort": ({"torque_norm": RAMP}, T**3 / 3),
+    "squared_pose_error": ({"pose_error": RAMP}, T**3 / 3 + T * H**2 / 6),
+    "peak_torque": ({"torque_norm": 3 * np.sin(np.pi * RAMP / T)}, 3.0),
+    "final_pose_error": ({"pose_error": T + 1 - RAMP}, 1.0),
+    "final_velocity_error": ({"velocity_error": T + 2 - RAMP}, 2.0),
+    # |⟨τ, V⟩| = |(2, 7)·(−1, 0) − t| = 2 + t, a power that flows back.
+    "actuator_work": (
+        {
+            "torque": np.stack([2 + 0 * TIMES, 7 + 0 * TIMES, TIMES], axis=-1)[None],
+            "velocity": np.broadcast_to([-1.0, 0.0, -1.0], (1, 41, 3)),
+        },
+        2 * T + T**2 / 2,
+    ),
+    # 1 − t/T comes below 0.05 at 0.95 T, between two samples.
+    "settling_time": ({"pose_error": 1 - RAMP / T}, 0.95 * T),
+    "decay_rate": ({"lyapunov": FALLING}, 1.0),
+    # L falls to 1 at 10 s, and then rises to 3 of the 5 that it began with.
+    "lyapunov_rise": ({"lyapunov": np.interp(TIMES, [0, 10, 20], [5.0, 1.0, 3.0])[None]}, 2 / 5),
+    "energy_residual": (
+        {"lyapunov": 4 * FALLING, "energy_balance": 4 + 0.02 * np.sin(np.pi * RAMP / T)},
+        0.02 / 4,
+    ),
+}
+
+
+def measured(name, signals, window=None, times=TIMES):
+    quantity = QUANTITIES[name]
+    settings = {"threshold": 0.05} if quantity.settings else {}
+    return quantity.measure(times, signals, window or quantity.window, **settings)
+
+
+def test_every_formula_of_the_table_has_a_case():
+    assert set(EXACT) == {name for name, quantity in QUANTITIES.items() if quantity.of}
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_numbers_that_are_known_exactly(name):
+    signals, expected = EXACT[name]
+    # Sums of 41 terms, and logarithms of exponentials.
+    assert measured(name, signals) == pytest.approx([expected], rel=1e-12)
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_runs_do_not_depend_on_each_other(name):
+    signals, expected = EXACT[name]
+    beside = {key: np.concatenate([values, np.nan * values]) for key, values in signals.items()}
+    with np.errstate(invalid="ignore"):
+        first, second = measured(name, beside)
+    assert first == pytest.approx(expected, rel=1e-12)
+    assert np.isnan(second) or name in ("final_pose_error", "final_velocity_error")
+
+
+def test_the_first_5_s_need_no_sample_at_their_end():
+    times = np.linspace(0, 20, 8)
+    assert measured("early_torque", {"torque_norm": times[None]}, times=times) == pytest.approx(2.5)
+
+
+def test_a_shorter_run_is_early_as_a_whole():
+    times = np.linspace(0, 3, 4)
+    assert measured("early_torque", {"torque_norm": times[None]}, times=times) == pytest.approx(1.5)
+
+
+def test_any_window_of_what_has_windows():
+    assert measured("effort", {"torque_norm": RAMP}, Window(5, 10)) == pytest.approx(875 / 3)
+    assert measured("final_pose_error", {"pose_error": RAMP}, Window(0, 7.25)) == 7.25
+
+
+def test_peaks_between_samples_are_missed():
+    peak = measured("peak_torque", {"torque_norm": np.cos(np.pi * (RAMP - H / 2) / H)}, WHOLE)
+    assert peak == pytest.approx([0.0], abs=1e-12)  # cos ±π/2
+
+
+@pytest.mark.parametrize(
+    ("error", "expected"),
+    [
+        ([1.0, 0.5, 0.5, 0.5, 0.2], np.nan),
+        ([0.05, 0.04, 0.0, 0.05, 0.01], 0.0),
+        ([1.0, 0.0, 1.0, 0.0, 0.0], 2.95),
+        ([1.0, 0.0, np.nan, 0.0, 0.0], np.nan),
+        ([0.0, 0.0, 0.0, 0.0, 0.06], np.nan),
+    ],
+)
+def test_settling_is_the_last_time_through_the_threshold(error, expected):
+    found = settling_time(np.arange(5.0), np.array([error]), 0.05)
+    assert found == pytest.approx([expected], rel=1e-12, nan_ok=True)
+
+
+def test_energy_is_relative_to_no_less_than_1_joule():
+    signals = {"lyapunov": 0.01 * FALLING, "energy_balance": 0.01 + 0.002 * RAMP / T}
+    assert measured("energy_residual", signals) == pytest.approx([0.002], rel=1e-9)

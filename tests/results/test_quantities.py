@@ -1,0 +1,77 @@
+"""The table of quantities: names, symbols and units, and what follows from them."""
+
+import pytest
+
+from eqt_cli.config.source import read_config
+from eqt_cli.experiment.build import build
+from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.quantities import QUANTITIES, quantities, quantity_of
+from eqt_cli.results.quantity import Per, plain
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES.values(), ids=QUANTITIES)
+def test_plain_names_hold_no_commands(quantity):
+    assert not set(quantity.described) & set("\\{}$")
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES.values(), ids=QUANTITIES)
+def test_a_label_with_a_place_for_a_symbol_has_one(quantity):
+    assert quantity.symbol or "{}" not in quantity.label + quantity.formula
+
+
+@pytest.mark.parametrize("metric", METRICS, ids=lambda metric: metric.name)
+def test_metrics_take_signals_and_say_what_is_better(metric):
+    assert metric.signals and metric.of and metric.better != "neither"
+    assert all(QUANTITIES[name].per is Per.TRAJECTORY for name in metric.signals)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("early_torque", "mean ‖τ‖, first 5 s"),
+        ("effort", "effort ∫‖τ‖² dt"),
+        ("peak_torque", "largest ‖τ‖"),
+        ("actuator_work", "actuator work ∫|⟨τ, V⟩| dt"),
+        ("final_pose_error", "final ‖I − Q_E‖"),
+        ("squared_pose_error", "squared error ∫‖I − Q_E‖² dt"),
+        ("decay_rate", "decay rate of √L"),
+        ("lyapunov_rise", "largest rise of L, relative to L(0)"),
+        ("steps", "work of the solver, as its engine counts it"),
+        ("torque_norm_rotation", "‖τ‖ rotation"),
+    ],
+)
+def test_names_in_plain_characters(name, expected):
+    assert quantity_of(name).described == expected
+
+
+def test_parts_of_a_number_are_of_the_part_of_its_signal():
+    part = QUANTITIES["effort"].part("rotation")
+    assert (part.name, part.signals) == ("effort_rotation", ("torque_norm_rotation",))
+    assert (part.described, part.stored) == ("effort rotation ∫‖τ‖² dt", False)
+
+
+def test_what_a_later_version_stores_is_known_by_its_long_name():
+    later = quantity_of("jerk", "largest rate of ||tau||")
+    assert (later.described, later.of, later.windowed) == ("largest rate of ||tau||", None, False)
+
+
+def test_symbols_in_plain_characters():
+    assert plain(r"\|I - Q_E\|_{\mathrm{F}}") == "‖I − Q_E‖"
+
+
+def test_an_experiment_settles_units_and_attributes(tmp_path):
+    config = tmp_path / "c.yaml"
+    config.write_text(
+        "group: SE3\ninertia: 1\ngains: {kp: 1, kd: 1}\nreference: {kind: constant}\n"
+        "controllers: [eqt]\ntime: {duration: 1, samples: 2}\nsettling_threshold: 0.2\n"
+    )
+    found = {quantity.name: quantity for quantity in quantities(build(read_config(config)))}
+    assert found["effort"].attributes["units"] == "mixed"
+    assert found["torque_norm_translation"].attributes == {
+        "units": "N",
+        "long_name": "torque norm ||tau||, translation part",
+    }
+    assert found["settling_time"].attributes["threshold"] == 0.2
+    assert found["early_torque"].attributes["window_s"] == 5.0
+    assert "units" not in found["message"].attributes
+    assert "mean_torque" not in found

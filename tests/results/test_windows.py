@@ -1,0 +1,66 @@
+"""Stretches of time: how they are written, and what lies in them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.results.windows import Window
+
+TIMES = np.linspace(0.0, 10.0, 11)
+
+
+@pytest.mark.parametrize(
+    ("text", "window"),
+    [
+        ("0:5", Window(0, 5)),
+        (":5", Window(0, 5)),
+        ("2.5:", Window(2.5, math.inf)),
+        (":", Window()),
+    ],
+)
+def test_parse(text, window):
+    assert Window.parse(text) == window
+
+
+@pytest.mark.parametrize("text", ["5", "a:b", "", "1:2:3", "nan:1", "0:nan"])
+def test_parse_says_what_it_expects(text):
+    with pytest.raises(EqtError) as caught:
+        Window.parse(text)
+    assert str(caught.value) == (
+        f"window '{text}': expected START:STOP in seconds, as 0:5, 5: or : for all of it"
+    )
+
+
+@pytest.mark.parametrize("text", ["5:5", "5:1", "-1:5", "inf:"])
+def test_parse_refuses_what_is_empty(text):
+    with pytest.raises(EqtError, match=f"^window '{text}': expected 0 <= START < STOP$"):
+        Window.parse(text)
+
+
+def test_window_ends_with_the_runs():
+    assert Window(5, 50).within(TIMES) == Window(5, 10)
+
+
+def test_window_after_the_end():
+    with pytest.raises(EqtError) as caught:
+        Window(12, 15).within(TIMES)
+    assert str(caught.value) == ("window '12:15' begins after the end of the runs; they last 10 s")
+
+
+@pytest.mark.parametrize(
+    "window", [Window(0, 10), Window(2, 5), Window(1.25, 3.5), Window(4.2, 4.6)]
+)
+def test_cut_interpolates_its_ends(window):
+    times, values = window.cut(TIMES, np.stack([3 * TIMES, 1 - TIMES]))
+    assert (times[0], times[-1]) == (window.start, window.stop)
+    # Linear signals are interpolated up to rounding.
+    assert values == pytest.approx(np.stack([3 * times, 1 - times]), abs=1e-14)
+
+
+def test_cut_keeps_samples_as_they_are():
+    values = np.random.default_rng(1).normal(size=(2, 11, 3))
+    times, cut = Window(2, 5).cut(TIMES, values)
+    assert np.array_equal(times, [2, 3, 4, 5])
+    assert np.array_equal(cut, values[:, 2:6])
