@@ -155,7 +155,7 @@ class ResultFolder:
             stem = Path(path).stem if Path(path).suffix != ".csv" else Path(path).name
             copies[path] = f"{FILES}/{index}-{stem.removesuffix('.csv')}.csv"
             (self.path / FILES).mkdir(exist_ok=True)
-            _write(self.path / copies[path], text)
+            self._write(copies[path], text)
         return copies
 
 
