@@ -8,20 +8,22 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
 
 from eqt_cli.closed_loop.layout import StateLayout
 from eqt_cli.controllers import Controller
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, dot
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import InertiaLaw
 from eqt_cli.mechanics.lie_poisson import lie_poisson
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
+from eqt_cli.vehicle import Vehicle
 
 _STRETCH = {"pose": "desired_pose", "velocity": "desired_momentum"}
 """The stretches that hold what of Q_d and V_d is integrated."""
@@ -32,14 +34,18 @@ REFERENCE = "reference."
 MEMORY = "controller."
 """What the stretches of a law's memory are called, before the names that the law gives them."""
 
+VEHICLE = "vehicle."
+"""What the stretches of what is between law and plant are called, before their own names."""
+
 
 @dataclass(frozen=True)
 class ClosedLoop:
     """A mechanical system on G, the reference it tracks and the law that makes it do so.
 
     A flat state is (Q, P, Q_d, P_d, W, …): the free entries of both poses, both momenta, the
-    work W = ∫dissipation dt that the damping has taken out, and the memory of the law. The
-    reference is part of every state, so that the errors between the two are consistent.
+    work W that was taken out of L, the memory of the law, and the states of the actuators. P is
+    𝕀V with the inertia that the law believes, also where the plant has another. The reference is
+    part of every state, so that the errors between the two are consistent.
     """
 
     group: MatrixLieGroup
@@ -47,6 +53,7 @@ class ClosedLoop:
     gains: Gains
     reference: Reference
     controller: Controller
+    vehicle: Vehicle = field(default_factory=Vehicle)
 
     # Numbers that may change from run to run without changing the structure.
 
@@ -57,7 +64,7 @@ class ClosedLoop:
         options = {
             f"controller.{name}": value for name, value in self.controller.parameters.items()
         }
-        return self.inertia.parameters | gains | options
+        return self.inertia.parameters | gains | options | dict(self.vehicle.given)
 
     def with_parameters(self, values: dict[str, Array]) -> Self:
         """The same structure with other parameters, which may be batched or symbols."""
@@ -67,29 +74,52 @@ class ClosedLoop:
             inertia=self.inertia.with_parameters(values),
             gains=Gains(values["kp"], values["kd"]),
             controller=controller,
+            vehicle=self.vehicle.with_numbers(values),
         )
 
-    # What certificates, metrics and figures ask for. A stage between law and plant changes these.
+    # What certificates, metrics and figures ask for.
 
     def command(self, s: Tracking) -> Array:
         """The torque that the law asks for, body frame, ``(..., m)``."""
         return self.controller.torque(s)
 
     def torque(self, s: Tracking) -> Array:
-        """τ, the torque that acts on the system, body frame, ``(..., m)``."""
-        return self.command(s)
+        """τ, the torque that the actuators give, body frame, ``(..., m)``."""
+        torque, _, _ = self.vehicle.passed(self.group, self.command(s), s.vehicle)
+        return torque
+
+    def acting_and_rates(self, s: Tracking) -> tuple[Array, Mapping[str, Array]]:
+        """The force under which the law's plant would move as the true one does, ``(..., m)``.
+
+        It is τ where nothing else acts and the law knows the inertia; body frame. With it come the
+        rates of the actuators' states.
+        """
+        torque, rates, _ = self.vehicle.passed(self.group, self.command(s), s.vehicle)
+        return self.vehicle.acting(s, torque), rates
 
     def dissipation(self, s: Tracking) -> Array | None:
-        """The power −dL/dt that is taken out of L, ``(...)``; None where it is not known."""
+        """The power −dL/dt that the law takes out of L by itself; None where it is not known."""
         return self.controller.dissipation(s)
+
+    def outflow(self, s: Tracking, acting: Array) -> Array | None:
+        """The power −dL/dt under a force that acts, ``(...)``; None where it is not known.
+
+        It is dissipation − ⟨δ, Ṽ⟩ with δ = `acting` − τ(s), all that the law does not know of:
+        L moves with P̃ by ⟨Ṗ̃, Ṽ⟩, and the law accounts for the rest.
+        """
+        dissipation = self.dissipation(s)
+        if dissipation is None or self.vehicle.is_ideal:
+            return dissipation
+        power: Array = dissipation - dot(acting - self.controller.torque(s), s.V_tilde)
+        return power
 
     @property
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None where nothing is said."""
-        return self.controller.claims_decrease
+        return self.controller.claims_decrease if self.vehicle.is_ideal else None
 
     def work(self, state: Array) -> Array:
-        """W, the work that the damping has taken out up to a flat state."""
+        """W, what has been taken out of L up to a flat state."""
         work: Array = state[..., self.layout.slices["work"].start]
         return work
 
@@ -98,7 +128,8 @@ class ClosedLoop:
     @cached_property
     def instants(self) -> Array:
         """The times, s, at which an engine ends a step and begins anew; in order."""
-        return self.reference.instants(self.group)
+        forces = [force.instants() for force in self.vehicle.forces]
+        return np.unique(np.concatenate([self.reference.instants(self.group), *forces]))
 
     def held(self, t: Any) -> dict[str, Array]:
         """The numbers that the vector field holds from time t to the next instant, by name."""
@@ -126,6 +157,7 @@ class ClosedLoop:
                 **{_STRETCH[part]: {"pose": q, "velocity": m}[part] for part in desired},
                 "work": 1,
                 **{MEMORY + name: length for name, length in memory.items()},
+                **{VEHICLE + name: n for name, n in self.vehicle.states(self.group).items()},
             }
         )
 
@@ -147,7 +179,7 @@ class ClosedLoop:
         state = self.layout.join(stretches, np.empty((*batch, self.state_length)))
         if self.controller.memory(self.group):
             memory = self.controller.initial_memory(self.tracking(t, state))
-            state = self.layout.join(stretches | _named(memory), state)
+            state = self.layout.join(stretches | _named(MEMORY, memory), state)
         return state
 
     def tracking(self, t: Any, state: Array) -> Tracking:
@@ -168,11 +200,8 @@ class ClosedLoop:
             Qd=_spread(desired.Q, batch, 2),
             Pd=_spread(desired.P, batch, 1),
             tau_d=desired.tau,
-            memory={
-                name.removeprefix(MEMORY): values
-                for name, values in found.items()
-                if name.startswith(MEMORY)
-            },
+            memory=_of(MEMORY, found),
+            vehicle=_of(VEHICLE, found),
         )
 
     # The differential equation.
@@ -180,13 +209,20 @@ class ClosedLoop:
     def vector_field(self, t: Any, state: Array) -> Array:
         """The time derivative of a flat state, ``(..., state_length)``."""
         s = self.tracking(t, state)
-        Q_dot, P_dot = lie_poisson(self.group, s.Q, s.P, s.V, self.torque(s))
-        dissipation = self.dissipation(s)
-        work_rate = 0.0 if dissipation is None else np.asarray(dissipation)[..., None]
-        return self._derivative(s, Q_dot, P_dot, work_rate, state)
+        acting, moving = self.acting_and_rates(s)
+        Q_dot, P_dot = lie_poisson(self.group, s.Q, s.P, s.V, acting)
+        outflow = self.outflow(s, acting)
+        work_rate = 0.0 if outflow is None else np.asarray(outflow)[..., None]
+        return self._derivative(s, Q_dot, P_dot, work_rate, state, moving)
 
     def _derivative(
-        self, s: Tracking, Q_dot: Array, P_dot: Array, work_rate: Array | float, state: Array
+        self,
+        s: Tracking,
+        Q_dot: Array,
+        P_dot: Array,
+        work_rate: Array | float,
+        state: Array,
+        moving: Mapping[str, Array] = MappingProxyType({}),
     ) -> Array:
         """The derivative of a flat state from that of its system, with all that moves beside it."""
         Qd_dot, Pd_dot = lie_poisson(self.group, s.Qd, s.Pd, s.Vd, s.tau_d)
@@ -196,7 +232,8 @@ class ClosedLoop:
             "desired_pose": self.group.pack(Qd_dot),
             "desired_momentum": Pd_dot,
             "work": work_rate,
-            **_named(self.controller.memory_rate(s)),
+            **_named(MEMORY, self.controller.memory_rate(s)),
+            **_named(VEHICLE, moving),
         }
         return self.layout.join(rates, state)
 
@@ -207,9 +244,18 @@ def _spread(values: Array, batch: tuple[int, ...], axes: int) -> Array:
     return values if values.shape == (*batch, *own) else np.broadcast_to(values, (*batch, *own))
 
 
-def _named(memory: Mapping[str, Any]) -> dict[str, Any]:
-    """The memory of the law by the names of its stretches."""
-    return {MEMORY + name: values for name, values in memory.items()}
+def _named(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by the names of their stretches, which begin with a prefix."""
+    return {prefix + name: value for name, value in values.items()}
+
+
+def _of(prefix: str, stretches: Mapping[str, Array]) -> dict[str, Array]:
+    """The stretches whose names begin with a prefix, by what follows it; undoes `_named`."""
+    return {
+        name.removeprefix(prefix): values
+        for name, values in stretches.items()
+        if name.startswith(prefix)
+    }
 
 
 def _replaced(controller: Controller, values: dict[str, Array], prefix: str) -> Controller:

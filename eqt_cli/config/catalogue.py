@@ -12,6 +12,8 @@ KINDS = {
     "groups": "eqt_cli.groups",
     "controllers": "eqt_cli.controllers",
     "references": "eqt_cli.references",
+    "forces": "eqt_cli.vehicle.forces",
+    "actuators": "eqt_cli.vehicle.actuators",
     "engines": "eqt_cli.engines",
     "poses": "eqt_cli.ensemble.poses",
     "velocities": "eqt_cli.ensemble.velocities",

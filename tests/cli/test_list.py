@@ -19,6 +19,8 @@ KINDS = [
     "groups",
     "controllers",
     "references",
+    "forces",
+    "actuators",
     "engines",
     "poses",
     "velocities",

@@ -25,6 +25,7 @@ from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references import references
+from eqt_cli.vehicle.forces import Force
 
 PLUGINS = sorted(Path(__file__).parents[1].glob("compatibility/first_version/plugins/*.py"))
 
@@ -33,6 +34,12 @@ ARGUMENTS = {"velocities": "velocity"}
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "torque": {"torque": ["cos(t)", "sin(t)", "cos(t)*sin(t)", "1", "t", "sin(2*t)"]},
+    "constant force": {"force": [0.1, -0.2, 0.3, 0.4, 0.5, -0.6]},
+    "expression": {"force": ["cos(t)", "sin(t)", "1", "1", "t", "sin(2*t)"]},
+    "restoring": {"weight": 2.0, "buoyancy": 1.5, "centre_of_mass": [0.1, 0.0, -0.2]},
+    "gust": {"std": 0.1, "time_constant": 2.0},
+    "limit": {"limit": 0.5},
+    "lag": {"time_constant": 0.2},
     "swinging": {"frequencies": [1.0, 2.0, 0.5, 1.5, 0.1, 3.0]},
 }
 """Of components that have no default for them; lists are cut to the dimension of the group."""
@@ -75,8 +82,13 @@ def first_version(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def made(component: type, dimension: int = 3) -> Any:
     """A component with its default options."""
-    options = OPTIONS.get(component.name, {})
-    return component(**{name: values[:dimension] for name, values in options.items()})
+    kind = " force" if issubclass(component, Force) and component.name == "constant" else ""
+    options = OPTIONS.get(component.name + kind, {})
+    return component(**{name: _cut(values, dimension) for name, values in options.items()})
+
+
+def _cut(values: Any, dimension: int) -> Any:
+    return values[:dimension] if isinstance(values, list) else values
 
 
 @pytest.fixture

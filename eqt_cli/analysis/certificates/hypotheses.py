@@ -178,6 +178,8 @@ class LawCovered(Hypothesis):
         verdicts = {True: Verdict.HOLDS, False: Verdict.VIOLATED, None: Verdict.UNKNOWN}
         return [
             self.row(verdicts[loop.claims_decrease], controller=label)
+            if loop.vehicle.is_ideal
+            else self.row(Verdict.NOT_COVERED, remark=loop.vehicle.departures, controller=label)
             for label, loop in setting.loops.items()
         ]
 

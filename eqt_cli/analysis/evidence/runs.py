@@ -42,6 +42,8 @@ class Runs:
         the largest entry of E or 1; None where no run could be compared.
     failed
         How many runs have no end.
+    departures
+        What the loop holds of which the theorems do not speak, in words.
     """
 
     label: str
@@ -56,6 +58,7 @@ class Runs:
     final_velocity_error: Array
     error_system: float | None
     failed: int = 0
+    departures: str = ""
 
     @property
     def count(self) -> int:

@@ -1,0 +1,166 @@
+"""What flies: the parts between the law's command and the motion; it knows no law and no engine."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.vehicle.actuators import Actuator
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.forces import Force
+from eqt_cli.vehicle.inertia import TrueInertia
+
+INERTIA = "plant.inertia"
+"""Where the true inertia stands in a configuration."""
+
+FORCES, ACTUATORS = "plant.forces", "actuators"
+"""Where the lists of forces and of actuators stand."""
+
+RandomOf = Callable[[str], np.random.Generator]
+"""The generator of one run for the part at a place of the configuration."""
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """The parts of a vehicle; without any, it gives what the law asks, and is what it believes.
+
+    Attributes
+    ----------
+    inertia
+        The plant's; None where it is the law's.
+    forces
+        Those that act beside the actuators.
+    actuators
+        In the order in which a command passes them.
+    given
+        The numbers of all parts, by place and option: ``actuators[0].limit``.
+    """
+
+    inertia: TrueInertia | None = None
+    forces: tuple[Force, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
+    given: Mapping[str, Array] = field(default_factory=dict)
+
+    # The parts and their numbers.
+
+    @cached_property
+    def parts(self) -> dict[str, Any]:
+        """Every part by its place in a configuration."""
+        found: dict[str, Any] = {} if self.inertia is None else {INERTIA: self.inertia}
+        for name, parts in ((FORCES, self.forces), (ACTUATORS, self.actuators)):
+            found |= {f"{name}[{index}]": part for index, part in enumerate(parts)}
+        return found
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """What of it is no number."""
+        return tuple((place, part.structure) for place, part in self.parts.items())
+
+    @property
+    def varies(self) -> bool:
+        """Whether its numbers differ from run to run."""
+        return any(part.varies for part in self.parts.values())
+
+    def numbers(self, G: MatrixLieGroup, random_of: RandomOf | None = None) -> dict[str, Array]:
+        """The numbers of all parts in one run; the means without generators."""
+        found: dict[str, Array] = {}
+        for place, part in self.parts.items():
+            own = part.numbers(G, random_of(place) if random_of else None)
+            found |= {f"{place}.{name}": values for name, values in own.items()}
+        return found
+
+    def with_numbers(self, given: Mapping[str, Array]) -> Self:
+        """The same with other numbers, which may be batched or symbols."""
+        return dataclasses.replace(self, given={name: given[name] for name in self.given})
+
+    @cached_property
+    def _given(self) -> dict[str, Given]:
+        """The numbers of each part."""
+        found: dict[str, dict[str, Array]] = {place: {} for place in self.parts}
+        for name, values in self.given.items():
+            place, _, option = name.rpartition(".")
+            found[place][option] = values
+        return dict(found)
+
+    # From the command to the force that moves the momentum.
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether the law's command is the only force on the plant that the law believes in."""
+        return not self.parts
+
+    @property
+    def departures(self) -> str:
+        """In what it departs from what theorems are about, in words; nothing where it is ideal."""
+        return ", ".join(dict.fromkeys(part.departs for part in self.parts.values()))
+
+    @property
+    def limits(self) -> bool:
+        """Whether an actuator can be at a limit."""
+        return any(actuator.limits for actuator in self.actuators)
+
+    def states(self, G: MatrixLieGroup) -> dict[str, int]:
+        """How many states each actuator has that has any, by its place."""
+        counted = {place: actuator.states(G) for place, actuator, _ in self._chain()}
+        return {place: count for place, count in counted.items() if count}
+
+    def _chain(self) -> Iterator[tuple[str, Actuator, Given]]:
+        for index, actuator in enumerate(self.actuators):
+            place = f"{ACTUATORS}[{index}]"
+            yield place, actuator, self._given[place]
+
+    def passed(
+        self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
+    ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+        """What becomes of a command on its way.
+
+        Returns
+        -------
+        torque : (..., m)
+            What the last actuator gives.
+        rates
+            The time derivatives of the actuators' states.
+        inputs
+            What each actuator is given, by its place.
+        """
+        rates, inputs = {}, {}
+        for place, actuator, given in self._chain():
+            x = states.get(place, command[..., :0])
+            inputs[place] = command
+            if place in states:
+                rates[place] = actuator.rate(G, command, x, given)
+            command = actuator.output(G, command, x, given)
+        return command, rates, inputs
+
+    def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
+        """Where any actuator is given more than its limit, ``(...)``."""
+        _, _, inputs = self.passed(G, command, states)
+        found = np.zeros(command.shape[:-1], dtype=bool)
+        for place, actuator, given in self._chain():
+            here = actuator.at_limit(G, inputs[place], given)
+            found = found if here is None else found | here
+        return found
+
+    def acting(self, s: Tracking, torque: Array) -> Array:
+        """The force that would move the plant that the law believes in as this one moves.
+
+        That is d/dt(𝕀V) − ad*_V 𝕀V with the model's 𝕀 and the true V̇; body frame, ``(..., m)``.
+        """
+        G = s.G
+        for index, force in enumerate(self.forces):
+            given = self._given[f"{FORCES}[{index}]"]
+            torque = torque + force.in_body(G, s.t, s.Q, s.V, given)
+        if self.inertia is None:
+            return torque
+        true = self.inertia.at(s.inertia, s.t, self._given[INERTIA])
+        free = G.ad_star(s.V, true.momentum(s.V)) - true.rate_force(s.V)
+        V_dot = true.velocity(free + torque)
+        return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - G.ad_star(s.V, s.P)
