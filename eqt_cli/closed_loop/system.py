@@ -80,12 +80,14 @@ class ClosedLoop:
     # What certificates, metrics and figures ask for.
 
     def command(self, s: Tracking) -> Array:
-        """The torque that the law asks for, body frame, ``(..., m)``."""
+        """The torque that the law asks for, or asked for last, body frame, ``(..., m)``."""
+        if self.vehicle.control is not None:
+            return self.vehicle.last_command(self.group, s.vehicle)
         return self.controller.torque(s)
 
     def torque(self, s: Tracking) -> Array:
         """τ, the torque that the actuators give, body frame, ``(..., m)``."""
-        torque, _, _ = self.vehicle.passed(self.group, self.command(s), s.vehicle)
+        torque, _ = self.vehicle.passed(self.group, self.command(s), s.vehicle)
         return torque
 
     def acting_and_rates(self, s: Tracking) -> tuple[Array, Mapping[str, Array]]:
@@ -94,11 +96,13 @@ class ClosedLoop:
         It is τ where nothing else acts and the law knows the inertia; body frame. With it come the
         rates of the actuators' states.
         """
-        torque, rates, _ = self.vehicle.passed(self.group, self.command(s), s.vehicle)
+        torque, rates = self.vehicle.passed(self.group, self.command(s), s.vehicle)
         return self.vehicle.acting(s, torque), rates
 
     def dissipation(self, s: Tracking) -> Array | None:
         """The power −dL/dt that the law takes out of L by itself; None where it is not known."""
+        if self.vehicle.control is not None and s.memory:
+            return None  # L may jump with the memory, at every instant
         return self.controller.dissipation(s)
 
     def outflow(self, s: Tracking, acting: Array) -> Array | None:
@@ -232,10 +236,31 @@ class ClosedLoop:
             "desired_pose": self.group.pack(Qd_dot),
             "desired_momentum": Pd_dot,
             "work": work_rate,
-            **_named(MEMORY, self.controller.memory_rate(s)),
+            **_named(MEMORY, self._memory_rate(s)),
             **_named(VEHICLE, moving),
         }
         return self.layout.join(rates, state)
+
+    def _memory_rate(self, s: Tracking) -> Mapping[str, Array | float]:
+        if self.vehicle.control is not None:  # it changes at instants only
+            return dict.fromkeys(s.memory, 0.0)
+        return self.controller.memory_rate(s)
+
+    # The instants at which a sampled law is evaluated.
+
+    def after_instant(self, t: Any, state: Array) -> Array:
+        """A flat state after a control instant; t and state are those before it.
+
+        The law is evaluated; its memory z goes on by ż for a period.
+        """
+        s = self.tracking(t, state)
+        assert self.vehicle.control is not None
+        asked = self.controller.torque(s) + 0.0 * s.P
+        period, rates = self.vehicle.control.period, self.controller.memory_rate(s)
+        memory = {name: values + period * rates[name] for name, values in s.memory.items()}
+        vehicle = self.vehicle.after_instant(self.group, asked, s.vehicle)
+        changed = _named(MEMORY, memory) | _named(VEHICLE, vehicle)
+        return self.layout.join(self.layout.split(state) | changed, state)
 
 
 def _spread(values: Array, batch: tuple[int, ...], axes: int) -> Array:

@@ -191,6 +191,15 @@ class PlantSection(Section):
     """Forces that act beside the actuators (`eqt list forces`)."""
 
 
+class ControlSection(Section):
+    """The clock of the laws; without it they act continuously."""
+
+    period: Positive
+    """The laws are evaluated at t = k·period, s, and their commands held in between."""
+    delay: CountOrNone = 0
+    """After how many whole periods a command arrives; until the first one does, 0 is held."""
+
+
 class TargetSection(Section):
     """Where `task: stabilise` is to end."""
 
@@ -221,6 +230,8 @@ class Config(Section):
     """Where what flies is not what the laws believe: `inertia`, and `forces`."""
     actuators: list[Any] | None = None
     """What a command passes on its way to the plant, in order (`eqt list actuators`)."""
+    control: ControlSection | None = None
+    """The clock of the laws: `period`, and `delay`."""
     initial: InitialSection = Field(default_factory=InitialSection)
     """Where the runs start."""
     ensemble: EnsembleSection = Field(default_factory=EnsembleSection)

@@ -30,7 +30,7 @@ from eqt_cli.core.errors import EqtError, TraceError
 from eqt_cli.core.numbers import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Status
-from eqt_cli.engines.switching import Comparisons, Crossing, Switchboard, recording
+from eqt_cli.engines.switching import AtOnce, Comparisons, Crossing, Switchboard, recording
 
 EPSILON = float(np.finfo(float).eps)
 SMALLEST_TOL = 10 * EPSILON
@@ -191,6 +191,8 @@ class Taylor(Engine):
                 ends = [_heyoka().taylor_outcome.step_limit] * lanes
                 break
             integrator.set_time(span.start)
+            if span.tick is not None:
+                compiled.pass_instant(span.start, parameters, held)
             compiled.set_parameters(parameters, held)
             grid = np.repeat(span.grid[:, None], lanes, axis=1)
             _, states = integrator.propagate_grid(grid, max_steps=left, **compiled.watch)
@@ -248,6 +250,8 @@ class Traced:
         Their events (see `switching`).
     first_side
         The number of parameters of the law itself.
+    after_instant
+        The state after a control instant; empty where the law is not sampled.
     """
 
     variables: tuple[Any, ...]
@@ -255,11 +259,13 @@ class Traced:
     compared: tuple[tuple[Any, Any], ...]
     margins: tuple[Any, ...]
     first_side: int
+    after_instant: tuple[Any, ...] = ()
 
     @cached_property
     def _bytes(self) -> bytes:
         # heyoka compares expressions as trees, which are long where parts are used many times.
-        return pickle.dumps((self.variables, self.derivative, self.compared, self.margins))
+        law = self.variables, self.derivative, self.compared, self.margins, self.after_instant
+        return pickle.dumps(law)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Traced) and self._bytes == other._bytes
@@ -284,16 +290,24 @@ def trace(loop: ClosedLoop) -> Traced:
     token = recording.set(comparisons)
     try:
         # A law is promised a leading run axis; here it has one entry.
-        (derivative,) = _symbolic(loop).vector_field(heyoka.time, variables[None])
+        symbolic = _symbolic(loop)
+        (derivative,) = symbolic.vector_field(heyoka.time, variables[None])
+        after: Array = np.empty(0, dtype=object)
+        if loop.vehicle.control is not None:
+            recording.set(AtOnce(heyoka))
+            (after,) = symbolic.after_instant(heyoka.time, variables[None])
     except Exception as error:
         raise TraceError(_explain(error, loop)) from error
     finally:
         recording.reset(token)
     # Entries that are the same in every run come back as plain numbers.
     symbol = heyoka.expression
-    rows = [entry if isinstance(entry, symbol) else symbol(float(entry)) for entry in derivative]
+    rows, later = (
+        [entry if isinstance(entry, symbol) else symbol(float(entry)) for entry in entries]
+        for entries in (derivative, after)
+    )
     compared, margins = tuple(comparisons.pairs), tuple(comparisons.margins())
-    return Traced(tuple(variables), tuple(rows), compared, margins, parameters)
+    return Traced(tuple(variables), tuple(rows), compared, margins, parameters, tuple(later))
 
 
 def _symbolic(loop: ClosedLoop) -> ClosedLoop:
@@ -339,21 +353,33 @@ class _Compiled:
 
     integrator: Any
     board: Switchboard | None
+    after_instant: Any = None
 
     @property
     def watch(self) -> dict[str, Any]:
         """What is to be called after every step, as an argument."""
         return {} if self.board is None else {"callback": self.board.check}
 
+    def _row(self, values: Array, held: Array) -> Array:
+        """The numbers in every lane; `held` are the same in all."""
+        if not len(held):
+            return values
+        return np.concatenate([values, np.repeat(held[:, None], values.shape[1], axis=1)])
+
+    def pass_instant(self, t: float, values: Array, held: Array) -> None:
+        """Evaluate a sampled law at the states of all lanes, by these parameters."""
+        integrator, rows = self.integrator, self._row(values, held)
+        used = np.ascontiguousarray(rows[: self.after_instant.nparams])
+        integrator.state[:] = self.after_instant(
+            np.ascontiguousarray(integrator.state), pars=used, time=np.full(values.shape[1], t)
+        )
+
     def set_parameters(self, values: Array, held: Array) -> None:
         """The parameters of the law in every lane, ``(parameters, lanes)``; the state is set.
 
         `held` follow, which are the same in every lane.
         """
-        used = self.integrator.pars
-        if len(held):
-            lanes = self.integrator.batch_size
-            values = np.concatenate([values, np.repeat(held[:, None], lanes, axis=1)])
+        used, values = self.integrator.pars, self._row(values, held)
         if self.board is None:
             used[:] = values[: len(used)]  # heyoka has none behind the last one that occurs
         else:
@@ -381,7 +407,9 @@ def _compiled(traced: Traced, tol: float, compact: bool) -> _Compiled:
         compact_mode=compact,
         t_events=events,
     )
-    return _Compiled(integrator, board)
+    after = traced.after_instant
+    instant = heyoka.cfunc(list(after), list(traced.variables)) if after else None
+    return _Compiled(integrator, board, instant)
 
 
 def _in_threads(work: Any, threads: int, batches: Iterator[int], lock: threading.Lock) -> None:

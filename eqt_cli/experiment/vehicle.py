@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from eqt_cli.config.schema import (
@@ -26,8 +27,9 @@ from eqt_cli.vehicle.inertia import (
     VaryingInertia,
 )
 from eqt_cli.vehicle.numbers import Drawn, check_numbers, drawn
+from eqt_cli.vehicle.sampling import Sampling
 
-SECTIONS = ("plant", "actuators")
+SECTIONS = ("plant", "actuators", "control")
 """The sections that say what is between the laws and the motion."""
 
 
@@ -40,15 +42,17 @@ def vehicle_from(
     inertia = None
     if plant.inertia is not None:
         inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
+    clock = sections["control"]
     found = Vehicle(
         inertia,
         _parts(forces, plant.forces, G, at_plant.at("forces")),
         _parts(actuators, sections["actuators"], G, problems.at("actuators")),
+        None if clock is None else Sampling(clock.period, clock.delay),
     )
+    _check_order(found, problems.at("actuators"))
     if any(problems.at(name) for name in SECTIONS):
         return Vehicle()
-    numbers = found.numbers(G)
-    return Vehicle(found.inertia, found.forces, found.actuators, numbers)
+    return replace(found, given=found.numbers(G))
 
 
 def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
@@ -59,6 +63,19 @@ def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
     if vehicle.actuators:
         dumped["actuators"] = [as_section(actuator) for actuator in vehicle.actuators]
     return dumped
+
+
+def _check_order(vehicle: Vehicle, problems: Problems) -> None:
+    """Note actuators that act at instants only, where there are none, or no held command."""
+    moving = ""
+    for index, actuator in enumerate(vehicle.actuators):
+        if actuator.sampled and vehicle.control is None:
+            problems.at(index).add(f"{actuator.name} acts at control instants; give control.period")
+        elif actuator.sampled and moving:
+            problems.at(index).add(
+                f"{actuator.name} acts on a command that is held; put it before {moving}"
+            )
+        moving = actuator.name if actuator.moves else moving
 
 
 def _parts(

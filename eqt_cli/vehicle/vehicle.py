@@ -17,12 +17,17 @@ from eqt_cli.vehicle.actuators import Actuator
 from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.inertia import TrueInertia
+from eqt_cli.vehicle.sampling import Sampling
 
 INERTIA = "plant.inertia"
 """Where the true inertia stands in a configuration."""
 
-FORCES, ACTUATORS = "plant.forces", "actuators"
-"""Where the lists of forces and of actuators stand."""
+FORCES, ACTUATORS, CONTROL = "plant.forces", "actuators", "control"
+"""Where the lists of forces and of actuators stand, and the clock of the law."""
+
+COMMANDS, HELD = "commands", "held"
+"""The states of a sampled loop: the commands on their way, the first to arrive first, and what the
+actuators in front of all that move by themselves make of the one that has arrived."""
 
 RandomOf = Callable[[str], np.random.Generator]
 """The generator of one run for the part at a place of the configuration."""
@@ -40,6 +45,8 @@ class Vehicle:
         Those that act beside the actuators.
     actuators
         In the order in which a command passes them.
+    control
+        The clock of the law; None where it acts continuously.
     given
         The numbers of all parts, by place and option: ``actuators[0].limit``.
     """
@@ -47,6 +54,7 @@ class Vehicle:
     inertia: TrueInertia | None = None
     forces: tuple[Force, ...] = ()
     actuators: tuple[Actuator, ...] = ()
+    control: Sampling | None = None
     given: Mapping[str, Array] = field(default_factory=dict)
 
     # The parts and their numbers.
@@ -57,7 +65,7 @@ class Vehicle:
         found: dict[str, Any] = {} if self.inertia is None else {INERTIA: self.inertia}
         for name, parts in ((FORCES, self.forces), (ACTUATORS, self.actuators)):
             found |= {f"{name}[{index}]": part for index, part in enumerate(parts)}
-        return found
+        return found if self.control is None else {**found, CONTROL: self.control}
 
     @property
     def structure(self) -> tuple[Any, ...]:
@@ -73,6 +81,8 @@ class Vehicle:
         """The numbers of all parts in one run; the means without generators."""
         found: dict[str, Array] = {}
         for place, part in self.parts.items():
+            if part is self.control:
+                continue
             own = part.numbers(G, random_of(place) if random_of else None)
             found |= {f"{place}.{name}": values for name, values in own.items()}
         return found
@@ -107,19 +117,34 @@ class Vehicle:
         """Whether an actuator can be at a limit."""
         return any(actuator.limits for actuator in self.actuators)
 
-    def states(self, G: MatrixLieGroup) -> dict[str, int]:
-        """How many states each actuator has that has any, by its place."""
-        counted = {place: actuator.states(G) for place, actuator, _ in self._chain()}
-        return {place: count for place, count in counted.items() if count}
+    @cached_property
+    def _at_instants(self) -> int:
+        """How many actuators act at control instants: those in front of all with a rate."""
+        if self.control is None:
+            return 0
+        moving = (k for k, actuator in enumerate(self.actuators) if actuator.moves)
+        return next(moving, len(self.actuators))
 
-    def _chain(self) -> Iterator[tuple[str, Actuator, Given]]:
-        for index, actuator in enumerate(self.actuators):
+    def states(self, G: MatrixLieGroup) -> dict[str, int]:
+        """What has states besides the plant, and how many."""
+        counted = {
+            f"{ACTUATORS}[{index}]": actuator.states(G)
+            for index, actuator in enumerate(self.actuators)
+        }
+        found = {place: count for place, count in counted.items() if count}
+        if self.control is None:
+            return found
+        held = {HELD: G.dimension} if self._at_instants else {}
+        return {COMMANDS: (self.control.delay + 1) * G.dimension, **held, **found}
+
+    def _chain(self, start: int = 0) -> Iterator[tuple[str, Actuator, Given]]:
+        for index, actuator in enumerate(self.actuators[start:], start):
             place = f"{ACTUATORS}[{index}]"
             yield place, actuator, self._given[place]
 
     def passed(
         self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
-    ) -> tuple[Array, dict[str, Array], dict[str, Array]]:
+    ) -> tuple[Array, dict[str, Array]]:
         """What becomes of a command on its way.
 
         Returns
@@ -127,26 +152,47 @@ class Vehicle:
         torque : (..., m)
             What the last actuator gives.
         rates
-            The time derivatives of the actuators' states.
-        inputs
-            What each actuator is given, by its place.
+            The time derivatives of all states; those that are held have none.
         """
-        rates, inputs = {}, {}
-        for place, actuator, given in self._chain():
+        rates = {place: 0.0 * values for place, values in states.items()}
+        if self.control is not None:
+            command = states[HELD] if self._at_instants else states[COMMANDS][..., : G.dimension]
+        for place, actuator, given in self._chain(self._at_instants):
             x = states.get(place, command[..., :0])
-            inputs[place] = command
             if place in states:
-                rates[place] = actuator.rate(G, command, x, given)
+                rates[place] = actuator.state_rate(G, command, x, given)
             command = actuator.output(G, command, x, given)
-        return command, rates, inputs
+        return command, rates
+
+    def last_command(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
+        """What a sampled law asked at the last instant."""
+        return states[COMMANDS][..., -G.dimension :]
+
+    def after_instant(
+        self, G: MatrixLieGroup, asked: Array, states: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """The states after a control instant, at which the law asks for a torque."""
+        assert self.control is not None
+        before = states[COMMANDS]
+        queue = np.concatenate([before[..., G.dimension :], asked], axis=-1)
+        found, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
+        for place, actuator, given in list(self._chain())[: self._at_instants]:
+            x = states.get(place, command[..., :0])
+            if place in states:
+                x = found[place] = actuator.step(G, command, x, given, self.control.period)
+            command = actuator.output(G, command, x, given)
+        return {**found, HELD: command}
 
     def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
         """Where any actuator is given more than its limit, ``(...)``."""
-        _, _, inputs = self.passed(G, command, states)
         found = np.zeros(command.shape[:-1], dtype=bool)
+        if self.control is not None:
+            command = states[COMMANDS][..., : G.dimension]
         for place, actuator, given in self._chain():
-            here = actuator.at_limit(G, inputs[place], given)
+            x = states.get(place, command[..., :0])
+            here = actuator.at_limit(G, command, x, given)
             found = found if here is None else found | here
+            command = actuator.output(G, command, x, given)
         return found
 
     def acting(self, s: Tracking, torque: Array) -> Array:

@@ -39,6 +39,8 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "restoring": {"weight": 2.0, "buoyancy": 1.5, "centre_of_mass": [0.1, 0.0, -0.2]},
     "gust": {"std": 0.1, "time_constant": 2.0},
     "limit": {"limit": 0.5},
+    "rate_limit": {"rate": 0.5},
+    "deadband": {"width": 0.4},
     "lag": {"time_constant": 0.2},
     "swinging": {"frequencies": [1.0, 2.0, 0.5, 1.5, 0.1, 3.0]},
 }

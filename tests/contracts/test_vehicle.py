@@ -45,7 +45,7 @@ def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbo
     actuator.check(G, problems)
     assert list(problems) == []
     given, x = numbers(actuator), np.full((2, actuator.states(G)), 0.3)
-    for function in (actuator.output, actuator.rate) if x.size else (actuator.output,):
+    for function in (actuator.output, actuator.state_rate) if x.size else (actuator.output,):
         alone = np.stack([function(G, command[k], x[k], given) for k in range(2)])
         together = function(G, command, x, spread(given))
         np.testing.assert_allclose(together, alone, rtol=0, atol=ROUNDING)

@@ -25,6 +25,10 @@ CASES = {
     "limit": {"limit": True},
     "lag": {"lag": True},
     "all": {"true": True, "push": True, "limit": True, "lag": True},
+    "period": {"period": 0.1},
+    "delay": {"period": 0.1, "delay": 2},
+    "uneven period": {"period": 0.08, "delay": 1},
+    "sampled": {"true": True, "push": True, "limit": True, "lag": True, "period": 0.1, "delay": 1},
 }
 
 

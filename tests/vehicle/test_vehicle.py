@@ -82,7 +82,7 @@ def test_a_limit_cuts_along_each_axis_or_keeps_the_direction():
 
 def test_a_lag_follows_its_command():
     lag = Lag(time_constant=0.5)
-    rate = lag.rate(SO3, np.ones((1, 3)), np.full((1, 3), 0.25), lag.numbers(SO3, None))
+    rate = lag.state_rate(SO3, np.ones((1, 3)), np.full((1, 3), 0.25), lag.numbers(SO3, None))
     np.testing.assert_array_equal(rate, np.full((1, 3), 1.5))
 
 

@@ -20,6 +20,10 @@ class Actuator(VehiclePart):
 
     limits: ClassVar[bool] = False
     """Whether it can be at a limit."""
+    moves: ClassVar[bool] = False
+    """Whether it has states that change between instants, by a `state_rate`."""
+    sampled: ClassVar[bool] = False
+    """Whether it acts at control instants only, on a command that is held."""
 
     def states(self, G: MatrixLieGroup) -> int:
         """How many states it has."""
@@ -29,10 +33,16 @@ class Actuator(VehiclePart):
     def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
         """What it makes of a command, ``(..., m)``; x are its states."""
 
-    def rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
         """The time derivative of its states."""
         return x
 
-    def at_limit(self, G: MatrixLieGroup, command: Array, given: Given) -> Array | None:
+    def step(
+        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, period: float
+    ) -> Array:
+        """Its states after a control instant, of an actuator that is `sampled`."""
+        return x
+
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
         """Where a command is beyond its limit, ``(...)``; None where it has none."""
         return None

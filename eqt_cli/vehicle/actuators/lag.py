@@ -27,6 +27,8 @@ class Lag(Actuator):
     vectors: ClassVar[tuple[str, ...]] = ("time_constant",)
     positive: ClassVar[tuple[str, ...]] = ("time_constant",)
 
+    moves: ClassVar[bool] = True
+
     time_constant: Numbers
 
     def states(self, G: MatrixLieGroup) -> int:
@@ -37,6 +39,6 @@ class Lag(Actuator):
         """The state."""
         return x
 
-    def rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
         """(command − x) / T."""
         return (command - x) / given["time_constant"]

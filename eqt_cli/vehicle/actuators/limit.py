@@ -44,7 +44,7 @@ class Limit(Actuator):
         size = norm(command / limit)[..., None]
         return where(less(1.0, size), command / size, command)
 
-    def at_limit(self, G: MatrixLieGroup, command: Array, given: Given) -> Array | None:
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
         """Where it cuts off."""
         limit = given["limit"]
         if self.norm:
