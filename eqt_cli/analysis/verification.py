@@ -175,7 +175,7 @@ class _Verifier:
         few, states = batch.problem.select(chosen), solution.states[chosen]
         loop, times = few.batched_loop(extra_axes=1), few.times
         system = ErrorSystem.of(few.loop)
-        start = ErrorSystem.of(few.batched_loop()).state_from(states[:, 0], 0.0)
+        start = ErrorSystem.of(few.batched_loop()).state_from(few.states, 0.0)
         problem = replace(few, loop=system, states=start)
         alone = batch.engine.solve(problem, lambda runs: None, self.workers)
         s = loop.tracking(times, states)

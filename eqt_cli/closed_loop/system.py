@@ -90,6 +90,12 @@ class ClosedLoop:
         torque, _ = self.vehicle.passed(self.group, self.command(s), s.vehicle)
         return torque
 
+    def at_limit(self, s: Tracking) -> Array:
+        """1 where an actuator is at its limit, else 0, ``(...)``."""
+        if not self.vehicle.limits:
+            return np.zeros(s.P.shape[:-1])
+        return self.vehicle.at_limit(self.group, self.command(s), s.vehicle).astype(float)
+
     def acting_and_rates(self, s: Tracking) -> tuple[Array, Mapping[str, Array]]:
         """The force under which the law's plant would move as the true one does, ``(..., m)``.
 
