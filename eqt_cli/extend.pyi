@@ -108,3 +108,4 @@ from eqt_cli.vehicle.forces.base import Force as Force
 from eqt_cli.vehicle.numbers import Matrix as Matrix
 from eqt_cli.vehicle.numbers import Number as Number
 from eqt_cli.vehicle.numbers import Numbers as Numbers
+from eqt_cli.vehicle.sensors.base import Sensor as Sensor

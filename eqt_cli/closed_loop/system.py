@@ -254,12 +254,22 @@ class ClosedLoop:
 
     # The instants at which a sampled law is evaluated.
 
-    def after_instant(self, t: Any, state: Array) -> Array:
+    def after_instant(
+        self, t: Any, state: Array, errors: tuple[Array, Array] | None = None
+    ) -> Array:
         """A flat state after a control instant; t and state are those before it.
 
-        The law is evaluated; its memory z goes on by ż for a period.
+        The law is evaluated at what is measured; its memory z goes on by ż for a period.
+
+        Parameters
+        ----------
+        errors
+            E and b of the measurement Q E, V + b: ``(..., d, d)`` and ``(..., m)``.
         """
         s = self.tracking(t, state)
+        if errors is not None:
+            E, b = errors
+            s = dataclasses.replace(s, Q=s.Q @ E, P=s.inertia.momentum(s.V + b))
         assert self.vehicle.control is not None
         asked = self.controller.torque(s) + 0.0 * s.P
         period, rates = self.vehicle.control.period, self.controller.memory_rate(s)

@@ -14,6 +14,7 @@ KINDS = {
     "references": "eqt_cli.references",
     "forces": "eqt_cli.vehicle.forces",
     "actuators": "eqt_cli.vehicle.actuators",
+    "sensors": "eqt_cli.vehicle.sensors",
     "engines": "eqt_cli.engines",
     "poses": "eqt_cli.ensemble.poses",
     "velocities": "eqt_cli.ensemble.velocities",

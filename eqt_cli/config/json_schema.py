@@ -23,6 +23,7 @@ from eqt_cli.groups import groups
 from eqt_cli.references import references
 from eqt_cli.vehicle.actuators import actuators
 from eqt_cli.vehicle.forces import forces
+from eqt_cli.vehicle.sensors import sensors
 
 KIND = "Which component it is; the others of its keys are options of this one."
 LABEL = {"type": "string", "description": "The name of the law in tables and figures; its kind."}
@@ -43,6 +44,8 @@ def json_schema() -> dict[str, Any]:
     top["reference"] = _reference(top["reference"], shared)
     _listed(shared["PlantSection"]["properties"]["forces"], forces, shared)
     _listed(top["actuators"], actuators, shared)
+    for key in shared["SensorsSection"]["properties"].values():
+        _listed(key, sensors, shared)
     top["solver"] = _solver(top["solver"], shared)
     shared["SweepBlock"] = _sweep_block(schema)
     for kind in (Spread, Spaced, Drawn):

@@ -200,6 +200,15 @@ class ControlSection(Section):
     """After how many whole periods a command arrives; until the first one does, 0 is held."""
 
 
+class SensorsSection(Section):
+    """Errors of what the laws are told; each is a list whose entries add up."""
+
+    pose: list[Any] | None = None
+    """Q_m = Q exp(n), with n in the coordinates of the algebra (`eqt list sensors`)."""
+    velocity: list[Any] | None = None
+    """V_m = V + b (`eqt list sensors`)."""
+
+
 class TargetSection(Section):
     """Where `task: stabilise` is to end."""
 
@@ -232,6 +241,8 @@ class Config(Section):
     """What a command passes on its way to the plant, in order (`eqt list actuators`)."""
     control: ControlSection | None = None
     """The clock of the laws: `period`, and `delay`."""
+    sensors: SensorsSection | None = None
+    """Errors of what the laws are told, at the instants of `control`."""
     initial: InitialSection = Field(default_factory=InitialSection)
     """Where the runs start."""
     ensemble: EnsembleSection = Field(default_factory=EnsembleSection)

@@ -72,12 +72,16 @@ class Problem:
         Where the solution is wanted, s; the first is the initial time.
     varying
         Parameters that differ from run to run, by name, ``(runs, …)``.
+    errors
+        Those of the measured pose and velocity at every control instant, ``(runs, instants, d, d)``
+        and ``(runs, instants, m)``; None where the law is told the truth.
     """
 
     loop: ClosedLoop
     states: Array
     times: Array
     varying: Mapping[str, Array] = field(default_factory=dict)
+    errors: tuple[Array, Array] | None = None
 
     @property
     def runs(self) -> int:
@@ -101,6 +105,11 @@ class Problem:
             found.append(Span(one, other, changes, grid, np.isin(grid, inside), ticks.get(one)))
         return found
 
+    @property
+    def control_instants(self) -> int:
+        """How many control instants there are."""
+        return len(self._control_instants(float(self.times[0]), float(self.times[-1])))
+
     def _control_instants(self, start: float, stop: float) -> dict[float, int]:
         """The instants t = k·period from the start to before the end, and their k."""
         control = self.loop.vehicle.control
@@ -114,7 +123,15 @@ class Problem:
     def select(self, runs: slice | Array) -> Problem:
         """The same problem for some of its runs."""
         varying = {name: values[runs] for name, values in self.varying.items()}
-        return Problem(self.loop, self.states[runs], self.times, varying)
+        errors = None if self.errors is None else (self.errors[0][runs], self.errors[1][runs])
+        return Problem(self.loop, self.states[runs], self.times, varying, errors)
+
+    def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> tuple[Array, Array] | None:
+        """The errors of measurement at a control instant, in these runs."""
+        if self.errors is None:
+            return None
+        pose, velocity = self.errors
+        return pose[runs, tick], velocity[runs, tick]
 
     @staticmethod
     def joined(problems: Sequence[Problem]) -> Problem:
@@ -130,7 +147,13 @@ class Problem:
         ]
         varying = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
         states = np.concatenate([problem.states for problem in problems])
-        return Problem(first.loop, states, first.times, varying)
+        pairs = [problem.errors for problem in problems if problem.errors is not None]
+        errors = (
+            (np.concatenate([pose for pose, _ in pairs]), np.concatenate([b for _, b in pairs]))
+            if pairs
+            else None
+        )
+        return Problem(first.loop, states, first.times, varying, errors)
 
     def batched_loop(self, extra_axes: int = 0) -> ClosedLoop:
         """The loop with its varying parameters along a leading run axis.

@@ -156,7 +156,8 @@ class Taylor(Engine):
         lanes = integrator.batch_size
         padded = np.append(runs, np.full(lanes - len(runs), runs[-1]))
         integrator.state[:] = problem.states[padded].T
-        states, ends, steps = self._propagate(compiled, problem, parameters[padded].T)
+        rows = parameters[padded].T
+        states, ends, steps = self._propagate(compiled, problem, rows, padded)
         good = np.isfinite(states[-1]).all() and all(_is_success(end) for end in ends)
         if not good and len(set(padded)) > 1:
             # heyoka stops all lanes when one fails; alone, each run ends in its own way.
@@ -171,7 +172,7 @@ class Taylor(Engine):
             self._note_failure(integrator, problem, solution, runs[0], ends[0])
 
     def _propagate(
-        self, compiled: _Compiled, problem: Problem, parameters: Array
+        self, compiled: _Compiled, problem: Problem, parameters: Array, runs: Array
     ) -> tuple[Array, list[Any], Array]:
         """From one known instant to the next, where the integrator begins anew.
 
@@ -192,7 +193,8 @@ class Taylor(Engine):
                 break
             integrator.set_time(span.start)
             if span.tick is not None:
-                compiled.pass_instant(span.start, parameters, held)
+                errors = problem.errors_at(span.tick, runs)
+                compiled.pass_instant(span.start, parameters, held, errors)
             compiled.set_parameters(parameters, held)
             grid = np.repeat(span.grid[:, None], lanes, axis=1)
             _, states = integrator.propagate_grid(grid, max_steps=left, **compiled.watch)
@@ -295,7 +297,8 @@ def trace(loop: ClosedLoop) -> Traced:
         after: Array = np.empty(0, dtype=object)
         if loop.vehicle.control is not None:
             recording.set(AtOnce(heyoka))
-            (after,) = symbolic.after_instant(heyoka.time, variables[None])
+            errors = _error_symbols(loop, parameters)
+            (after,) = symbolic.after_instant(heyoka.time, variables[None], errors)
     except Exception as error:
         raise TraceError(_explain(error, loop)) from error
     finally:
@@ -326,6 +329,15 @@ def _numbers(loop: ClosedLoop) -> dict[str, Array]:
     """Every number of the loop that is no part of its structure: parameters, and what it holds."""
     held = {name: np.asarray(value) for name, value in loop.held(0.0).items()}
     return loop.parameters | held
+
+
+def _error_symbols(loop: ClosedLoop, first: int) -> tuple[Array, Array] | None:
+    """The errors of measurement at an instant, as the parameters from the first on."""
+    if not loop.vehicle.measures:
+        return None
+    d, m = loop.group.size, loop.group.dimension
+    symbols = np.array([_heyoka().par[first + k] for k in range(d * d + m)], dtype=object)
+    return symbols[: d * d].reshape(1, d, d), symbols[d * d :].reshape(1, m)
 
 
 def _held_rows(problem: Problem) -> Array:
@@ -366,9 +378,14 @@ class _Compiled:
             return values
         return np.concatenate([values, np.repeat(held[:, None], values.shape[1], axis=1)])
 
-    def pass_instant(self, t: float, values: Array, held: Array) -> None:
+    def pass_instant(
+        self, t: float, values: Array, held: Array, errors: tuple[Array, Array] | None
+    ) -> None:
         """Evaluate a sampled law at the states of all lanes, by these parameters."""
         integrator, rows = self.integrator, self._row(values, held)
+        if errors is not None:
+            lanes = values.shape[1]
+            rows = np.concatenate([rows, *(part.reshape(lanes, -1).T for part in errors)])
         used = np.ascontiguousarray(rows[: self.after_instant.nparams])
         integrator.state[:] = self.after_instant(
             np.ascontiguousarray(integrator.state), pars=used, time=np.full(values.shape[1], t)

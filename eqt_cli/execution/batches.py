@@ -116,7 +116,8 @@ def _problem(
         varying |= _drawn(experiments, label, which, runs)
     problem = Problem(loops[0], Q, experiments[0].times, varying)
     states = problem.batched_loop().initial_state(Q, V, Qd, Vd)
-    return dataclasses.replace(problem, states=states)
+    errors = _errors(problem, experiments, which, runs) if loops[0].vehicle.measures else None
+    return dataclasses.replace(problem, states=states, errors=errors)
 
 
 def _varying(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
@@ -138,6 +139,22 @@ def _drawn(
         random_of = partial(generator_at, seed, Stream.VEHICLE, run)
         rows.append(loop.vehicle.numbers(loop.group, random_of))
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def _errors(
+    problem: Problem, experiments: list[Experiment], which: Array, runs: Array | None
+) -> tuple[Array, Array]:
+    """The errors of measurement in each run; a reference has none."""
+    G, vehicle, instants = problem.loop.group, problem.loop.vehicle, problem.control_instants
+    if runs is None:
+        exact = np.broadcast_to(G.identity, (len(which), instants, G.size, G.size))
+        return exact, np.zeros((len(which), instants, G.dimension))
+    found = []
+    for index, run in zip(which.tolist(), runs.tolist(), strict=True):
+        seed = experiments[index].config.ensemble.seed
+        random_of = partial(generator_at, seed, Stream.VEHICLE, run)
+        found.append(vehicle.measurement_errors(G, instants, random_of))
+    return np.array([pose for pose, _ in found]), np.array([velocity for _, velocity in found])
 
 
 def _kind(experiment: Experiment, label: str) -> Hashable:

@@ -11,6 +11,7 @@ from eqt_cli.config.schema import (
     PlantSection,
     PrescribedInertiaSection,
     RelativeInertiaSection,
+    SensorsSection,
 )
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
@@ -28,8 +29,9 @@ from eqt_cli.vehicle.inertia import (
 )
 from eqt_cli.vehicle.numbers import Drawn, check_numbers, drawn
 from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.sensors import sensors
 
-SECTIONS = ("plant", "actuators", "control")
+SECTIONS = ("plant", "actuators", "control", "sensors")
 """The sections that say what is between the laws and the motion."""
 
 
@@ -42,13 +44,18 @@ def vehicle_from(
     inertia = None
     if plant.inertia is not None:
         inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
-    clock = sections["control"]
+    clock, told = sections["control"], sections["sensors"] or SensorsSection()
+    at_sensors = problems.at("sensors")
     found = Vehicle(
         inertia,
         _parts(forces, plant.forces, G, at_plant.at("forces")),
         _parts(actuators, sections["actuators"], G, problems.at("actuators")),
         None if clock is None else Sampling(clock.period, clock.delay),
+        _parts(sensors, told.pose, G, at_sensors.at("pose")),
+        _parts(sensors, told.velocity, G, at_sensors.at("velocity")),
     )
+    if found.measures and clock is None:
+        at_sensors.add("are read at control instants; give control.period")
     _check_order(found, problems.at("actuators"))
     if any(problems.at(name) for name in SECTIONS):
         return Vehicle()
@@ -62,6 +69,10 @@ def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
         dumped["plant"]["forces"] = [as_section(force) for force in vehicle.forces]
     if vehicle.actuators:
         dumped["actuators"] = [as_section(actuator) for actuator in vehicle.actuators]
+    told = ("pose", vehicle.pose_sensors), ("velocity", vehicle.velocity_sensors)
+    for name, found in told:
+        if found:
+            dumped["sensors"][name] = [as_section(sensor) for sensor in found]
     return dumped
 
 

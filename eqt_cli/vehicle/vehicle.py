@@ -18,12 +18,16 @@ from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.inertia import TrueInertia
 from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.sensors import Sensor
 
 INERTIA = "plant.inertia"
 """Where the true inertia stands in a configuration."""
 
 FORCES, ACTUATORS, CONTROL = "plant.forces", "actuators", "control"
 """Where the lists of forces and of actuators stand, and the clock of the law."""
+
+POSE, VELOCITY = "sensors.pose", "sensors.velocity"
+"""Where the lists of errors of measurement stand."""
 
 COMMANDS, HELD = "commands", "held"
 """The states of a sampled loop: the commands on their way, the first to arrive first, and what the
@@ -47,6 +51,8 @@ class Vehicle:
         In the order in which a command passes them.
     control
         The clock of the law; None where it acts continuously.
+    pose_sensors, velocity_sensors
+        The errors of what the law is told, which add up.
     given
         The numbers of all parts, by place and option: ``actuators[0].limit``.
     """
@@ -55,6 +61,8 @@ class Vehicle:
     forces: tuple[Force, ...] = ()
     actuators: tuple[Actuator, ...] = ()
     control: Sampling | None = None
+    pose_sensors: tuple[Sensor, ...] = ()
+    velocity_sensors: tuple[Sensor, ...] = ()
     given: Mapping[str, Array] = field(default_factory=dict)
 
     # The parts and their numbers.
@@ -63,7 +71,12 @@ class Vehicle:
     def parts(self) -> dict[str, Any]:
         """Every part by its place in a configuration."""
         found: dict[str, Any] = {} if self.inertia is None else {INERTIA: self.inertia}
-        for name, parts in ((FORCES, self.forces), (ACTUATORS, self.actuators)):
+        for name, parts in (
+            (FORCES, self.forces),
+            (ACTUATORS, self.actuators),
+            (POSE, self.pose_sensors),
+            (VELOCITY, self.velocity_sensors),
+        ):
             found |= {f"{name}[{index}]": part for index, part in enumerate(parts)}
         return found if self.control is None else {**found, CONTROL: self.control}
 
@@ -99,6 +112,34 @@ class Vehicle:
             place, _, option = name.rpartition(".")
             found[place][option] = values
         return dict(found)
+
+    # What the law is told.
+
+    @property
+    def measures(self) -> bool:
+        """Whether what the law is told has errors."""
+        return bool(self.pose_sensors or self.velocity_sensors)
+
+    def measurement_errors(
+        self, G: MatrixLieGroup, instants: int, random_of: RandomOf
+    ) -> tuple[Array, Array]:
+        """exp(n) with Q_m = Q exp(n), and b with V_m = V + b, at the control instants of a run.
+
+        Returns
+        -------
+        pose : (instants, d, d)
+        velocity : (instants, m)
+        """
+        assert self.control is not None
+        pose, velocity = (
+            sum(
+                sensor.errors(G, instants, self.control.period, random_of(f"{name}[{index}]"))
+                for index, sensor in enumerate(sensors)
+            )
+            + np.zeros((instants, G.dimension))
+            for name, sensors in ((POSE, self.pose_sensors), (VELOCITY, self.velocity_sensors))
+        )
+        return G.exp(pose), velocity
 
     # From the command to the force that moves the momentum.
 

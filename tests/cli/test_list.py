@@ -21,6 +21,7 @@ KINDS = [
     "references",
     "forces",
     "actuators",
+    "sensors",
     "engines",
     "poses",
     "velocities",

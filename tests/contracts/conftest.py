@@ -41,6 +41,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "limit": {"limit": 0.5},
     "rate_limit": {"rate": 0.5},
     "deadband": {"width": 0.4},
+    "noise": {"std": 0.1},
     "lag": {"time_constant": 0.2},
     "swinging": {"frequencies": [1.0, 2.0, 0.5, 1.5, 0.1, 3.0]},
 }

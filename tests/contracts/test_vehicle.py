@@ -54,6 +54,19 @@ def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbo
         np.testing.assert_allclose(back(traced), alone[:1], rtol=0, atol=ROUNDING)
 
 
+def test_a_sensor_errs_by_run_and_instant_alone(sensor_class, make):
+    sensor, problems = make(sensor_class, 6), Problems()
+    sensor.check(G, problems)
+    assert list(problems) == []
+    many, few, other = (
+        sensor.errors(G, count, 0.1, generator_at(1, Stream.VEHICLE, run, "place"))
+        for count, run in ((50, 0), (20, 0), (20, 1))
+    )
+    assert many.shape == (50, 6)
+    np.testing.assert_array_equal(many[:20], few)
+    assert (few == other).all() == (not few.any())
+
+
 @pytest.mark.parametrize("run", [0, 7])
 def test_the_numbers_of_a_run_are_its_own(force_class, make, run):
     force = make(force_class, 6)
