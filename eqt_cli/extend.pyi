@@ -99,7 +99,9 @@ from eqt_cli.plots.shown import ShownCertificates as ShownCertificates
 from eqt_cli.plots.shown import ShownMetrics as ShownMetrics
 from eqt_cli.plots.shown import ShownRuns as ShownRuns
 from eqt_cli.plots.shown import ShownSweep as ShownSweep
+from eqt_cli.references.base import ClosedReference as ClosedReference
 from eqt_cli.references.base import Reference as Reference
+from eqt_cli.references.base import ReferenceByRates as ReferenceByRates
 from eqt_cli.results.result import mean_over_runs as mean_over_runs
 from eqt_cli.results.windows import Window as Window
 from eqt_cli.vehicle.actuators.base import Actuator as Actuator

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -20,8 +19,7 @@ from eqt_cli.analysis.certificates import (
     trajectory_rows,
 )
 from eqt_cli.closed_loop import ErrorSystem
-from eqt_cli.config import yaml_source
-from eqt_cli.config.source import ConfigSource, source_of
+from eqt_cli.config.source import source_of
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
@@ -165,6 +163,8 @@ class _Verifier:
             error_system=self._error_system(batch, solution),
             failed=int(np.count_nonzero(~good)),
             departures=batch.problem.loop.vehicle.departures,
+            energy=batch.problem.loop.controller.energy,
+            theorem=batch.problem.loop.controller.theorem,
         )
 
     def _error_system(self, batch: Batch, solution: Solution) -> float | None:
@@ -217,9 +217,7 @@ def _study(experiment: Experiment, runs: int) -> Study:
     """The first runs of an experiment."""
     ensemble = experiment.config.ensemble.model_copy(update={"runs": runs})
     config = experiment.config.model_copy(update={"ensemble": ensemble})
-    source = yaml_source.load(yaml_source.dump(experiment.resolved), experiment.name)
-    written = ConfigSource(source, source.data, Path(), stored_plugins=experiment.plugins)
-    return Study(written, None, replace(experiment, config=config))
+    return Study(None, replace(experiment, config=config))
 
 
 def _desired(experiment: Experiment, reference: Array) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ MIXED = "mixed"
 
 
 class Given(NamedTuple):
-    """What the law asks and what the actuators give, over time.
+    """What the law asks, what the actuators give, and the law's function, over time.
 
     Attributes
     ----------
@@ -31,11 +31,14 @@ class Given(NamedTuple):
         Body frame.
     at_limit : (...)
         1 where an actuator is at its limit, else 0.
+    lyapunov : (...)
+        L, the function of the law.
     """
 
     torque: Array
     command: Array
     at_limit: Array
+    lyapunov: Array
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class Signal:
     unit_in
         Its unit in a part of the coordinates.
     of
-        From the state, and what became of the command.
+        From the state, and what follows from it.
     of_part
         The same of one part of the coordinates, for a norm; None for all else.
     stored_of
@@ -134,7 +137,7 @@ SIGNALS = (
         r"\mathcal{L}",
         "Lyapunov function L",
         lambda part: "J",
-        lambda s, given: s.lyapunov,
+        lambda s, given: given.lyapunov,
     ),
     Signal(
         "command",
@@ -190,10 +193,10 @@ def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
 def _compute(loop: ClosedLoop, s: Tracking, work: Array) -> Iterator[tuple[str, Array]]:
     command = loop.command(s)
     torque = loop.torque(s) if loop.vehicle.actuators or loop.vehicle.control else command
-    given = Given(torque, command, loop.at_limit(s))
+    given = Given(torque, command, loop.at_limit(s), loop.lyapunov(s))
     for signal in SIGNALS:
         yield signal.name, signal.of(s, given)
         for part in signal.parts(loop.group):
             assert signal.of_part is not None
             yield f"{signal.name}_{part.name}", signal.of_part(s, given, part)
-    yield "energy_balance", s.lyapunov + work
+    yield "energy_balance", given.lyapunov + work

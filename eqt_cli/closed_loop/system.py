@@ -114,19 +114,25 @@ class ClosedLoop:
     def outflow(self, s: Tracking, acting: Array) -> Array | None:
         """The power −dL/dt under a force that acts, ``(...)``; None where it is not known.
 
-        It is dissipation − ⟨δ, Ṽ⟩ with δ = `acting` − τ(s), all that the law does not know of:
-        L moves with P̃ by ⟨Ṗ̃, Ṽ⟩, and the law accounts for the rest.
+        It is dissipation − ⟨δ, y⟩ with δ = `acting` − τ(s), all that the law does not know of,
+        and the law's own velocity error y.
         """
         dissipation = self.dissipation(s)
         if dissipation is None or self.vehicle.is_ideal:
             return dissipation
-        power: Array = dissipation - dot(acting - self.controller.torque(s), s.V_tilde)
+        unknown = acting - self.controller.torque(s)
+        power: Array = dissipation - dot(unknown, self.controller.velocity_error(s))
         return power
 
     @property
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None where nothing is said."""
-        return self.controller.claims_decrease if self.vehicle.is_ideal else None
+        claims = self.controller.claims(self.group, self.gains)
+        return claims if self.vehicle.is_ideal else None
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """L, the Lyapunov function of the law, ``(...)``; laws may have different ones."""
+        return self.controller.lyapunov(s)
 
     def work(self, state: Array) -> Array:
         """W, what has been taken out of L up to a flat state."""
@@ -175,6 +181,11 @@ class ClosedLoop:
     def state_length(self) -> int:
         """The number of entries of a flat state."""
         return self.layout.length
+
+    @property
+    def length_without_memory(self) -> int:
+        """The number of entries before the memory of the law, the same for every law."""
+        return int(self.layout.slices["work"].stop)
 
     def initial_state(self, Q: Array, V: Array, Qd: Array, Vd: Array, t: float = 0.0) -> Array:
         """The flat state at time t; poses ``(..., d, d)``, velocities ``(..., m)``, W = 0."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import is_dataclass
+from typing import Any, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter
 
 from eqt_cli.config.keys import keys_of
 from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement
 from eqt_cli.controllers import controllers
+from eqt_cli.core.component import option_of_field
 from eqt_cli.core.problems import parse_key
 from eqt_cli.core.registry import Registry, meanings, summary
 from eqt_cli.core.validation import option_names
@@ -100,15 +102,27 @@ def _mapping(component: type, shared: dict[str, Any], extra: dict[str, Any]) -> 
 def _options(component: type, shared: dict[str, Any]) -> dict[str, Any]:
     """The object schema of a component's options; what it refers to goes to `shared`."""
     schema = TypeAdapter(component).json_schema()
-    shared |= _overlapping(schema.pop("$defs", {}))
+    definitions = _overlapping(schema.pop("$defs", {}))
     schema = _overlapping(schema)
-    said = meanings(component)
+    for part in _parts(component):
+        properties = definitions[part.__name__]["properties"]
+        for name, meaning in meanings(part).items():
+            properties[name].setdefault("description", meaning)
+    shared |= definitions
+    said = {option_of_field(name): meaning for name, meaning in meanings(component).items()}
     properties = {
         name: ({"description": said[name]} if name in said else {}) | schema["properties"][name]
         for name in option_names(component)
     }
     required = [name for name in schema.get("required", []) if name in properties]
     return {"properties": properties, "required": required}
+
+
+def _parts(component: type) -> list[type]:
+    """The dataclasses that are entries of a list among the options."""
+    lists = [kind for kind in get_type_hints(component).values() if get_origin(kind) is list]
+    entries = [entry for kind in lists for entry in get_args(kind)]
+    return [entry for entry in entries if isinstance(entry, type) and is_dataclass(entry)]
 
 
 def _reference(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
@@ -118,7 +132,10 @@ def _reference(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any
         },
         "velocity": {"description": "V_d(0): a list in the body frame, or parts by name."},
     }
-    kinds = [_mapping(component, shared, common) for component in references.all()]
+    kinds = [
+        _mapping(component, shared, {key: common[key] for key in component.starts_from})
+        for component in references.all()
+    ]
     for kind in kinds:
         if kind["properties"]["kind"]["const"] == "torque":  # what a section without `kind` is
             kind["required"].remove("kind")

@@ -69,7 +69,8 @@ def read_config(path: Path, overrides: Sequence[str] | Mapping[str, str] = ()) -
         listed = ", ".join(map(str, there[:_MOST_FILES])) + (", …" if there[_MOST_FILES:] else "")
         raise EqtError(f"{path}: is a folder without a result; give one of its files: {listed}")
     if path.suffix == ".h5" or path.is_dir():
-        config = _from_result(path)
+        with open_results(path) as results:
+            config = source_of(results)
     else:
         source = yaml_source.load(_text(path), str(path))
         config = ConfigSource(source, source.data, path.parent)
@@ -112,11 +113,6 @@ def _text(path: Path) -> bytes:
 def _name(path: Path) -> str:
     """The file's stem as a name: what a name must not have becomes a hyphen."""
     return re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-._") or "experiment"
-
-
-def _from_result(path: Path) -> ConfigSource:
-    with open_results(path) as results:
-        return source_of(results)
 
 
 def source_of(results: ResultFile) -> ConfigSource:

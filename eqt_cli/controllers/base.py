@@ -13,7 +13,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.component import Component
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.mechanics.tracking import Gains, Tracking
 
 
 @dataclass(frozen=True)
@@ -31,16 +31,26 @@ class Controller(Component):
         As written in figures: ``EqT``.
     tasks
         The tasks of a configuration that it is for.
+    energy
+        Its Lyapunov function, as text: ``½⟨P̃, Ṽ⟩ + Υ(Q_E)``.
+    theorem
+        Where that function is shown to fall; "" where nothing is claimed.
+    matched
+        Whether its stiffness and damping for small errors are the Hessian of Υ and K_d, as those
+        of the paper's laws are, so that equal gains make a fair comparison. None: not known.
     """
 
     title: ClassVar[str]
     tasks: ClassVar[tuple[str, ...]] = ("track",)
+    energy: ClassVar[str] = "½⟨P̃, Ṽ⟩ + Υ(Q_E)"
+    theorem: ClassVar[str] = "Theorems 3.2, 6.2"
+    matched: ClassVar[bool | None] = None
 
     def __init_subclass__(cls, **options: Any) -> None:
         """A class with a torque of its own claims only what it says itself, not what it extends."""
         super().__init_subclass__(**options)
         if "torque" in vars(cls):
-            for claim in {"claims_decrease", "dissipation"} - set(vars(cls)):
+            for claim in {"claims_decrease", "dissipation", "matched"} - set(vars(cls)):
                 setattr(cls, claim, vars(Controller)[claim])
 
     @property
@@ -66,12 +76,24 @@ class Controller(Component):
         """Whether L is claimed to fall along every trajectory; None where the law does not say."""
         return None
 
+    def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
+        """As `claims_decrease`, with these gains."""
+        return self.claims_decrease
+
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note what of its options does not fit the group."""
+        """Note what of the law or its options does not fit the group."""
 
     @abstractmethod
     def torque(self, s: Tracking) -> Array:
         """τ, body frame, ``(..., m)``."""
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """L, the function that the law claims to fall, ``(...)``: its own, as `energy` says."""
+        return s.lyapunov
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """y, the velocity at which a torque δ beside the law's raises L by ⟨δ, y⟩, ``(..., m)``."""
+        return s.V_tilde
 
     def dissipation(self, s: Tracking) -> Array | None:
         """The power −dL/dt that the law takes out of L, ``(...)``; None where it is not known.

@@ -1,19 +1,15 @@
 """The equivariant tracking law EqT = (1, 1, 0), a point of the (g, c, n) family."""
 
-from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from dataclasses import dataclass
+from typing import ClassVar
 
-from eqt_cli.controllers.family import Family
+from eqt_cli.controllers.family import Member
 
 
 @dataclass(frozen=True)
-class EqT(Family):
+class EqT(Member):
     """Equivariant tracking, Theorem 6.2 of the paper; eq. (23) on SO(3)."""
 
     name: ClassVar[str] = "eqt"
     title: ClassVar[str] = "EqT"
-
-    gyroscopic: float = field(default=1.0, init=False)
-    transport: float = field(default=1.0, init=False)
-    connection: float = field(default=0.0, init=False)
-    damping: Literal["spatial", "body"] = field(default="spatial", init=False)
+    weights: ClassVar[tuple[float, float, float, float]] = (1.0, 1.0, 0.0, 0.0)

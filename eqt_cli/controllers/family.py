@@ -1,4 +1,4 @@
-"""The family of stabilising tracking laws τ(g, c, n), written once for every group."""
+"""The family of stabilising tracking laws τ(g, c, n, q), written once for every group."""
 
 from __future__ import annotations
 
@@ -11,18 +11,28 @@ from eqt_cli.core.arrays import Array, dot
 from eqt_cli.core.numbers import Real
 from eqt_cli.mechanics.tracking import Tracking
 
+Frame = Literal["spatial", "body"]
+
+BODY_ENERGY = "½⟨𝕀e, e⟩ + Υ(Q_L)"
+"""L of a law in the errors Q_L = Q_d⁻¹Q and e = V − Ad_{Q_L⁻¹}V_d."""
+
 
 @dataclass(frozen=True)
 class Family(Controller):
-    """The (g, c, n) family, which holds the paper's four laws as single points.
+    """The (g, c, n, q) family: the paper's four laws and three classics are points of it.
 
-    τ = τ_d − g·ad*_Ṽ 𝕀V_d − c·ad*_{V_d} 𝕀Ṽ + n·𝕀 ad_V V_d − damping − Ad*_{Q_d} L*_{Q_E}dΥ(Q_E)
+    τ = τ_d − g·ad*_Ṽ 𝕀V_d − c·ad*_{V_d} 𝕀Ṽ + n·𝕀 ad_V V_d − q·ad*_Ṽ 𝕀Ṽ − damping
+    − Ad*_{Q_d} L*_{Q_E}dΥ(Q_E)
 
-    and, where the inertia varies by itself, + Ṡ*S⁻* 𝕀Ṽ (Theorem 3.2);
-    with damping Ad*_{Q_d} K_d Ad_{Q_d} Ṽ (spatial) or K_d Ṽ (body). All members with c + n = 1
-    change L = ½⟨𝕀Ṽ, Ṽ⟩ + Υ(Q_E) at the same rate, −⟨K_d V_E, V_E⟩ or −⟨K_d Ṽ, Ṽ⟩: the g-term is
-    gyroscopic, and the c- and n-terms have the same power on every group. Generalises Hampsey et
-    al. (2025), eq. (22), (23), (24) and the two laws after them.
+    and, where the inertia varies by itself, + Ṡ*S⁻* 𝕀Ṽ (Theorem 3.2); with damping
+    Ad*_{Q_d} K_d Ad_{Q_d} Ṽ (spatial) or K_d Ṽ (body). All members with c + n = 1 change
+    L = ½⟨𝕀Ṽ, Ṽ⟩ + Υ(Q_E) at the same rate, −⟨K_d V_E, V_E⟩ or −⟨K_d Ṽ, Ṽ⟩: the g- and q-terms
+    are gyroscopic, and the c- and n-terms have the same power on every group. Generalises Hampsey
+    et al. (2025), eq. (22), (23), (24) and the two laws after them.
+
+    With the error in the body frame the same formula holds for ξ = Ad_{Q_L⁻¹}V_d in the place of
+    V_d, e = V − ξ in that of Ṽ, τ_ξ = 𝕀ξ̇ + 𝕀̇ξ − ad*_ξ 𝕀ξ in that of τ_d, and the force
+    −L*_{Q_L}dΥ(Q_L) of Q_L = Q_d⁻¹Q; its damping is K_d e.
 
     Attributes
     ----------
@@ -33,53 +43,116 @@ class Family(Controller):
     connection
         n, the weight of 𝕀 ad_V V_d.
     damping
-        The frame in which the Rayleigh tensor K_d is given.
+        The frame in which the Rayleigh tensor K_d is given. Default: that of the error.
+    error
+        The frame of the errors: Q Q_d⁻¹ (spatial) or Q_d⁻¹Q (body).
+    quadratic
+        q, the weight of −ad*_Ṽ 𝕀Ṽ.
     """
 
     name: ClassVar[str] = "family"
     title: ClassVar[str] = "family"
+    matched: ClassVar[bool | None] = True
 
     gyroscopic: Real = 1.0
     transport: Real = 1.0
     connection: Real = 0.0
-    damping: Literal["spatial", "body"] = "spatial"
+    damping: Frame | None = None
     spatial: float = field(init=False, repr=False)
+    error: Frame = "spatial"
+    quadratic: Real = 0.0
+    has_quadratic: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        if self.error == "body" and self.damping == "spatial":
+            raise ValueError("error: body has damping: body only; leave damping out")
+        object.__setattr__(self, "damping", self.damping or self.error)
         # The frame as a number, so that one compiled law serves the whole family.
         object.__setattr__(self, "spatial", 1.0 if self.damping == "spatial" else 0.0)
+        object.__setattr__(self, "has_quadratic", self.quadratic != 0)
 
     @property
     def structure(self) -> Hashable:
-        """The same for all members, which numbers tell apart; a law built on one has its own."""
+        """The same for all members in one frame; a law built on one has its own."""
         own = type(self)
         inherited = own.torque is Family.torque and own.dissipation is Family.dissipation
-        return Family if inherited else super().structure
+        return (Family, self.error, self.has_quadratic) if inherited else super().structure
 
     @property
     def claims_decrease(self) -> bool | None:
         """On the plane c + n = 1, where the two terms make up for the moving reference."""
         return abs(self.transport + self.connection - 1) <= 1e-12  # rounding of 0.1 + 0.9
 
+    @property
+    def energy(self) -> str:  # type: ignore[override]  # a constant of all other laws
+        """L in the frame of the errors."""
+        return Controller.energy if self.error == "spatial" else BODY_ENERGY
+
     def torque(self, s: Tracking) -> Array:
-        """τ(g, c, n), body frame."""
-        G = s.G
-        feedforward = (
-            s.tau_d
-            - self.gyroscopic * G.ad_star(s.V_tilde, s.Pd)
-            - self.transport * G.ad_star(s.Vd, s.P_tilde)
-            + self.connection * s.inertia.momentum(G.ad(s.V, s.Vd))
-            + s.inertia_force
+        """τ(g, c, n, q), body frame."""
+        s = self._seen(s)
+        feedforward = s.feedforward(
+            self.gyroscopic,
+            self.transport,
+            self.connection,
+            self.quadratic if self.has_quadratic else None,
         )
         spatial_force = s.gradient + self.spatial * s.spatial_damping
         body_force = (1 - self.spatial) * s.body_damping
-        return feedforward - body_force - G.Ad_star(s.Qd, spatial_force)
+        return feedforward - body_force - s.G.Ad_star(s.Qd, spatial_force)
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """½⟨𝕀Ṽ, Ṽ⟩ + Υ(Q_E)."""
+        return self._seen(s).lyapunov
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """Ṽ, or e."""
+        return self._seen(s).V_tilde
 
     def dissipation(self, s: Tracking) -> Array | None:
         """⟨K_d V_E, V_E⟩ or ⟨K_d Ṽ, Ṽ⟩, and off the plane c + n = 1 also what its terms add."""
+        s = self._seen(s)
         off_plane = 1 - self.transport - self.connection
         return (
             dot(self.spatial * s.spatial_damping, s.V_E)
             + dot((1 - self.spatial) * s.body_damping, s.V_tilde)
             + dot(off_plane * s.P_tilde, s.G.ad(s.V, s.Vd))
         )
+
+    def _seen(self, s: Tracking) -> Tracking:
+        """The motion in the frame of the errors."""
+        return s.relative if self.error == "body" else s
+
+
+@dataclass(frozen=True)
+class Member(Family):
+    """A point of the family with a name of its own, of which nothing is an option.
+
+    A class that extends a member may fix other numbers.
+
+    Attributes
+    ----------
+    weights
+        (g, c, n, q).
+    frames
+        Of the error and of the damping.
+    """
+
+    weights: ClassVar[tuple[float, float, float, float]]
+    frames: ClassVar[tuple[Frame, Frame]] = ("spatial", "spatial")
+
+    gyroscopic: float = field(init=False)
+    transport: float = field(init=False)
+    connection: float = field(init=False)
+    damping: Frame | None = field(init=False)
+    error: Frame = field(init=False)
+    quadratic: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        names = ("gyroscopic", "transport", "connection", "quadratic", "error", "damping")
+        above = type(self).__mro__
+        fixed = {name for kind in above[: above.index(Member)] for name in vars(kind)}
+        for name, value in zip(names, (*self.weights, *self.frames), strict=True):
+            if name not in fixed:
+                object.__setattr__(self, name, value)
+        super().__post_init__()

@@ -26,6 +26,7 @@ class Stabilising(Controller):
     name: ClassVar[str] = "stabilising"
     title: ClassVar[str] = "stabilising"
     tasks: ClassVar[tuple[str, ...]] = ("stabilise",)
+    matched: ClassVar[bool | None] = True
 
     feedforward: bool = True
     compensation: float = field(init=False, repr=False)

@@ -61,7 +61,7 @@ def apply(name: str, *arguments: Any) -> Any:
 def _apply_to_symbols(name: str, values: tuple[Any, ...]) -> Any:
     symbols = [value for value in values if not isinstance(value, int | float | np.generic)]
     if not symbols:
-        return _NUMPY[name](*values)
+        return _NUMPY[name](*values)[()]  # `where` returns an array
     table = _symbol_tables.get(type(symbols[0]), {})
     if name not in table:
         raise TraceError(f"{name}() is not available for {type(symbols[0]).__name__} symbols")

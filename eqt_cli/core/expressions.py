@@ -618,9 +618,10 @@ class _Parser:
         if token.text == ")":
             raise ExpressionError(f"the ')' at column {column} closes no '('", column)
         if token.text == ",":
+            several = ", ".join(name for name, known in PIECEWISE.items() if known.count != 1)
             raise ExpressionError(
                 f"unexpected ',' at column {column}; numbers take a decimal point, and only "
-                f"{', '.join(n for n, f in PIECEWISE.items() if f.count != 1)} several arguments",
+                f"{several} take several arguments",
                 column,
             )
         if token.text in _COMPARISONS:
@@ -629,6 +630,9 @@ class _Parser:
                 "'where', as in 'where(t < 1, 0, 2)'",
                 column,
             )
+        if token.text in ("and", "or", "if"):
+            hint = _NAME_HINTS[token.text]
+            raise ExpressionError(f"unexpected '{token.text}' at column {column}{hint}", column)
         before, after = _short(self._tokens[self._next - 1].text), _short(token.text)
         # Of 2t a product is meant, of 1_000, 0x10 or 1e it is not.
         multiply = token.kind != "name" or token.text in self._known

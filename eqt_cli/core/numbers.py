@@ -1,4 +1,4 @@
-"""Annotated types for numbers in a configuration; importing it costs nothing.
+"""Annotated types for numbers in a configuration.
 
 Components use them for their options; pydantic calls the hooks below when a configuration is
 validated. Wherever a real number is expected, a constant expression such as ``-pi/2`` will do.
@@ -10,6 +10,9 @@ import math
 import re
 from dataclasses import dataclass
 from typing import Annotated, Any
+
+from pydantic import Field
+from pydantic_core import core_schema
 
 from eqt_cli.core.errors import ExpressionError
 from eqt_cli.core.expressions import constant
@@ -29,8 +32,6 @@ class _FiniteReal:
     above: float | None = None
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        from pydantic_core import core_schema
-
         number = core_schema.float_schema(strict=True, allow_inf_nan=False, gt=self.above)
         return core_schema.no_info_before_validator_function(_evaluated, number)
 
@@ -47,18 +48,6 @@ class _Angle(_FiniteReal):
 
         number = super().__get_pydantic_core_schema__(source, handler)
         return core_schema.no_info_before_validator_function(_in_radians, number)
-
-
-@dataclass(frozen=True)
-class _WholeNumber:
-    """Marks a whole number that is not less than `least`."""
-
-    least: int
-
-    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        from pydantic_core import core_schema
-
-        return core_schema.int_schema(strict=True, ge=self.least)
 
 
 def _in_radians(value: Any) -> Any:
@@ -84,8 +73,8 @@ Angle = Annotated[float, _Angle()]
 Positive = Annotated[float, _FiniteReal(above=0.0)]
 """A finite number greater than 0; in a configuration also a constant expression."""
 
-Count = Annotated[int, _WholeNumber(1)]
+Count = Annotated[int, Field(strict=True, ge=1)]
 """A whole number of at least 1."""
 
-CountOrNone = Annotated[int, _WholeNumber(0)]
+CountOrNone = Annotated[int, Field(strict=True, ge=0)]
 """A whole number of at least 0, where 0 stands for none."""

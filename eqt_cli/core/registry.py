@@ -105,11 +105,8 @@ class Registry(Generic[T]):
         component = self._found.get(name) or self._plugins.get(name)
         if component is None:
             names = self.names()
-            raise ComponentError(
-                f"unknown {self.kind} '{name}'{suggestion(name, names)} known: {', '.join(names)}"
-                if suggestion(name, names)
-                else f"unknown {self.kind} '{name}'; known: {', '.join(names)}"
-            )
+            hint = suggestion(name, names) or ";"
+            raise ComponentError(f"unknown {self.kind} '{name}'{hint} known: {', '.join(names)}")
         return component
 
     def all(self) -> list[type[T]]:

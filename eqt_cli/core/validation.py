@@ -6,6 +6,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Callable, Iterable, Mapping
+from copy import deepcopy
 from functools import lru_cache
 from typing import Any, TypeVar, get_args, get_type_hints
 
@@ -46,20 +47,38 @@ _EXPECTED = {
 # Values -------------------------------------------------------------------------------------------
 
 
-def validated(kind: Any, data: Any, problems: Problems) -> Any:
-    """The data as the type `kind`, or None after noting what is wrong with it."""
-    return _validated(kind, data, problems, ())[0]
+def validated(kind: Any, data: Any, problems: Problems, common: tuple[str, ...] = ()) -> Any:
+    """The data as the type `kind`, or None after noting what is wrong with it.
 
+    Keys that do not belong where they are are noted, and the rest is judged without them.
 
-def _validated(
-    kind: Any, data: Any, problems: Problems, common: tuple[str, ...]
-) -> tuple[Any, list[KeyPath]]:
-    """The data as the type `kind`, and the keys that do not belong there."""
+    Parameters
+    ----------
+    common
+        Keys that `data` may have beside those of its type.
+    """
     try:
         # As JSON, since strict validation takes a mapping for a dataclass only from there.
-        return _adapter(kind).validate_json(json.dumps(data, default=str)), []
+        return _adapter(kind).validate_json(json.dumps(data, default=str))
     except ValidationError as error:
-        return None, note_errors(error, data, kind, problems, common)[0]
+        unknown = _note_errors(error, data, kind, problems, common)
+    return validated(kind, _without(data, unknown), problems, common) if unknown else None
+
+
+def fields_of(model: type[BaseModel], data: Any, problems: Problems) -> dict[str, Any]:
+    """The fields of a model by name, each judged by itself: those that are right, and defaults."""
+    found = {}
+    for name, field in model.model_fields.items():
+        if name in data:
+            value = validated(field.rebuild_annotation(), data[name], problems.at(name))
+        elif field.is_required():
+            problems.at(name).add(f"missing; expected: {_meaning(name, field)}")
+            value = None
+        else:
+            value = field.get_default(call_default_factory=True)
+        if value is not None:
+            found[name] = value
+    return found
 
 
 def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[str, str]:
@@ -93,29 +112,15 @@ def one_of(kind: Callable[[Any], str | None], expected: str) -> Discriminator:
     return Discriminator(kind, custom_error_type="none_of", custom_error_message=expected)
 
 
-def note_errors(
-    error: ValidationError,
-    data: Any,
-    kind: Any,
-    problems: Problems,
-    common: tuple[str, ...] = (),
-    elsewhere: Callable[[KeyPath], str | None] = lambda path: None,
-) -> tuple[list[KeyPath], list[KeyPath]]:
-    """Note what pydantic found in `data` of a type, at the places that the user wrote.
-
-    Parameters
-    ----------
-    common
-        Keys that `data` may have beside those of its type.
-    elsewhere
-        Where a key belongs that is unknown at a path, if that is clear.
+def _note_errors(
+    error: ValidationError, data: Any, kind: Any, problems: Problems, common: tuple[str, ...]
+) -> list[KeyPath]:
+    """Note what pydantic found in `data`, at the places that the user wrote.
 
     Returns
     -------
-    unknown : list of KeyPath
+    list of KeyPath
         The keys that do not belong where they are.
-    wrong : list of KeyPath
-        Everything else.
     """
     unknown: dict[KeyPath, str] = {}
     messages: dict[KeyPath, str] = {}
@@ -125,7 +130,7 @@ def note_errors(
         path = _written(detail["loc"], data, missing=wrong == "missing")
         known = known_keys(kind, path[:-1], common)
         if wrong in ("extra_forbidden", "unexpected_keyword_argument"):
-            unknown[path] = unknown_key(str(path[-1]), known, elsewhere(path))
+            unknown[path] = unknown_key(str(path[-1]), known)
         elif wrong == "missing":
             meaning = known.get(str(path[-1]))
             messages[path] = f"missing; expected: {meaning}" if meaning else _MISSING
@@ -139,13 +144,13 @@ def note_errors(
         # The alternatives of a union fail one by one at the same place, or deeper in its value.
         if not any(_below(other, path) for other in noted):
             words, value = _listed(list(dict.fromkeys(alternatives))), _at(path, data)
-            alone = len(path) == 1 and isinstance(value, str)
+            alone = len(path) <= 1 and isinstance(value, str)
             if alone and words == _EXPECTED["list_type"]:
                 words += f", as [{value}]"
             messages.setdefault(path, f"expected {words}, got {shown(value)}")
     for path, message in (messages | unknown).items():
         problems.at(*path).add(message)
-    return list(unknown), [path for path in messages if path not in unknown]
+    return list(unknown)
 
 
 def unknown_key(key: str, known: Iterable[str], deeper: str | None = None) -> str:
@@ -201,6 +206,13 @@ def _at(path: KeyPath, data: Any) -> Any:
     return data
 
 
+def _without(data: Any, paths: list[KeyPath]) -> Any:
+    data = deepcopy(data)
+    for *above, key in paths:
+        del _at(tuple(above), data)[key]
+    return data
+
+
 def _below(path: KeyPath, ancestor: KeyPath) -> bool:
     return len(path) > len(ancestor) and path[: len(ancestor)] == ancestor
 
@@ -234,27 +246,10 @@ def component(
         expected = f"expected a {registry.kind}, one of {', '.join(registry.names())}"
         at_kind.add(f"missing; {expected}" if kind is None else f"{expected}, got {shown(kind)}")
         return None
-    found = None
     with at_kind.catching():
-        found = registry.get(kind)
-    return None if found is None else with_options(found, options, problems, ("kind", *common))
-
-
-def with_options(
-    component: type[T],
-    options: Mapping[str, Any],
-    problems: Problems,
-    common: tuple[str, ...] = (),
-) -> T | None:
-    """An instance with these options, or None after noting what is wrong with them.
-
-    Keys that do not belong there are noted, and the rest is judged without them.
-    """
-    found: T | None
-    found, unknown = _validated(component, options, problems, common)
-    wrong = {path[0] for path in unknown if len(path) == 1}
-    rest = {key: value for key, value in options.items() if key not in wrong}
-    return with_options(component, rest, problems, common) if wrong else found
+        found: T | None = validated(registry.get(kind), options, problems, ("kind", *common))
+        return found
+    return None
 
 
 def option_names(component: type) -> list[str]:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -22,23 +20,17 @@ class FactorPoses(PoseDistribution):
 
     def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
         """The numbers of all factors."""
-        return np.concatenate([draw(generator) for draw in self._draws(G)])
+        return np.concatenate([own.draw(factor, generator) for own, factor in self._by_factor(G)])
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """The poses of all factors as blocks."""
         assert isinstance(G, ProductGroup)
-        lengths = [len(draw(np.random.default_rng(0))) for draw in self._draws(G)]
+        pairs = self._by_factor(G)
+        lengths = [len(own.draw(factor, np.random.default_rng(0))) for own, factor in pairs]
         columns = np.split(numbers, np.cumsum(lengths)[:-1], axis=1)
-        return G.assemble(
-            [
-                distribution.place(factor, part)
-                for distribution, factor, part in zip(self.factors, G.factors, columns, strict=True)
-            ]
-        )
+        blocks = zip(pairs, columns, strict=True)
+        return G.assemble([own.place(factor, part) for (own, factor), part in blocks])
 
-    def _draws(self, G: MatrixLieGroup) -> list[Callable[[np.random.Generator], Array]]:
+    def _by_factor(self, G: MatrixLieGroup) -> list[tuple[PoseDistribution, MatrixLieGroup]]:
         assert isinstance(G, ProductGroup)  # the configuration gives it no other
-        return [
-            partial(distribution.draw, factor)
-            for distribution, factor in zip(self.factors, G.factors, strict=True)
-        ]
+        return list(zip(self.factors, G.factors, strict=True))

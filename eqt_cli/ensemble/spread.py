@@ -1,4 +1,4 @@
-"""Independent normals, which several distributions are made of."""
+"""What several distributions are made of: given coordinates, and independent normals."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
 from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup
 
 
 @dataclass(frozen=True)
@@ -38,3 +39,24 @@ class Spread:
             problems.add(f"expected a number or a list of {length}, {got}")
         elif np.min(self.std) < 0:
             problems.add(f"expected no negative standard deviation, got {np.min(self.std):g}")
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The same m coordinates in every run; 0 where none are given."""
+
+    coordinates: list[Real] | None = None
+
+    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+        """The coordinates."""
+        return np.zeros(G.dimension) if self.coordinates is None else np.array(self.coordinates)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """A wrong number of coordinates."""
+        check_coordinates(self.coordinates, G, problems.at("coordinates"))
+
+
+def check_coordinates(given: list[Real] | None, G: MatrixLieGroup, problems: Problems) -> None:
+    """Note a wrong number of algebra coordinates."""
+    if given is not None and len(given) != G.dimension:
+        problems.add(f"expected {G.dimension} numbers for {G.name}, got {len(given)}")

@@ -52,22 +52,22 @@ def reference_table(study: Study) -> Table:
 
 
 def solve_references(study: Study, points: Array) -> Array:
-    """The references of some points by themselves, ``(points, samples, n)``.
+    """The references of some points by themselves, ``(points, samples, n)``, without memory.
 
     They are those of the first controller; a law that fails even where all errors are 0 must not
     harm the others, so then the next one is asked.
     """
     base = study.base
     loop = next(iter(base.loops.values()))
+    length = loop.length_without_memory
     if not loop.reference.starts_from:  # it is no part of a state
-        return np.zeros((len(points), base.config.time.samples, loop.state_length))
-    length = loop.state_length
+        return np.zeros((len(points), base.config.time.samples, length))
     found = np.full((len(points), base.config.time.samples, length), np.nan)
     missing = np.arange(len(points))
     for label in base.loops:
         for batch in reference_batches(study, label, points[missing]):
             solution = batch.engine.solve(batch.problem, lambda runs: None)
-            found[missing[batch.rows]] = solution.states
+            found[missing[batch.rows]] = solution.states[..., :length]
         missing = np.flatnonzero(~np.isfinite(found).all(axis=(1, 2)))
         if not len(missing):
             break
@@ -115,7 +115,9 @@ def lost_part(study: Study, part: Part, message: str) -> Table:
     gathered.data["status"][:] = Status.WORKER_LOST
     gathered.data["message"][:] = message
     points = np.unique(part.points)
-    states = np.full((len(points), *gathered.check_states.shape[1:]), np.nan)
+    base = study.base
+    length = base.loops[_label(study, part)].length_without_memory
+    states = np.full((len(points), base.config.time.samples, length), np.nan)
     return gathered.whole(points, states if study.desired_varies else None)
 
 
@@ -139,7 +141,7 @@ class PartArrays:
         chosen = chosen_entries(study)
         here = chosen[np.isin(chosen, self.entries)]
         self.check_rows = np.searchsorted(self.entries, here)
-        length = next(iter(base.loops.values())).state_length
+        length = base.loops[_label(study, part)].state_length
         self.check_states = np.full((len(here), base.config.time.samples, length), np.nan)
 
     def _blank(self, quantity: Quantity, sizes: dict[str, int]) -> Array:

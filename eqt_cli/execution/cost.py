@@ -152,7 +152,7 @@ def check_memory(study: Study) -> None:
 def _of_a_part(study: Study) -> int:
     """Bytes of the states and signals of the largest part."""
     base, plan = study.base, study.plan
-    G, states = base.group, next(iter(base.loops.values())).state_length
+    G, states = base.group, max(loop.state_length for loop in base.loops.values())
     sizes = {"axis": G.dimension, "row": G.size, "col": G.size}
     signals = sum(
         prod(sizes.get(dim, 1) for dim in entry.dims)

@@ -152,8 +152,7 @@ class ResultFolder:
         """Keep the files with data, likewise; returns their new paths by the old ones."""
         copies = {}
         for index, (path, text) in enumerate(study.files.items()):
-            stem = Path(path).stem if Path(path).suffix != ".csv" else Path(path).name
-            copies[path] = f"{FILES}/{index}-{stem.removesuffix('.csv')}.csv"
+            copies[path] = f"{FILES}/{index}-{Path(path).stem}.csv"
             (self.path / FILES).mkdir(exist_ok=True)
             self._write(copies[path], text)
         return copies

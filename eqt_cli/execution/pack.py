@@ -73,9 +73,11 @@ class _Packing:
         self.reference = None if self.study.desired_varies else files.reference(index)
         self.chosen = chosen_entries(self.study)
         base = self.study.base
-        length = next(iter(base.loops.values())).state_length
-        shape = (len(self.chosen), base.config.time.samples, length)
-        self.states = {label: np.full(shape, np.nan) for label in base.loops}
+        shape = len(self.chosen), base.config.time.samples
+        self.states = {
+            label: np.full((*shape, loop.state_length), np.nan)
+            for label, loop in base.loops.items()
+        }
 
     def fill(self, parts: Sequence[tuple[int, FinishedPart]]) -> CrossCheck | None:
         if self.reference is not None:

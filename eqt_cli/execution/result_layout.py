@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from eqt_cli.config.yaml_source import dump
+from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
 from eqt_cli.experiment.law_names import LAW, law_names
 from eqt_cli.experiment.study import Study
@@ -227,6 +228,13 @@ def described(
 ) -> dict[str, Any]:
     """The attributes with which a result can be understood and run again."""
     groups = {study.piece(index).base.group.name: None for index in range(len(study.shapes))}
+    loops = study.base.loops
+    functions = {label: loop.controller.energy for label, loop in loops.items()}
+    unclaimed = [label for label, loop in loops.items() if not loop.claims_decrease]
+    own = {}  # a result of the paper's laws says nothing of it
+    if set(functions.values()) != {Controller.energy} or unclaimed:
+        told = {"functions": functions, "unclaimed": unclaimed}
+        own["lyapunov_functions"] = json.dumps(told, ensure_ascii=False)
     return {
         "title": study.name,
         "config": config,
@@ -237,4 +245,5 @@ def described(
         "titles": json.dumps(titles(study), ensure_ascii=False),
         "provenance": json.dumps(provenance, ensure_ascii=False),
         "references": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
+        **own,
     }

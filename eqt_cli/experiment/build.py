@@ -6,25 +6,23 @@ Every section is built even where another is broken; what depends on a broken se
 from __future__ import annotations
 
 import json
-from contextlib import suppress
-from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 from hashlib import sha256
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.config.plugins import load_plugins
-from eqt_cli.config.schema import Config, GainsSection, InitialSection, Section
+from eqt_cli.config.schema import Config, GainsSection, InitialSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.blame import blamed
-from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
-from eqt_cli.core.validation import as_section, component, known_keys, note_errors, shown
+from eqt_cli.core.validation import as_section, component, fields_of, known_keys, shown, unknown_key
 from eqt_cli.engines import Engine
 from eqt_cli.ensemble.factor_poses import FactorPoses
 from eqt_cli.ensemble.poses import PoseDistribution, pose_distributions
@@ -55,10 +53,10 @@ class Experiment:
         One closed loop per controller label.
     initial_pose, initial_velocity
         Q_d(0) and V_d(0).
-    plugins
-        Source text of each plugin, by its path as written in the configuration.
+    source
+        What it was built from, with the text of each plugin: it can be built again anywhere.
     files
-        Contents of files with data, likewise.
+        Contents of files with data, by their names in the configuration.
     """
 
     config: Config
@@ -70,7 +68,7 @@ class Experiment:
     poses: PoseDistribution
     velocities: VelocityDistribution
     solver: Solver
-    plugins: dict[str, str]
+    source: ConfigSource
     files: dict[str, str]
 
     @property
@@ -89,13 +87,18 @@ class Experiment:
         return np.linspace(0.0, self.config.time.duration, self.config.time.samples)
 
     @property
+    def plugins(self) -> dict[str, str]:
+        """Source text of each plugin, by its path as written in the configuration."""
+        return self.source.stored_plugins or {}
+
+    @property
     def numeric_config(self) -> dict[str, Any]:
         """What of the resolved configuration affects the numbers, plugins by their source."""
         kept = {key: value for key, value in self.resolved.items() if key != "name"}
         sources = [sha256(text.encode()).hexdigest() for text in self.plugins.values()]
         return kept | {"plugins": sources} | digests(self.files)
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Hash of everything that affects the numbers; equal digests, equal experiments."""
         text = json.dumps(self.numeric_config, sort_keys=True)
@@ -143,9 +146,9 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     if group and sections["inertia"] is not None:
         inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
     if group:
-        whole = sections["gains"]
-        known = dict(whole) if whole else _good_keys(GainsSection, source.data.get("gains"))
-        gains = gains_from(known, group, problems.at("gains"))
+        section, at_gains = source.data.get("gains"), problems.at("gains")
+        known = fields_of(GainsSection, section, at_gains) if isinstance(section, dict) else {}
+        gains = gains_from(known, group, at_gains)
     if initial:
         start = _start(initial, group, desired, source, problems.at("initial"))
     config = _agreeing(source, group, desired, start, problems)
@@ -162,10 +165,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         label: ClosedLoop(group, inertia, gains, desired.reference, law, vehicle)
         for label, law in laws.items()
     }
-    seed = config.ensemble.seed
-    probe(loops, start.poses, start.velocities, desired.pose, desired.velocity, seed, problems)
-    problems.raise_if_any()
-    return Experiment(
+    experiment = Experiment(
         config,
         complete,
         group,
@@ -175,9 +175,12 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         start.poses,
         start.velocities,
         solver,
-        plugins,
+        replace(source, stored_plugins=plugins),
         desired.files | start.files,
     )
+    probe(experiment, problems)
+    problems.raise_if_any()
+    return experiment
 
 
 def _start(
@@ -228,48 +231,17 @@ def _agreeing(
 
 def _sections(data: dict[str, Any], problems: Problems) -> dict[str, Any]:
     """The validated sections by name; None for those that are missing or broken."""
-    try:
-        config = Config.model_validate(data)
-        return {name: getattr(config, name) for name in Config.model_fields}
-    except ValidationError as error:
-        unknown, wrong = note_errors(error, data, Config, problems, elsewhere=_elsewhere)
-    data, broken = deepcopy(data), {path[0] for path in wrong}
-    for path in unknown:
-        _remove(data, path)  # the rest of its section can still be judged
-    sections: dict[str, Any] = dict.fromkeys(Config.model_fields)
-    for name, field in Config.model_fields.items():
-        if name in broken:
-            continue
-        if name in data:
-            sections[name] = TypeAdapter(field.rebuild_annotation()).validate_python(data[name])
-        else:
-            sections[name] = field.get_default(call_default_factory=True)
-    return sections
+    known = known_keys(Config, ())
+    for key in data:
+        if key not in known:
+            problems.at(key).add(unknown_key(key, known, _elsewhere(key)))
+    return dict.fromkeys(known) | fields_of(Config, data, problems)
 
 
-def _good_keys(model: type[Section], data: Any) -> dict[str, Any]:
-    """The validated keys of a section in which others may be broken; `_sections` notes those."""
-    found = {}
-    for name, field in model.model_fields.items():
-        if isinstance(data, dict) and name in data:
-            with suppress(ValidationError):
-                adapter = TypeAdapter(field.rebuild_annotation())
-                found[name] = adapter.validate_python(data[name])
-    return found
-
-
-def _remove(data: Any, path: KeyPath) -> None:
-    for step in path[:-1]:
-        data = data[step]
-    del data[path[-1]]
-
-
-def _elsewhere(path: KeyPath) -> str | None:
+def _elsewhere(key: str) -> str | None:
     """The section's key that is written without its section: ``gains.kp`` for ``kp``."""
-    if len(path) != 1:
-        return None
-    found = (name for name in Config.model_fields if path[0] in known_keys(Config, (name,)))
-    return next((f"{name}.{path[0]}" for name in found), None)
+    found = (name for name in Config.model_fields if key in known_keys(Config, (name,)))
+    return next((f"{name}.{key}" for name in found), None)
 
 
 def _group(name: str | None, problems: Problems) -> MatrixLieGroup | None:

@@ -132,10 +132,6 @@ class Plan:
         start = index * self.size
         return Part(number, controller, start, min(start + self.size, self.entries), self.runs)
 
-    def runs_of(self, number: int) -> int:
-        """The number of runs of a part."""
-        return len(self.part(number))
-
 
 @dataclass(frozen=True)
 class Plans:
@@ -167,7 +163,7 @@ class Plans:
     def runs_of(self, number: int) -> int:
         """The number of runs of a part."""
         index, inner = self.where(number)
-        return self.plans[index].runs_of(inner)
+        return len(self.plans[index].part(inner))
 
     @property
     def data(self) -> Any:

@@ -47,6 +47,21 @@ def without_sweep(source: ConfigSource) -> ConfigSource:
     return dataclasses.replace(source, data=data)
 
 
+def sweep_of(source: ConfigSource) -> Sweep:
+    """The sweep that a configuration describes.
+
+    Raises
+    ------
+    ConfigError
+        With everything that is wrong with it.
+    """
+    problems = Problems(source.place)
+    sweep = Sweep.read(source.data["sweep"], problems.at("sweep"))
+    problems.raise_if_any()
+    assert sweep is not None
+    return sweep
+
+
 def config_at(source: ConfigSource, point: int) -> ConfigSource:
     """The configuration at a point of the sweep that it describes.
 
@@ -55,13 +70,10 @@ def config_at(source: ConfigSource, point: int) -> ConfigSource:
     EqtError
         If it sweeps nothing, or has no such point.
     """
-    name, section = source.source.name, source.data.get("sweep")
-    if not section:
+    name = source.source.name
+    if not source.data.get("sweep"):
         raise EqtError(f"{name}: sweeps nothing, so it has no point to choose; leave it out")
-    problems = Problems(source.place)
-    sweep = Sweep.read(section, problems.at("sweep"))
-    problems.raise_if_any()
-    assert sweep is not None
+    sweep = sweep_of(source)
     if not 0 <= point < len(sweep):
         raise EqtError(f"{name}: has no point {point}; choose one of 0 to {len(sweep) - 1}")
     return at_point(without_sweep(source), sweep, point)

@@ -7,9 +7,9 @@ the midst of a run. It knows no engine.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,26 +21,21 @@ from eqt_cli.core.errors import EqtError, InputError
 from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.core.registry import is_foreign
 from eqt_cli.ensemble.initial import draw_initial_states
-from eqt_cli.ensemble.poses import PoseDistribution
-from eqt_cli.ensemble.velocities import VelocityDistribution
+
+if TYPE_CHECKING:
+    from eqt_cli.experiment.build import Experiment
 
 WHEN = "at the start of run 0"
 
 
-def probe(
-    loops: Mapping[str, ClosedLoop],
-    poses: PoseDistribution,
-    velocities: VelocityDistribution,
-    Qd: Array,
-    Vd: Array,
-    seed: int,
-    problems: Problems,
-) -> None:
+def probe(experiment: Experiment, problems: Problems) -> None:
     """Note what components of the user's raise, or return in a shape that does not fit."""
-    parts = [part for loop in loops.values() for part in _parts(loop)]
+    loops, Qd, Vd = experiment.loops, experiment.initial_pose, experiment.initial_velocity
+    poses, velocities = experiment.poses, experiment.velocities
+    parts = [part for e in loops.values() for part in (e.group, e.reference, e.controller)]
     if not any(is_foreign(type(part).__module__) for part in [*parts, poses, velocities]):
         return
-    first = next(iter(loops.values()))
+    first, seed = next(iter(loops.values())), experiment.config.ensemble.seed
     with problems.catching("initial"), _failing("the initial states"):
         Q, V = draw_initial_states(
             first.group, poses, velocities, Qd=Qd, Vd=Vd, seed=seed, runs=[0]
@@ -55,11 +50,9 @@ def probe(
     for index, loop in enumerate(loops.values()):
         path, name = _suspect(loop.controller, ("controllers", index), "controller", loop)
         with problems.catching(*path):
+            with _failing(name):
+                state = loop.initial_state(Q, V, Qd, Vd)[0]  # with the memory of this law
             _probe_law(loop, state, name)
-
-
-def _parts(loop: ClosedLoop) -> tuple[object, ...]:
-    return loop.group, loop.reference, loop.controller
 
 
 def _suspect(part: Any, path: KeyPath, kind: str, loop: ClosedLoop) -> tuple[KeyPath, str]:

@@ -9,7 +9,7 @@ from eqt_cli.config.schema import DEFAULT_ENGINE, Judgement
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import is_foreign
-from eqt_cli.core.validation import option_names, shown, unknown_key, with_options
+from eqt_cli.core.validation import option_names, shown, unknown_key, validated
 from eqt_cli.engines import Engine, engines
 
 
@@ -69,7 +69,7 @@ def _require_available(name: Any) -> None:
 
 def _with_own_keys(owner: type[Any], section: dict[str, Any], problems: Problems) -> Any:
     options = {key: section[key] for key in option_names(owner) if key in section}
-    return with_options(owner, options, problems)
+    return validated(owner, options, problems)
 
 
 def _can_check(engine: Engine) -> bool:

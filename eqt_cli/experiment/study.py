@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,7 @@ from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.registry import load_plugin
 from eqt_cli.ensemble.designs.zip import Zip
 from eqt_cli.ensemble.sweep import Sweep
-from eqt_cli.experiment.build import Experiment, build, digests
+from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.plan import MANY_PARTS, Plan, Plans
 from eqt_cli.experiment.point import at_point, section_of
 
@@ -37,17 +35,19 @@ class Study:
 
     Attributes
     ----------
-    source
-        The configuration; its data without `sweep`.
     sweep
         The points; None for a single experiment.
     base
         The experiment at the first point.
     """
 
-    source: ConfigSource
     sweep: Sweep | None
     base: Experiment
+
+    @property
+    def source(self) -> ConfigSource:
+        """The configuration of the first point."""
+        return self.base.source
 
     # The points.
 
@@ -60,9 +60,8 @@ class Study:
 
     @cached_property
     def _cached(self) -> Any:
-        trusted = dataclasses.replace(self.source, stored_plugins=self.base.plugins)
         return lru_cache(maxsize=CACHED_POINTS)(
-            lambda point: build(at_point(trusted, self.sweep, point), trust_plugins=True)
+            lambda point: build(at_point(self.source, self.sweep, point), trust_plugins=True)
         )
 
     @property
@@ -106,7 +105,7 @@ class Study:
     def plan(self) -> Plan:
         """The cut into parts, where all points have one shape; the sizes hold for any."""
         base, runs = self.base, self.base.config.ensemble.runs
-        state_length = next(iter(base.loops.values())).state_length
+        state_length = max(loop.state_length for loop in base.loops.values())
         most = PART_BYTES // (8 * base.config.time.samples * state_length)
         wanted = max(base.engine.part_runs, self._all_runs // MANY_PARTS)
         size = base.engine.runs_at_once(min(wanted, most))
@@ -148,9 +147,9 @@ class Study:
             key: list(values) for key, values in zip(self.sweep.keys, columns, strict=True)
         }
         store = {"store": self.resolved["store"]}  # what is kept is decided for all together
-        source = dataclasses.replace(self.source, data=self.source.data | store)
+        source = replace(self.source, data=self.source.data | store)
         sweep = Sweep([Zip(axes)], [{Zip.name: axes}])
-        piece = Study(source, sweep, self.experiment(points[0]))
+        piece = Study(sweep, build(at_point(source, sweep, 0), trust_plugins=True))
         if "plans" in self.__dict__:
             piece.__dict__["plan"] = self.plans.plans[index]
         return piece
@@ -179,17 +178,20 @@ class Study:
             resolved = resolved | {"store": store, "sweep": self.sweep.data}
         return resolved
 
+    @cached_property
+    def _whole(self) -> Experiment:
+        """The first point with the configuration of all."""
+        return replace(self.base, resolved=self.resolved, files=self.files)
+
     @property
     def numeric_config(self) -> dict[str, Any]:
         """What of the resolved configuration affects the numbers, plugins by their source."""
-        kept = {key: value for key, value in self.resolved.items() if key != "name"}
-        return kept | {"plugins": self.base.numeric_config["plugins"]} | digests(self.files)
+        return self._whole.numeric_config
 
-    @cached_property
+    @property
     def digest(self) -> str:
         """Hash of everything that affects the numbers; equal digests, equal results."""
-        text = json.dumps(self.numeric_config, sort_keys=True)
-        return sha256(text.encode()).hexdigest()
+        return self._whole.digest
 
     @property
     def files(self) -> dict[str, str]:
@@ -199,20 +201,12 @@ class Study:
     # Journeys to other processes.
 
     def __getstate__(self) -> dict[str, Any]:
-        return {
-            "source": self.source,
-            "sweep": self.sweep,
-            "plugins": self.base.plugins,
-            "plans": self.plans,
-        }
+        return {"source": self.source, "sweep": self.sweep, "plans": self.plans}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        source = dataclasses.replace(state["source"], stored_plugins=state["plugins"])
-        for path, text in state["plugins"].items():
+        source, plans = state.pop("source"), state["plans"]
+        for path, text in source.stored_plugins.items():
             load_plugin(Path(path), text)
-        first = at_point(source, state["sweep"], 0)
-        base = build(first, trust_plugins=True)
-        kept = {"sweep": state["sweep"], "plans": state["plans"]}
-        self.__dict__.update(source=source, base=base, **kept)
+        self.__dict__.update(state, base=build(source, trust_plugins=True))
         if not self.is_ragged:
-            self.__dict__["plan"] = self.plans.plans[0]
+            self.__dict__["plan"] = plans.plans[0]

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any
 
 from eqt_cli.config.schema import FIXED, Config
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.yaml_source import parse_value
 from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
 from eqt_cli.core.problems import Problems
-from eqt_cli.ensemble.sweep import Sweep
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.point import at_point, section_of, without_sweep
+from eqt_cli.experiment.point import at_point, section_of, sweep_of, without_sweep
 from eqt_cli.experiment.study import Study
 
 MOST_PROBLEMS = 20
@@ -82,10 +80,15 @@ def study(
     section = source.data.get("sweep")
     bare = without_sweep(source)
     if section is None or section == []:
-        return Study(bare, None, build(bare, trust_plugins=trust_plugins))
-    sweep = _sweep(source, section)
+        return Study(None, build(bare, trust_plugins=trust_plugins))
+    sweep = sweep_of(source)
+    problems = Problems(source.place)
+    for key in sweep.keys:
+        with problems.catching("sweep", *sweep.place(0, key)):
+            _require_sweepable(key)
+    problems.raise_if_any()
     base = build(at_point(bare, sweep, 0), trust_plugins=trust_plugins)
-    found = Study(bare, sweep, base)
+    found = Study(sweep, base)
     if found.is_ragged and len(found) > MOST_GROUPS:
         raise EqtError(
             f"{source.place(('sweep',))}: {len(found)} points that differ in group or sample times "
@@ -102,18 +105,6 @@ def spread(count: int, most: int | None) -> Sequence[int]:
     if most is None or count <= most:
         return range(count)
     return [k * (count - 1) // (most - 1) for k in range(most)]
-
-
-def _sweep(source: ConfigSource, section: Any) -> Sweep:
-    problems = Problems(source.place)
-    sweep = Sweep.read(section, problems.at("sweep"))
-    problems.raise_if_any()
-    assert sweep is not None
-    for key in sweep.keys:
-        with problems.catching("sweep", *sweep.place(0, key)):
-            _require_sweepable(key)
-    problems.raise_if_any()
-    return sweep
 
 
 def _require_sweepable(key: str) -> None:

@@ -2,7 +2,7 @@
 
 A group is its basis and four closed forms (`inverse`, `exp`, `log`, `drift`). Nothing here, nor
 in any law built on it, knows which group it works with. All operators take leading batch axes, and
-all but `exp`, `log` and `drift` also take object arrays of symbols.
+all but `exp` and `drift` also take object arrays of symbols.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, transpose
-from eqt_cli.core.errors import TraceError
+from eqt_cli.core.errors import ComponentError, TraceError
 
 
 @dataclass(frozen=True)
@@ -114,6 +114,21 @@ class MatrixLieGroup(ABC):
     @abstractmethod
     def log(self, Q: Array) -> Array:
         """The principal logarithm in coordinates, ``(..., d, d) -> (..., m)``."""
+
+    def log_force(self, x: Array, p: Array) -> Array:
+        """The covector f with ⟨f, V⟩ = ⟨p, d/dt log(Q exp(tV))⟩ at t = 0, where x = log Q.
+
+        ``(..., m), (..., m) -> (..., m)``; f = J_r⁻ᵀ(x) p with the right Jacobian J_r. A law that
+        shapes an energy of log Q needs it; a group may go without.
+        """
+        raise ComponentError(f"group '{self.name}' has no derivative of the logarithm")
+
+    def half_turn(self, Q: Array) -> tuple[Array, Array]:
+        """cos(θ/2) and 2 sin(θ/2) times the axis of the shorter turn to Q.
+
+        Of a group of rotations and what they act on; other groups have none.
+        """
+        raise ComponentError(f"group '{self.name}' has no half turns")
 
     @abstractmethod
     def drift(self, Q: Array) -> Array:

@@ -1,15 +1,30 @@
 """Rotations of R^n acting on k translation columns: SO(n), SE(n) and SE_2(3) in one description.
 
-A pose is the matrix [[R, x_1 … x_k], [0, I]]. The closed forms on rotations and rigid motions are
+A pose is the matrix [[R, x_1 … x_k], [0, I]]. The exponentials of rotations and rigid motions are
 SciPy's; this module arranges them by columns and knows no law.
 """
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from scipy.spatial.transform import RigidTransform, Rotation
 
-from eqt_cli.core.arrays import Array, apply_matrix, frobenius, norm, sin, transpose
+from eqt_cli.core.arrays import (
+    Array,
+    apply_matrix,
+    dot,
+    frobenius,
+    less,
+    norm,
+    sin,
+    sqrt,
+    stack,
+    transpose,
+    where,
+)
+from eqt_cli.groups.angles import inverse_jacobian_terms, ratio_to_sine
 from eqt_cli.groups.base import MatrixLieGroup, Part
 
 SMALLEST_RATE = 1e-100
@@ -149,14 +164,78 @@ class EuclideanGroup(MatrixLieGroup):
         return self.identity + phi * X + 2 * half * half * X2 + (phi - sin(phi)) * X3
 
     def log(self, Q: Array) -> Array:
-        """log in closed form, with rotation angles in [0, π] (n = 3) or (−π, π] (n = 2)."""
-        rotation, translations = self.rotation(Q), self.translations(Q)
-        turn = _log_rotation(rotation)
-        columns = [
-            _inverse_left_jacobian_times(rotation, turn, translations[..., index])
-            for index in range(len(self.columns))
+        """log in closed form, with rotation angles in [0, π] (n = 3) or [−π, π] (n = 2)."""
+        c, y = self.half_turn(Q)
+        turn = ratio_to_sine(stack([c])) * y
+        if not self.columns:
+            return turn
+        psi, _ = inverse_jacobian_terms(stack([dot(turn, turn)]))
+        W = (turn @ self._turns.reshape(self.rotations, -1)).reshape(self.rotation(Q).shape)
+        X = self.translations(Q)
+        twice = W @ X
+        X = X - twice / 2 + psi[..., None] * (W @ twice)  # J(ω)⁻¹ x
+        return np.concatenate([turn, transpose(X).reshape(*turn.shape[:-1], -1)], axis=-1)
+
+    def log_force(self, x: Array, p: Array) -> Array:
+        """J_r⁻ᵀ(x) p with J_r⁻¹ = ad_x/2 + (ad_x/2) coth(ad_x/2), a polynomial in ad_x.
+
+        The eigenvalues of ad_x are 0 and ±iθ, the latter as double roots where translations turn
+        with the rotation, so that values and slopes of the even part fix its polynomial.
+        """
+        turn = x[..., : self.rotations]
+        square = stack([dot(turn, turn)])
+        psi, slope = inverse_jacobian_terms(square)
+        once = self.ad_star(x, p)
+        twice = self.ad_star(x, once)
+        if not self.columns or self.space == 2:
+            return p + once / 2 + psi * twice
+        fourth = self.ad_star(x, self.ad_star(x, twice))
+        return p + once / 2 + (psi - square * slope) * twice - slope * fourth
+
+    def half_turn(self, Q: Array) -> tuple[Array, Array]:
+        """cos(θ/2) ≥ 0 and 2 sin(θ/2) times the unit axis, ``(...)`` and ``(..., 3)`` or 1.
+
+        Twice the vector part of the unit quaternion of the shorter turn: it changes its sign
+        where an angle passes π. Whichever entry of the quaternion is large enough to divide by
+        gives the others (Shepperd, J. Guidance and Control 1 (1978) 223).
+        """
+        R = self.rotation(Q)
+        if not self.rotations:
+            return super().half_turn(Q)
+        if self.space == 2:
+            return self._half_turn_in_plane(R[..., 0, 0], R[..., 1, 0])
+        diagonal = [R[..., k, k] for k in range(3)]
+        trace = diagonal[0] + diagonal[1] + diagonal[2]
+        sines = [R[..., k - 1, k - 2] - R[..., k - 2, k - 1] for k in range(3)]
+        sums = [R[..., k - 1, k - 2] + R[..., k - 2, k - 1] for k in range(3)]
+        far = less(trace, 0.0)
+        # Near I the axis does not matter, and an engine is to see no comparison change there.
+        first, second, third = (where(far, entry, k) for k, entry in enumerate(diagonal))
+        is_second = less(first, second)
+        is_third = less(where(is_second, second, first), third)
+
+        def chosen(w: Any, x: Any, y: Any, z: Any) -> Any:
+            return where(far, where(is_third, z, where(is_second, y, x)), w)
+
+        # 4 q_k² and 4 q_k q for the entry q_k that is chosen.
+        square = chosen(1 + trace, *(1 + 2 * diagonal[k] - trace for k in range(3)))
+        root = sqrt(square)
+        w = chosen(square, *sines) / root
+        entries = [
+            chosen(sines[0], square, sums[2], sums[1]),
+            chosen(sines[1], sums[2], square, sums[0]),
+            chosen(sines[2], sums[1], sums[0], square),
         ]
-        return np.concatenate([turn, *columns], axis=-1)
+        sign = where(less(w, 0.0), -1.0, 1.0)
+        return sign * w / 2, stack([sign * entry / root for entry in entries])
+
+    def _half_turn_in_plane(self, c: Array, s: Array) -> tuple[Array, Array]:
+        far = less(c, 0.0)
+        square = where(far, 2 - 2 * c, 2 + 2 * c)
+        root = sqrt(square)
+        w, y = where(far, 2 * s, square) / root, where(far, square, 2 * s) / root
+        sign = where(less(w, 0.0), -1.0, 1.0)
+        return sign * w / 2, stack([sign * y])
 
     def drift(self, Q: Array) -> Array:
         """‖RᵀR − I‖_F; the other entries of a pose cannot drift."""
@@ -200,13 +279,6 @@ def _exp_rotation(turn: Array) -> Array:
     return Rotation.from_rotvec(rows).as_matrix().reshape(*turn.shape[:-1], 3, 3)
 
 
-def _log_rotation(rotation: Array) -> Array:
-    if rotation.shape[-1] == 2:
-        return np.arctan2(rotation[..., 1, :1], rotation[..., 0, :1])
-    rows = rotation.reshape(-1, 3, 3)
-    return Rotation.from_matrix(rows).as_rotvec().reshape(*rotation.shape[:-2], 3)
-
-
 def _left_jacobian_times(turn: Array, x: Array) -> Array:
     """J(ω) x with J(ω) = ∫₀¹ exp(sω) ds."""
     if turn.shape[-1] == 1:
@@ -214,19 +286,6 @@ def _left_jacobian_times(turn: Array, x: Array) -> Array:
         return np.stack([a * x[..., 0] - b * x[..., 1], b * x[..., 0] + a * x[..., 1]], axis=-1)
     coordinates = np.concatenate([turn, x], axis=-1).reshape(-1, 6)
     return RigidTransform.from_exp_coords(coordinates).translation.reshape(x.shape)
-
-
-def _inverse_left_jacobian_times(rotation: Array, turn: Array, x: Array) -> Array:
-    if turn.shape[-1] == 1:
-        a, b = _planar_jacobian(turn[..., 0])
-        n = a * a + b * b
-        return np.stack(
-            [(a * x[..., 0] + b * x[..., 1]) / n, (a * x[..., 1] - b * x[..., 0]) / n], axis=-1
-        )
-    poses = RigidTransform.from_components(
-        x.reshape(-1, 3), Rotation.from_matrix(rotation.reshape(-1, 3, 3))
-    )
-    return poses.as_exp_coords()[:, 3:].reshape(x.shape)
 
 
 def _planar_jacobian(angle: Array) -> tuple[Array, Array]:

@@ -119,6 +119,11 @@ class ProductGroup(MatrixLieGroup):
         logs = [factor.log(Q[..., block, block]) for factor, block, _ in self._layout()]
         return np.concatenate(logs, axis=-1)
 
+    def log_force(self, x: Array, p: Array) -> Array:
+        """Block by block."""
+        forces = [factor.log_force(x[..., at], p[..., at]) for factor, _, at in self._layout()]
+        return np.concatenate(forces, axis=-1)
+
     def drift(self, Q: Array) -> Array:
         """The largest drift of a factor."""
         drifts = [factor.drift(Q[..., block, block]) for factor, block, _ in self._layout()]

@@ -57,6 +57,10 @@ class VectorGroup(EuclideanGroup):
         """The translation."""
         return Q[..., : self.space, self.space]
 
+    def log_force(self, x: Array, p: Array) -> Array:
+        """p: the logarithm is linear."""
+        return p
+
     def drift(self, Q: Array) -> Array:
         """0: no entry that can vary can leave the group."""
         return np.zeros(Q.shape[:-2])

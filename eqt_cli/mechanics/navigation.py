@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from eqt_cli.core.arrays import Array, times, transpose
 from eqt_cli.groups import MatrixLieGroup
 
@@ -30,10 +28,17 @@ def gradient(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
     return G.contract(transpose(Q) @ times(Q - G.identity, K))
 
 
-def hessian_at_identity(G: MatrixLieGroup, K: Array) -> Array:
-    """G_ij = tr(E_i K E_jᵀ); I is a non-degenerate minimum of Υ exactly if it is positive definite.
+def gradient_rate(G: MatrixLieGroup, K: Array, Q: Array, V: Array) -> Array:
+    """The rate of `gradient` along a motion with body velocity V, Q̇ = Q V^."""
+    rate = Q @ G.hat(V)
+    change = transpose(rate) @ times(Q - G.identity, K) + transpose(Q) @ times(rate, K)
+    return G.contract(change)
 
-    On SO(3) with K = diag(λ) its eigenvalues are the sums λ_i + λ_j, i ≠ j.
+
+def hessian_at_identity(G: MatrixLieGroup, K: Array) -> Array:
+    """H_ij = tr(E_i K E_jᵀ), ``(..., m, m)``.
+
+    I is a non-degenerate minimum of Υ exactly if it is positive definite. On SO(3) with
+    K = diag(λ) its eigenvalues are the sums λ_i + λ_j, i ≠ j.
     """
-    hessian: Array = np.einsum("iab,bc,jac->ij", G.basis, K, G.basis)
-    return hessian
+    return G.contract(G.basis @ K[..., None, :, :])

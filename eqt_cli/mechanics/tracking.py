@@ -6,7 +6,7 @@ This is all that a control law may read. Everything is computed once, when first
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -91,6 +91,28 @@ class Tracking:
         return self.P - self.Pd
 
     @cached_property
+    def relative(self) -> Tracking:
+        """The same motion against its reference seen from the body: the errors Q_d⁻¹Q and V − ξ.
+
+        The desired velocity carried to the body is ξ = Ad_{Q_L⁻¹} V_d with Q_L = Q_d⁻¹Q; it
+        changes at the rate ξ̇ = Ad_{Q_L⁻¹} V̇_d − ad_{V−ξ} ξ, and the torque that drives it is
+        τ_ξ = 𝕀ξ̇ + 𝕀̇ξ − ad*_ξ 𝕀ξ. With Q_L in the place of the pose, I in that of the desired
+        pose and (𝕀ξ, τ_ξ) in those of its momentum and torque, all that this class calls an error
+        is the error in the body frame, and so a formula for one serves both: Ṽ is V − ξ, Q_E
+        is Q_L, and the gradient is L*_{Q_L}dΥ(Q_L).
+        """
+        G, inertia = self.G, self.inertia
+        Q_L = G.inverse(self.Qd) @ self.Q
+        carry = G.Ad_matrix(G.inverse(Q_L))
+        xi = apply_matrix(carry, self.Vd)
+        xi_dot = apply_matrix(carry, self.Vd_dot) - G.ad(self.V - xi, xi)
+        P_xi = inertia.momentum(xi)
+        tau_xi = inertia.momentum(xi_dot) + inertia.rate_force(xi) - G.ad_star(xi, P_xi)
+        seen = replace(self, Q=Q_L, Qd=G.identity, Pd=P_xi, tau_d=tau_xi)
+        vars(seen).update(V=self.V, Vd=xi, Vd_dot=xi_dot)  # known already
+        return seen
+
+    @cached_property
     def Q_E(self) -> Array:
         """Q_E = Q Q_d⁻¹, Hampsey et al. (2025), eq. (17)."""
         return pose_error(self.G, self.Q, self.Qd)
@@ -110,10 +132,50 @@ class Tracking:
         """
         return self.inertia.feedforward(self.V_tilde)
 
+    def feedforward(self, g: Any, c: Any, n: Any, q: Any = None) -> Array:
+        """τ_d − g ad*_Ṽ 𝕀V_d − c ad*_{V_d} 𝕀Ṽ + n 𝕀 ad_V V_d + Ṡ*S⁻* 𝕀Ṽ − q ad*_Ṽ 𝕀Ṽ.
+
+        The terms with g and q have no power. Without a q, its term is left out.
+        """
+        G = self.G
+        force = (
+            self.tau_d
+            - g * G.ad_star(self.V_tilde, self.Pd)
+            - c * G.ad_star(self.Vd, self.P_tilde)
+            + n * self.inertia.momentum(G.ad(self.V, self.Vd))
+            + self.inertia_force
+        )
+        return force if q is None else force - q * G.ad_star(self.V_tilde, self.P_tilde)
+
+    @cached_property
+    def cancelling_feedforward(self) -> Array:
+        """Ṗ_d − ad*_V P + Ṡ*S⁻* 𝕀Ṽ, equal to `feedforward` with (1, 1, 0, 1).
+
+        It leaves d(𝕀Ṽ)/dt = Ṡ*S⁻* 𝕀Ṽ.
+        """
+        G = self.G
+        Pd_dot = self.tau_d + G.ad_star(self.Vd, self.Pd)
+        return Pd_dot - G.ad_star(self.V, self.P) + self.inertia_force
+
     @cached_property
     def gradient(self) -> Array:
         """L*_{Q_E} dΥ(Q_E), spatial frame."""
         return navigation.gradient(self.G, self.gains.K, self.Q_E)
+
+    @cached_property
+    def gradient_rate(self) -> Array:
+        """The rate at which `gradient` changes."""
+        return navigation.gradient_rate(self.G, self.gains.K, self.Q_E, self.V_E)
+
+    @cached_property
+    def stiffness(self) -> Array:
+        """The Hessian of Υ at I, `gradient` for a small error, ``(..., m, m)``."""
+        return navigation.hessian_at_identity(self.G, self.gains.K)
+
+    @property
+    def kinetic_error(self) -> Array:
+        """½⟨𝕀Ṽ, Ṽ⟩."""
+        return dot(self.P_tilde, self.V_tilde) / 2
 
     @cached_property
     def spatial_damping(self) -> Array:
@@ -128,5 +190,4 @@ class Tracking:
     @property
     def lyapunov(self) -> Array:
         """L = ½⟨P_E, 𝕀̄_t⁻¹P_E⟩ + Υ(Q_E) = ½⟨P̃, Ṽ⟩ + Υ(Q_E), Theorems 3.2 and 6.2."""
-        potential = navigation.potential(self.G, self.gains.K, self.Q_E)
-        return dot(self.P_tilde, self.V_tilde) / 2 + potential
+        return self.kinetic_error + navigation.potential(self.G, self.gains.K, self.Q_E)

@@ -10,7 +10,7 @@ from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import summary
-from eqt_cli.core.validation import option_names, with_options
+from eqt_cli.core.validation import option_names, validated
 from eqt_cli.plots import baseline
 from eqt_cli.plots.base import Figure, OfCertificates
 from eqt_cli.plots.baseline import Check
@@ -132,7 +132,7 @@ def figure_from(name: str, options: Mapping[str, Any]) -> Figure[Any]:
         If there is no such figure or option, or an option cannot have its value.
     """
     problems = Problems(lambda path: f"figure '{name}'")
-    figure = with_options(figures.get(name), options, problems)
+    figure: Figure[Any] | None = validated(figures.get(name), options, problems)
     problems.raise_if_any()
     assert figure is not None  # since there are no problems
     return figure

@@ -135,7 +135,7 @@ class _Moving(Reference):
 
 
 @dataclass(frozen=True)
-class ByRates(_Moving):
+class ReferenceByRates(_Moving):
     """A reference whose velocity is given; its pose is integrated from Q_d(0)."""
 
     starts_from: ClassVar[tuple[str, ...]] = ("pose",)
@@ -156,7 +156,7 @@ class ByRates(_Moving):
 
 
 @dataclass(frozen=True)
-class Closed(_Moving):
+class ClosedReference(_Moving):
     """A reference in closed form: evaluated, not integrated, and no part of a state."""
 
     starts_from: ClassVar[tuple[str, ...]] = ()
@@ -186,7 +186,7 @@ class Closed(_Moving):
 
 
 @dataclass(frozen=True)
-class Piecewise(Closed):
+class PiecewiseReference(ClosedReference):
     """A reference in closed form that is given piece by piece, between instants."""
 
     @abstractmethod

@@ -16,7 +16,7 @@ from eqt_cli.core.numbers import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.motions import Factor, motion_along
-from eqt_cli.references.base import Closed, instants_of
+from eqt_cli.references.base import ClosedReference, instants_of
 from eqt_cli.written.files import coordinate_names
 from eqt_cli.written.poses import pose_from, vector
 
@@ -55,7 +55,7 @@ class PathFactor:
 
 
 @dataclass(frozen=True)
-class PathReference(Closed):
+class PathReference(ClosedReference):
     """Q_d(t) = Q_0 exp(a_1(t) ξ_1) exp(a_2(t) ξ_2) …, turns and moves one after the other.
 
     Attributes

@@ -11,11 +11,11 @@ from eqt_cli.core.differentiation import value_and_derivative
 from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.references.base import ByRates, check_expressions, instants_of
+from eqt_cli.references.base import ReferenceByRates, check_expressions, instants_of
 
 
 @dataclass(frozen=True)
-class RatesReference(ByRates):
+class RatesReference(ReferenceByRates):
     """A body velocity V_d(t), one expression per coordinate; the pose is integrated.
 
     Attributes

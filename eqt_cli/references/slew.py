@@ -9,12 +9,12 @@ from eqt_cli.core.numbers import Positive, Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.motions import Pieces, eased
-from eqt_cli.references.base import Piecewise
+from eqt_cli.references.base import PiecewiseReference
 from eqt_cli.written.poses import pose_from
 
 
 @dataclass(frozen=True)
-class SlewReference(Piecewise):
+class SlewReference(PiecewiseReference):
     """Rest to rest along the geodesic from · exp(a(t) log(from⁻¹ to)).
 
     Attributes

@@ -15,7 +15,7 @@ from eqt_cli.core.numbers import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.motions import Pieces, spline
-from eqt_cli.references.base import Piecewise
+from eqt_cli.references.base import PiecewiseReference
 from eqt_cli.written.files import TrajectoryFormat, read_trajectory
 from eqt_cli.written.poses import pose_from
 
@@ -37,7 +37,7 @@ class Waypoint:
 
 
 @dataclass(frozen=True)
-class WaypointsReference(Piecewise):
+class WaypointsReference(PiecewiseReference):
     """A cubic spline on the group through every waypoint.
 
     Its acceleration has no jumps, and is 0 at both ends.

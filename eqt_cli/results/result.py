@@ -191,6 +191,25 @@ class Result(ResultFile):
         return [law_title(label) for label in self.labels]
 
     @cached_property
+    def lyapunov_functions(self) -> dict[str, str]:
+        """Which function L is, by label; empty where it is the same one for all."""
+        found = self._told_of_L.get("functions", {})
+        return found if len(set(found.values())) > 1 else {}
+
+    @cached_property
+    def unclaimed(self) -> list[str]:
+        """The labels of the laws that do not claim that their L falls."""
+        return list(self._told_of_L.get("unclaimed", []))
+
+    @cached_property
+    def _told_of_L(self) -> dict[str, Any]:
+        try:
+            told = json.loads(str(self.attributes["lyapunov_functions"]))
+        except (KeyError, ValueError):  # the paper's laws, or a file from before laws had their own
+            return {}
+        return told if isinstance(told, dict) else {}
+
+    @cached_property
     def kinds(self) -> dict[str, str]:
         """The controller's kind by label, as the stored configuration has it; else the label."""
         try:
@@ -566,6 +585,8 @@ class Result(ResultFile):
         values = np.full((len(self.labels), self.runs), np.nan)
         values[:, runs] = np.stack(columns)
         values[~self.good] = np.nan
+        if quantity.name == "decay_rate":  # nobody claims the decay of another function
+            values[[self.labels.index(label) for label in self.unclaimed]] = np.nan
         censored = self.good & np.isnan(values) & quantity.censored
         values[censored] = window.stop
         return PerRun(quantity, window, unit, values, censored, len(runs))

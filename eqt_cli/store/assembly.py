@@ -1,7 +1,6 @@
 """A result file that is filled piece by piece, for what does not fit the memory.
 
-It appears complete or not at all, as with `eqt_cli.store.writer`; it must not know what the
-numbers mean or where the pieces come from.
+It must not know what the numbers mean or where the pieces come from.
 """
 
 from __future__ import annotations
@@ -16,9 +15,11 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from eqt_cli.store.layout import FORMAT, FORMAT_ATTRIBUTE
+from eqt_cli.store.layout import COORDINATES, FORMAT, FORMAT_ATTRIBUTE, PLACEHOLDER
+from eqt_cli.store.sink import created
 from eqt_cli.store.variables import Attribute, Variable
-from eqt_cli.store.writer import add_scales, attach, compressed, created, set_attributes
+
+_CHUNK_BYTES = 2**20
 
 
 @dataclass(frozen=True)
@@ -59,25 +60,26 @@ class Assembly:
         name: str,
         sizes: Mapping[str, int],
         coordinates: Mapping[str, Variable],
-        blanks: Mapping[str, Blank],
+        variables: Mapping[str, Blank | Variable],
     ) -> Assembly:
         """Add a group with dimensions and variables of its own, as `assemble` does for the file."""
         creation = h5py.h5p.create(h5py.h5p.GROUP_CREATE)
         creation.set_obj_track_times(False)
         creation.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
         group = h5py.Group(h5py.h5g.create(self._file.id, name.encode(), gcpl=creation))
-        _add_blanks(group, sizes, coordinates, blanks, self._compression)
+        _lay_out(group, sizes, coordinates, variables, self._compression)
         return Assembly(group, self._compression)
 
     def put(self, name: str, data: NDArray[Any], positions: tuple[int | slice, ...] = ()) -> None:
         """Write part of a variable: at `positions` along its first axes, all of the others."""
-        # Empty strings are left unwritten, as in `write`.
+        # Empty strings are left unwritten, which reads the same: the millions of runs without a
+        # message then cost a reference each, but no object in a heap.
         if data.size and not (data.dtype == object and (data == "").all()):
             self._file[name][positions] = data
 
     def describe(self, attributes: Mapping[str, Attribute]) -> None:
         """Add attributes of the file, or of the group."""
-        set_attributes(self._file, attributes)
+        self._file.attrs.update(attributes)
 
 
 @contextmanager
@@ -85,10 +87,14 @@ def assemble(
     path: str | Path,
     sizes: Mapping[str, int],
     coordinates: Mapping[str, Variable],
-    blanks: Mapping[str, Blank],
+    variables: Mapping[str, Blank | Variable],
     compression: Literal["gzip"] | None = None,
+    tag: str = "",
 ) -> Iterator[Assembly]:
-    """Create a result file to be filled in the block; every variable must be written.
+    """Create a result file to be filled in the block; every blank must be written.
+
+    The layout is that of HDF5 1.8 with netCDF-4's dimension scales, which HDF5 tools, netCDF and
+    xarray all read. The file appears, complete, when the block ends without an error.
 
     Parameters
     ----------
@@ -98,38 +104,88 @@ def assemble(
         The size of every dimension.
     coordinates
         As in a `Table`.
-    blanks
-        The variables, by name.
+    variables
+        By name: blanks, or variables that are written at once.
     compression
-        As for `eqt_cli.store.writer.write`.
+        ``"gzip"`` stores numbers in shuffled, compressed chunks; None, contiguously.
+    tag
+        Distinguishes the unfinished files of concurrent processes.
 
     Raises
     ------
     ResultError
         If the disk refuses; `path` is then as it was before.
     """
-    with created(path) as file:
+    with created(path, tag) as file:
         file.attrs[FORMAT_ATTRIBUTE] = FORMAT
-        _add_blanks(file, sizes, coordinates, blanks, compression)
+        _lay_out(file, sizes, coordinates, variables, compression)
         yield Assembly(file, compression)
 
 
-def _add_blanks(
+def _lay_out(
     owner: Any,
     sizes: Mapping[str, int],
     coordinates: Mapping[str, Variable],
-    blanks: Mapping[str, Blank],
+    variables: Mapping[str, Blank | Variable],
     compression: Literal["gzip"] | None,
 ) -> None:
-    extra = add_scales(owner, sizes, coordinates)
-    for name, blank in blanks.items():
-        shape = tuple(sizes[dim] for dim in blank.dims)
-        dtype = h5py.string_dtype("utf-8") if blank.dtype is None else blank.dtype
-        options: dict[str, Any] = {}
-        if compression and blank.dtype is not None and shape and 0 not in shape:
-            options = compressed(shape, blank.dtype)
-        dataset = owner.create_dataset(name, shape=shape, dtype=dtype, **options)
-        if blank.dtype is None and 0 not in shape:
-            dataset[(0,) * len(shape)] = ""  # so that the dataset takes its room
-        set_attributes(dataset, blank.attributes)
-        attach(owner, dataset, blank.dims, extra)
+    """Add every dimension, coordinate and variable."""
+    for dim, size in sizes.items():
+        if dim in coordinates:
+            _add(owner, dim, coordinates[dim], sizes, None).make_scale(dim)
+        else:
+            # Never written, so that it takes no room: only its length counts.
+            owner.create_dataset(dim, shape=(size,), dtype=">f4").make_scale(
+                f"{PLACEHOLDER}{size:10d}"
+            )
+    extra = {name: variable for name, variable in coordinates.items() if name not in sizes}
+    for name, variable in extra.items():
+        _attach(owner, _add(owner, name, variable, sizes, None), variable.dims, {})
+    for name, entry in variables.items():
+        _attach(owner, _add(owner, name, entry, sizes, compression), entry.dims, extra)
+
+
+def _add(
+    owner: Any,
+    name: str,
+    entry: Blank | Variable,
+    sizes: Mapping[str, int],
+    compression: Literal["gzip"] | None,
+) -> Any:
+    """Create one dataset, with the data of a variable."""
+    shape = tuple(sizes[dim] for dim in entry.dims)
+    options: dict[str, Any] = {}
+    if entry.dtype is None:  # never compressed: that would reach only the references to strings
+        dtype = h5py.string_dtype("utf-8")
+    else:
+        dtype = entry.dtype.newbyteorder("<")
+        if compression and shape and 0 not in shape:
+            options = _compressed(shape, dtype)
+    dataset = owner.create_dataset(name, shape=shape, dtype=dtype, **options)
+    if entry.dtype is None and 0 not in shape:
+        dataset[(0,) * len(shape)] = ""  # so that the dataset takes its room
+    dataset.attrs.update(entry.attributes)
+    if isinstance(entry, Variable):
+        data = entry.data.astype(object) if entry.dtype is None else entry.data
+        Assembly(owner).put(name, data)
+    return dataset
+
+
+def _attach(owner: Any, dataset: Any, dims: tuple[str, ...], extra: Mapping[str, Variable]) -> None:
+    """Name the dimensions of a dataset, and the further coordinates along them."""
+    for axis, dim in enumerate(dims):
+        dataset.dims[axis].attach_scale(owner[dim])
+    described = [name for name, variable in extra.items() if set(variable.dims) <= set(dims)]
+    if described:
+        dataset.attrs[COORDINATES] = " ".join(described)
+
+
+def _compressed(shape: tuple[int, ...], dtype: np.dtype[Any]) -> dict[str, Any]:
+    """How h5py is told to compress: in blocks of about 1 MiB that hold the last axes whole."""
+    room = max(1, _CHUNK_BYTES // dtype.itemsize)
+    chunks: list[int] = []
+    for size in reversed(shape):
+        pieces = -(-size // room)
+        chunks.insert(0, -(-size // pieces))
+        room = max(1, room // chunks[0])
+    return {"compression": "gzip", "shuffle": True, "chunks": tuple(chunks)}

@@ -308,22 +308,15 @@ class MissingAttributeError(ResultError, KeyError):
     __str__ = ResultError.__str__  # KeyError's would quote the message
 
 
-class _Attributes(Mapping[str, Attribute]):
+class _Attributes(dict[str, Attribute]):
     """Root attributes, whose absence is a fault of the file."""
 
     def __init__(self, path: Path, attributes: Mapping[str, Attribute]) -> None:
-        self._path, self._attributes = path, attributes
+        super().__init__(attributes)
+        self._path = path
 
-    def __getitem__(self, name: str) -> Attribute:
-        if name not in self._attributes:
-            raise MissingAttributeError(f"{self._path}: lacks the attribute '{name}'; {_RESTORE}")
-        return self._attributes[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._attributes)
-
-    def __len__(self) -> int:
-        return len(self._attributes)
+    def __missing__(self, name: str) -> Attribute:
+        raise MissingAttributeError(f"{self._path}: lacks the attribute '{name}'; {_RESTORE}")
 
 
 def _find(path: Path) -> Path:
@@ -387,18 +380,15 @@ def _check_format(path: Path, version: int | None) -> None:
 def _positions(place: str, wanted: Positions | None, size: int) -> int | slice | NDArray[Any]:
     """A selection in the form that h5py reads: in range, and slices forwards."""
     if wanted is None:
-        return slice(0, size, 1)
+        return slice(None)
     try:
         if isinstance(wanted, slice):
-            steps = range(*wanted.indices(size))
-            if len(steps) == 0:
-                return slice(0, 0, 1)
-            if steps.step > 0:
-                return slice(steps.start, steps[-1] + 1, steps.step)
-            return np.array(steps)
+            wanted = range(size)[wanted]
+            if wanted.step > 0:
+                return slice(wanted.start, wanted.stop, wanted.step)
         if isinstance(wanted, (Sequence, np.ndarray)):
             listed = [_position(place, k, size) for k in wanted]
-            return np.array(listed) if listed else slice(0, 0, 1)
+            return np.array(listed) if listed else slice(0, 0)
         return _position(place, wanted, size)
     except TypeError:
         raise ResultError(

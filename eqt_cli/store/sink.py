@@ -1,15 +1,26 @@
-"""A file that never fails while HDF5 writes it; it must not know what is written."""
+"""HDF5 files that appear complete or not at all; it must not know what is written."""
 
 from __future__ import annotations
 
+import errno
 import io
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
+
+import h5py
+
+from eqt_cli.core.errors import Remedy, ResultError
 
 READ_BACK = 2**24
 """Bytes; HDF5 reads back its own notes and heaps, which are shorter, and no longer data."""
+
+_NO_SPACE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
+_NO_FOLDER = {errno.ENOENT, errno.ENOTDIR}
 
 
 class Sink:
@@ -88,3 +99,72 @@ class Sink:
         """Bring the file to the disk, unless an earlier step failed."""
         if self._error is None:
             os.fsync(self._file.fileno())
+
+
+@contextmanager
+def created(path: str | Path, tag: str = "") -> Iterator[Any]:
+    """A new HDF5 file that takes the place of `path` when the block ends without an error.
+
+    The file appears complete or not at all: it is written beside its place as ``<name>.tmp``, or
+    ``<name>.<tag>.tmp`` where several processes may write the same file at a time, brought to the
+    disk and renamed.
+
+    Raises
+    ------
+    ResultError
+        If the disk refuses; `path` is then as it was before.
+    """
+    target = Path(path)
+    temporary = target.with_name(f"{target.name}{tag and '.' + tag}.tmp")
+    try:
+        temporary.unlink(missing_ok=True)  # what a killed process may have left
+        with Sink(temporary) as sink:
+            with _create(sink) as file:
+                yield file
+            sink.synchronise()
+        temporary.replace(target)
+        _sync_folder(target.parent)
+    except OSError as error:
+        raise _refused(target, error) from error
+    finally:
+        with suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def _create(sink: Sink) -> Any:
+    """A new HDF5 file in `sink`, as readable as HDF5 1.8 and free of times of its own."""
+    access = h5py.h5p.create(h5py.h5p.FILE_ACCESS)
+    access.set_fileobj_driver(h5py.h5fd.fileobj_driver, sink)
+    # From 1.8 on, attributes may exceed 64 KB and metadata carry checksums.
+    access.set_libver_bounds(h5py.h5f.LIBVER_V18, h5py.h5f.LIBVER_V18)
+    access.set_fclose_degree(h5py.h5f.CLOSE_STRONG)
+    creation = h5py.h5p.create(h5py.h5p.FILE_CREATE)
+    creation.set_obj_track_times(False)
+    creation.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
+    return h5py.File(h5py.h5f.create(b"results", h5py.h5f.ACC_TRUNC, creation, access))
+
+
+def _sync_folder(folder: Path) -> None:
+    """Make a rename last; not every system and disk can, and there the system's own habit holds."""
+    if os.name != "posix":
+        return
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+            raise
+    finally:
+        os.close(handle)
+
+
+def _refused(target: Path, error: OSError) -> ResultError:
+    if error.errno in _NO_SPACE:
+        remedy = Remedy("free some space or choose another folder with {}", "out")
+    elif error.errno in _FORBIDDEN:
+        remedy = Remedy("choose a folder that you may write to with {}", "out")
+    elif error.errno in _NO_FOLDER:
+        remedy = Remedy(f"create the folder {target.parent} first")
+    else:
+        remedy = Remedy(f"check the folder {target.parent}")
+    return ResultError(f"{target}: cannot be written: {error.strerror or error}", remedy)

@@ -230,6 +230,11 @@ def inertia_with_other_change(factor):
     return fault
 
 
+def log_without_jacobian(exact, G, Q):
+    columns = transpose(G.translations(Q)).reshape(*Q.shape[:-2], -1)
+    return np.concatenate([exact(G, Q)[..., : G.rotations], columns], axis=-1)
+
+
 def gyroscopic_change(change):
     """Another S for the same 𝕀_t: the skew part of A has no power, but another torque."""
     return change + (change - transpose(change)) / 2
@@ -438,7 +443,7 @@ PLANTS = {
     ),
     "log: Jacobian left out": (
         "bluerov2",
-        in_function(euclidean._inverse_left_jacobian_times, lambda exact, R, turn, x: x),
+        in_method(EuclideanGroup, "log", log_without_jacobian),
     ),
     "exp: Jacobian of the plane transposed": (
         "plane",
@@ -478,10 +483,11 @@ PLANTS = {
 # Which rows turn red ------------------------------------------------------------------------------
 
 ALL = "eqt,gt,nog,asym"
-WEIGHTS = "weights (g, c, n) of the law"
+WEIGHTS = "weights (g, c, n, q) of the law"
 THROUGH = on("eqt", "control through G ⋉ g*") | on(ALL, WEIGHTS)  # both go through G ⋉ g*
 LITERAL = {(f"{title} on SO(3)", title.lower()) for title in ("EqT", "GT", "nog", "asym")}
 POWER = "power of the feedforward"
+SMALL = "stiffness and damping of small errors"
 CRITICAL = "critical points of Υ"
 EXP = on("", "exp and log")
 BALANCE = ("energy balance", "rate of L")
@@ -498,16 +504,16 @@ EXPECTED = {
     "c: sign": LITERAL | THROUGH | on(ALL, POWER, *BALANCE),
     "n: sign": literal("gt", "asym") | on("gt,asym", WEIGHTS, POWER, *BALANCE),
     "n: factor 2": literal("gt", "asym") | on("gt,asym", WEIGHTS, POWER, *BALANCE),
-    "damping: sign": LITERAL | THROUGH | on(ALL, *BALANCE),
+    "damping: sign": LITERAL | THROUGH | on(ALL, SMALL, *BALANCE),
     "damping: frame": THROUGH - on("gt", WEIGHTS) | on("eqt,nog,asym", *BALANCE),
-    "gradient term: sign": LITERAL | THROUGH | on(ALL, *BALANCE),
+    "gradient term: sign": LITERAL | THROUGH | on(ALL, SMALL, *BALANCE),
     "gradient term: not transported": LITERAL | THROUGH | on(ALL, *BALANCE),
     "gradient term: not transported, SE(3)": THROUGH | on(ALL, *BALANCE),
     "reference torque: missing": LITERAL | THROUGH | on(ALL, POWER, *BALANCE),
     "inertia force: sign, factored": THROUGH | on(ALL, POWER, *BALANCE),
     "inertia force: sign, prescribed": THROUGH | on(ALL, POWER, *BALANCE),
     "stabilising feedforward: sign": on("with", "stabilising control", *BALANCE),
-    "stabilising damping: sign": on("with,without", "stabilising control", *BALANCE),
+    "stabilising damping: sign": on("with,without", "stabilising control", SMALL, *BALANCE),
     "S-dot: factor 2": on(
         "", "feedforward of a varying inertia", "feedforward of the error inertia"
     )
@@ -523,8 +529,9 @@ EXPECTED = {
     | on(ALL, *BALANCE),
     "gradient of the potential: sign": on("", "gradient of Υ", CRITICAL)
     | LITERAL
-    | on(ALL, *BALANCE),
-    "gradient of the potential: factor 2": on("", "gradient of Υ", CRITICAL) | on(ALL, *BALANCE),
+    | on(ALL, SMALL, *BALANCE),
+    "gradient of the potential: factor 2": on("", "gradient of Υ", CRITICAL)
+    | on(ALL, SMALL, *BALANCE),
     # The theorem's control and the body's change together, so that they still agree for EqT.
     "ad*: sign": on(
         "",
@@ -578,7 +585,7 @@ EXPECTED = {
         "Ad and ad of G ⋉ g*",
     )
     | LITERAL
-    | on(ALL, *BALANCE),
+    | on(ALL, SMALL, *BALANCE),
     "Ad: of the inverse": on(
         "",
         "Ad* is the dual of conjugation",
@@ -660,6 +667,7 @@ EXPECTED = {
     "dissipation: sign": on(ALL, *BALANCE),
     "inverse of the inertia: factor": on("", "momentum of a velocity", "error velocity and energy")
     | LITERAL
+    | on(ALL, SMALL)
     | on("gt,asym", POWER, *BALANCE),
     "GT: g = 0.6": literal("gt") | on("gt", WEIGHTS),
     "GT: c = 0.6": literal("gt") | on("gt", WEIGHTS, POWER),

@@ -25,6 +25,8 @@ from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references import references
+from eqt_cli.references.path import PathFactor
+from eqt_cli.references.waypoints import Waypoint
 from eqt_cli.vehicle.forces import Force
 
 PLUGINS = sorted(Path(__file__).parents[1].glob("compatibility/first_version/plugins/*.py"))
@@ -43,6 +45,16 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "deadband": {"width": 0.4},
     "noise": {"std": 0.1},
     "lag": {"time_constant": 0.2},
+    "path": {"factors": [PathFactor("wz", "0.3*sin(t)"), PathFactor("wx", "0.1*t**2")]},
+    "rates": {"rates": ["cos(t)", "sin(t)", "cos(t)*sin(t)", "1", "t", "sin(2*t)"]},
+    "slew": {"to": {"rotvec": [0, 0.5, 1]}, "duration": 3.0},
+    "waypoints": {
+        "points": [
+            Waypoint(0.0, "identity"),
+            Waypoint(1.0, {"rotvec": [0.3, 0, 0]}),
+            Waypoint(3.0, {"rotvec": [0, 0.5, 0.5]}),
+        ]
+    },
     "swinging": {"frequencies": [1.0, 2.0, 0.5, 1.5, 0.1, 3.0]},
 }
 """Of components that have no default for them; lists are cut to the dimension of the group."""
@@ -87,11 +99,12 @@ def made(component: type, dimension: int = 3) -> Any:
     """A component with its default options."""
     kind = " force" if issubclass(component, Force) and component.name == "constant" else ""
     options = OPTIONS.get(component.name + kind, {})
-    return component(**{name: _cut(values, dimension) for name, values in options.items()})
-
-
-def _cut(values: Any, dimension: int) -> Any:
-    return values[:dimension] if isinstance(values, list) else values
+    return component(
+        **{
+            name: values[:dimension] if isinstance(values, list) else values
+            for name, values in options.items()
+        }
+    )
 
 
 @pytest.fixture

@@ -31,6 +31,8 @@ def test_symbols_give_the_same_as_floats(loop, states, symbols):
     to, back = symbols
     y = states(loop, (2,))
     traced = loop.with_parameters({name: to(value) for name, value in loop.parameters.items()})
+    held = {name: to(np.asarray(value)) for name, value in loop.held(0.3).items()}
+    traced = traced.holding(held)
     found = back(traced.tracking(to(0.3), to(y)).tau_d)
     expected = loop.tracking(0.3, y).tau_d
     np.testing.assert_allclose(*np.broadcast_arrays(found, expected), rtol=0, atol=ROUNDING)

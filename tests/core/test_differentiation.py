@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eqt_cli.core.arrays import FUNCTIONS
-from eqt_cli.core.differentiation import slope, value_and_derivative
+from eqt_cli.core.differentiation import slope, value_and_derivative, value_and_derivatives
 from eqt_cli.core.expressions import parse
 
 # Smooth on all of R, so that composites have no poles; all are analytic, as a complex step needs.
@@ -83,6 +83,38 @@ def test_slope_of_every_function(name):
 def test_derivative_where_a_rule_could_go_wrong(text, at, expected):
     _, derivative = value_and_derivative(parse(text), {"t": at})
     assert derivative == pytest.approx(expected, rel=1e-15, abs=0)
+
+
+@pytest.mark.parametrize(
+    ("text", "at", "expected"),
+    [
+        ("min(t, t**2)", 0.5, (0.25, 1.0, 2.0)),
+        ("max(t, t**2)", 0.5, (0.5, 1.0, 0.0)),
+        ("sign(t)*t**2", -2.0, (-4.0, 4.0, -2.0)),
+        ("step(t, 1)*t**2", 2.0, (4.0, 4.0, 2.0)),
+        ("smoothstep(t, 1, 3)", 2.0, (0.5, 0.75, 0.0)),
+        ("smoothstep(t, 1, 3)", 1.5, (0.15625, 0.5625, 0.75)),
+        ("smoothstep(t, 1, 3)", 4.0, (1.0, 0.0, 0.0)),
+        ("where(t < 1, t, t**3)", 2.0, (8.0, 12.0, 12.0)),
+        ("2", 2.0, (2.0, 0.0, 0.0)),
+        ("2**t", 0.0, (1.0, math.log(2), math.log(2) ** 2)),
+        ("t**t", 1.0, (1.0, 1.0, 2.0)),
+    ],
+)
+def test_second_derivatives(text, at, expected):
+    assert value_and_derivatives(parse(text), at) == pytest.approx(expected, rel=1e-14, abs=1e-15)
+    found = value_and_derivatives(parse(text), np.array([at, at]))
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-14, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_second_derivative_of_every_function(name):
+    x, h, text = (1.5 if name == "acosh" else 0.5), 1e-3, parse(f"{name}(t)*t")
+    at = [value_and_derivative(text, {"t": x + k * h})[1] for k in (-2, -1, 1, 2)]
+    difference = (8 * (at[2] - at[1]) - (at[3] - at[0])) / (12 * h)
+    # Five points: h⁴|f⁽⁶⁾|/30 ~ 1e-11, rounding ε/h ~ 2e-13.
+    assert value_and_derivatives(text, x)[2] == pytest.approx(difference, rel=1e-8)
 
 
 @pytest.mark.parametrize(

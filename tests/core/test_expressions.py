@@ -52,6 +52,19 @@ def _message(text: str, variables: tuple[str, ...] = ("t",)) -> str:
         ("-2*-3**2", 18.0),
         ("exp(1)", math.e),
         ("abs(-3)", 3.0),
+        ("min(3, 1, 2)", 1.0),
+        ("max(3, 1, 2)", 3.0),
+        ("sign(-2) + sign(0)", -1.0),
+        ("step(1, 2)", 0.0),
+        ("step(2, 2)", 1.0),
+        ("smoothstep(2, 1, 3)", 0.5),
+        ("smoothstep(9, 1, 3)", 1.0),
+        ("where(1 < 2, 3, 4)", 3.0),
+        ("where(2 < 2, 3, 4)", 4.0),
+        ("where(2 <= 2, 3, 4)", 3.0),
+        ("where(2 > 2, 3, 4)", 4.0),
+        ("where(2 >= 2, 3, 4)", 3.0),
+        ("where(1 < 2, where(1 > 2, 5, 6), 4)", 6.0),
     ],
 )
 def test_constant(text: str, value: float) -> None:
@@ -108,6 +121,24 @@ def test_evaluation_is_ieee_without_warnings(text: str, t: float, value: float) 
 def test_a_missing_value_is_a_key_error() -> None:
     with pytest.raises(KeyError, match="t"):
         parse("t").evaluate({})
+
+
+@pytest.mark.parametrize(
+    ("text", "instants"),
+    [
+        ("sin(t)", ()),
+        ("step(t, 2)", (2.0,)),
+        ("step(2*t - 1, 3) + where(t <= 1, 0, t)", (1.0, 2.0)),
+        ("smoothstep(t, 1, 3)", (1.0, 3.0)),
+        ("max(t, 2, 3*t)", (0.0, 2 / 3, 2.0)),
+        ("sign(1 - t/2)", (2.0,)),
+        ("sign(sin(t))", ()),  # engines find these on their way
+        ("abs(t - 1)", ()),  # as they have always done with these
+        ("step(1, 2)*t", ()),
+    ],
+)
+def test_instants_are_read_off(text: str, instants: tuple[float, ...]) -> None:
+    assert parse(text).instants == instants
 
 
 # Symbols --------------------------------------------------------------------------------------
@@ -241,18 +272,60 @@ def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
         (
             "omega*t",
             "unknown name 'omega' at column 1; expected one of t, pi, sin, cos, tan, asin, acos, "
-            "atan, sinh, cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs",
+            "atan, sinh, cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs, min, max, sign, "
+            "step, smoothstep, where",
         ),
         (
             "__import__('os')",
             "unknown name '__import__' at column 1; expected one of t, pi, sin, cos, tan, asin, "
-            "acos, atan, sinh, cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs",
+            "acos, atan, sinh, cosh, tanh, asinh, acosh, atanh, exp, log, sqrt, abs, min, max, "
+            "sign, step, smoothstep, where",
         ),
         ("t^2", "unexpected character '^' at column 2; write '**' for a power"),
         (
             "1,5",
-            "unexpected character ',' at column 2; numbers take a decimal point, functions one "
-            "argument",
+            "unexpected ',' at column 2; numbers take a decimal point, and only min, max, step, "
+            "smoothstep, where take several arguments",
+        ),
+        ("min(t)", "function 'min' at column 1 takes two or more arguments, got 1"),
+        ("max()", "function 'max' at column 1 takes two or more arguments, got none"),
+        (
+            "sign(t, 1)",
+            "function 'sign' at column 1 takes one argument, got another after ',' at column 7",
+        ),
+        (
+            "1 + step(t)",
+            "function 'step' at column 5 takes two arguments, as in 'step(t, 1)', "
+            "which is 0 before t = 1 and 1 after, got 1",
+        ),
+        (
+            "where(t, 1, 2)",
+            "function 'where' at column 1 takes a comparison and two values, as in "
+            "'where(t < 1, 0, 2)', got no comparison at column 7",
+        ),
+        (
+            "where(t < 1, 2)",
+            "function 'where' at column 1 takes a comparison and two values, as "
+            "in 'where(t < 1, 0, 2)', got no more",
+        ),
+        (
+            "t < 1",
+            "unexpected '<' at column 3; one comparison can stand first in 'where', as in "
+            "'where(t < 1, 0, 2)'",
+        ),
+        (
+            "where(0 < t < 1, 2, 3)",
+            "unexpected '<' at column 13; one comparison can stand first "
+            "in 'where', as in 'where(t < 1, 0, 2)'",
+        ),
+        (
+            "where(t < 1 and t > 0, 2, 3)",
+            "unexpected 'and' at column 13; write one 'where' within another",
+        ),
+        (
+            "smoothstep(t, 3, 1)",
+            "'smoothstep' at column 1 is to rise from 3 to 1; expected the "
+            "second number to be larger",
         ),
         ("2·t", "unexpected character '·' at column 2; write '*'"),
         ("t − 1", "unexpected character '−' at column 3; write '-'"),

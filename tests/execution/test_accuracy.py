@@ -20,7 +20,7 @@ TAYLOR = "{engine: taylor, rtol: 1.0e-6, tol: 1.0e-6, cross_check: 0}"
 
 def simulate(experiment):
     """Every variable of a small experiment, ``(controller, run, …)``; a part per controller."""
-    study = Study(None, None, experiment)
+    study = Study(None, experiment)
     shared = reference_table(study).variables[REFERENCE_STATES].data[0]
     assert len(study.plan) == len(experiment.loops)
     tables = [
@@ -96,7 +96,7 @@ def test_only_runs_over_the_limit_are_marked(estimated, experiment):
 def test_chosen_runs_are_a_fixed_function_of_seed_and_number(experiment):
     def chosen(*overrides, **changes):
         found = experiment("ensemble.runs=50", *overrides, **changes)
-        return chosen_entries(Study(None, None, found)).tolist()
+        return chosen_entries(Study(None, found)).tolist()
 
     solver = "{cross_check: 4}"
     first = chosen(solver=solver)
@@ -112,7 +112,7 @@ def test_chosen_runs_are_a_fixed_function_of_seed_and_number(experiment):
 
 def test_no_more_runs_are_chosen_than_there_are(experiment):
     def chosen(solver):
-        return chosen_entries(Study(None, None, experiment(solver=solver))).tolist()
+        return chosen_entries(Study(None, experiment(solver=solver))).tolist()
 
     assert chosen("{cross_check: 9}") == [0, 1, 2]
     assert chosen("{cross_check: 0}") == []

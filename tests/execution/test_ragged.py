@@ -324,6 +324,12 @@ def test_an_ensemble_of_another_size_at_some_point(make):
     )
 
 
+def test_what_is_kept_is_decided_for_all_points_together(make, monkeypatch):
+    monkeypatch.setattr("eqt_cli.experiment.study.MOST_TRAJECTORIES", 30)
+    whole = make(TIMES)  # 40 runs in two pieces of 20
+    assert (whole.kept, [whole.piece(index).kept for index in range(2)]) == (0, [0, 0])
+
+
 def test_more_groups_than_a_file_should_have(make, tmp_path):
     values = f"{{low: 1, high: 2, points: {MOST_GROUPS + 1}}}"
     with pytest.raises(EqtError) as caught:

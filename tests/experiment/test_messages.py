@@ -107,6 +107,8 @@ def names(registry: Registry[Any]) -> str:
         (
             "initial",
             "{pose: {kind: haar, position: {sdt: 1}}}",
+            "c.yaml:6:30: initial.pose.position: SO3 has no position column; "
+            "it has no translations\n"
             "c.yaml:6:41: initial.pose.position.sdt: unknown key; did you mean 'std'?",
         ),
         (
@@ -271,13 +273,13 @@ def test_a_missing_key(message: Message, section: str, value: str | None, said: 
             "reference",
             "{kind: constant, pose: null}",
             "c.yaml:4:29: reference.pose: expected identity, a 3×3 matrix with all its digits, "
-            "or {rotvec: …} for SO3, got null",
+            "or {rotvec: …} (or quaternion, euler, matrix for rotvec) for SO3, got null",
         ),
         (
             "reference",
             "{kind: constant, pose: 3}",
             "c.yaml:4:29: reference.pose: expected identity, a 3×3 matrix with all its digits, "
-            "or {rotvec: …} for SO3, got 3",
+            "or {rotvec: …} (or quaternion, euler, matrix for rotvec) for SO3, got 3",
         ),
         (
             "reference",
@@ -865,26 +867,27 @@ def test_a_trap_of_yaml(message: Message, section: str, value: str | None, said:
             "{kind: constant, pose: [[1, 0, 0], [0, 2, 0], [0, 0, 1]]}",
             "c.yaml:4:29: reference.pose: expected an element of SO3, got a matrix that is 3 "
             "away from one (at most 1e-09 is rounding); give identity, a 3×3 matrix with all "
-            "its digits, or {rotvec: …} for SO3",
+            "its digits, or {rotvec: …} (or quaternion, euler, matrix for rotvec) for SO3",
         ),
         (
             "reference",
             "{kind: constant, pose: [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}",
             "c.yaml:4:29: reference.pose: expected an element of SO3, got a matrix that is 2 "
             "away from one (at most 1e-09 is rounding); give identity, a 3×3 matrix with all "
-            "its digits, or {rotvec: …} for SO3",
+            "its digits, or {rotvec: …} (or quaternion, euler, matrix for rotvec) for SO3",
         ),
         (
             "reference",
             "{kind: constant, pose: [[1, 0, 0], [0, 0.999999, 0], [0, 0, 1]]}",
             "c.yaml:4:29: reference.pose: expected an element of SO3, got a matrix that is "
             "2e-06 away from one (at most 1e-09 is rounding); give identity, a 3×3 matrix with "
-            "all its digits, or {rotvec: …} for SO3",
+            "all its digits, or {rotvec: …} (or quaternion, euler, matrix for rotvec) for SO3",
         ),
         (
             "reference",
             "{kind: constant, pose: {position: [1, 2, 3]}}",
-            "c.yaml:4:36: reference.pose.position: unknown key; a pose of SO3 has rotvec",
+            "c.yaml:4:36: reference.pose.position: unknown key; a pose of SO3 has rotvec, "
+            "quaternion, euler, matrix",
         ),
         (
             "group",

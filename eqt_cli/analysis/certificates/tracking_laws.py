@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, ClassVar
 
-from eqt_cli.analysis.certificates.base import Identity, LiteralForm, registered_name
+from eqt_cli.analysis.certificates.base import Identity, LiteralForm, Row, registered_name
 from eqt_cli.analysis.certificates.error_system import feedforward
 from eqt_cli.analysis.evidence.running_error import rate_of
 from eqt_cli.analysis.evidence.sample import Sample
@@ -19,16 +19,19 @@ from eqt_cli.mechanics.navigation import gradient
 from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.mechanics.tracking import Gains, Tracking
 
-Point = tuple[Any, Any, Any, str]
-"""(g, c, n) and the frame of the damping."""
+Point = tuple[Any, Any, Any, Any, str, str]
+"""(g, c, n, q), the frame of the errors and the frame of the damping."""
 
 MEMBERS: dict[str | None, Point] = {
-    "eqt": (1.0, 1.0, 0.0, "spatial"),
-    "gt": (0.5, 0.5, 0.5, "body"),
-    "nog": (0.0, 1.0, 0.0, "spatial"),
-    "asym": (1.0, 0.5, 0.5, "spatial"),
+    "eqt": (1.0, 1.0, 0.0, 0.0, "spatial", "spatial"),
+    "gt": (0.5, 0.5, 0.5, 0.0, "spatial", "body"),
+    "nog": (0.0, 1.0, 0.0, 0.0, "spatial", "spatial"),
+    "asym": (1.0, 0.5, 0.5, 0.0, "spatial", "spatial"),
+    "lee2010": (1.0, 1.0, 0.0, 1.0, "body", "body"),
+    "lee2012": (0.0, 0.0, 1.0, 0.0, "body", "body"),
+    "bullo_murray": (0.5, 0.5, 0.5, 0.0, "body", "body"),
 }
-"""Where the paper's laws lie in the family, by registered name; never read from the laws."""
+"""Where named laws lie in the family, by registered name; never read from the laws."""
 
 
 def claimed_point(law: Controller) -> Point | None:
@@ -40,7 +43,25 @@ def claimed_point(law: Controller) -> Point | None:
         return named
     if not isinstance(law, Family) or type(law).torque is not Family.torque:
         return None
-    return law.gyroscopic, law.transport, law.connection, law.damping
+    weights = law.gyroscopic, law.transport, law.connection, law.quadratic
+    return *weights, law.error, str(law.damping)
+
+
+def seen_from_body(s: Tracking) -> Tracking:
+    """The motion in the errors Q_L = Q_d⁻¹Q and V − ξ, with ξ from matrices and ξ̇ by its rate.
+
+    It has (Q_L, P) for its state and (I, 𝕀ξ), driven by 𝕀ξ̇ + 𝕀̇ξ − ad*_ξ 𝕀ξ, for its reference.
+    """
+    Q_L = s.G.inverse(s.Qd) @ s.Q
+    P_xi = s.inertia.momentum(transported(s))
+    tau_xi = rate_of(P_xi) - coadjoint(s.G, transported(s), P_xi)
+    return replace(s, Q=Q_L, Qd=s.G.identity, Pd=P_xi, tau_d=tau_xi)
+
+
+def transported(s: Tracking) -> Array:
+    """ξ = (Q⁻¹Q_d V_d^ Q_d⁻¹Q)^∨, the desired velocity in the frame of the body."""
+    Q_L = s.G.inverse(s.Qd) @ s.Q
+    return s.G.vee(s.G.inverse(Q_L) @ s.G.hat(s.Vd) @ Q_L)
 
 
 class MemberForm(LiteralForm):
@@ -78,12 +99,12 @@ def tracking_control(s: Tracking) -> Array:
 
 
 class FamilyForm(LiteralForm):
-    """τ(g, c, n) is the control of Theorem 6.2 with other weights, and K_d in its own frame.
+    """τ(g, c, n, q) is the control of Theorem 6.2 with other weights, and K_d in its own frame.
 
-    The paper's laws are asked at the paper's weights, any other member at its options.
+    Named laws are asked at the weights of their papers, any other member at its options.
     """
 
-    name: ClassVar[str] = "weights (g, c, n) of the law"
+    name: ClassVar[str] = "weights (g, c, n, q) of the law"
     statement: ClassVar[str] = "Theorem 6.2, §7"
     section: ClassVar[float] = 6.21
     law: ClassVar[str] = "family"
@@ -96,11 +117,13 @@ class FamilyForm(LiteralForm):
         """The theorem's control, and what the other weights and the other frame change."""
         point = claimed_point(law)
         assert point is not None
-        g, c, n, frame = point
-        gyroscopic = (1 - g) * _coadjoint(s.G, s.V_tilde, s.Pd)
-        transport = (1 - c) * _coadjoint(s.G, s.Vd, s.P_tilde)
-        connection = n * s.inertia.momentum(_bracket(s.G, s.V, s.Vd))
-        tau = tracking_control(s) + gyroscopic + transport + connection
+        g, c, n, q, error, frame = point
+        s = seen_from_body(s) if error == "body" else s
+        gyroscopic = (1 - g) * coadjoint(s.G, s.V_tilde, s.Pd)
+        transport = (1 - c) * coadjoint(s.G, s.Vd, s.P_tilde)
+        connection = n * s.inertia.momentum(bracket(s.G, s.V, s.Vd))
+        quadratic = -q * coadjoint(s.G, s.V_tilde, s.P_tilde)
+        tau = tracking_control(s) + gyroscopic + transport + connection + quadratic
         if frame == "spatial":
             return tau
         spatial = s.G.Ad_star(s.Qd, apply_matrix(s.gains.K_d, s.G.Ad(s.Qd, s.V_tilde)))
@@ -123,11 +146,12 @@ class FeedforwardPower(Identity):
         """The power of the torque without gains against that of the transport."""
         gains, point = sample.s.gains, claimed_point(sample.loop.controller)
         assert point is not None
-        _, c, n, _ = point
-        s = replace(sample.s, gains=Gains(0 * gains.K, 0 * gains.K_d))
-        transport = (c + n) * dot(s.P_tilde, _bracket(s.G, s.V, s.Vd))
+        _, c, n, _, error, _ = point
+        loose = replace(sample.s, gains=Gains(0 * gains.K, 0 * gains.K_d))
+        s = seen_from_body(loose) if error == "body" else loose
+        transport = (c + n) * dot(s.P_tilde, bracket(s.G, s.V, s.Vd))
         inertia = dot(s.inertia_force + 0 * s.P, s.V_tilde)
-        yield dot(sample.loop.controller.torque(s) - s.tau_d, s.V_tilde), transport + inertia
+        yield dot(sample.loop.controller.torque(loose) - s.tau_d, s.V_tilde), transport + inertia
 
 
 class LyapunovRate(Identity):
@@ -146,15 +170,24 @@ class LyapunovRate(Identity):
         loop, s = sample.loop, sample.s
         outflow = loop.outflow(s, loop.acting_and_rates(s)[0])
         if outflow is not None:
-            yield rate_of(s.lyapunov), -outflow
+            yield rate_of(loop.lyapunov(s)), -outflow
+
+    def check(self, sample: Sample) -> list[Row]:
+        """With the theorem and the function of the law."""
+        law = sample.loop.controller
+        remark = "" if law.energy == Controller.energy else f"L = {law.energy}"
+        return [
+            replace(row, statement=law.theorem, remark=row.remark or remark)
+            for row in super().check(sample)
+        ]
 
 
-def _bracket(G: MatrixLieGroup, U: Array, V: Array) -> Array:
+def bracket(G: MatrixLieGroup, U: Array, V: Array) -> Array:
     """[U, V] as the commutator of matrices."""
     return G.vee(G.hat(U) @ G.hat(V) - G.hat(V) @ G.hat(U))
 
 
-def _coadjoint(G: MatrixLieGroup, V: Array, P: Array) -> Array:
+def coadjoint(G: MatrixLieGroup, V: Array, P: Array) -> Array:
     """ad*_V P by its definition, ⟨ad*_V P, E⟩ = ⟨P, V^E − EV^⟩, with P as a matrix."""
     matrix, transposed = G.hat(P / (G.basis**2).sum(axis=(-2, -1))), transpose(G.hat(V))
     return G.contract(transposed @ matrix - matrix @ transposed)

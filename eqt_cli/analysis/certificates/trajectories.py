@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -13,6 +15,22 @@ from eqt_cli.results.metrics import ENERGY_SCALE
 
 GROWTH = 0.01
 """L that grows by this part over the second half of the horizon speaks against convergence."""
+
+
+class LyapunovCheck(TrajectoryCheck):
+    """A statement about a law's own L, made where the law's source makes it."""
+
+    statement: ClassVar[str] = "Theorems 3.2, 6.2"
+
+    def check(self, runs: Runs) -> Row:
+        """As `judge`, with the function that L is and its theorem."""
+        row = self.judge(runs)
+        remark = "; ".join(part for part in (row.remark, runs.own_function) if part)
+        return replace(row, statement=runs.theorem or row.statement, remark=remark)
+
+    @abstractmethod
+    def judge(self, runs: Runs) -> Row:
+        """What the runs say."""
 
 
 class GroupDrift(TrajectoryCheck):
@@ -45,17 +63,16 @@ class ErrorSystemAlone(TrajectoryCheck):
         return self.compared(runs.error_system, bound, controller=runs.label)
 
 
-class EnergyBalance(TrajectoryCheck):
-    """L(t) + ∫(dissipation − ⟨δ, Ṽ⟩) = L(0) at every sample, relative to max(L(0), 1 J).
+class EnergyBalance(LyapunovCheck):
+    """L(t) + ∫(dissipation − ⟨δ, y⟩) = L(0) at every sample, relative to max(L(0), 1 J).
 
     δ is the force that the law does not know of: what actuators change, forces, another inertia.
     """
 
     name: ClassVar[str] = "energy balance"
-    statement: ClassVar[str] = "Theorems 3.2, 6.2"
     section: ClassVar[float] = 6.3
 
-    def check(self, runs: Runs) -> Row:
+    def judge(self, runs: Runs) -> Row:
         """The largest residual of the runs."""
         if not runs.count:
             return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=runs.label)
@@ -66,14 +83,13 @@ class EnergyBalance(TrajectoryCheck):
         return self.compared(largest(runs.energy_residual), bound, runs.remark, runs.label)
 
 
-class LyapunovDecrease(TrajectoryCheck):
+class LyapunovDecrease(LyapunovCheck):
     """The largest rise of L between samples, relative to max(L(0), 1 J)."""
 
     name: ClassVar[str] = "decrease of L"
-    statement: ClassVar[str] = "Theorems 3.2, 6.2"
     section: ClassVar[float] = 6.31
 
-    def check(self, runs: Runs) -> Row:
+    def judge(self, runs: Runs) -> Row:
         """The largest rise, which only the integrator's error may cause."""
         label, L = runs.label, runs.lyapunov
         if L is None or not len(L):
@@ -90,22 +106,21 @@ class LyapunovDecrease(TrajectoryCheck):
         return self.row(Verdict.UNCLAIMED, measured, bound, said, label)
 
 
-class Convergence(TrajectoryCheck):
+class Convergence(LyapunovCheck):
     """An error that tends to 0: within the settling threshold at the horizon, or still under way.
 
     A finite horizon cannot refute a limit; only a growing L does.
     """
 
-    statement: ClassVar[str] = "Theorems 3.2, 6.2"
-
-    def judge(self, runs: Runs, final: Array) -> Row:
+    def arrived(self, runs: Runs, final: Array) -> Row:
         """Count the runs that are not there yet, and say how fast L decays."""
         label = runs.label
         if not len(final):
             return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=label)
         late = int(np.count_nonzero(~(final <= runs.threshold)))
         rate, span = runs.decay_rate(), float(runs.times[-1] - runs.times[0])
-        decay = f"L decays at {rate:.2g} 1/s (median)" if np.isfinite(rate) else ""
+        claimed = runs.claims_decrease and np.isfinite(rate)
+        decay = f"L decays at {rate:.2g} 1/s (median)" if claimed else ""
         counted = f"{late} of {len(final)} runs not there at {runs.times[-1]:g} s" if late else ""
         remark = "; ".join(part for part in (counted, decay, runs.remark) if part)
         if runs.departures:
@@ -128,9 +143,9 @@ class PoseConvergence(Convergence):
     name: ClassVar[str] = "Q → Q_d"
     section: ClassVar[float] = 6.32
 
-    def check(self, runs: Runs) -> Row:
+    def judge(self, runs: Runs) -> Row:
         """The final pose errors."""
-        return self.judge(runs, runs.final_pose_error)
+        return self.arrived(runs, runs.final_pose_error)
 
 
 class MomentumConvergence(Convergence):
@@ -139,6 +154,6 @@ class MomentumConvergence(Convergence):
     name: ClassVar[str] = "P → P_d"
     section: ClassVar[float] = 6.33
 
-    def check(self, runs: Runs) -> Row:
+    def judge(self, runs: Runs) -> Row:
         """The final velocity errors."""
-        return self.judge(runs, runs.final_velocity_error)
+        return self.arrived(runs, runs.final_velocity_error)

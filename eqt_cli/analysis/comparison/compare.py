@@ -44,6 +44,8 @@ class Comparison:
         One row per measure and controller, and per measure and pair of controllers.
     judgements
         One row per claim and measure; empty where no claim applies.
+    lyapunov_functions
+        Which function L is, by label; empty where it is the same one for all.
     missing
         What could not be computed, and why.
     confidence, resamples, seed
@@ -60,6 +62,7 @@ class Comparison:
     levels: list[Level]
     pairs: list[Pair]
     judgements: list[Judgement]
+    lyapunov_functions: dict[str, str]
     missing: list[str]
     confidence: float
     resamples: int
@@ -106,7 +109,7 @@ def compare(
     for measure, window in [*chosen, *claimed]:
         wanted.setdefault((measure.name, window.within(result.times)), measure)
     samples = {key: result.per_run(measure, key[1]) for key, measure in wanted.items()}
-    found = statistics(
+    levels, pairs, resamples = statistics(
         list(samples.values()),
         result.labels,
         result.good,
@@ -123,12 +126,13 @@ def compare(
         kinds=result.kinds,
         failed=result.failed,
         horizon=float(result.times[-1] - result.times[0]),
-        levels=[level for level in found.levels if _key(level.measured) in shown],
-        pairs=[pair for pair in found.pairs if _key(pair.measured) in shown],
-        judgements=_judgements(result, samples, found.pairs, confidence),
+        levels=[level for level in levels if _key(level.measured) in shown],
+        pairs=[pair for pair in pairs if _key(pair.measured) in shown],
+        judgements=_judgements(result, samples, pairs, confidence),
+        lyapunov_functions=result.lyapunov_functions,
         missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
         confidence=confidence,
-        resamples=found.resamples,
+        resamples=resamples,
         seed=seed,
     )
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.bootstrap import FEWEST, Intervals, intervals_of_means
+from eqt_cli.analysis.comparison.bootstrap import FEWEST, intervals_of_means
 from eqt_cli.analysis.comparison.power import runs_to_decide
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.result import PerRun
@@ -115,15 +115,6 @@ class Pair:
         )
 
 
-@dataclass(frozen=True)
-class Statistics:
-    """All levels and pairs, in the order of the measures, and how many resamples there were."""
-
-    levels: list[Level]
-    pairs: list[Pair]
-    resamples: int
-
-
 def statistics(
     measured: Sequence[PerRun],
     labels: Sequence[str],
@@ -132,8 +123,8 @@ def statistics(
     confidence: float,
     resamples: int,
     seed: int,
-) -> Statistics:
-    """Levels of all controllers and differences of all pairs of them.
+) -> tuple[list[Level], list[Pair], int]:
+    """Levels of all controllers, differences of all pairs, and how many resamples there were.
 
     All are resampled together: resample k draws the same runs for every number in the tables.
     """
@@ -145,21 +136,16 @@ def statistics(
         ],
         axis=1,
     )
-    intervals = intervals_of_means(columns, confidence=confidence, resamples=resamples, seed=seed)
-    ends = iter(_ends(intervals))
+    found = intervals_of_means(columns, confidence=confidence, resamples=resamples, seed=seed)
+    ends = iter(np.stack([found.mean, found.low, found.high], axis=1).tolist())
     levels, pairs = [], []
     for s in measured:
         levels += [_level(s, c, label, good, next(ends)) for c, label in enumerate(labels)]
         pairs += [_pair(s, a, b, labels, good, confidence, next(ends)) for a, b in couples]
-    return Statistics(levels, pairs, intervals.resamples)
+    return levels, pairs, found.resamples
 
 
 _Interval = tuple[float, float, float]
-
-
-def _ends(found: Intervals) -> Iterator[_Interval]:
-    for mean, low, high in zip(found.mean, found.low, found.high, strict=True):
-        yield float(mean), float(low), float(high)
 
 
 def _level(s: PerRun, c: int, label: str, good: Array, interval: _Interval) -> Level:

@@ -55,6 +55,8 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
         undefined = [f"{level.controller} {level.undefined}" for level in levels if level.undefined]
         if undefined:
             notes.append(f"{name}: good runs without a value: {', '.join(undefined)}.")
+    if any("lyapunov" in level.measured.quantity.signals for level in comparison.levels):
+        notes += _functions(comparison)
     failed = [f"{label} {count}" for label, count in comparison.failed.items() if count]
     if failed:
         notes.append(f"Failed runs, left out: {', '.join(failed)}.")
@@ -67,6 +69,17 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
     return TextTable(
         "controllers", caption, header, [Block("", rows)] if rows else [], _plain(notes, write)
     )
+
+
+def _functions(comparison: Comparison) -> list[str]:
+    """Which function L is, where laws have different ones."""
+    if not comparison.lyapunov_functions:
+        return []
+    by_function: dict[str, list[str]] = {}
+    for label, function in comparison.lyapunov_functions.items():
+        by_function.setdefault(function, []).append(label)
+    told = "; ".join(f"{function} of {', '.join(of)}" for function, of in by_function.items())
+    return [f"L is each law's own function: {told}. Different functions are not compared by it."]
 
 
 def _pairs(comparison: Comparison, write: Plain, against: Sequence[str]) -> TextTable:

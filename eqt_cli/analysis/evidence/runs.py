@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
 
 ENERGY_PER_RTOL = 100.0
@@ -44,6 +45,8 @@ class Runs:
         How many runs have no end.
     departures
         What the loop holds of which the theorems do not speak, in words.
+    energy, theorem
+        Which function L is, and where it is shown to fall.
     """
 
     label: str
@@ -59,6 +62,13 @@ class Runs:
     error_system: float | None
     failed: int = 0
     departures: str = ""
+    energy: str = Controller.energy
+    theorem: str = Controller.theorem
+
+    @property
+    def own_function(self) -> str:
+        """Which function L is, where it is not the paper's."""
+        return "" if self.energy == Controller.energy else f"L = {self.energy}"
 
     @property
     def count(self) -> int:

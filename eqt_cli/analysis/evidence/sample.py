@@ -9,10 +9,12 @@ import numpy as np
 
 from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.system import MEMORY
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.semidirect import Input, Semidirect, State
 from eqt_cli.mechanics.tracking import Gains, Tracking
+from eqt_cli.references.torque import TorqueReference
 
 STATES = 5
 """Random states per identity: an error in a formula shows at any one of them."""
@@ -92,9 +94,12 @@ def sampled(
 ) -> Sample:
     """A closed loop at random states and random times of its horizon.
 
-    The reference moves, whatever it does in the experiment, unless it is to be `at_rest`.
+    The reference moves, whatever it does in the experiment, unless it is to be `at_rest`; so one
+    that has no state of its own is replaced by one that has.
     """
     G = loop.group
+    if "velocity" not in loop.reference.starts_from:
+        loop = replace(loop, reference=TorqueReference([0.0 if at_rest else 0.5] * G.dimension))
     exact = loop.with_parameters(_with_errors(loop.parameters))
     poses = [G.exp(random.standard_normal((STATES, G.dimension))) for _ in range(5)]
     vectors = random.standard_normal((9, STATES, G.dimension))
@@ -112,6 +117,8 @@ def sampled(
     free = [lifted(Q, G.drift(Q)[:, None, None]) for Q in poses[2:]]
     states = [(Q, lifted(P)) for Q, P in zip(free, vectors[2:5], strict=True)]
     inputs = [(lifted(vectors[k]), lifted(vectors[k + 1])) for k in (5, 7)]
+    gains = _without_symmetry(loop, random)
+    _fill_memory(loop, flat, random)
     return Sample(
         label,
         exact,
@@ -121,8 +128,15 @@ def sampled(
         (states[0], states[1], states[2]),
         (inputs[0], inputs[1]),
         (poses[0], vectors[0], poses[1], Vd),
-        _without_symmetry(loop, random),
+        gains,
     )
+
+
+def _fill_memory(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
+    """Any numbers for what a law remembers, which is 0 at the start."""
+    for name, where in loop.layout.slices.items():
+        if name.startswith(MEMORY):
+            flat[:, where] = random.standard_normal(flat[:, where].shape)
 
 
 def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:

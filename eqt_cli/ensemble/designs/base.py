@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self, TypeAlias, get_type_hints
 
@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 
 from eqt_cli.core.component import Component
 from eqt_cli.core.problems import KeyPath, Problems, parse_key
-from eqt_cli.core.validation import shown, validated, with_options
+from eqt_cli.core.validation import validated
 from eqt_cli.ensemble.axes import ListedAxis, Spaced
 
 
@@ -43,11 +43,8 @@ class Design(Component):
             kind = get_type_hints(cls, include_extras=True)[cls.whole_section]
             value = validated(kind, section, problems)
             found = None if value is None else cls(**{cls.whole_section: value})
-        elif isinstance(section, Mapping):
-            found = with_options(cls, section, problems)
         else:
-            problems.add(f"expected a mapping, got {shown(section)}")
-            return None
+            found = validated(cls, section, problems)
         if found is not None:
             found.check(problems)
         return None if problems else found

@@ -11,7 +11,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.numbers import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.poses.base import PoseDistribution
-from eqt_cli.ensemble.spread import Spread
+from eqt_cli.ensemble.spread import Spread, check_coordinates
 from eqt_cli.groups import MatrixLieGroup
 
 
@@ -44,6 +44,4 @@ class ExpNormal(PoseDistribution):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A wrong number of standard deviations or coordinates, or a negative deviation."""
         Spread(self.std).check(G.dimension, problems)
-        if self.centre is not None and len(self.centre) != G.dimension:
-            expected = f"expected {G.dimension} numbers for {G.name}"
-            problems.at("centre").add(f"{expected}, got {len(self.centre)}")
+        check_coordinates(self.centre, G, problems.at("centre"))

@@ -5,17 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
-from eqt_cli.core.arrays import Array
-from eqt_cli.core.numbers import Real
-from eqt_cli.core.problems import Problems
+from eqt_cli.ensemble.spread import Coordinates
 from eqt_cli.ensemble.velocities.base import VelocityDistribution
-from eqt_cli.groups import MatrixLieGroup
 
 
 @dataclass(frozen=True)
-class FixedVelocity(VelocityDistribution):
+class FixedVelocity(Coordinates, VelocityDistribution):
     """A given velocity error in every run; 0 where none is given.
 
     Attributes
@@ -25,15 +20,3 @@ class FixedVelocity(VelocityDistribution):
     """
 
     name: ClassVar[str] = "fixed"
-
-    coordinates: list[Real] | None = None
-
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
-        """The coordinates, the same in every run."""
-        return np.zeros(G.dimension) if self.coordinates is None else np.array(self.coordinates)
-
-    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """A wrong number of coordinates."""
-        if self.coordinates is not None and len(self.coordinates) != G.dimension:
-            expected = f"expected {G.dimension} numbers for {G.name}"
-            problems.at("coordinates").add(f"{expected}, got {len(self.coordinates)}")

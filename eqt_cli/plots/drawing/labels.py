@@ -71,7 +71,9 @@ def in_words(words: str, unit: str) -> str:
 
 def signal_label(result: Result, signal: str) -> str:
     """The label of an axis along which a signal is drawn: its symbol with its unit there."""
-    return quantity(result.quantity(signal).symbol, result.units(signal))
+    text = quantity(result.quantity(signal).symbol, result.units(signal))
+    own = signal == "lyapunov" and result.lyapunov_functions
+    return f"{text}, each law's own" if own else text
 
 
 def metric_label(result: Result, metric: str, characters: int) -> str:

@@ -1,0 +1,100 @@
+"""The attitude law of Goodarzi, Lee and Lee (2013) with integral action, on any group."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.controllers.base import Controller
+from eqt_cli.core.arrays import Array, absolute, dot, exp, log, tanh
+from eqt_cli.core.numbers import Positive, Real
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.tracking import Tracking
+
+
+@dataclass(frozen=True)
+class Goodarzi2013(Controller):
+    """Geometric PID after Goodarzi, Lee and Lee (2013), on every group.
+
+    τ = τ_ξ + 𝕀 ad_e ξ − L*dΥ(Q_L) − K_d e − k_I b tanh(e_I / b), ė_I = e + c₂ e_R, e_I(0) = 0.
+    On SO(3): −k_R e_R − k_Ω e_Ω − k_I e_I + (RᵀR_dΩ_d) × J(RᵀR_dΩ_d) + JRᵀR_dΩ̇_d with
+    K = (k_R/2) I and K_d = k_Ω I. There e_R = ½(R_dᵀR − RᵀR_d)^∨; on every group it is the
+    projection of Q_L onto the algebra. Geometric nonlinear PID control of a quadrotor UAV on SE(3),
+    European Control Conference 2013; only the abstract could be read where this was written. The
+    smooth bound b is eqt's; without it, the integral enters as it is.
+
+    L = ½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + k_I Σ b² log cosh(e_I/b), where there is no disturbance,
+    falls near the reference if c₂ is small enough. How small is not computed: nothing is claimed.
+
+    Attributes
+    ----------
+    ki
+        k_I, N m/rad.
+    c2
+        c₂, 1/s.
+    bound
+        b, the largest integral that the torque sees, rad. Default: none.
+    """
+
+    name: ClassVar[str] = "goodarzi2013"
+    title: ClassVar[str] = "Goodarzi 2013"
+    energy: ClassVar[str] = "½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + ½k_I|e_I|²"
+    matched: ClassVar[bool | None] = True
+    theorem: ClassVar[str] = "Goodarzi, Lee, Lee (2013)"
+
+    ki: Positive = 0.2
+    c2: Real = 0.5
+    bound: Positive | None = None
+
+    def memory(self, G: MatrixLieGroup) -> Mapping[str, int]:
+        """The integral e_I."""
+        return {"integral": G.dimension}
+
+    def memory_rate(self, s: Tracking) -> Mapping[str, Array]:
+        """ė_I = e + c₂ e_R."""
+        r = s.relative
+        return {"integral": r.V_tilde + self.c2 * self._e_R(r)}
+
+    def torque(self, s: Tracking) -> Array:
+        """τ, body frame."""
+        r = s.relative
+        shaping = r.gradient + self.ki * self._limited(s)
+        return r.feedforward(0.0, 0.0, 1.0) - r.body_damping - shaping
+
+    def lyapunov(self, s: Tracking) -> Array:
+        """The paper's function with no disturbance."""
+        r = s.relative
+        return r.lyapunov + dot(self.c2 * r.P_tilde, self._e_R(r)) + self._stored(s)
+
+    def velocity_error(self, s: Tracking) -> Array:
+        """e + c₂ e_R."""
+        r = s.relative
+        return r.V_tilde + self.c2 * self._e_R(r)
+
+    def dissipation(self, s: Tracking) -> Array | None:
+        """−dL/dt: ⟨K_d e, e⟩ and what the mixed term c₂⟨𝕀e, e_R⟩ adds."""
+        r = s.relative
+        G, e, P = r.G, r.V_tilde, r.P_tilde
+        # d(𝕀e)/dt = Ṗ − d(𝕀ξ)/dt.
+        force = G.ad_star(r.V, r.P) + self.torque(s) - G.ad_star(r.Vd, r.Pd) - r.tau_d
+        without_integral = force + self.ki * self._limited(s)
+        moved = dot(self.c2 * without_integral, self._e_R(r))
+        return dot(r.body_damping, e) - moved - dot(self.c2 * P, G.vee(r.Q @ G.hat(e)))
+
+    def _e_R(self, r: Tracking) -> Array:
+        return r.G.vee(r.Q)
+
+    def _limited(self, s: Tracking) -> Array:
+        """The integral as the torque sees it."""
+        integral = s.memory["integral"]
+        return integral if self.bound is None else self.bound * tanh(integral / self.bound)
+
+    def _stored(self, s: Tracking) -> Array:
+        """The energy of the integral, of which k_I `_limited` is the gradient."""
+        integral = s.memory["integral"]
+        if self.bound is None:
+            return dot(self.ki * integral, integral) / 2
+        size = absolute(integral / self.bound)
+        stored = size + log(1 + exp(-2 * size)) - log(2.0)  # log cosh without overflow
+        return (self.ki * self.bound**2 * stored).sum(axis=-1)

@@ -1,0 +1,22 @@
+"""The attitude law of Lee, Leok and McClamroch (2010), a point of the family in body errors."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.controllers.family import Frame, Member
+
+
+@dataclass(frozen=True)
+class Lee2010(Member):
+    """Lee, Leok and McClamroch (2010), the attitude part, on every group.
+
+    On SO(3), τ = −k_R e_R − k_Ω e_Ω + Ω × JΩ − J(Ω̂RᵀR_dΩ_d − RᵀR_dΩ̇_d) with K = (k_R/2) I and
+    K_d = k_Ω I: arXiv 1003.2005v3, eq. (6), (8), (9), (11). The text of the paper could not be
+    opened where this was written; the equation numbers are those of the design of eqt.
+    """
+
+    name: ClassVar[str] = "lee2010"
+    title: ClassVar[str] = "Lee 2010"
+    theorem: ClassVar[str] = "Lee, Leok, McClamroch (2010), attitude part"
+    weights: ClassVar[tuple[float, float, float, float]] = (1.0, 1.0, 0.0, 1.0)
+    frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")

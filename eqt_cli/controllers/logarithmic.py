@@ -1,0 +1,50 @@
+"""Proportional action on the logarithm of the body error; the feedforward cancels the rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.controllers.body_errors import CancellingLaw
+from eqt_cli.core.arrays import Array, apply_matrix, dot
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.tracking import Tracking
+
+
+@dataclass(frozen=True)
+class Logarithmic(CancellingLaw):
+    """Logarithmic PD after Johnson and Beard (2021), on every group.
+
+    force = J_r⁻ᵀ(x) H x with x = log(Q_d⁻¹Q), J_r the right Jacobian and H the Hessian of Υ at I,
+    which gives it the stiffness of the other laws for small errors; the energy is ½⟨H x, x⟩. On
+    SO(3), arXiv 2109.07025, eq. (22) and (32); the text of the paper could not be opened where
+    this was written, the equation numbers are those of the design of eqt.
+
+    The torque does not vanish towards an error angle of π and changes its sign there: at π either
+    of two opposite turns may be taken. The energy is continuous there, so that L falls through it,
+    on rotations always, beside translations where H weighs those the same in every direction.
+    """
+
+    name: ClassVar[str] = "logarithmic"
+    title: ClassVar[str] = "logarithmic"
+    energy: ClassVar[str] = "½⟨𝕀e, e⟩ + ½⟨H log Q_L, log Q_L⟩"
+    theorem: ClassVar[str] = "Johnson, Beard (2021)"
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """A group must give the derivative of its logarithm."""
+        super().check(G, problems)
+        with problems.catching():
+            G.log_force(np.zeros(G.dimension), np.zeros(G.dimension))
+
+    def force(self, r: Tracking) -> Array:
+        """J_r⁻ᵀ(x) H x."""
+        x = r.G.log(r.Q)
+        return r.G.log_force(x, apply_matrix(r.stiffness, x))
+
+    def potential(self, r: Tracking) -> Array:
+        """½⟨H x, x⟩."""
+        x = r.G.log(r.Q)
+        return dot(apply_matrix(r.stiffness, x), x) / 2

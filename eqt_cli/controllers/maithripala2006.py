@@ -1,0 +1,50 @@
+"""The state feedback of Maithripala, Berg and Dayawansa (2006), damped by the kinetic energy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.controllers.base import Controller
+from eqt_cli.core.arrays import Array, dot
+from eqt_cli.core.numbers import Positive
+from eqt_cli.mechanics.tracking import Tracking
+
+
+@dataclass(frozen=True)
+class Maithripala2006(Controller):
+    """Intrinsic tracking by the Levi-Civita connection, on every group.
+
+    τ = 𝕀(V̇_d + ∇_V V_d) − Ad*_{Q_d} L*dΥ(Q_E) − k_d 𝕀Ṽ: the damping is proportional to the
+    momentum error. IEEE Trans. Automatic Control 51 (2), 216-225; only the abstract could be read
+    where this was written, the form is that of the design of eqt.
+
+    Damping by k_d 𝕀 is not that by K_d: the stiffness is matched, the damping is not. `gains.kd` is
+    not used.
+
+    Attributes
+    ----------
+    damping_rate
+        k_d, 1/s.
+    """
+
+    name: ClassVar[str] = "maithripala2006"
+    title: ClassVar[str] = "Maithripala 2006"
+    theorem: ClassVar[str] = "Maithripala, Berg, Dayawansa (2006)"
+    matched: ClassVar[bool | None] = False
+
+    damping_rate: Positive = 0.5
+
+    @property
+    def claims_decrease(self) -> bool | None:
+        """L falls at the rate of `dissipation`."""
+        return True
+
+    def torque(self, s: Tracking) -> Array:
+        """τ, body frame."""
+        damping = self.damping_rate * s.P_tilde
+        return s.feedforward(0.5, 0.5, 0.5) - damping - s.G.Ad_star(s.Qd, s.gradient)
+
+    def dissipation(self, s: Tracking) -> Array | None:
+        """k_d⟨𝕀Ṽ, Ṽ⟩."""
+        return dot(self.damping_rate * s.P_tilde, s.V_tilde)

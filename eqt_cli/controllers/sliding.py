@@ -1,0 +1,39 @@
+"""Sliding mode with a boundary layer, on any group."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.controllers.sliding_variable import SlidingVariable
+from eqt_cli.core.arrays import Array, tanh
+from eqt_cli.core.numbers import Positive
+from eqt_cli.mechanics.tracking import Tracking
+
+
+@dataclass(frozen=True)
+class Sliding(SlidingVariable):
+    """Sliding mode with a smooth boundary layer.
+
+    reaching = gain · tanh(s / layer), coordinate by coordinate: the saturation of Slotine and Li
+    (1991), section 7.2, with tanh in its place, which has its slope at 0 and its bounds, and no
+    corners. The book could not be opened where this was written. `gains.kd` is not used.
+
+    Attributes
+    ----------
+    gain
+        The largest force against s, N m (N for translations).
+    layer
+        Thickness of the boundary layer, rad/s (m/s for translations).
+    """
+
+    name: ClassVar[str] = "sliding"
+    title: ClassVar[str] = "sliding mode"
+    theorem: ClassVar[str] = "Slotine, Li (1991), section 7.2"
+
+    gain: Positive = 0.5
+    layer: Positive = 0.5
+
+    def reaching(self, r: Tracking) -> Array:
+        """gain · tanh(s / layer)."""
+        return self.gain * tanh(r.V_tilde / self.layer)

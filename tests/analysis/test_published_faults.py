@@ -1,0 +1,130 @@
+"""Faults of public copies of published laws, each planted in a copy of that law's class.
+
+Exactly the rows of that law must turn red which say what the fault has broken.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from eqt_cli.analysis.certificates import Verdict, identity_rows, sampled
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import controllers
+from eqt_cli.controllers.eqt import EqT
+from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
+from eqt_cli.controllers.lee2010 import Lee2010
+from eqt_cli.controllers.lee2012 import Lee2012
+from eqt_cli.controllers.logarithmic import Logarithmic
+from eqt_cli.core.arrays import apply_matrix
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.references.torque import TorqueReference
+
+WEIGHTS = "weights (g, c, n, q) of the law"
+POWER = "power of the feedforward"
+SMALL = "stiffness and damping of small errors"
+RATE = "rate of L"
+
+
+@dataclass(frozen=True)
+class WithoutTransport(Lee2010):
+    """The term JΩ̂RᵀR_dΩ_d is dropped."""
+
+    name: ClassVar[str] = "lee2010"
+    dissipation = Lee2010.dissipation
+
+    def torque(self, s):
+        r = s.relative
+        return super().torque(s) + r.inertia.momentum(r.G.ad(r.V, r.Vd))
+
+
+@dataclass(frozen=True)
+class TransposedJacobian(Logarithmic):
+    """J_rᵀ in the place of J_r⁻ᵀ."""
+
+    name: ClassVar[str] = "logarithmic"
+
+    def force(self, r):
+        x = r.G.log(r.Q)
+        term = total = apply_matrix(r.stiffness, x)
+        for n in range(1, 25):
+            term = -r.G.ad_star(x, term)
+            total = total + term / math.factorial(n + 1)
+        return total
+
+
+@dataclass(frozen=True)
+class TwiceTheStiffness(Lee2012):
+    """k_R enters as it is, and again in e_R."""
+
+    name: ClassVar[str] = "lee2012"
+    matched: ClassVar[bool | None] = True
+    dissipation = Lee2012.dissipation
+
+    def torque(self, s):
+        return super().torque(s) - s.relative.gradient
+
+
+@dataclass(frozen=True)
+class FeedforwardAtZero(Goodarzi2013):
+    """The desired acceleration is taken to be 0."""
+
+    name: ClassVar[str] = "goodarzi2013"
+    lyapunov = Goodarzi2013.lyapunov
+
+    def torque(self, s):
+        r = s.relative
+        carried = r.G.Ad(r.G.inverse(r.Q), s.Vd_dot)
+        return super().torque(s) - r.inertia.momentum(carried)
+
+    def dissipation(self, s):
+        return Goodarzi2013(self.ki, self.c2, self.bound).dissipation(s)
+
+
+FAULTS = {
+    "transport term dropped": (WithoutTransport(), {WEIGHTS, POWER, RATE, "Lee 2010 on SO(3)"}),
+    "J transposed, not inverted": (TransposedJacobian(), {RATE, "logarithmic"}),
+    "k_R twice": (TwiceTheStiffness(), {WEIGHTS, RATE, SMALL, "Lee 2012 on SO(3)"}),
+    "feedforward at 0": (FeedforwardAtZero(), {RATE, "Goodarzi, Lee, Lee"}),
+}
+
+
+def closed_loop(law):
+    random = np.random.default_rng(3)
+
+    def positive_definite():
+        A = random.uniform(-1.0, 1.0, (3, 3)) / np.sqrt(3)
+        return A @ A.T + np.eye(3) / 2
+
+    inertia = positive_definite()
+    return ClosedLoop(
+        group=group_named("SO3"),
+        inertia=Inertia(inertia, np.linalg.inv(inertia)),
+        gains=Gains(positive_definite(), positive_definite()),
+        reference=TorqueReference(["0.3 + sin(t)"] * 3),
+        controller=law,
+    )
+
+
+def red_rows(laws):
+    random = np.random.default_rng(0)
+    common = sampled("", closed_loop(EqT()), 5.0, random)
+    rows = identity_rows(common, [sampled(law.name, closed_loop(law), 5.0, random) for law in laws])
+    return {(row.name, row.controller) for row in rows if row.verdict is Verdict.FAILS}
+
+
+def test_no_row_is_red_without_a_fault():
+    laws = [kind() for kind in controllers.all() if "track" in kind.tasks]
+    assert red_rows(laws) == set()
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_fault_turns_the_rows_of_its_law_red(fault):
+    planted, rows = FAULTS[fault]
+    laws = [kind() for kind in controllers.all() if "track" in kind.tasks]
+    laws = [planted if law.name == planted.name else law for law in laws]
+    assert red_rows(laws) == {(row, planted.name) for row in rows}

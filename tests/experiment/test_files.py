@@ -1,0 +1,85 @@
+"""Experiments that take waypoints and starts from files, which their results keep."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.config.source import read_config
+from eqt_cli.core.errors import ConfigError
+from eqt_cli.execution.execute import execute
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.sweeping import study
+from eqt_cli.store.reader import open_results
+
+CONFIG = """task: track
+group: SO3
+inertia: 1.0
+gains: {kp: 1.0, kd: 1.0}
+reference: {kind: waypoints, file: data/plan.csv}
+controllers: [eqt]
+initial: {file: starts.csv}
+time: {duration: 2, samples: 11}
+solver: {cross_check: 0}
+"""
+PLAN = "t,wx,wy,wz\n0,0,0,0\n1,0.1,0.2,0\n2.5,0.3,0.2,0.1\n"
+STARTS = "wx,wy,wz\n0.1,0,0\n0,0.2,0\n0,0,0.3\n"
+
+
+@pytest.fixture
+def config(tmp_path):
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/plan.csv").write_text(PLAN)
+    (tmp_path / "starts.csv").write_text(STARTS)
+    path = tmp_path / "c.yaml"
+    path.write_text(CONFIG)
+    return path
+
+
+def messages(path, *overrides):
+    with pytest.raises(ConfigError) as caught:
+        build(read_config(path, overrides))
+    return [problem.message for problem in caught.value.problems]
+
+
+def test_runs_are_the_rows_of_the_file(config):
+    assert build(read_config(config)).config.ensemble.runs == 3
+    assert build(read_config(config, ["ensemble.runs=2"])).config.ensemble.runs == 2
+    expected = "expected at most 3, as many as starts.csv has rows, got 4"
+    assert messages(config, "ensemble.runs=4") == [expected]
+
+
+def test_content_is_part_of_the_identity(config):
+    one = build(read_config(config)).digest
+    (config.parent / "data/plan.csv").write_text(PLAN.replace("0.3", "0.4"))
+    assert build(read_config(config)).digest != one
+
+
+def test_a_result_runs_again_without_its_files(config, tmp_path):
+    one = execute(study(read_config(config)), tmp_path / "one").folder
+    (config.parent / "data/plan.csv").unlink()
+    (config.parent / "starts.csv").unlink()
+    for k, again in enumerate((one.results, one.path / "config.yaml")):
+        other = execute(study(read_config(again)), tmp_path / f"again{k}").folder
+        with open_results(one.path) as left, open_results(other.path) as right:
+            np.testing.assert_array_equal(left["pose"], right["pose"])
+
+
+def test_runs_start_where_those_of_a_result_did(config, tmp_path):
+    one = execute(study(read_config(config)), tmp_path / "one").folder
+    found = build(read_config(config, ["initial.file=one/results.h5"]))
+    with open_results(one.path) as results:
+        expected = results["initial_pose"]
+    errors = found.poses.place(found.group, np.arange(3)[:, None])
+    np.testing.assert_allclose(found.initial_pose @ errors, expected, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("reference.file=none.csv", "does not exist; paths are relative to the configuration's"),
+        ("time.duration=3", "expected at most 2.5 s, where the reference ends, got 3"),
+        ("reference.velocity=0", "follows from a reference of kind waypoints; leave velocity out"),
+        ("initial.pose=haar", "is given by starts.csv, row by row; leave it out"),
+    ],
+)
+def test_what_is_wrong(config, override, message):
+    assert any(message in found for found in messages(config, override))

@@ -1,0 +1,317 @@
+"""References as motions: each kind against its own definition, on every group, by both engines."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from scipy.linalg import expm
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers.eqt import EqT
+from eqt_cli.core.arrays import frobenius, norm
+from eqt_cli.core.problems import Problems
+from eqt_cli.engines import Problem, engines
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
+from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.references.base import Reference
+from eqt_cli.references.path import PathFactor, PathReference
+from eqt_cli.references.rates import RatesReference
+from eqt_cli.references.slew import SlewReference
+from eqt_cli.references.torque import TorqueReference
+from eqt_cli.references.waypoints import Waypoint, WaypointsReference
+
+GROUPS = ("SO3", "SE3", "SE23", "SE2", "SE3*SO2")
+KINDS = ("path", "slew", "waypoints", "rates")
+TIMES = np.linspace(0.0, 6.0, 61)
+KNOTS = np.array([0.0, 1.0, 1.5, 3.0, 3.2, 5.0, 6.0])
+DEFINITION = 1e-8
+RTOL = 1e-9
+# Two thirds of a digit to spare over what the trajectories of these loops amplify.
+ON_REFERENCE = 100 * RTOL
+BY = ("0.3*sin(t)", "0.05*t**2 - 0.1", "smoothstep(t, 1, 3)")
+
+
+@pytest.fixture(params=GROUPS)
+def G(request):
+    return group_named(request.param)
+
+
+def axes(G):
+    return np.random.default_rng(3).standard_normal((3, G.dimension))
+
+
+def poses(G, step=0.5):
+    random, found = np.random.default_rng(4), [G.identity]
+    for _ in KNOTS[1:]:
+        found.append(found[-1] @ G.exp(step * random.standard_normal(G.dimension)))
+    return np.array(found)
+
+
+def reference(kind, G):
+    if kind == "path":
+        factors = [PathFactor(list(axis), by) for axis, by in zip(axes(G), BY, strict=True)]
+        found = PathReference(factors, pose=poses(G)[1].tolist())
+    elif kind == "slew":
+        ends = {"from_": poses(G)[1].tolist(), "to": poses(G)[3].tolist()}
+        found = SlewReference(**ends, start=1.0, duration=3.0)
+    elif kind == "waypoints":
+        points = zip(KNOTS, poses(G), strict=True)
+        found = WaypointsReference([Waypoint(float(t), Q.tolist()) for t, Q in points])
+    else:
+        found = RatesReference([f"0.3*cos({k + 1}*t)" for k in range(G.dimension)])
+    problems = Problems()
+    found.check(G, problems)
+    assert not list(problems)
+    return found
+
+
+def closed_loop(G, reference, inertia=None):
+    random = np.random.default_rng(1)
+    A = random.uniform(-1.0, 1.0, (G.dimension, G.dimension))
+    tensor = A @ A.T + np.eye(G.dimension)
+    gains = Gains(np.diag(np.linspace(1.0, 2.0, G.size)), np.eye(G.dimension))
+    inertia = inertia or Inertia(tensor, np.linalg.inv(tensor))
+    return ClosedLoop(G, inertia, gains, reference, EqT())
+
+
+def on_reference(loop, engine, times=TIMES):
+    """The states of a run that starts on its reference."""
+    G = loop.group
+    Qd, Vd = loop.reference.initial(G, G.identity, np.zeros(G.dimension))
+    problem = Problem(loop, loop.initial_state(Qd, Vd, Qd, Vd)[None], times)
+    solution = engines.get(engine)(rtol=RTOL).solve(problem, lambda runs: None)
+    assert solution.messages == [""]
+    return loop.tracking(times, solution.states)
+
+
+# Against the definitions --------------------------------------------------------------------------
+
+
+def test_path_is_the_product_of_its_exponentials(G):
+    t = np.random.default_rng(0).uniform(0.0, 6.0, 20)
+    s = np.clip((t - 1) / 2, 0, 1)
+    amounts = (0.3 * np.sin(t), 0.05 * t**2 - 0.1, s * s * (3 - 2 * s))
+    expected = []
+    for k in range(len(t)):
+        Q = poses(G)[1]
+        for axis, a in zip(axes(G), amounts, strict=True):
+            Q = Q @ expm(a[k] * G.hat(axis))
+        expected.append(Q)
+    found, _, _ = reference("path", G).motion(G, t)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=DEFINITION)
+
+
+def test_slew_is_the_geodesic_and_rests_at_both_ends(G):
+    slew, (start, end) = reference("slew", G), poses(G)[[1, 3]]
+    Q, V, V_dot = slew.motion(G, np.array([0.0, 0.5, 1.0, 4.0, 5.0]))
+    np.testing.assert_allclose(Q, [start] * 3 + [end] * 2, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(V, 0, atol=1e-12)
+    np.testing.assert_allclose(V_dot, 0, atol=1e-12)
+    turn = G.log(np.linalg.inv(start) @ end)
+    middle, _, _ = slew.motion(G, 2.5)
+    np.testing.assert_allclose(middle, start @ expm(G.hat(turn / 2)), rtol=0, atol=DEFINITION)
+
+
+def test_waypoints_are_met(G):
+    Q, _, _ = reference("waypoints", G).motion(G, KNOTS)
+    np.testing.assert_allclose(Q, poses(G), rtol=0, atol=DEFINITION)
+
+
+def test_waypoints_are_met_without_a_jump_of_the_acceleration(G):
+    spline = reference("waypoints", G)
+    inside = KNOTS[1:-1]
+    left, right = (spline.motion(G, np.nextafter(inside, side)) for side in (-np.inf, np.inf))
+    for before, after in zip(left, right, strict=True):
+        np.testing.assert_allclose(before, after, rtol=0, atol=DEFINITION * np.abs(after).max())
+
+
+def test_waypoints_end_without_acceleration(G):
+    _, _, V_dot = reference("waypoints", G).motion(G, KNOTS[[0, -1]])
+    np.testing.assert_allclose(V_dot, 0, atol=DEFINITION)
+
+
+def test_waypoints_in_a_vector_space_are_the_natural_cubic_spline():
+    G = group_named("R3")
+    t = np.linspace(0.0, 6.0, 50)
+    expected = CubicSpline(KNOTS, G.log(poses(G)), bc_type="natural")
+    Q, V, V_dot = reference("waypoints", G).motion(G, t)
+    for found, order in ((G.log(Q), 0), (V, 1), (V_dot, 2)):
+        np.testing.assert_allclose(found, expected(t, order), rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("kind", KINDS[:3])
+def test_velocity_and_acceleration_are_derivatives(G, kind):
+    motion, h = reference(kind, G).motion, 1e-3
+    t = np.random.default_rng(0).uniform(0.01, 5.99, 60)
+    instants = [*KNOTS, 4.0]
+    t = t[(np.abs(t[:, None] - instants) > 2 * h).all(axis=1)]
+    Q, V, V_dot = motion(G, t)
+    at = {k: motion(G, t + k * h) for k in (-2, -1, 1, 2)}
+
+    def rate(part):
+        outer, inner = at[2][part] - at[-2][part], at[1][part] - at[-1][part]
+        return (8 * inner - outer) / (12 * h)
+
+    # Five points: h⁴|f⁽⁵⁾|/30, the pieces of a spline being polynomials of large coefficients.
+    scale = np.abs(V_dot).max() + 1
+    np.testing.assert_allclose(G.vee(np.linalg.inv(Q) @ rate(0)), V, rtol=0, atol=1e-8 * scale)
+    np.testing.assert_allclose(rate(1), V_dot, rtol=0, atol=1e-7 * scale)
+
+
+@pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
+def test_rates_are_integrated(G, engine):
+    if engine == "taylor":
+        pytest.importorskip("heyoka")
+    s = on_reference(closed_loop(G, reference("rates", G)), engine)
+    Q, h = G.identity, TIMES[1] / 200
+    for k in range(200):  # the exponential midpoint rule, which errs by h²
+        V = 0.3 * np.cos(np.arange(1, G.dimension + 1) * (k + 0.5) * h)
+        Q = Q @ expm(h * G.hat(V))
+    np.testing.assert_allclose(s.Qd[0, 1], Q, rtol=0, atol=1e-7)
+    expected = 0.3 * np.cos(np.arange(1, G.dimension + 1) * TIMES[:, None])
+    np.testing.assert_allclose(s.Vd[0], expected, rtol=0, atol=1e-12)
+
+
+# In the loop --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_that_starts_on_its_reference_stays_there(kind, engine):
+    if engine == "taylor":
+        pytest.importorskip("heyoka")
+    for name in ("SO3", "SE23"):
+        G = group_named(name)
+        s = on_reference(closed_loop(G, reference(kind, G)), engine)
+        assert frobenius(s.Q - s.Qd).max() < ON_REFERENCE
+        assert norm(s.V_tilde).max() < ON_REFERENCE
+
+
+def test_so_it_does_with_an_inertia_that_varies():
+    from eqt_cli.core.expressions import parse
+
+    G = group_named("SO3")
+    rows = [["1 + 0.2*sin(t)", "0", "0"], ["0.1*sin(t)", "1", "0"], ["0", "0", "exp(-0.1*t)"]]
+    factor = tuple(tuple(parse(entry) for entry in row) for row in rows)
+    inertia = FactoredInertia(np.diag([1.0, 2.0, 3.0]), factor)
+    s = on_reference(closed_loop(G, reference("path", G), inertia), "solve_ivp")
+    assert norm(s.V_tilde).max() < ON_REFERENCE
+
+
+@pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
+def test_slew_ends_at_rest_at_its_target(engine):
+    if engine == "taylor":
+        pytest.importorskip("heyoka")
+    G = group_named("SO3")
+    s = on_reference(closed_loop(G, reference("slew", G)), engine)
+    assert frobenius(s.Qd[0, -1] - poses(G)[3]) < 1e-9
+    assert norm(s.Vd[0, -1]) < 1e-9
+    assert frobenius(s.Q[0, -1] - poses(G)[3]) < 1e-9
+    assert norm(s.V[0, -1]) < 1e-9
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_acceleration_is_what_the_torque_gives(G, kind):
+    """V̇_d from τ_d, by `Tracking`, is V̇_d of the reference."""
+    found = reference(kind, G)
+    loop = closed_loop(G, found)
+    state = loop.initial_state(*[G.identity, np.zeros(G.dimension)] * 2)
+    s = loop.tracking(2.2, state[None])
+    given = found.velocity(G, 2.2)[1] if kind == "rates" else found.motion(G, 2.2)[2]
+    np.testing.assert_allclose(s.Vd_dot[0], given, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("kind", "stretches"),
+    [("path", []), ("slew", []), ("waypoints", []), ("rates", ["desired_pose"])],
+)
+def test_state_holds_no_more_of_the_reference_than_is_integrated(G, kind, stretches):
+    lengths = closed_loop(G, reference(kind, G)).layout.lengths
+    assert [name for name in lengths if name.startswith("desired")] == stretches
+
+
+def test_engines_agree_far_from_the_reference(G):
+    pytest.importorskip("heyoka")
+    loop = closed_loop(G, reference("waypoints", G))
+    Q = G.exp(0.4 * np.random.default_rng(8).standard_normal((2, G.dimension)))
+    rest = np.zeros((2, G.dimension))
+    problem = Problem(loop, loop.initial_state(Q, rest, Q, rest), TIMES)
+    found = [
+        engines.get(name)(rtol=RTOL).solve(problem, lambda runs: None).states
+        for name in ("solve_ivp", "taylor")
+    ]
+    bound = 1000 * RTOL * np.abs(found[1]).max()
+    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=bound)
+
+
+# A reference of the first version -----------------------------------------------------------------
+
+
+class Spin(Reference):
+    """What a plugin of the first version says."""
+
+    name = "spin"
+
+    def driving_torque(self, G, inertia, t, Pd):
+        return inertia.momentum(np.eye(G.dimension)[0]) * 0.5 - G.ad_star(inertia.velocity(Pd), Pd)
+
+
+@pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
+def test_reference_of_the_first_version_is_integrated(G, engine):
+    if engine == "taylor":
+        pytest.importorskip("heyoka")
+    s = on_reference(closed_loop(G, Spin()), engine)
+    expected = 0.5 * TIMES[:, None] * np.eye(G.dimension)[0]
+    np.testing.assert_allclose(s.Vd[0], expected, rtol=0, atol=ON_REFERENCE)
+
+
+# Known instants -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
+@pytest.mark.parametrize(
+    "text", ["step(t, 1.25)", "where(t <= 1.25, 0, 1)", "where(4*t > 5, 1, 0)"]
+)
+def test_a_torque_that_steps_is_integrated_exactly(engine, text):
+    """A momentum under a constant torque from t = 1.25 s on, in a vector space.
+
+    A side changes 1e-12 behind its instant, relative to what is compared.
+    """
+    if engine == "taylor":
+        pytest.importorskip("heyoka")
+    G = group_named("R1")
+    s = on_reference(closed_loop(G, TorqueReference([text])), engine)
+    np.testing.assert_allclose(s.Pd[0, :, 0], np.maximum(TIMES - 1.25, 0), rtol=0, atol=1e-11)
+
+
+def test_spans_hold_every_sample_once():
+    G = group_named("SO3")
+    loop = closed_loop(G, reference("waypoints", G))
+    state = loop.initial_state(G.identity, np.zeros(3), G.identity, np.zeros(3))
+    for times in (TIMES, np.array([0.0, 6.0]), np.array([0.3, 1.0, 1.2, 5.5])):
+        spans = Problem(loop, state[None], times).spans
+        held = np.concatenate([span.grid[span.wanted] for span in spans])
+        np.testing.assert_array_equal(held, times)
+        assert [span.start for span in spans][1:] == [span.stop for span in spans][:-1]
+
+
+def test_a_horizon_without_instants_is_one_span():
+    G = group_named("SO3")
+    loop = closed_loop(G, TorqueReference(["cos(t)", "sin(t)", 0.0]))
+    state = loop.initial_state(G.identity, np.zeros(3), G.identity, np.zeros(3))
+    [span] = Problem(loop, state[None], TIMES).spans
+    np.testing.assert_array_equal(span.grid, TIMES)
+    assert span.wanted.all()
+
+
+def test_step_limit_counts_the_steps_of_all_spans():
+    pytest.importorskip("heyoka")
+    G = group_named("SO3")
+    loop = closed_loop(G, reference("waypoints", G))
+    Qd, Vd = loop.reference.initial(G, G.identity, np.zeros(3))
+    problem = Problem(loop, loop.initial_state(Qd, Vd, Qd, Vd)[None], TIMES)
+    solution = engines.get("taylor")(max_steps=12).solve(problem, lambda runs: None)
+    assert solution.status[0] == 3
+    assert solution.steps[0] == 12
+    assert np.isfinite(solution.states[0, 0]).all()
+    assert np.isnan(solution.states[0, -1]).all()

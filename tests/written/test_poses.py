@@ -1,0 +1,53 @@
+"""Poses as they are written in a configuration."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import group_named
+from eqt_cli.written.poses import pose_from
+
+QUARTER = Rotation.from_rotvec([0, 0, np.pi / 2]).as_matrix()
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        {"rotvec": [0, 0, "90 deg"]},
+        {"rotvec": [0, 0, "pi/2"]},
+        {"quaternion": {"xyzw": [0, 0, "sqrt(1/2)", "sqrt(1/2)"]}},
+        {"quaternion": {"wxyz": ["sqrt(1/2)", 0, 0, "sqrt(1/2)"]}},
+        {"euler": {"sequence": "ZYX", "angles": ["90 deg", 0, 0]}},
+        {"euler": {"sequence": "xyz", "angles": [0, 0, "pi/2"]}},
+        {"matrix": [[0, -1, 0], [1, 0, 0], [0, 0, 1]]},
+    ],
+)
+@pytest.mark.parametrize("name", ["SO3", "SE3"])
+def test_ways_to_write_a_quarter_turn(value, name):
+    G, problems = group_named(name), Problems()
+    found = pose_from(value, G, problems)
+    assert not list(problems)
+    np.testing.assert_allclose(G.rotation(found), QUARTER, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ({"quaternion": {"xyzw": [0, 0, 0, 2]}}, "expected a quaternion of norm 1, got norm 2"),
+        ({"quaternion": [0, 0, 0, 1]}, "expected {xyzw: […]} or {wxyz: […]}, got [0, 0, 0, 1]"),
+        (
+            {"euler": {"sequence": "ZZX", "angles": [0, 0, 0]}},
+            "expected another axis after each, got ZZX",
+        ),
+        ({"euler": {"sequence": "ZYX", "angles": [0, 0]}}, "expected 3 angles for ZYX, got 2"),
+        (
+            {"rotvec": [0, 0, 1], "euler": {"sequence": "Z", "angles": [1]}},
+            "the rotation is given by rotvec already; give one of the two",
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_pose(value, message):
+    problems = Problems()
+    assert pose_from(value, group_named("SO3"), problems) is None
+    assert message in [problem.message for problem in problems]
