@@ -16,6 +16,9 @@ from eqt_cli.groups.product import ProductGroup
 # The first seconds of a few runs, which show what is wrong with a law as well as all of them.
 SHORT = ["time.duration=1", "time.samples=11", "ensemble.runs=2", "solver.rtol=1.0e-8"]
 
+AS_IT_FLIES = {"satellite_wheels"}
+"""Of loops that the theorems do not cover."""
+
 UNCLAIMED = {("satellite_panels", "decrease of L", "without")}
 
 
@@ -48,7 +51,10 @@ def test_certificates_hold(name: str, engine: str) -> None:
     assert {row.verdict for row in judged} == {Verdict.HOLDS}
     certain = ("energy balance", "decrease of L", "error system by itself")
     for row in verification.rows:
-        if row.name in certain and (name, row.name, row.controller) not in UNCLAIMED:
+        uncovered = row.name == "decrease of L" and name in AS_IT_FLIES
+        if uncovered:
+            assert row.verdict is Verdict.NOT_COVERED, row
+        elif row.name in certain and (name, row.name, row.controller) not in UNCLAIMED:
             assert row.verdict is Verdict.HOLDS, row
 
 

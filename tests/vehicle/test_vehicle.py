@@ -126,7 +126,7 @@ def test_numbers_that_must_be_positive_are_drawn_until_they_are():
         (
             "actuators: [{kind: limiter}]",
             "actuators[0].kind: unknown actuator 'limiter'; did you mean 'limit'? "
-            "known: lag, limit",
+            "known: deadband, lag, limit, rate_limit",
         ),
         (
             "actuators: [{kind: limit, limit: {uniform: [2, 1]}}]",
