@@ -92,8 +92,8 @@ def _child(*arguments: str) -> Any:
 def _overhead() -> Overhead:
     from eqt_cli.config.source import read_config
     from eqt_cli.engines import Engine, engines
-    from eqt_cli.execution.execute import execute
-    from eqt_cli.experiment.sweeping import study
+    from eqt_cli.execution.run_study import execute
+    from eqt_cli.experiment.read_study import study
 
     imports = time.process_time()
     spent = {"integration": 0.0}
@@ -136,10 +136,10 @@ def _raw_writing(results: Path, copy: Path) -> float:
 
 def _scaling(workers: int) -> Scaling:
     from eqt_cli.config.source import read_config
-    from eqt_cli.execution.execute import execute
     from eqt_cli.execution.executors.base import Executor, Outcome, Progress, Task
     from eqt_cli.execution.executors.local import Local
-    from eqt_cli.experiment.sweeping import study
+    from eqt_cli.execution.run_study import execute
+    from eqt_cli.experiment.read_study import study
 
     moments: list[float] = []
 

@@ -24,19 +24,27 @@ from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
 from eqt_cli.config.source import ConfigSource, overridden, read_config, source_of
 from eqt_cli.core.errors import ComponentError, EqtError, Remedy
-from eqt_cli.execution.execute import Execution, Progress, Remark, Shard, execute, pack_folder, warn
 from eqt_cli.execution.executors import Executor, executors
 from eqt_cli.execution.folder import CONFIG
+from eqt_cli.execution.run_study import (
+    Execution,
+    Progress,
+    Remark,
+    Shard,
+    execute,
+    pack_folder,
+    warn,
+)
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study
-from eqt_cli.experiment.sweeping import study
 from eqt_cli.results.result import Result, open_result, point_folder
-from eqt_cli.store.layout import FILE_NAME, point_group
+from eqt_cli.store.reserved_names import point_group
 
 if TYPE_CHECKING:
     import xarray
 
-    from eqt_cli.plots.baseline import Check
+    from eqt_cli.plots.kept_numbers import Check
 
 Note = Callable[[str], None]
 
@@ -94,35 +102,13 @@ class LoadedExperiment:
 
 
 @dataclass(frozen=True)
-class StoredResult(os.PathLike[str]):
-    """A result in its folder; it stands for its path wherever one is expected.
+class StoredResult(Execution, os.PathLike[str]):
+    """A result in its folder; it stands for its path wherever one is expected."""
 
-    Attributes
-    ----------
-    path
-        The folder.
-    runs, failed
-        Runs over all controllers, and those that failed.
-    was_complete
-        The folder held this very experiment already, so nothing was run.
-    seconds
-        Wall time by stage, s.
-    resumed
-        Runs that earlier sessions had finished.
-    removed
-        What starting over has removed.
-    packed
-        Whether the result file is there; a shard alone does not write it.
-    """
-
-    path: Path
-    runs: int
-    failed: int
-    was_complete: bool
-    seconds: Mapping[str, float]
-    resumed: int = 0
-    removed: Sequence[str] = ()
-    packed: bool = True
+    @property
+    def path(self) -> Path:
+        """The folder."""
+        return self.folder.path
 
     def __fspath__(self) -> str:
         return str(self.path)
@@ -130,7 +116,7 @@ class StoredResult(os.PathLike[str]):
     @property
     def file(self) -> Path:
         """The result file."""
-        return self.path / FILE_NAME
+        return self.folder.results
 
     @cached_property
     def data(self) -> xarray.Dataset:
@@ -232,19 +218,18 @@ def run(
         see `StoredResult.failed`.
     """
     loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
-    return _stored(
-        execute(
-            loaded.study,
-            Path("results") / loaded.name if out is None else Path(out),
-            executor=executor or choose_executor(loaded, workers),
-            force=force,
-            rerun_failed=rerun_failed,
-            shard=shard,
-            progress=progress,
-            resumed=resumed,
-            remark=remark,
-        )
+    done = execute(
+        loaded.study,
+        Path("results") / loaded.name if out is None else Path(out),
+        executor=executor or choose_executor(loaded, workers),
+        force=force,
+        rerun_failed=rerun_failed,
+        shard=shard,
+        progress=progress,
+        resumed=resumed,
+        remark=remark,
     )
+    return StoredResult(**vars(done))
 
 
 def choose_executor(
@@ -290,20 +275,7 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False, remark: Remark = wa
         If shares are missing.
     """
     loaded = load_experiment(Path(folder) / CONFIG, trust_plugins=trust_plugins)
-    return _stored(pack_folder(loaded.study, Path(folder), remark))
-
-
-def _stored(done: Execution) -> StoredResult:
-    return StoredResult(
-        done.folder.path,
-        done.runs,
-        done.failed,
-        done.was_complete,
-        done.seconds,
-        done.resumed,
-        done.removed,
-        done.packed,
-    )
+    return StoredResult(**vars(pack_folder(loaded.study, Path(folder), remark)))
 
 
 @overload

@@ -20,12 +20,12 @@ from hypothesis.extra.numpy import arrays
 from eqt_cli.cli import main
 from eqt_cli.config.source import read_config
 from eqt_cli.core.arrays import Array, transpose
-from eqt_cli.execution.execute import Execution, execute
+from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.sweeping import study
+from eqt_cli.experiment.read_study import study
 from eqt_cli.groups import MatrixLieGroup, group_named, groups
 from eqt_cli.results.result import open_result
-from eqt_cli.store.variables import Table, Variable
+from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
 
 # A deadline would time the machine, which runs tests side by side, and not the code.

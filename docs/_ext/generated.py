@@ -123,7 +123,7 @@ class Configuration(Generated):
 
     def lines(self) -> Iterable[str]:
         from eqt_cli.config.json_schema import json_schema
-        from eqt_cli.config.keys import default_of, described, value_of
+        from eqt_cli.config.key_descriptions import default_of, described, value_of
 
         schema = json_schema()
         required = schema["required"]
@@ -142,7 +142,13 @@ class Configuration(Generated):
 
 def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """The keys of a mapping, or of each mapping that an entry may be."""
-    from eqt_cli.config.keys import choices, default_of, dereferenced, described, value_of
+    from eqt_cli.config.key_descriptions import (
+        choices,
+        default_of,
+        dereferenced,
+        described,
+        value_of,
+    )
 
     for option in choices(entry, schema):
         if "properties" not in option:
@@ -166,7 +172,7 @@ def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
 
 def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
     """Which components an entry, or each of its items or members, may be."""
-    from eqt_cli.config.keys import choices, dereferenced
+    from eqt_cli.config.key_descriptions import choices, dereferenced
 
     inner = [
         entry,
@@ -212,7 +218,7 @@ class Components(Generated):
 
 
 def _option_table(component: type, schema: dict[str, Any]) -> Iterator[str]:
-    from eqt_cli.config.keys import default_of, value_of
+    from eqt_cli.config.key_descriptions import default_of, value_of
     from eqt_cli.core.registry import meanings
 
     said = meanings(component)

@@ -22,11 +22,11 @@ from eqt_cli.closed_loop import ErrorSystem
 from eqt_cli.config.source import source_of
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.blame import blamed
+from eqt_cli.core.error_origin import blamed
 from eqt_cli.engines import Solution
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
-from eqt_cli.execution.compute import measured, solve_references
+from eqt_cli.execution.compute_part import Desired, measured, shared_reference
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.semidirect import Semidirect
@@ -54,11 +54,14 @@ class Verification:
         Identities, trajectories, hypotheses, each in the paper's order.
     runs, failed_runs
         Over all controllers.
+    experiment
+        What was verified.
     """
 
     rows: list[Row]
     runs: int
     failed_runs: int
+    experiment: Experiment
 
     @property
     def failures(self) -> list[Row]:
@@ -76,9 +79,9 @@ def verify_experiment(
     """Check every certificate, the trajectories on the first `runs` runs of each controller."""
     with threadpool_limits(1):
         verifier = _Verifier(experiment, runs, progress, workers)
-        reference = solve_references(verifier.study, np.array([0]))[0]
-        found = [verifier.of_new_runs(label, reference) for label in experiment.loops]
-        return verifier.verification(found, *_desired(experiment, reference))
+        desired = shared_reference(verifier.study)
+        found = [verifier.of_new_runs(label, desired) for label in experiment.loops]
+        return verifier.verification(found, desired)
 
 
 @blamed()
@@ -109,11 +112,10 @@ def verify_results(experiment: Experiment, results: ResultFile, workers: int = 1
         verifier = _Verifier(experiment, ERROR_SYSTEM_RUNS, lambda runs: None, workers)
         found = [verifier.of_stored_runs(label, results) for label in experiment.loops]
         if results.has("desired_pose"):
-            desired = results["desired_pose"], results["desired_velocity"]
+            desired = {name: results[name] for name in ("desired_pose", "desired_velocity")}
         else:  # of a sweep that keeps metrics only
-            reference = solve_references(verifier.study, np.array([0]))[0]
-            desired = _desired(experiment, reference)
-        return verifier.verification(found, *desired)
+            desired = shared_reference(verifier.study)
+        return verifier.verification(found, desired)
 
 
 class _Verifier:
@@ -123,7 +125,7 @@ class _Verifier:
         self.experiment, self.progress, self.workers = experiment, progress, workers
         self.study = _study(experiment, min(runs, experiment.config.ensemble.runs))
 
-    def of_new_runs(self, label: str, reference: Array) -> Runs:
+    def of_new_runs(self, label: str, reference: Desired) -> Runs:
         """The runs of the study."""
         batch, solution = self._solved(label)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
@@ -186,8 +188,9 @@ class _Verifier:
                 for one, other in zip(system.error(alone.states), expected, strict=True)
             )
 
-    def verification(self, runs: list[Runs], Qd: Array, Vd: Array) -> Verification:
+    def verification(self, runs: list[Runs], desired: Desired) -> Verification:
         """All rows."""
+        Qd, Vd = desired["desired_pose"], desired["desired_velocity"]
         loops, seed = self.experiment.loops, self.experiment.config.ensemble.seed
         horizon = float(self.experiment.times[-1])
         finite = np.isfinite(Qd).all(axis=(-2, -1)) & np.isfinite(Vd).all(axis=-1)
@@ -210,7 +213,8 @@ class _Verifier:
             *hypothesis_rows(Setting(loops, times, Qd[finite], Vd[finite])),
         ]
         failed = sum(each.failed for each in runs)
-        return Verification(rows, sum(each.count for each in runs) + failed, failed)
+        count = sum(each.count for each in runs) + failed
+        return Verification(rows, count, failed, self.experiment)
 
 
 def _study(experiment: Experiment, runs: int) -> Study:
@@ -218,9 +222,3 @@ def _study(experiment: Experiment, runs: int) -> Study:
     ensemble = experiment.config.ensemble.model_copy(update={"runs": runs})
     config = experiment.config.model_copy(update={"ensemble": ensemble})
     return Study(None, replace(experiment, config=config))
-
-
-def _desired(experiment: Experiment, reference: Array) -> tuple[Array, Array]:
-    """Q_d and V_d of the states of the reference by itself."""
-    s = next(iter(experiment.loops.values())).tracking(experiment.times, reference)
-    return s.Qd, s.Vd

@@ -13,7 +13,7 @@ FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 def main() -> None:
     """Run the command line and exit; the only place where errors become exit codes."""
     from eqt_cli.cli.app import app
-    from eqt_cli.cli.output import option, print_error
+    from eqt_cli.cli.shared.output import option, print_error
     from eqt_cli.core.errors import EqtError
 
     try:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli.shared import options
 
 
 class Format(StrEnum):
@@ -42,7 +42,7 @@ def animate(
 ) -> None:
     """Show one run: bodies against the reference frame, error and torque as they go."""
     from eqt_cli import api
-    from eqt_cli.cli.output import print_json, say
+    from eqt_cli.cli.shared.output import print_found, say
 
     files = api.animate(
         result,
@@ -55,8 +55,6 @@ def animate(
         trust_plugins=trust_plugins,
         note=(lambda text: None) if quiet else say,
     )
-    if json:
-        print_json({"files": list(map(str, files))})
-    else:
-        for file in files:
-            print(f"animation  {file}  ({file.stat().st_size / 1e6:.1f} MB)")
+    sizes = {file: f"{file.stat().st_size / 1e6:.1f} MB" for file in files}
+    text = "\n".join(f"animation  {file}  ({size})" for file, size in sizes.items())
+    print_found({"files": list(map(str, files))}, text, json=json)

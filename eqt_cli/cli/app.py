@@ -22,7 +22,7 @@ from eqt_cli.cli import (
     sweep,
     verify,
 )
-from eqt_cli.cli.output import say
+from eqt_cli.cli.shared.output import say
 from eqt_cli.core.version import __version__
 
 INTERRUPTED = 130

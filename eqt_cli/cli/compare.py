@@ -5,11 +5,11 @@ from __future__ import annotations
 import textwrap
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli.shared import options
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
@@ -69,38 +69,37 @@ def compare(
     ] = 9999,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap.")] = 0,
     list_: Annotated[
-        bool, typer.Option("--list", metavar="", help="List what this result can be compared by.")
+        bool, options.flag("--list", help="List what this result can be compared by.")
     ] = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
     """Compare controllers run by run, with intervals, and test what the paper claims."""
-    from eqt_cli.analysis.comparison import Window
-    from eqt_cli.analysis.comparison import compare as compare_results
-    from eqt_cli.cli.output import print_json, say
+    from eqt_cli import api
+    from eqt_cli.cli.shared.output import print_json, say
+    from eqt_cli.cli.shared.table_formats import as_csv
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.results.result import open_result
 
     if json and format is not Format.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
-    windows = [Window.parse(text) for text in window or ()]
-    with open_result(result, point) as results:
-        if list_:
+    if list_:
+        with api.open_results(result, "arrays", point) as results:
             _print_metrics(results, json)
-            return
-        comparison = compare_results(
-            results,
-            metrics=metric or (),
-            windows=windows,
-            confidence=confidence,
-            resamples=resamples,
-            seed=seed,
-        )
+        return
+    comparison = api.compare(
+        result,
+        metric or (),
+        window or (),
+        point=point,
+        confidence=confidence,
+        resamples=resamples,
+        seed=seed,
+    )
     _check_labels(comparison, against or ())
     if json:
         print_json(_document(comparison, result))
     elif format is Format.CSV:
-        _print_csv(comparison, table or Table.PAIRS)
+        print(as_csv(_records(comparison)[table or Table.PAIRS]))
         if table is None and not quiet:
             say("these are the pairs; --table controllers and --table claims print the others")
     else:
@@ -109,23 +108,19 @@ def compare(
 
 def _print_metrics(results: Result, json: bool) -> None:
     from eqt_cli.analysis.comparison.notation import Plain
-    from eqt_cli.cli.output import print_json, table
+    from eqt_cli.cli.shared.output import print_records
 
     write = Plain()
     rows = [
         [measure.name, write.name(measure), _windows(measure)]
         for measure in results.comparable.values()
     ]
-    header = ["metric", "is", "window"]
-    if json:
-        print_json([dict(zip(header, row, strict=True)) for row in rows])
-    else:
-        print(table(header, rows))
+    print_records(["metric", "is", "window"], rows, json=json)
 
 
 def _windows(measure: Quantity) -> str:
     """The windows that a measure can be taken over."""
-    from eqt_cli.results.windows import WHOLE
+    from eqt_cli.results.time_windows import WHOLE
 
     if measure.windowed:
         return "any"
@@ -142,9 +137,18 @@ def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None
             raise EqtError(f"--against: no controller '{label}'{hint}")
 
 
-def _document(comparison: Comparison, path: Path) -> dict[str, object]:
+def _records(comparison: Comparison) -> dict[str, list[dict[str, Any]]]:
     from eqt_cli.analysis.comparison import records
 
+    return {
+        Table.CONTROLLERS: records.controller_records(comparison),
+        Table.PAIRS: records.pair_records(comparison),
+        Table.CLAIMS: records.claim_records(comparison),
+    }
+
+
+def _document(comparison: Comparison, path: Path) -> dict[str, object]:
+    tables = _records(comparison)
     return {
         "path": str(path),
         "title": comparison.title,
@@ -159,23 +163,11 @@ def _document(comparison: Comparison, path: Path) -> dict[str, object]:
             "resamples": comparison.resamples,
             "seed": comparison.seed,
         },
-        "levels": records.controller_records(comparison),
-        "pairs": records.pair_records(comparison),
-        "claims": records.claim_records(comparison),
+        "levels": tables[Table.CONTROLLERS],
+        "pairs": tables[Table.PAIRS],
+        "claims": tables[Table.CLAIMS],
         "missing": comparison.missing,
     }
-
-
-def _print_csv(comparison: Comparison, table: Table) -> None:
-    from eqt_cli.analysis.comparison import records
-    from eqt_cli.cli.text_tables import as_csv
-
-    of = {
-        Table.CONTROLLERS: records.controller_records,
-        Table.PAIRS: records.pair_records,
-        Table.CLAIMS: records.claim_records,
-    }
-    print(as_csv(of[table](comparison)))
 
 
 def _print_tables(
@@ -188,8 +180,8 @@ def _print_tables(
 ) -> None:
     from eqt_cli.analysis.comparison.notation import Latex, Plain
     from eqt_cli.analysis.comparison.tables import text_tables
-    from eqt_cli.cli.output import say
-    from eqt_cli.cli.text_tables import as_latex, as_text
+    from eqt_cli.cli.shared.output import say
+    from eqt_cli.cli.shared.table_formats import as_latex, as_text
 
     # A table of every pair of many controllers is long: without a wish, pairs with the first one.
     chosen = against or ((), comparison.labels[:1])[table is None and format is Format.TEXT]

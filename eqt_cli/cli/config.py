@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli import completion, options
+from eqt_cli.cli.shared import completion, options
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
@@ -25,18 +25,12 @@ def new(
         ),
     ] = None,
     source: Annotated[
-        str,
-        typer.Option(
-            "--from",
-            metavar="NAME",
-            autocompletion=completion.shipped,
-            help="Shipped configuration to start from.",
-        ),
+        str, options.named("--from", completion.shipped, "Shipped configuration to start from.")
     ] = "paper",
     quiet: options.Quiet = False,
 ) -> None:
     """Write a shipped configuration to a file of your own."""
-    from eqt_cli.cli.output import say
+    from eqt_cli.cli.shared.output import say
     from eqt_cli.config import shipped
     from eqt_cli.core.errors import EqtError
     from eqt_cli.core.files import refusals
@@ -65,8 +59,7 @@ def check(
     ],
     set_: options.Set = None,
     resolved: Annotated[
-        bool,
-        typer.Option("--resolved", metavar="", help="Print it with every default written out."),
+        bool, options.flag("--resolved", help="Print it with every default written out.")
     ] = False,
     most_torque: Annotated[
         float | None,
@@ -77,13 +70,13 @@ def check(
     quiet: options.Quiet = False,
 ) -> None:
     """Check a configuration without running it, its reference over the whole horizon."""
-    from eqt_cli.cli.output import print_json, problem_records, say
+    from eqt_cli.cli.shared.output import print_found, print_json, problem_records, say
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
     from eqt_cli.core.errors import ConfigError
     from eqt_cli.core.problems import Problems
     from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
-    from eqt_cli.experiment.sweeping import study
+    from eqt_cli.experiment.read_study import study
 
     source = read_config(config, options.overrides(set_))
     try:
@@ -97,27 +90,20 @@ def check(
             raise
         print_json(_document(config, problem_records(error.problems)))
         raise typer.Exit(error.exit_code) from error
-    experiment = found.base
-    if resolved and json:
-        print_json(found.resolved)
-        return
     if resolved:
-        print(dump(found.resolved), end="")
+        print_found(found.resolved, dump(found.resolved), json=json)
         return
-    if json:
-        print_json(_document(config, [], found))
-        return
-    runs = experiment.config.ensemble.runs
-    if not quiet:
+    if not (quiet or json):
         say(f"{config}: fine")
-    print(
+    experiment = found.base
+    text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")
-        + f"{len(experiment.loops)} controllers × "
-        f"{runs} runs, {experiment.config.time.duration:g} s, engine {experiment.engine.name}"
+        + f"{len(experiment.loops)} controllers × {experiment.config.ensemble.runs} runs, "
+        f"{experiment.config.time.duration:g} s, engine {experiment.engine.name}"
     )
-    for jump in jumps:
-        print(f"reference: {jump}")
+    text = "\n".join([text, *(f"reference: {jump}" for jump in jumps)])
+    print_found(_document(config, [], found), text, json=json)
 
 
 def _document(
@@ -152,18 +138,15 @@ def keys(
     json: options.Json = False,
 ) -> None:
     """Describe the keys of a configuration: value, default, meaning."""
-    from eqt_cli.cli.output import print_json, table
+    from eqt_cli.cli.shared.output import print_records
     from eqt_cli.config.json_schema import json_schema
-    from eqt_cli.config.keys import keys_of, within
+    from eqt_cli.config.key_descriptions import keys_of, within
 
     found = keys_of(json_schema())
     if key is not None:
         found = within(found, key)
-    if json:
-        print_json([{field: _bare(text) for field, text in asdict(each).items()} for each in found])
-        return
     rows = [[_bare(text) for text in asdict(each).values()] for each in found]
-    print(table(["key", "value", "default", "meaning"], rows))
+    print_records(["key", "value", "default", "meaning"], rows, json=json)
 
 
 def _bare(text: str) -> str:
@@ -173,7 +156,7 @@ def _bare(text: str) -> str:
 @app.command("schema")
 def schema() -> None:
     """Print the JSON schema of configurations, for completion and checks in editors."""
-    from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.shared.output import print_json
     from eqt_cli.config.json_schema import json_schema
 
     print_json(json_schema())

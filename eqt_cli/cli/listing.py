@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli import completion, options
+from eqt_cli.cli.shared import completion, options
 from eqt_cli.config.catalogue import KINDS
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def list_components(
     json: options.Json = False,
 ) -> None:
     """List components by kind, with their options."""
-    from eqt_cli.cli.output import print_json
+    from eqt_cli.cli.shared.output import print_json
     from eqt_cli.config import shipped
     from eqt_cli.config.catalogue import registry
     from eqt_cli.core.errors import EqtError, suggestion

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from eqt_cli.cli import completion, options
+from eqt_cli.cli.shared import completion, options
 
 if TYPE_CHECKING:
-    from eqt_cli.plots.baseline import Check
+    from eqt_cli.plots.kept_numbers import Check
 
 
 def plot(
@@ -37,16 +37,16 @@ def plot(
     ] = None,
     format_: Annotated[
         list[str] | None,
-        options.one_of(
-            *("pdf", "svg", "png", "json"),
-            option="--format",
-            help="pdf, svg, png, or json for the numbers; may be repeated; default: all pictures.",
+        options.named(
+            "--format",
+            completion.words("pdf", "svg", "png", "json"),
+            "pdf, svg, png, or json for the numbers; may be repeated; default: all pictures.",
         ),
     ] = None,
     width: Annotated[
         str,
-        options.one_of(
-            "column", "page", option="--width", help="column (3.5 in) or page (7.16 in)."
+        options.named(
+            "--width", completion.words("column", "page"), "column (3.5 in) or page (7.16 in)."
         ),
     ] = "column",
     style: Annotated[
@@ -58,8 +58,7 @@ def plot(
         ),
     ] = None,
     tex: Annotated[
-        bool,
-        typer.Option("--tex", metavar="", help="Let LaTeX set the text; needs TeX Live."),
+        bool, options.flag("--tex", help="Let LaTeX set the text; needs TeX Live.")
     ] = False,
     out: Annotated[
         Path | None,
@@ -87,7 +86,7 @@ def plot(
 ) -> None:
     """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
     from eqt_cli import api
-    from eqt_cli.cli.output import print_json, say
+    from eqt_cli.cli.shared.output import print_found, say
     from eqt_cli.core.errors import EqtError
     from eqt_cli.plots.render import FORMATS
 
@@ -113,40 +112,36 @@ def plot(
         workers=options.cores(),
         note=(lambda text: None) if quiet else say,
     )
-    if json:
-        print_json({"figures": list(map(str, files))})
-        return
-    for file in files:
-        print(f"figure   {file}")
+    text = "\n".join(f"figure   {file}" for file in files)
+    print_found({"figures": list(map(str, files))}, text, json=json)
 
 
 def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool) -> None:
     """Say where figures differ from what is kept, and exit with 4 if any does."""
     from dataclasses import asdict
 
-    from eqt_cli.cli.output import print_json
-    from eqt_cli.plots.baseline import TOLERANCE
-    from eqt_cli.store.layout import FILE_NAME
+    from eqt_cli.cli.shared.output import print_found
+    from eqt_cli.plots.kept_numbers import TOLERANCE
+    from eqt_cli.store.reserved_names import FILE_NAME
 
-    if json:
-        checked = [str(one if one.suffix == ".h5" else one / FILE_NAME) for one in results]
-        found = {name: asdict(one) for name, one in checks.items()}
-        print_json({"checked": checked, "tolerance": TOLERANCE, "figures": found})
-    else:
-        for name, one in checks.items():
-            for difference in one.differences:
-                print(f"figure '{name}', {difference}")
-            print(
-                f"figure '{name}': {'differs' if one.differences else 'agrees'}; {one.curves} "
-                f"curves, largest difference {one.largest:.1e} (bound {TOLERANCE:.0e})"
-            )
+    checked = [str(one if one.suffix == ".h5" else one / FILE_NAME) for one in results]
+    found = {name: asdict(one) for name, one in checks.items()}
+    lines = []
+    for name, one in checks.items():
+        lines += [f"figure '{name}', {difference}" for difference in one.differences]
+        lines.append(
+            f"figure '{name}': {'differs' if one.differences else 'agrees'}; {one.curves} "
+            f"curves, largest difference {one.largest:.1e} (bound {TOLERANCE:.0e})"
+        )
+    document = {"checked": checked, "tolerance": TOLERANCE, "figures": found}
+    print_found(document, "\n".join(lines), json=json)
     if any(one.differences for one in checks.values()):
         raise typer.Exit(4)
 
 
 def _default(result: Path, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
-    from eqt_cli.cli.output import say
+    from eqt_cli.cli.shared.output import say
     from eqt_cli.results.result import open_result
 
     with open_result(result) as results:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli.shared import options
 
 
 def report(
@@ -23,7 +23,7 @@ def report(
 ) -> None:
     """Write one self-contained HTML page: figures, comparison, certificates, every run."""
     from eqt_cli import api
-    from eqt_cli.cli.output import option, print_json, say
+    from eqt_cli.cli.shared.output import option, print_found, say
     from eqt_cli.core.errors import EqtError
 
     def unverified(error: EqtError) -> None:
@@ -41,7 +41,5 @@ def report(
         unverified=unverified,
     )
     size = path.stat().st_size
-    if json:
-        print_json({"report": str(path), "bytes": size})
-    else:
-        print(f"report   {path}  ({size / 1e6:.1f} MB)")
+    text = f"report   {path}  ({size / 1e6:.1f} MB)"
+    print_found({"report": str(path), "bytes": size}, text, json=json)

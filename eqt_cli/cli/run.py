@@ -2,18 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated
-
-import typer
-
-from eqt_cli.cli import options
+from eqt_cli.cli.shared import options
 
 
 def run(
-    config: Annotated[
-        Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")
-    ],
+    config: options.Config,
     out: options.Out = None,
     set_: options.Set = None,
     engine: options.Engine = None,
@@ -32,10 +25,10 @@ def run(
     Run it again after an interruption: it continues.
     """
     from eqt_cli.api import LoadedExperiment
-    from eqt_cli.cli.execution import executor_from, run_experiment, shard_from
+    from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
     from eqt_cli.config.source import read_config
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.sweeping import study
+    from eqt_cli.experiment.read_study import study
 
     source = read_config(config, options.overrides(set_, engine))
     if source.data.get("sweep"):
@@ -46,9 +39,9 @@ def run(
         found,
         out,
         executor_from(found, executor, workers, scheduler),
+        shard,
         force=force,
         rerun_failed=rerun_failed,
-        shard=shard_from(shard),
         json=json,
         quiet=quiet,
     )

@@ -3,42 +3,34 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-import typer
-
-from eqt_cli.cli import completion, options
+from eqt_cli.cli.shared import completion, options
 
 if TYPE_CHECKING:
-    from eqt_cli.execution.unfinished import Unfinished
+    from eqt_cli.execution.folder_progress import Unfinished
     from eqt_cli.results.result import Result
 
 
 def show(
     result: options.Result,
     config: Annotated[
-        bool, typer.Option("--config", metavar="", help="Print the resolved configuration.")
+        bool, options.flag("--config", help="Print the resolved configuration.")
     ] = False,
     plugins: Annotated[
-        bool, typer.Option("--plugins", metavar="", help="Print the stored plugin sources.")
+        bool, options.flag("--plugins", help="Print the stored plugin sources.")
     ] = False,
-    variables: Annotated[
-        bool, typer.Option("--variables", metavar="", help="List the variables.")
-    ] = False,
-    failed: Annotated[
-        bool, typer.Option("--failed", metavar="", help="List every failed run.")
-    ] = False,
+    variables: Annotated[bool, options.flag("--variables", help="List the variables.")] = False,
+    failed: Annotated[bool, options.flag("--failed", help="List every failed run.")] = False,
     table: Annotated[
-        bool,
-        typer.Option("--table", metavar="", help="Print every run with its metrics, one row each."),
+        bool, options.flag("--table", help="Print every run with its metrics, one row each.")
     ] = False,
     format_: Annotated[
         str | None,
-        typer.Option(
+        options.named(
             "--format",
-            metavar="NAME",
-            autocompletion=completion.words("csv", "jsonl"),
-            help="Of the table: csv or jsonl; default: csv.",
+            completion.words("csv", "jsonl"),
+            "Of the table: csv or jsonl; default: csv.",
         ),
     ] = None,
     point: options.Point = None,
@@ -46,7 +38,7 @@ def show(
 ) -> None:
     """Summarise a result: what was run, where, and what came out."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.execution.unfinished import unfinished
+    from eqt_cli.execution.folder_progress import unfinished
 
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
@@ -54,10 +46,10 @@ def show(
     view = next((view for wanted, view in asked if wanted), None)
     found = None if view or table else unfinished(result)
     if found is not None:
-        _print_unfinished(result, found, json)
+        _unfinished(result, found, json)
         return
 
-    from eqt_cli.cli.run_table import print_run_table
+    from eqt_cli.cli.shared.run_table import print_run_table
     from eqt_cli.results.result import open_result
 
     if json and table:
@@ -69,38 +61,37 @@ def show(
             (view or _summary)(results, json)
 
 
-def _print_unfinished(path: Path, found: Unfinished, json: bool) -> None:
+def _unfinished(path: Path, found: Unfinished, json: bool) -> None:
     from dataclasses import asdict
 
-    from eqt_cli.cli.output import duration, print_json
+    from eqt_cli.cli.shared.output import duration, print_found
 
-    if json:
-        print_json({"path": str(path), **asdict(found), "remaining_s": found.remaining})
-        return
     share = 100 * found.done / found.runs
-    print(f"{found.name}, unfinished  ({path})")
-    print(f"begun    {found.begun}")
-    print(f"done     {found.done} of {found.runs} runs ({share:.1f} %)")
-    print(f"failed   {found.failed}")
-    if found.writer is None:
-        print("running  no; the same eqt run or eqt sweep continues")
-    else:
+    running = "no; the same eqt run or eqt sweep continues"
+    if found.writer is not None:
         by = f" by process {found.writer['pid']} on {found.writer['host']}" if found.writer else ""
-        print(f"running  yes{by}")
+        running = f"yes{by}"
+    lines = [
+        f"{found.name}, unfinished  ({path})",
+        f"begun    {found.begun}",
+        f"done     {found.done} of {found.runs} runs ({share:.1f} %)",
+        f"failed   {found.failed}",
+        f"running  {running}",
+    ]
     if found.rate is not None:
-        print(f"rate     {found.rate:.1f} runs/s")
+        lines.append(f"rate     {found.rate:.1f} runs/s")
     if found.remaining is not None:
-        print(f"left     about {duration(found.remaining)}")
+        lines.append(f"left     about {duration(found.remaining)}")
+    document = {"path": str(path), **asdict(found), "remaining_s": found.remaining}
+    print_found(document, "\n".join(lines), json=json)
 
 
 def _document(results: Result) -> dict[str, object]:
-    from eqt_cli.config import yaml_source
-
     return {
         "path": str(results.path),
         "title": results.attributes["title"],
         "digest": results.attributes["digest"],
-        "config": yaml_source.load(str(results.attributes["config"]), "config").data,
+        "config": _stored(results, "config"),
         "provenance": results.provenance,
         "dimensions": dict(results.dimensions),
         "variables": {
@@ -111,14 +102,14 @@ def _document(results: Result) -> dict[str, object]:
     }
 
 
-def _summary(results: Result, as_json: bool) -> None:
-    from eqt_cli.cli.output import print_json
-    from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
+def _summary(results: Result, json: bool) -> None:
+    from eqt_cli.cli.shared.output import print_json
+    from eqt_cli.cli.shared.result_tables import print_accuracy, print_failures, print_headline
     from eqt_cli.config import yaml_source
     from eqt_cli.config.signal_path import signal_path
     from eqt_cli.execution.provenance import OTHERS, differences
 
-    if as_json:
+    if json:
         print_json(_document(results))
         return
     origin = results.provenance
@@ -140,64 +131,47 @@ def _summary(results: Result, as_json: bool) -> None:
         print_failures(results)
 
 
-def _config(results: Result, as_json: bool) -> None:
-    from eqt_cli.cli.output import print_json
-    from eqt_cli.config import yaml_source
+def _config(results: Result, json: bool) -> None:
+    from eqt_cli.cli.shared.output import print_found
 
-    text = str(results.attributes["config"])
-    if as_json:
-        print_json(yaml_source.load(text, "config").data)
-    else:
-        print(text, end="")
+    print_found(_stored(results, "config"), str(results.attributes["config"]), json=json)
 
 
-def _variables(results: Result, as_json: bool) -> None:
-    from eqt_cli.cli.output import print_json, table
+def _variables(results: Result, json: bool) -> None:
+    from eqt_cli.cli.shared.output import print_records
 
-    header = ["variable", "dimensions", "units", "meaning"]
     found = [
         (name, results.dims(name), results.units(name), results.long_name(name))
         for name in results.names
     ]
-    if as_json:
-        print_json([dict(zip(header, row, strict=True)) for row in found])
-    else:
-        rows = [[name, ", ".join(dims), units, meaning] for name, dims, units, meaning in found]
-        print(table(header, rows))
+    print_records(["variable", "dimensions", "units", "meaning"], found, json=json)
 
 
-def _failed(results: Result, as_json: bool) -> None:
-    from eqt_cli.cli.output import print_json, say
+def _failed(results: Result, json: bool) -> None:
+    from eqt_cli.cli.shared.output import print_found
 
     failures = results.failures
     messages = results.messages(failures) if len(failures) else []
-    places = [tuple(where) for where in failures.tolist()]
-    if as_json:
-        dims, labels = results.dims("status"), results.labels
-        print_json(
-            [
-                dict(zip(dims, where, strict=True))
-                | {"controller": labels[where[-2]], "status": int(results.status[where])}
-                | {"message": message}
-                for where, message in zip(places, messages, strict=True)
-            ]
-        )
-        return
-    if not places:
-        say("no run failed")
-    for where, message in zip(places, messages, strict=True):
-        print(f"{results.place(where)}: {message}")
+    document, lines = [], []
+    for where, message in zip(map(tuple, failures.tolist()), messages, strict=True):
+        place = dict(zip(results.dims("status"), where, strict=True))
+        place |= {"controller": results.labels[where[-2]], "status": int(results.status[where])}
+        document.append({**place, "message": message})
+        lines.append(f"{results.place(where)}: {message}")
+    print_found(document, "\n".join(lines), json=json, nothing="no run failed")
 
 
-def _plugins(results: Result, as_json: bool) -> None:
-    from eqt_cli.cli.output import print_json, say
+def _plugins(results: Result, json: bool) -> None:
+    from eqt_cli.cli.shared.output import print_found
+
+    sources = _stored(results, "plugins")
+    lines = [f"# {path}\n{source}" for path, source in sources.items()]
+    text = "\n".join(line.removesuffix("\n") for line in lines)
+    print_found(sources, text, json=json, nothing="no plugins")
+
+
+def _stored(results: Result, name: str) -> Any:
+    """What an attribute of the file holds as YAML."""
     from eqt_cli.config import yaml_source
 
-    sources = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
-    if as_json:
-        print_json(sources)
-        return
-    if not sources:
-        say("no plugins")
-    for path, source in sources.items():
-        print(f"# {path}\n{source}", end="" if source.endswith("\n") else "\n")
+    return yaml_source.load(str(results.attributes[name]), name).data

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eqt_cli.cli import completion, options
+from eqt_cli.cli.shared import completion, options
 
 if TYPE_CHECKING:
     from eqt_cli.execution.executors import Executor
@@ -21,9 +20,7 @@ MOST_CHECKED = 1000
 
 
 def sweep(
-    config: Annotated[
-        Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")
-    ],
+    config: options.Config,
     grid: Annotated[
         list[str] | None,
         typer.Option(
@@ -34,10 +31,7 @@ def sweep(
         ),
     ] = None,
     dry_run: Annotated[
-        bool,
-        typer.Option(
-            "--dry-run", metavar="", help="Print points, expected time and size; store nothing."
-        ),
+        bool, options.flag("--dry-run", help="Print points, expected time and size; store nothing.")
     ] = False,
     out: options.Out = None,
     set_: options.Set = None,
@@ -57,12 +51,12 @@ def sweep(
     Run it again after an interruption: it continues.
     """
     from eqt_cli.api import LoadedExperiment
-    from eqt_cli.cli.execution import executor_from, run_experiment, shard_from
-    from eqt_cli.cli.output import say
-    from eqt_cli.cli.progress import progress
+    from eqt_cli.cli.shared.output import say
+    from eqt_cli.cli.shared.progress import progress
+    from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
     from eqt_cli.config.source import read_config
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.sweeping import add_grids, study
+    from eqt_cli.experiment.read_study import add_grids, study
 
     source = read_config(config, options.overrides(set_, engine))
     add_grids(source, options.placed("--grid", grid))
@@ -91,41 +85,41 @@ def sweep(
         found,
         out,
         chosen,
+        shard,
         force=force,
         rerun_failed=rerun_failed,
-        shard=shard_from(shard),
         json=json,
         quiet=quiet,
     )
 
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
-    from eqt_cli.cli.output import duration, print_json, size
-    from eqt_cli.execution.cost import check_memory, estimate
+    from eqt_cli.cli.shared.output import duration, print_found
+    from eqt_cli.execution.cost import check_memory, estimate, size
 
     assert study.sweep is not None
     check_memory(study)
     expected = estimate(study, executor)
     first = [study.sweep.point(k) for k in range(min(FIRST_POINTS, len(study)))]
     plan = study.plan
-    if json:
-        print_json(
-            {
-                "points": len(study),
-                "runs": plan.total,
-                "first": first,
-                "seconds": expected.seconds,
-                "workers": expected.workers,
-                "bytes": expected.size,
-            }
-        )
-        return
-    print(f"{len(study)} points × {plan.controllers} controllers × {plan.runs} runs = {plan.total}")
+    document = {
+        "points": len(study),
+        "runs": plan.total,
+        "first": first,
+        "seconds": expected.seconds,
+        "workers": expected.workers,
+        "bytes": expected.size,
+    }
+    lines = [
+        f"{len(study)} points × {plan.controllers} controllers × {plan.runs} runs = {plan.total}"
+    ]
     for index, point in enumerate(first):
-        print(f"  {index}  " + ", ".join(f"{key} = {value}" for key, value in point.items()))
+        values = ", ".join(f"{key} = {value}" for key, value in point.items())
+        lines.append(f"  {index}  {values}")
     if len(study) > FIRST_POINTS:
-        print("  …")
+        lines.append("  …")
     kept = f"{study.kept} trajectories each" if study.kept else "metrics only"
     workers = "1 worker" if expected.workers == 1 else f"{expected.workers} workers"
-    print(f"time     about {duration(expected.seconds)} with {workers}")
-    print(f"size     {size(expected.size)}, {kept}")
+    lines.append(f"time     about {duration(expected.seconds)} with {workers}")
+    lines.append(f"size     {size(expected.size)}, {kept}")
+    print_found(document, "\n".join(lines), json=json)

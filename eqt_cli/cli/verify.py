@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eqt_cli.cli import options
+from eqt_cli.cli.shared import options
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.verification import Verification
-    from eqt_cli.experiment.build import Experiment
 
 
 def verify(
@@ -33,65 +32,52 @@ def verify(
     quiet: options.Quiet = False,
 ) -> None:
     """Check the paper's theorems on an experiment; exit 4 where one does not hold."""
-    from eqt_cli.analysis.verification import RUNS, verify_experiment, verify_results
-    from eqt_cli.cli.output import print_json, say
-    from eqt_cli.cli.progress import progress
-    from eqt_cli.config.source import read_config, source_of
+    from eqt_cli import api
+    from eqt_cli.analysis.verification import RUNS
+    from eqt_cli.cli.shared.output import print_found, say
+    from eqt_cli.cli.shared.progress import progress
+    from eqt_cli.config.source import read_config
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.experiment.build import build
-    from eqt_cli.experiment.point import config_at
-    from eqt_cli.results.result import open_result
+    from eqt_cli.experiment.config_at_point import config_at, without_sweep
+    from eqt_cli.experiment.read_study import study
 
-    is_result = target.suffix == ".h5" or target.is_dir()
-    if is_result and (set_ or engine or runs):
-        raise EqtError(
-            f"{target}: a result is verified as it is; --set, --engine and --runs are for a "
-            "configuration"
-        )
     workers = workers or options.cores()
-    if is_result:
-        with open_result(target, point) as results:
-            experiment = build(source_of(results), trust_plugins=trust_plugins)
-            found = verify_results(experiment, results, workers)
+    if target.suffix == ".h5" or target.is_dir():
+        if set_ or engine or runs:
+            raise EqtError(
+                f"{target}: a result is verified as it is; --set, --engine and --runs are for a "
+                "configuration"
+            )
+        found = api.verify(target, point=point, trust_plugins=trust_plugins, workers=workers)
     else:
         source = read_config(target, options.overrides(set_, engine))
-        if point is not None:
-            source = config_at(source, point)
-        experiment = build(source, trust_plugins=trust_plugins)
-        if source.data.get("sweep") and not quiet:
+        is_sweep = point is None and source.data.get("sweep")
+        source = without_sweep(source) if point is None else config_at(source, point)
+        loaded = api.LoadedExperiment(study(source, trust_plugins=trust_plugins))
+        if is_sweep and not quiet:
             say(f"{target}: verified without its sweep; choose one of its points with --point")
-        count = min(runs or RUNS, experiment.config.ensemble.runs)
-        with progress(count * len(experiment.loops), quiet=quiet) as advance:
-            found = verify_experiment(experiment, count, advance, workers)
-    causes = _causes(found)
-    if json:
-        print_json(_document(experiment, target, found, causes))
-    else:
-        _print(experiment, found)
+        count = min(runs or RUNS, loaded.experiment.config.ensemble.runs)
+        with progress(count * len(loaded.controllers), quiet=quiet) as advance:
+            found = api.verify(loaded, runs=runs, workers=workers, progress=advance)
+    causes = ["some runs failed"] if found.failed_runs else []
+    for row in found.failures:
+        law = f" ({row.controller})" if row.controller else ""
+        causes.append(f"{row.statement}: {row.name}{law} fails")
+    print_found(_document(target, found, causes), _text(found, causes), json=json)
     if found.failed_runs:
         raise typer.Exit(3)
     if found.failures:
         raise typer.Exit(4)
 
 
-def _causes(found: Verification) -> list[str]:
-    causes = ["some runs failed"] if found.failed_runs else []
-    return causes + [
-        f"{row.statement}: {row.name}{f' ({row.controller})' if row.controller else ''} fails"
-        for row in found.failures
-    ]
-
-
-def _document(
-    experiment: Experiment, target: Path, found: Verification, causes: list[str]
-) -> dict[str, object]:
+def _document(target: Path, found: Verification, causes: list[str]) -> dict[str, object]:
     from dataclasses import asdict
 
     return {
         "verified": str(target),
-        "name": experiment.name,
-        "group": experiment.group.name,
-        "engine": experiment.engine.name,
+        "name": found.experiment.name,
+        "group": found.experiment.group.name,
+        "engine": found.experiment.engine.name,
         "runs": found.runs,
         "failed": found.failed_runs,
         "holds": not found.failures,
@@ -100,18 +86,18 @@ def _document(
     }
 
 
-def _print(experiment: Experiment, found: Verification) -> None:
+def _text(found: Verification, causes: list[str]) -> str:
     from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally
-    from eqt_cli.cli.output import table
+    from eqt_cli.cli.shared.output import table
 
+    lines = []
     if (made := certificate_table(found.rows)) is not None:
         for block in made.blocks:
-            print(f"{block.title}\n{table(made.header, block.rows)}\n")
+            lines += [block.title, table(made.header, block.rows), ""]
         if made.notes:
-            print("\n".join(made.notes), end="\n\n")
+            lines += [*made.notes, ""]
+    experiment = found.experiment
     counted = f"{found.runs} runs with engine {experiment.engine.name}"
-    print(f"{experiment.name} on {experiment.group.name}: {tally(found.rows)}, {counted}")
-    for doubt in doubtful(found.rows):
-        print(f"hypothesis {doubt}")
-    for cause in _causes(found):
-        print(cause)
+    lines.append(f"{experiment.name} on {experiment.group.name}: {tally(found.rows)}, {counted}")
+    lines += [f"hypothesis {doubt}" for doubt in doubtful(found.rows)]
+    return "\n".join([*lines, *causes])

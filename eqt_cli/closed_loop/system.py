@@ -182,11 +182,6 @@ class ClosedLoop:
         """The number of entries of a flat state."""
         return self.layout.length
 
-    @property
-    def length_without_memory(self) -> int:
-        """The number of entries before the memory of the law, the same for every law."""
-        return int(self.layout.slices["work"].stop)
-
     def initial_state(self, Q: Array, V: Array, Qd: Array, Vd: Array, t: float = 0.0) -> Array:
         """The flat state at time t; poses ``(..., d, d)``, velocities ``(..., m)``, W = 0."""
         inertia = self.inertia.at(t)

@@ -8,8 +8,8 @@ import numpy as np
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import EqtError, InputError
-from eqt_cli.store.layout import FILE_NAME
 from eqt_cli.store.reader import open_results
+from eqt_cli.store.reserved_names import FILE_NAME
 
 MOST_BYTES = 64 * 2**20
 """Of a file; it is kept in memory, and in every result."""

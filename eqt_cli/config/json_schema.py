@@ -7,7 +7,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from pydantic import TypeAdapter
 
-from eqt_cli.config.keys import keys_of
+from eqt_cli.config.key_descriptions import keys_of
 from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement
 from eqt_cli.controllers import controllers
 from eqt_cli.core.component import option_of_field

@@ -12,7 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAdapter
 
-from eqt_cli.core.numbers import Angle, Count, CountOrNone, Positive, Real
+from eqt_cli.core.option_types import Angle, Count, CountOrNone, Positive, Real
 from eqt_cli.core.validation import one_of
 from eqt_cli.vehicle.numbers import Matrix as DrawnMatrix
 from eqt_cli.vehicle.numbers import Number

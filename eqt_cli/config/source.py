@@ -15,8 +15,8 @@ from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
 from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
 from eqt_cli.core.validation import shown
-from eqt_cli.store.layout import FILE_NAME
 from eqt_cli.store.reader import ResultFile, open_results
+from eqt_cli.store.reserved_names import FILE_NAME
 
 _MOST_FILES = 5
 """Named in a message."""

@@ -8,7 +8,7 @@ from typing import ClassVar, Literal
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, dot
-from eqt_cli.core.numbers import Real
+from eqt_cli.core.option_types import Real
 from eqt_cli.mechanics.tracking import Tracking
 
 Frame = Literal["spatial", "body"]
@@ -75,7 +75,8 @@ class Family(Controller):
     def structure(self) -> Hashable:
         """The same for all members in one frame; a law built on one has its own."""
         own = type(self)
-        inherited = own.torque is Family.torque and own.dissipation is Family.dissipation
+        methods = ("torque", "dissipation", "memory", "initial_memory", "memory_rate")
+        inherited = all(getattr(own, name) is getattr(Family, name) for name in methods)
         return (Family, self.error, self.has_quadratic) if inherited else super().structure
 
     @property

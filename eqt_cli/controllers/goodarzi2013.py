@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, absolute, dot, exp, log, tanh
-from eqt_cli.core.numbers import Positive, Real
+from eqt_cli.core.option_types import Positive, Real
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Tracking
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from eqt_cli.controllers.sliding_variable import SlidingVariable
 from eqt_cli.core.arrays import Array, tanh
-from eqt_cli.core.numbers import Positive
+from eqt_cli.core.option_types import Positive
 from eqt_cli.mechanics.tracking import Tracking
 
 

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, dot
-from eqt_cli.core.numbers import Positive
+from eqt_cli.core.option_types import Positive
 from eqt_cli.mechanics.tracking import Tracking
 
 

@@ -19,28 +19,35 @@ _DRAWING = {
     "by_controller": "plots.drawing.layout",
     "callouts": "plots.drawing.point_labels",
     "disc": "plots.drawing.sphere_projection",
-    "ensembles": "plots.shown",
+    "ensembles": "plots.figure_data",
     "first_runs": "plots.base plots.drawing.curves",
-    "good_metrics": "plots.shown",
-    "good_runs": "plots.shown",
+    "good_metrics": "plots.figure_data",
+    "good_runs": "plots.figure_data",
     "look": "plots.drawing.style",
     "metric_names": "plots.drawing.labels",
     "numbers": "plots.curve_data",
     "sheets": "plots.drawing.style_sheets",
-    "swept": "plots.shown results.result",
-    "verified": "plots.shown",
+    "swept": "plots.figure_data results.result",
+    "verified": "plots.figure_data",
     **{name: f"plots.drawing.{name}" for name in "curves labels latex layout scales style".split()},
 }
 _FIGURES = "paper runs torque distributions phase sphere certificates sweep pareto"
 
 MOVED = {
+    "eqt_cli.core.blame": "eqt_cli.core.error_origin",
+    "eqt_cli.core.marks": "eqt_cli.core.own_files",
+    "eqt_cli.core.numbers": "eqt_cli.core.option_types",
+    "eqt_cli.engines.switching": "eqt_cli.engines.taylor.switching",
+    "eqt_cli.store.assembly": "eqt_cli.store.piecewise_writer",
+    "eqt_cli.store.layout": "eqt_cli.store.reserved_names",
+    "eqt_cli.store.variables": "eqt_cli.store.table",
     "eqt_cli.ensemble.executors": "eqt_cli.execution.executors",
     "eqt_cli.analysis.bounded": "eqt_cli.analysis.evidence.running_error",
     "eqt_cli.analysis.certificates.runs": "eqt_cli.analysis.evidence.runs",
     "eqt_cli.analysis.certificates.sample": "eqt_cli.analysis.evidence.sample",
     "eqt_cli.analysis.certificates.setting": "eqt_cli.analysis.evidence.runs",
-    "eqt_cli.analysis.comparison.measures": "eqt_cli.results.metrics eqt_cli.results.windows",
-    "eqt_cli.analysis.comparison.windows": "eqt_cli.results.windows",
+    "eqt_cli.analysis.comparison.measures": "eqt_cli.results.metrics eqt_cli.results.time_windows",
+    "eqt_cli.analysis.comparison.windows": "eqt_cli.results.time_windows",
     "eqt_cli.analysis.metrics": "eqt_cli.results.metrics",
     **{
         f"eqt_cli.plots.{old}": " ".join(f"eqt_cli.{place}" for place in new.split())
@@ -58,12 +65,13 @@ RENAMED = {
     },
     "eqt_cli.execution.executors": {"Ways": "eqt_cli.execution.executors.base:TaskContext"},
     "eqt_cli.execution.executors.base": {"Ways": "eqt_cli.execution.executors.base:TaskContext"},
-    "eqt_cli.plots.shown": {
-        "GoodMetrics": "eqt_cli.plots.shown:ShownMetrics",
-        "GoodRuns": "eqt_cli.plots.shown:ShownRuns",
-        "Swept": "eqt_cli.plots.shown:ShownSweep",
-        "Verified": "eqt_cli.plots.shown:ShownCertificates",
+    "eqt_cli.plots.figure_data": {
+        "GoodMetrics": "eqt_cli.plots.figure_data:ShownMetrics",
+        "GoodRuns": "eqt_cli.plots.figure_data:ShownRuns",
+        "Swept": "eqt_cli.plots.figure_data:ShownSweep",
+        "Verified": "eqt_cli.plots.figure_data:ShownCertificates",
     },
+    "eqt_cli.store.reader": {"Results": "eqt_cli.store.reader:ResultFile"},
     "eqt_cli.plots": {"Figure": "eqt_cli.plots.base", "OfCertificates": "eqt_cli.plots.base"},
 }
 """Names that modules which are still there have lost, and the modules that have them now, as

@@ -19,7 +19,7 @@ from scipy.integrate import solve_ivp
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.numbers import Count, Positive
+from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Span, Status
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Tag
 
-from eqt_cli.core.numbers import Real, number_schema
+from eqt_cli.core.option_types import Real, number_schema
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import one_of
 

@@ -10,18 +10,15 @@ from math import prod
 from pathlib import Path
 
 from eqt_cli.core.errors import ConfigError, InputProblem
-from eqt_cli.execution.compute import REFERENCE_STATES, compute_part, reference_table
+from eqt_cli.execution.compute_part import compute_part, shared_reference
 from eqt_cli.execution.executors import Executor, TaskContext
 from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import coordinates, quantities
 from eqt_cli.results.quantity import Per
+from eqt_cli.results.quantity_table import quantities
 
 MOST_PIECES = 5
 """Of points that differ in shape, so many are measured."""
-
-TEXT_BYTES = 16
-"""Of a reference to a string in HDF5."""
 
 COPIES = 3
 """Of states and signals that a part holds at once at the least: 3 to 13 were measured."""
@@ -60,9 +57,7 @@ def estimate(study: Study, executor: Executor) -> Estimate:
 
 def _run(study: Study, threads: int) -> float:
     """How long a run of the first part takes, s; computed twice if that is quick."""
-    shared = None
-    if not study.desired_varies:
-        shared = reference_table(study).variables[REFERENCE_STATES].data[0]
+    shared = None if study.desired_varies else shared_reference(study)
     seconds = 0.0
     for _ in range(2):  # the first time may include a compilation
         started = time.perf_counter()
@@ -75,34 +70,14 @@ def _run(study: Study, threads: int) -> float:
 
 def result_size(study: Study) -> int:
     """Bytes of the variables of the result file."""
+    layouts = [Layout(study.piece(index)) for index in range(len(study.shapes))]
     if not study.is_ragged:
-        return sum(_sizes(study, single=False).values())
-    pieces = [study.piece(index) for index in range(len(study.shapes))]
-    within = sum(sum(_sizes(piece, single=True).values()) * len(piece) for piece in pieces)
-    return within + sum(_sizes(piece, single=False)[Per.RUN] for piece in pieces)
-
-
-def _sizes(study: Study, *, single: bool) -> dict[Per, int]:
-    """Bytes of each kind of variable; of a `single` point, which has all of its own, or of all."""
-    layout, plan = Layout(study), study.plan
-    found = coordinates(study.base, study.kept)
-    sizes = {name: len(variable.data) for name, variable in found.items()}
-    points = 1 if single else len(study)
-    leading = {
-        Per.RUN: points * plan.runs * plan.controllers,
-        Per.TRAJECTORY: points * study.kept * plan.controllers,
-        Per.INITIAL: (points if study.initial_varies else 1) * plan.runs,
-        Per.DESIRED: points if study.desired_varies else 1,
-    }
-    return {
-        per: sum(
-            leading[per]
-            * prod(sizes[dim] for dim in entry.dims)
-            * (entry.dtype.itemsize if entry.dtype else TEXT_BYTES)
-            for entry in layout.of(per)
-        )
-        for per in Per
-    }
+        return layouts[0].size(layouts[0].blanks())
+    return sum(
+        layout.size(layout.blanks(layout.of(Per.RUN)))
+        + len(layout.study) * layout.size(layout.blanks(single=True))
+        for layout in layouts
+    )
 
 
 def check_resources(study: Study, folder: Path) -> None:
@@ -124,7 +99,7 @@ def check_resources(study: Study, folder: Path) -> None:
         _refuse(
             study,
             ("ensemble", "runs"),
-            f"the result takes {_size(needed)} on the disk, and {folder} has {_size(free)} left; "
+            f"the result takes {size(needed)} on the disk, and {folder} has {size(free)} left; "
             "take fewer runs, fewer samples, or store.trajectories: none",
         )
 
@@ -144,8 +119,8 @@ def check_memory(study: Study) -> None:
         _refuse(
             study,
             ("time", "samples"),
-            f"a part of the runs takes at least {_size(needed)} of memory at once, and this "
-            f"machine has {_size(there)}; take fewer samples",
+            f"a part of the runs takes at least {size(needed)} of memory at once, and this "
+            f"machine has {size(there)}; take fewer samples",
         )
 
 
@@ -177,9 +152,13 @@ def _free_disk(folder: Path) -> int:
     return shutil.disk_usage(there).free
 
 
-def _size(size: int) -> str:
-    unit, divisor = ("TB", 10**12) if size >= 10**12 else ("GB", 10**9)
-    return f"{size / divisor:.3g} {unit}"
+def size(count: float) -> str:
+    """A number of bytes in the unit that suits it."""
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000:
+            return f"{count:.3g} {unit}"
+        count /= 1000
+    return f"{count:.3g} TB"
 
 
 def _refuse(study: Study, path: tuple[str, ...], message: str) -> None:

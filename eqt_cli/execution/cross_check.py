@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -22,6 +23,7 @@ BOUND_PER_RTOL = 1000.0
 in the paper's ensemble, near the unstable equilibria) with room to spare."""
 
 
+@lru_cache(maxsize=8)
 def chosen_entries(study: Study) -> Array:
     """Which runs of each controller are redone, counted over all points.
 
@@ -33,13 +35,13 @@ def chosen_entries(study: Study) -> Array:
     return np.sort(random.choice(entries, size=count, replace=False))
 
 
-def cross_check(study: Study, found: dict[str, Array]) -> CrossCheck | None:
+def cross_check(study: Study, found: Mapping[str, Sequence[Array]]) -> CrossCheck | None:
     """Solve the chosen runs again and compare; None where none are chosen.
 
     Parameters
     ----------
     found
-        For each controller the states that were found for its chosen runs.
+        For each controller the states that were found for its chosen runs, some at a time.
     """
     chosen = chosen_entries(study)
     if not len(chosen):
@@ -77,34 +79,33 @@ def _differences(
         again = engine.solve(problem, lambda runs: None)
         loop = problem.batched_loop(extra_axes=1)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-            difference = distance(loop, problem.times, states, again.states)
+            distances = distance(loop, problem.times, states, again.states)
         good = np.isfinite(states).all(axis=(1, 2))
-        found.append(np.nan_to_num(difference[good], nan=np.inf))
+        found.append(np.nan_to_num(distances[good], nan=np.inf))
     return np.concatenate(found)
 
 
 def _by_kind(
-    study: Study, chosen: Array, found: dict[str, Array]
+    study: Study, chosen: Array, found: Mapping[str, Sequence[Array]]
 ) -> list[list[tuple[Batch, Array]]]:
     """What one vectorised solve can take together, of all controllers and points."""
     groups: dict[Hashable, list[tuple[Batch, Array]]] = {}
-    for label, states in found.items():
+    for label in study.base.loops:
+        states = np.concatenate(found[label])
         for batch in batches(study, label, chosen):
             groups.setdefault(batch.kind, []).append((batch, states[batch.rows]))
     return list(groups.values())
 
 
 def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:
-    """max over samples of max(‖ΔQ‖_F, ‖ΔV‖), ``(runs, samples, n) -> (runs,)``."""
+    """The difference of poses and velocities of states, ``(runs, samples, n) -> (runs,)``."""
     a, b = loop.tracking(times, one), loop.tracking(times, other)
-    largest: Array = np.maximum(frobenius(a.Q - b.Q), norm(a.V - b.V)).max(axis=-1)
-    return largest
+    return difference(a.Q - b.Q, a.V - b.V)
 
 
-def reference_distance(loop: ClosedLoop, times: Array, states: Array, reference: Array) -> Array:
-    """Like `distance`, between the reference within each run and the one solved by itself."""
-    a, b = loop.tracking(times, states), loop.tracking(times, reference)
-    largest: Array = np.maximum(frobenius(a.Qd - b.Qd), norm(a.Vd - b.Vd)).max(axis=-1)
+def difference(pose: Array, velocity: Array) -> Array:
+    """max over samples of max(‖ΔQ‖_F, ‖ΔV‖), ``(runs,)``."""
+    largest: Array = np.maximum(frobenius(pose), norm(velocity)).max(axis=-1)
     return largest
 
 

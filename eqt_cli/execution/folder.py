@@ -12,12 +12,12 @@ from typing import Any
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import OTHER_FOLDER, START_OVER, EqtError, Remedy
 from eqt_cli.core.files import refusals, replace_file
-from eqt_cli.core.marks import is_eqts
+from eqt_cli.core.own_files import is_eqts
 from eqt_cli.core.problems import KeyPath, dotted
 from eqt_cli.core.validation import shown
 from eqt_cli.execution.part_files import MANIFEST, PARTS, PartFiles
 from eqt_cli.experiment.study import Study
-from eqt_cli.store.layout import FILE_NAME
+from eqt_cli.store.reserved_names import FILE_NAME
 
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
 FILES = "stored_files"

@@ -1,8 +1,9 @@
-"""From the files of all parts to the one result file, part by part, so that the memory suffices."""
+"""From the files of parts to the one result file, part by part, so that the memory suffices."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -10,16 +11,19 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
-from eqt_cli.execution.compute import CHECK_STATES, read_part
+from eqt_cli.execution.compute_part import checked_states, read_part
 from eqt_cli.execution.cross_check import chosen_entries, cross_check, together
-from eqt_cli.execution.part_files import FinishedPart, PartFiles
-from eqt_cli.execution.result_layout import Destination, Layout, new_result_file
-from eqt_cli.experiment.plan import Part
+from eqt_cli.execution.part_task import PartTask
+from eqt_cli.execution.result_layout import Destination, Layout, ResultFile, new_result_file
+from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import Per, Quantity
-from eqt_cli.results.result import CrossCheck
-from eqt_cli.store.reader import ResultFile, open_results
-from eqt_cli.store.variables import Attribute
+from eqt_cli.store.piecewise_writer import Assembly
+from eqt_cli.store.reader import ResultFile as StoredFile
+from eqt_cli.store.reader import open_results
+from eqt_cli.store.table import Attribute
+
+COPIED_BYTES = 64 * 2**20
 
 
 class BrokenPart(ResultError):
@@ -36,9 +40,7 @@ class BrokenPart(ResultError):
         self.path = path
 
 
-def pack(
-    study: Study, files: PartFiles, results: Path, attributes: Mapping[str, Attribute]
-) -> CrossCheck | None:
+def pack(task: PartTask, results: Path, attributes: Mapping[str, Attribute]) -> None:
     """Write the result file from the parts, all of which must exist.
 
     Raises
@@ -48,108 +50,96 @@ def pack(
     ResultError
         If the disk refuses.
     """
-    by_piece: list[list[tuple[int, FinishedPart]]] = [[] for _ in study.shapes]
-    for number, listed in sorted(files.listed().items()):
-        index, inner = study.plans.where(number)
-        by_piece[index].append((inner, listed))
+    study = task.study
     with new_result_file(study, results) as file:
-        checks = [
-            _Packing(study, index, place, files).fill(by_piece[index])
-            for index, place in enumerate(file.places)
-        ]
-        check = together(checks)
+        for index, place in enumerate(file.places):
+            shared, decimate = task.shared(index), study.base.config.store.decimate
+            for name, values in (shared or {}).items():
+                place.put(name, values[::decimate])
+        states = _put_parts(task, file)
+        pieces = map(study.piece, range(len(study.shapes)))
+        check = together([cross_check(piece, states[k]) for k, piece in enumerate(pieces)])
         fields = {} if check is None else asdict(check)
         checked = {f"cross_check_{name}": value for name, value in fields.items()}
         file.root.describe({**attributes, **checked})
-    return check
 
 
-class _Packing:
-    """Brings the parts of one piece of a study to their places."""
+def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribute]) -> int:
+    """Write a result file anew, with the parts of a task in their places; returns its failed runs.
 
-    def __init__(self, whole: Study, index: int, place: Destination, files: PartFiles) -> None:
-        self.study, self.place, self.digest = whole.piece(index), place, whole.digest
-        self.plan, self.layout = self.study.plan, Layout(self.study)
-        self.reference = None if self.study.desired_varies else files.reference(index)
-        self.chosen = chosen_entries(self.study)
-        base = self.study.base
-        shape = len(self.chosen), base.config.time.samples
-        self.states = {
-            label: np.full((*shape, loop.state_length), np.nan)
-            for label, loop in base.loops.items()
-        }
+    Parameters
+    ----------
+    attributes
+        Those that change.
+    """
+    with open_results(results) as old, new_result_file(task.study, results) as file:
+        _copy(file.root, old)
+        for point, group in enumerate(file.groups):
+            _copy(group, old.at(point))
+        for written in (file.root, *file.groups):
+            written.replaces = True
+        _put_parts(task, file)
+        file.root.describe({**old.attributes, **attributes})
+    with open_results(results) as new:
+        return int(np.count_nonzero(new["status"]))
 
-    def fill(self, parts: Sequence[tuple[int, FinishedPart]]) -> CrossCheck | None:
-        if self.reference is not None:
-            self._add_reference(self.reference)
-        for number, listed in parts:
-            with _opened(listed.path, self.digest) as results:
-                try:
-                    self._add(self.plan.part(number), results)
-                except ResultError as error:
-                    raise BrokenPart(listed.path, str(error)) from error
-        return cross_check(self.study, self.states)
 
-    def _add_reference(self, path: Path) -> None:
-        with _opened(path, self.digest) as shared:
-            try:
-                for entry in self.layout.of(Per.DESIRED):
-                    self.place.put(entry.name, shared.read(entry.name, reference=0))
-            except ResultError as error:
-                raise BrokenPart(path, str(error)) from error
+def _copy(file: Assembly, old: StoredFile) -> None:
+    """All variables, some rows of each at a time."""
+    for name in old.names:
+        first, *rest = old.dims(name)
+        row = 8 * int(np.prod([old.dimensions[dim] for dim in rest]))
+        step = max(1, COPIED_BYTES // row)
+        for start in range(0, old.dimensions[first], step):
+            rows = slice(start, min(start + step, old.dimensions[first]))
+            file.put(name, old.read(name, **{first: rows}), (rows,))
 
-    def _add(self, part: Part, results: ResultFile) -> None:
-        """Put everything that a part holds in its place."""
-        label = list(self.study.base.loops)[part.controller]
-        found = read_part(results, self.layout.quantities)
-        for entry in self.layout.quantities:
-            if entry.name not in found:
-                continue
-            data = found[entry.name]
-            if entry.per is Per.RUN:
-                self._put(entry, data, part, self.plan.runs)
-            elif entry.per is Per.TRAJECTORY:
-                self._put(entry, data, part, self.study.kept)
-            elif entry.per is Per.INITIAL:
-                self._put_initial(entry, data, part)
-            elif part.controller == 0:
-                put_desired(self.place, entry.name, data, part)
-        here = (self.chosen >= part.start) & (self.chosen < part.stop)
-        if here.any():
-            self.states[label][here] = results[CHECK_STATES]
 
-    def _put(self, entry: Quantity, data: Array, part: Part, kept: int) -> None:
-        for slab in part.slabs(kept):
+def _put_parts(task: PartTask, file: ResultFile) -> dict[int, dict[str, list[Array]]]:
+    """Put all that finished parts hold in its place.
+
+    Returns, by piece and controller, the states of the runs that the cross-check redoes.
+    """
+    states: dict[int, dict[str, list[Array]]] = defaultdict(lambda: defaultdict(list))
+    for item, listed in sorted(task.files.listed().items()):
+        index, part = task.part(item)
+        study, place = task.study.piece(index), file.places[index]
+        layout = Layout(study)
+        label, loop = list(study.base.loops.items())[part.controller]
+        try:
+            with open_results(listed.path) as results:
+                digest = task.study.digest
+                if results.attributes.get("digest", digest) != digest:
+                    raise ResultError(f"{listed.path}: is a part of another experiment")
+                found = read_part(results, layout.quantities)
+                for entry in layout.quantities:
+                    if entry.name in found:
+                        _put(place, layout, entry, found[entry.name], part)
+                chosen = chosen_entries(study)
+                if ((chosen >= part.start) & (chosen < part.stop)).any():
+                    states[index][label].append(checked_states(results, loop.layout))
+        except ResultError as error:
+            raise BrokenPart(listed.path, str(error)) from error
+    return states
+
+
+def _put(place: Destination, layout: Layout, entry: Quantity, data: Array, part: Part) -> None:
+    """Put what a part holds of a quantity in its place."""
+    study: Study = layout.study
+    if entry.per is Per.DESIRED:  # a point that is cut belongs to where it starts
+        points = np.unique(part.points)
+        own = points * part.runs >= part.start
+        if own.any():
+            first, last = int(points[own][0]), int(points[own][-1])
+            place.put(entry.name, data[own], (slice(first, last + 1),))
+    elif entry.per is Per.INITIAL and not study.initial_varies:
+        place.put(entry.name, data, (slice(part.start, part.start + len(data)),))
+    else:
+        controller = () if entry.per is Per.INITIAL else (part.controller,)
+        for slab in part.slabs(study.kept if entry.per is Per.TRAJECTORY else part.runs):
             block = data[slab.rows].reshape(*slab.shape, *data.shape[1:])
-            if self.study.sweep:
-                self.place.put(entry.name, block, (slab.points, part.controller, slab.runs))
+            where = (*controller, slab.runs)
+            if study.sweep:
+                place.put(entry.name, block, (slab.points, *where))
             else:
-                self.place.put(entry.name, block[0], (part.controller, slab.runs))
-
-    def _put_initial(self, entry: Quantity, data: Array, part: Part) -> None:
-        if self.study.initial_varies:
-            for slab in part.slabs():
-                block = data[slab.rows].reshape(*slab.shape, *data.shape[1:])
-                self.place.put(entry.name, block, (slab.points, slab.runs))
-        else:
-            self.place.put(entry.name, data, (slice(part.start, part.start + len(data)),))
-
-
-def put_desired(place: Destination, name: str, data: Array, part: Part) -> None:
-    """Put what a part holds of references; a point that is cut belongs to where it starts."""
-    points = np.unique(part.points)
-    own = points * part.runs >= part.start
-    if own.any():
-        first, last = int(points[own][0]), int(points[own][-1])
-        place.put(name, data[own], (slice(first, last + 1),))
-
-
-def _opened(path: Path, digest: str) -> ResultFile:
-    try:
-        results = open_results(path)
-    except ResultError as error:
-        raise BrokenPart(path, str(error)) from error
-    if results.attributes.get("digest", digest) != digest:
-        results.close()
-        raise BrokenPart(path, f"{path}: is a part of another experiment")
-    return results
+                place.put(entry.name, block[0], where)

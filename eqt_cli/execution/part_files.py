@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from uuid import uuid4
 
 if TYPE_CHECKING:
-    from eqt_cli.store.variables import Table
+    from eqt_cli.store.table import Table
 
 MANIFEST, PARTS = "manifest.json", "parts"
 """In a result folder: what the experiment is, and where its finished parts are."""

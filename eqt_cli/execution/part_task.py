@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
-from eqt_cli.core.blame import blamed
+from eqt_cli.core.error_origin import blamed
 from eqt_cli.core.errors import ResultError
-from eqt_cli.execution.compute import (
-    REFERENCE_STATES,
+from eqt_cli.execution.compute_part import (
+    Desired,
     OutdatedPart,
     check_part,
     compute_part,
@@ -24,44 +23,85 @@ from eqt_cli.execution.compute import (
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.part_files import PartFiles
 from eqt_cli.execution.result_layout import Layout
+from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
+from eqt_cli.results.quantity_table import DESIRED
 from eqt_cli.store.reader import open_results
-from eqt_cli.store.variables import Table
+from eqt_cli.store.table import Table
 
 
 @dataclass(frozen=True, eq=False)
 class PartTask:
-    """Computes parts of a study into a folder; it can be sent to other processes."""
+    """Computes parts of a study into a folder; it can be sent to other processes.
+
+    Attributes
+    ----------
+    chosen
+        The parts to compute, each with the index of its piece of the study; None for those of the
+        study's plan, which are all.
+    """
 
     study: Study
     files: PartFiles
+    chosen: tuple[tuple[int, Part], ...] | None = None
+
+    def __len__(self) -> int:
+        return len(self.study.plans) if self.chosen is None else len(self.chosen)
+
+    def part(self, item: int) -> tuple[int, Part]:
+        """A part, and the index of its piece of the study."""
+        if self.chosen is not None:
+            return self.chosen[item]
+        index, number = self.study.plans.where(item)
+        return index, self.study.piece(index).plan.part(number)
+
+    def runs_of(self, item: int) -> int:
+        """The number of runs of a part."""
+        return len(self.part(item)[1])
+
+    @property
+    def missing(self) -> list[int]:
+        """The parts that are not there yet."""
+        there = self.files.listed()
+        return [item for item in range(len(self)) if item not in there]
 
     @blamed()
     def __call__(self, item: int, context: TaskContext) -> int:
         """Compute and save one part; returns how many of its runs failed."""
-        index, number = self.study.plans.where(item)
+        index, part = self.part(item)
         piece = self.study.piece(index)
-        return self.save(
-            item, compute_part(piece, piece.plan.part(number), self.shared(index), context)
-        )
+        return self._save(item, compute_part(piece, part, self.shared(index), context))
 
     def lose(self, item: int, message: str) -> int:
         """Save a part that could not be computed; returns the number of its runs."""
-        index, number = self.study.plans.where(item)
-        piece = self.study.piece(index)
-        return self.save(item, lost_part(piece, piece.plan.part(number), message))
+        index, part = self.part(item)
+        return self._save(item, lost_part(self.study.piece(index), part, message))
+
+    def _save(self, item: int, table: Table) -> int:
+        failed = int(np.count_nonzero(table.variables["status"].data))
+        attributes = {**table.attributes, "digest": self.study.digest}
+        self.files.save(item, Table(table.variables, {}, attributes), failed)
+        return failed
 
     @blamed()
     def prepare(self) -> None:
-        """Save what all parts of a piece need, unless it is there."""
+        """Save the references that all parts of a piece need, unless they are there and whole."""
         for index in range(len(self.study.shapes)):
-            piece, path = self.study.piece(index), self.files.reference(index)
-            if not piece.desired_varies and not path.exists():
+            piece = self.study.piece(index)
+            if not (piece.desired_varies or self._has_reference(index)):
                 self.files.save_reference(index, reference_table(piece))
+
+    def _has_reference(self, index: int) -> bool:
+        try:
+            with open_results(self.files.reference(index)) as results:
+                # The first version kept other samples of it.
+                return all("sample" in results.dims(name) for name in DESIRED)
+        except ResultError:
+            return False
 
     def is_outdated(self, item: int, path: Path) -> bool:
         """Whether a part was written by a version of eqt that did not keep all of this one's."""
-        index, _ = self.study.plans.where(item)
+        index, _ = self.part(item)
         try:
             with open_results(path) as results:
                 check_part(results, Layout(self.study.piece(index)).quantities)
@@ -71,27 +111,16 @@ class PartTask:
             return False  # but damaged: whoever reads all of it finds that too
         return False
 
-    def runs_of(self, item: int) -> int:
-        """The number of runs of a part."""
-        return self.study.plans.runs_of(item)
-
     @cached_property
-    def shared(self) -> Callable[[int], Array | None]:
-        """The states of the reference that all points of a piece share; None where each has one."""
+    def shared(self) -> Callable[[int], Desired | None]:
+        """The reference that all points of a piece share; None where each has one of its own."""
         return lru_cache(maxsize=None)(self._shared)
 
-    def _shared(self, index: int) -> Array | None:
+    def _shared(self, index: int) -> Desired | None:
         if self.study.piece(index).desired_varies:
             return None
         with open_results(self.files.reference(index)) as results:
-            return results.read(REFERENCE_STATES)[0]
-
-    def save(self, item: int, table: Table) -> int:
-        """Save a finished part as one of this study; returns how many of its runs failed."""
-        failed = int(np.count_nonzero(table.variables["status"].data))
-        attributes = {**table.attributes, "digest": self.study.digest}
-        self.files.save(item, Table(table.variables, {}, attributes), failed)
-        return failed
+            return {name: results[name] for name in DESIRED}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"study": self.study, "files": self.files}
+        return {"study": self.study, "files": self.files, "chosen": self.chosen}

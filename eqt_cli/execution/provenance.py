@@ -32,9 +32,14 @@ def provenance(folder: Path) -> dict[str, Any]:
         "machine": platform.machine(),
         "cpu_count": os.cpu_count(),
         "command": " ".join(["eqt", *sys.argv[1:]]),
-        "started": datetime.now(UTC).isoformat(timespec="seconds"),
+        "started": now(),
         "git": _git_state(folder),
     }
+
+
+def now() -> str:
+    """The time, ISO 8601."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 def together(origin: dict[str, Any], *others: dict[str, Any]) -> dict[str, Any]:

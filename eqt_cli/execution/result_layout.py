@@ -7,9 +7,10 @@ the root holds what there is one of for every run, and a group for each point ho
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from math import prod
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,11 +21,14 @@ from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
 from eqt_cli.experiment.law_names import LAW, law_names
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import coordinates, quantities
 from eqt_cli.results.quantity import Per, Quantity
-from eqt_cli.store.assembly import Assembly, Blank, assemble
-from eqt_cli.store.layout import point_group
-from eqt_cli.store.variables import Attribute, Variable
+from eqt_cli.results.quantity_table import coordinates, quantities
+from eqt_cli.store.piecewise_writer import Assembly, Blank, assemble
+from eqt_cli.store.reserved_names import point_group
+from eqt_cli.store.table import Attribute, Variable
+
+TEXT_BYTES = 16
+"""Of a reference to a string in HDF5."""
 
 MIXED = "mixed"
 """The unit of a variable that has different ones at different points."""
@@ -80,10 +84,12 @@ class Layout:
         """Whether the points have values of their own."""
         return self.study.sweep is not None and self.varies.get(quantity.per, True)
 
-    def blanks(self, *, single: bool = False) -> dict[str, Blank]:
-        """The variables; of a `single` point, or of all together."""
+    def blanks(
+        self, wanted: Iterable[Quantity] | None = None, *, single: bool = False
+    ) -> dict[str, Blank]:
+        """The variables, all or some; of a `single` point, or of all together."""
         found = {}
-        for entry in self.quantities:
+        for entry in self.quantities if wanted is None else wanted:
             point = ("point",) if self.by_point(entry) and not single else ()
             dims = (*point, *self._leading(entry.per), *entry.dims)
             found[entry.name] = Blank(dims, entry.dtype, entry.attributes)
@@ -97,6 +103,15 @@ class Layout:
             Per.INITIAL: ("run",),
             Per.DESIRED: (),
         }[per]
+
+    def size(self, blanks: Mapping[str, Blank]) -> int:
+        """Bytes of some variables."""
+        sizes = {"point": len(self.study)} | _sizes(self.coordinates)
+        return sum(
+            prod(sizes[dim] for dim in blank.dims)
+            * (blank.dtype.itemsize if blank.dtype else TEXT_BYTES)
+            for blank in blanks.values()
+        )
 
     @property
     def coordinates(self) -> dict[str, Variable]:
@@ -135,14 +150,10 @@ def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[s
     swept = swept_coordinates(study)
     if not study.is_ragged:
         return layouts[0].blanks(), layouts[0].coordinates | swept
-    blanks = layouts[0].blanks()
-    rest = [layout.blanks() for layout in layouts[1:]]
+    first, *rest = [layout.blanks(layout.of(Per.RUN)) for layout in layouts]
     kept = {
-        entry.name: replace(
-            blanks[entry.name],
-            attributes=_agreed([one[entry.name].attributes for one in (blanks, *rest)]),
-        )
-        for entry in layouts[0].of(Per.RUN)
+        name: replace(blank, attributes=_agreed([one[name].attributes for one in (first, *rest)]))
+        for name, blank in first.items()
     }
     shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
     return kept, shared | swept
@@ -223,9 +234,7 @@ def titles(study: Study) -> dict[str, str]:
     return {label: law.title if label == law.name else label for label, law in laws.items()}
 
 
-def described(
-    study: Study, provenance: dict[str, Any], config: str, plugins: str
-) -> dict[str, Any]:
+def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
     """The attributes with which a result can be understood and run again."""
     groups = {study.piece(index).base.group.name: None for index in range(len(study.shapes))}
     loops = study.base.loops
@@ -237,8 +246,8 @@ def described(
         own["lyapunov_functions"] = json.dumps(told, ensure_ascii=False)
     return {
         "title": study.name,
-        "config": config,
-        "plugins": plugins,
+        "config": dump(study.resolved),
+        "plugins": dump(study.base.plugins),
         **({"files": json.dumps(study.files, ensure_ascii=False)} if study.files else {}),
         "digest": study.digest,
         "group": ", ".join(groups),

@@ -19,7 +19,7 @@ from eqt_cli.config.schema import Config, GainsSection, InitialSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.blame import blamed
+from eqt_cli.core.error_origin import blamed
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
 from eqt_cli.core.validation import as_section, component, fields_of, known_keys, shown, unknown_key
@@ -27,12 +27,12 @@ from eqt_cli.engines import Engine
 from eqt_cli.ensemble.factor_poses import FactorPoses
 from eqt_cli.ensemble.poses import PoseDistribution, pose_distributions
 from eqt_cli.ensemble.velocities import VelocityDistribution, velocity_distributions
-from eqt_cli.experiment.desired import DesiredTrajectory, check_horizon, desired_from
+from eqt_cli.experiment.desired_trajectory import DesiredTrajectory, check_horizon, desired_from
 from eqt_cli.experiment.gains import gains_from
 from eqt_cli.experiment.inertia import inertia_from
-from eqt_cli.experiment.probe import probe
 from eqt_cli.experiment.solver import Solver, solver_from
 from eqt_cli.experiment.start import Start, start_from_file
+from eqt_cli.experiment.trial_evaluation import probe
 from eqt_cli.experiment.vehicle import resolved as resolved_vehicle
 from eqt_cli.experiment.vehicle import vehicle_from
 from eqt_cli.groups import MatrixLieGroup, group_named

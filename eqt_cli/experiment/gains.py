@@ -9,7 +9,7 @@ from scipy.linalg import block_diag
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
-from eqt_cli.experiment.tensors import require_definite, require_minimum, require_symmetric
+from eqt_cli.experiment.matrices import require_definite, require_minimum, require_symmetric
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.product import ProductGroup
 from eqt_cli.mechanics.tracking import Gains

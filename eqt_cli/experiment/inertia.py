@@ -11,7 +11,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.core.problems import Problems
-from eqt_cli.experiment import tensors
+from eqt_cli.experiment import matrices as tensors
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, InertiaLaw, PrescribedInertia
 from eqt_cli.written.poses import square

@@ -13,7 +13,7 @@ from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import component, option_names
-from eqt_cli.experiment.point import path_of, section_of
+from eqt_cli.experiment.config_at_point import path_of, section_of
 from eqt_cli.experiment.study import Study
 
 LAW = "law"

@@ -14,8 +14,8 @@ from eqt_cli.core.registry import load_plugin
 from eqt_cli.ensemble.designs.zip import Zip
 from eqt_cli.ensemble.sweep import Sweep
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.plan import MANY_PARTS, Plan, Plans
-from eqt_cli.experiment.point import at_point, section_of
+from eqt_cli.experiment.config_at_point import at_point, section_of
+from eqt_cli.experiment.parts import MANY_PARTS, Plan, Plans
 
 MOST_TRAJECTORIES = 10_000
 """Sweeps of more runs than this keep trajectories only if the configuration asks for them."""

@@ -11,7 +11,7 @@ from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.component import Component
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
-from eqt_cli.plots.shown import ShownCertificates, ShownMetrics, ShownRuns, ShownSweep
+from eqt_cli.plots.figure_data import ShownCertificates, ShownMetrics, ShownRuns, ShownSweep
 from eqt_cli.results.result import Result
 
 if TYPE_CHECKING:

@@ -11,14 +11,14 @@ from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import summary
 from eqt_cli.core.validation import option_names, validated
-from eqt_cli.plots import baseline
+from eqt_cli.plots import kept_numbers as baseline
 from eqt_cli.plots.base import Figure, OfCertificates
-from eqt_cli.plots.baseline import Check
 from eqt_cli.plots.curve_data import curves
 from eqt_cli.plots.drawing.style import HOUSE, WIDTHS, Style
+from eqt_cli.plots.figure_data import names
 from eqt_cli.plots.figures import figures
+from eqt_cli.plots.kept_numbers import Check
 from eqt_cli.plots.save import Format, encode, write
-from eqt_cli.plots.shown import names
 from eqt_cli.results.result import Result
 
 Choice = TypeVar("Choice", bound=str)

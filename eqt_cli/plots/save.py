@@ -17,7 +17,7 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
 from eqt_cli.core.files import refusals, replace_file
-from eqt_cli.core.marks import is_eqts
+from eqt_cli.core.own_files import is_eqts
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.drawing.style import HOUSE, Style, house_style
 

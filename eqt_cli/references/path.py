@@ -12,7 +12,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.differentiation import value_and_derivatives
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.expressions import Expression, formula
-from eqt_cli.core.numbers import Real
+from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.motions import Factor, motion_along

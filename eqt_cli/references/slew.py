@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-from eqt_cli.core.numbers import Positive, Real
+from eqt_cli.core.option_types import Positive, Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.motions import Pieces, eased

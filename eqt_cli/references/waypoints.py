@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.numbers import Real
+from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.motions import Pieces, spline

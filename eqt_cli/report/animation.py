@@ -12,9 +12,9 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.animation.motion import Course, Motion, motion
 from eqt_cli.plots.animation.scene import AZIMUTH, ELEVATION, FACES, corners
-from eqt_cli.report.curves import looks
 from eqt_cli.report.document import TEMPLATES, environment
-from eqt_cli.report.runs import columns
+from eqt_cli.report.run_curves import looks
+from eqt_cli.report.run_table import columns
 from eqt_cli.results.result import Result
 
 SAMPLES = 401

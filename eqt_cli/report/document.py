@@ -18,11 +18,11 @@ from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.text_tables import TextTable
 from eqt_cli.core.version import __version__
-from eqt_cli.report.curves import curves
-from eqt_cli.report.facts import accuracy, lead, provenance
 from eqt_cli.report.figures import DEFAULT, SWEPT, Wanted, inline_figures
-from eqt_cli.report.points import best_points, point_table
-from eqt_cli.report.runs import columns, run_table
+from eqt_cli.report.point_table import best_points, point_table
+from eqt_cli.report.run_curves import curves
+from eqt_cli.report.run_table import columns, run_table
+from eqt_cli.report.summary import accuracy, lead, provenance
 from eqt_cli.results.result import HEADLINE, Result
 
 _NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")

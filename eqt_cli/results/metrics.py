@@ -9,7 +9,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.quantity import Quantity
-from eqt_cli.results.windows import WHOLE, Window
+from eqt_cli.results.time_windows import WHOLE, Window
 from eqt_cli.vehicle import Vehicle
 
 EARLY = Window(0.0, 5.0)

@@ -11,8 +11,8 @@ import numpy as np
 
 from eqt_cli.closed_loop.signals import signal_of
 from eqt_cli.core.arrays import Array
-from eqt_cli.results.windows import WHOLE, Window
-from eqt_cli.store.variables import Attribute
+from eqt_cli.results.time_windows import WHOLE, Window
+from eqt_cli.store.table import Attribute
 from eqt_cli.vehicle import Vehicle
 
 FLOAT = np.dtype("f8")

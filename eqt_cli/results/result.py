@@ -21,16 +21,16 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ComponentError, EqtError, suggestion
 from eqt_cli.engines import Status
 from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.config_at_point import config_at
 from eqt_cli.experiment.law_names import LAW
-from eqt_cli.experiment.point import config_at
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.results.metrics import METRICS
-from eqt_cli.results.quantities import QUANTITIES, quantity_of
 from eqt_cli.results.quantity import Per, Quantity
-from eqt_cli.results.windows import WHOLE, Window
-from eqt_cli.store.layout import POINT
+from eqt_cli.results.quantity_table import QUANTITIES, quantity_of
+from eqt_cli.results.time_windows import WHOLE, Window
 from eqt_cli.store.reader import ResultFile
-from eqt_cli.store.variables import Attribute
+from eqt_cli.store.reserved_names import POINT
+from eqt_cli.store.table import Attribute
 
 
 def open_result(path: str | os.PathLike[str], point: int | None = None) -> Result:

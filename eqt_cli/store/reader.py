@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from eqt_cli.core.errors import Remedy, ResultError, suggestion
 from eqt_cli.store import safety
-from eqt_cli.store.layout import FILE_NAME, FORMAT, FORMAT_ATTRIBUTE, POINT
-from eqt_cli.store.variables import Attribute
+from eqt_cli.store.reserved_names import FILE_NAME, FORMAT, FORMAT_ATTRIBUTE, POINT
+from eqt_cli.store.table import Attribute
 
 Positions = int | slice | Sequence[int] | NDArray[np.integer[Any]]
 """Positions along one dimension; counted from the end when negative, as in NumPy."""

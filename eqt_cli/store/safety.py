@@ -16,8 +16,7 @@ from typing import Any
 import h5py
 import numpy as np
 
-from eqt_cli.store.heaps import BrokenHeapError, read_heaps
-from eqt_cli.store.layout import (
+from eqt_cli.store.reserved_names import (
     COORDINATES,
     FORMAT_ATTRIBUTE,
     NAME,
@@ -27,7 +26,8 @@ from eqt_cli.store.layout import (
     RESERVED,
     point_group,
 )
-from eqt_cli.store.variables import Attribute
+from eqt_cli.store.string_heaps import BrokenHeapError, read_heaps
+from eqt_cli.store.table import Attribute
 
 _LINKS = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
 _OBJECTS = {h5py.h5o.TYPE_GROUP: "a group", h5py.h5o.TYPE_NAMED_DATATYPE: "a named type"}

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Literal
 
-from eqt_cli.store.assembly import assemble
-from eqt_cli.store.variables import Table
+from eqt_cli.store.piecewise_writer import assemble
+from eqt_cli.store.table import Table
 
 
 def write(
@@ -24,7 +24,7 @@ def write(
     table
         What to store.
     compression, tag
-        As for `eqt_cli.store.assembly.assemble`.
+        As for `eqt_cli.store.piecewise_writer.assemble`.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Tag
 
-from eqt_cli.core.numbers import Real
+from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import one_of
 

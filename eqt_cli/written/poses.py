@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
-from eqt_cli.core.numbers import Angle, Real
+from eqt_cli.core.option_types import Angle, Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import shown, validated
 from eqt_cli.groups.base import MatrixLieGroup

@@ -51,7 +51,7 @@ def _no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(autouse=True)
 def _no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is printed must not depend on how fast this machine is."""
-    monkeypatch.setattr("eqt_cli.cli.progress.SHOW_AFTER", math.inf)
+    monkeypatch.setattr("eqt_cli.cli.shared.progress.SHOW_AFTER", math.inf)
 
 
 @pytest.fixture(autouse=True)

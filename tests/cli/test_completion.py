@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from eqt_cli.cli import completion
-from eqt_cli.cli.run_table import FORMATS
+from eqt_cli.cli.shared import completion
+from eqt_cli.cli.shared.run_table import FORMATS
 from eqt_cli.config import shipped
 from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.config.json_schema import json_schema
-from eqt_cli.config.keys import keys_of
+from eqt_cli.config.key_descriptions import keys_of
 from eqt_cli.core.registry import summary
 from eqt_cli.core.validation import option_names
 from eqt_cli.engines import engines

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from eqt_cli.cli.output import columns, room, table
+from eqt_cli.cli.shared.output import columns, room, table
 
 HEADER = ["controller", "mean ‖τ‖ 0-5 s", "remark"]
 ROWS = [["eqt", "1.830", "holds"], ["stabilising", "-", "a sentence that is rather long"]]

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from eqt_cli.cli import progress
+from eqt_cli.cli.shared import progress
 
 Eqt = Callable[..., Any]
 

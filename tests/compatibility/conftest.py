@@ -29,7 +29,7 @@ def _alone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registries, "_loaded_plugins", {})
     for kind in KINDS:
         monkeypatch.setattr(registry(kind), "_plugins", {})
-    monkeypatch.setattr("eqt_cli.cli.progress.SHOW_AFTER", math.inf)
+    monkeypatch.setattr("eqt_cli.cli.shared.progress.SHOW_AFTER", math.inf)
 
 
 @pytest.fixture

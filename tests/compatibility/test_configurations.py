@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.config.source import read_config
-from eqt_cli.execution.execute import execute
 from eqt_cli.execution.executors import executors
-from eqt_cli.experiment.sweeping import study
+from eqt_cli.execution.run_study import execute
+from eqt_cli.experiment.read_study import study
 from eqt_cli.store.reader import open_results
 
 FIRST = Path(__file__).parent / "first_version"

@@ -4,16 +4,12 @@ import numpy as np
 import pytest
 
 from eqt_cli.engines import Problem, Status
-from eqt_cli.execution.compute import (
-    REFERENCE_STATES,
-    PartArrays,
-    compute_part,
-    read_part,
-    reference_table,
-)
+from eqt_cli.execution.compute_part import compute_part, read_part, shared_reference
 from eqt_cli.execution.cross_check import chosen_entries, distance
 from eqt_cli.execution.executors import TaskContext
+from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.study import Study
+from eqt_cli.results.quantity import Per
 
 TAYLOR = "{engine: taylor, rtol: 1.0e-6, tol: 1.0e-6, cross_check: 0}"
 
@@ -21,13 +17,13 @@ TAYLOR = "{engine: taylor, rtol: 1.0e-6, tol: 1.0e-6, cross_check: 0}"
 def simulate(experiment):
     """Every variable of a small experiment, ``(controller, run, …)``; a part per controller."""
     study = Study(None, experiment)
-    shared = reference_table(study).variables[REFERENCE_STATES].data[0]
+    shared = shared_reference(study)
     assert len(study.plan) == len(experiment.loops)
     tables = [
         compute_part(study, study.plan.part(number), shared, TaskContext())
         for number in range(len(study.plan))
     ]
-    kept = PartArrays(study, study.plan.part(0)).quantities
+    kept = [entry for entry in Layout(study).quantities if entry.per in (Per.RUN, Per.TRAJECTORY)]
     found = [read_part(_Read(table), kept) for table in tables]
     start = {name: tables[0].variables[name].data for name in ("initial_pose", "initial_velocity")}
     return start | {name: np.array([one[name] for one in found]) for name in found[0]}

@@ -9,7 +9,7 @@ import pytest
 
 from eqt_cli.core.errors import ConfigError
 from eqt_cli.execution import cost
-from eqt_cli.execution.execute import Execution
+from eqt_cli.execution.run_study import Execution
 
 Run = Callable[..., Execution]
 

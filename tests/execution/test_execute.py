@@ -15,14 +15,15 @@ import pytest
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.engines import Status
-from eqt_cli.execution.execute import Shard, execute, pack_folder
 from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.local import Local
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.folder import ResultFolder
+from eqt_cli.execution.folder_progress import unfinished
 from eqt_cli.execution.lock import holder, locked
-from eqt_cli.execution.unfinished import unfinished
-from eqt_cli.experiment.sweeping import add_grids, study
+from eqt_cli.execution.run_study import Shard, execute, pack_folder
+from eqt_cli.experiment.read_study import add_grids, study
+from eqt_cli.results.result import open_result
 from eqt_cli.store.reader import open_results
 
 CONFIG = """\
@@ -386,7 +387,7 @@ def test_new_rows_that_lack_a_number_are_computed_again(make, whole, tmp_path, r
     execute(make(), out, executor=Losing({1, 2}))
     with pytest.raises(KeyboardInterrupt):
         execute(make(), out, rerun_failed=True, executor=Stopping(1))
-    edit(out / "rerun/000001.h5", unnamed)
+    edit(out / "reruns/000000.h5", unnamed)
     assert execute(make(), out, rerun_failed=True, remark=remarks.append).failed == 0
     assert len(remarks) == 1
     assert_same(contents(out), whole)
@@ -437,7 +438,7 @@ def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, tmp_path, text):
     for name in ("initial_pose", "initial_velocity"):  # rows of a lost part are drawn all the same
         np.testing.assert_array_equal(found[name], expected[name])
     assert_same(found, expected)
-    assert not (out / "rerun").exists()
+    assert not (out / "reruns").exists()
     assert execute(make(text), out, rerun_failed=True).was_complete
 
 
@@ -690,3 +691,49 @@ def test_what_is_wrong_on_the_command_line_is_said_there(make):
     with pytest.raises(ConfigError) as caught:
         make(grids=["gains.kp=1,-2"])
     assert str(caught.value).startswith("grids[0]: gains.kp: expected a weight")
+
+
+# Laws with states of their own.
+
+
+REMEMBERING = '''\
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.controllers.eqt import EqT
+
+
+@dataclass(frozen=True)
+class Remembering(EqT):
+    """EqT that carries the time along."""
+
+    name: ClassVar[str] = "remembering"
+
+    def memory(self, G):
+        return {"clock": 2}
+
+    def initial_memory(self, s):
+        return {"clock": 0 * s.V[..., :2]}
+
+    def memory_rate(self, s):
+        return {"clock": 1 + 0 * s.V[..., :2]}
+'''
+
+
+@pytest.mark.parametrize("laws", ["[eqt, remembering]", "[remembering, eqt]"])
+@pytest.mark.parametrize("text", [CONFIG, CONFIG + "sweep: [{grid: {inertia: [1, 2]}}]\n"])
+def test_laws_may_have_states_of_different_lengths(make, tmp_path, laws, text):
+    """Parts, references and the cross-check take states by name; the first law lends the reference.
+
+    The law is EqT's, so both have the same reference to the tolerance of the solver, which the
+    residual shows, and the two ways of integrating agree.
+    """
+    (tmp_path / "remembering.py").write_text(REMEMBERING, encoding="utf-8")
+    text = text.replace("controllers: [eqt, gt]", f"plugins: [remembering.py]\ncontrollers: {laws}")
+    out = tmp_path / "out"
+    assert execute(make(text), out).failed == 0
+    with open_result(out) as results:
+        assert results["reference_residual"].max() < 1e-3
+        check = results.cross_check
+        assert check is not None and check.holds
+        np.testing.assert_allclose(results["effort"][..., 0, :], results["effort"][..., 1, :], 1e-3)

@@ -11,7 +11,7 @@ import pytest
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.execute import Execution
+from eqt_cli.execution.run_study import Execution
 from eqt_cli.experiment.build import build
 
 Run = Callable[..., Execution]

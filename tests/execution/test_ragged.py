@@ -9,12 +9,12 @@ import pytest
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError, ResultError
 from eqt_cli.engines import Status
-from eqt_cli.execution.execute import Shard, execute, pack_folder
 from eqt_cli.execution.executors import Executor, Outcome
 from eqt_cli.execution.executors.local import Local
 from eqt_cli.execution.executors.serial import Serial
-from eqt_cli.execution.unfinished import unfinished
-from eqt_cli.experiment.sweeping import MOST_GROUPS, add_grids, study
+from eqt_cli.execution.folder_progress import unfinished
+from eqt_cli.execution.run_study import Shard, execute, pack_folder
+from eqt_cli.experiment.read_study import MOST_GROUPS, add_grids, study
 from eqt_cli.results.result import open_result
 from eqt_cli.store.reader import open_results
 

@@ -5,9 +5,9 @@ import pytest
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError
-from eqt_cli.execution.execute import execute
+from eqt_cli.execution.run_study import execute
 from eqt_cli.experiment.build import build
-from eqt_cli.experiment.sweeping import study
+from eqt_cli.experiment.read_study import study
 from eqt_cli.store.reader import open_results
 
 CONFIG = """task: track

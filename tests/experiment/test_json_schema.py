@@ -22,8 +22,8 @@ from eqt_cli.engines import engines
 from eqt_cli.ensemble.designs import designs
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.velocities import velocity_distributions
+from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.solver import Judgement
-from eqt_cli.experiment.sweeping import study
 from eqt_cli.references import references
 
 

@@ -16,8 +16,8 @@ import pytest
 
 from eqt_cli.config.shipped import folder
 from eqt_cli.config.source import read_config
-from eqt_cli.execution.execute import execute
-from eqt_cli.experiment.sweeping import study
+from eqt_cli.execution.run_study import execute
+from eqt_cli.experiment.read_study import study
 from eqt_cli.store.reader import ResultFile, open_results
 
 LABELS = ["eqt", "gt", "nog", "asym"]

@@ -10,9 +10,9 @@ import pytest
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.execute import Execution, execute
+from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.sweeping import study
+from eqt_cli.experiment.read_study import study
 from eqt_cli.store.reader import ResultFile, open_results
 
 Run = Callable[..., Execution]

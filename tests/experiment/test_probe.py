@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from eqt_cli.core.errors import ComponentError
-from eqt_cli.execution.execute import Execution
+from eqt_cli.execution.run_study import Execution
 
 Run = Callable[..., Execution]
 Message = Callable[..., str]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from eqt_cli.execution.execute import Execution
+from eqt_cli.execution.run_study import Execution
 from eqt_cli.store.reader import ResultFile, open_results
 
 Run = Callable[..., Execution]

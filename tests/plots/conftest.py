@@ -6,10 +6,10 @@ import pytest
 import yaml
 
 from eqt_cli.config.source import read_config
-from eqt_cli.execution.execute import execute
-from eqt_cli.experiment.sweeping import study
+from eqt_cli.execution.run_study import execute
+from eqt_cli.experiment.read_study import study
 from eqt_cli.results.result import open_result
-from eqt_cli.store.variables import Table, Variable
+from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
 
 RUNS = 6

@@ -6,10 +6,10 @@ import pytest
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.curve_data import curves
 from eqt_cli.plots.drawing import box_plots
+from eqt_cli.plots.figure_data import DEFAULT_METRICS, Sample
 from eqt_cli.plots.figures import distributions
 from eqt_cli.plots.figures.distributions import Distributions
 from eqt_cli.plots.save import encode
-from eqt_cli.plots.shown import DEFAULT_METRICS, Sample
 
 
 @pytest.fixture

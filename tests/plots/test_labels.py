@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from matplotlib.mathtext import MathTextParser
 
 from eqt_cli.plots.drawing.labels import component, free_text, notation, quantity
-from eqt_cli.results.quantities import QUANTITIES
+from eqt_cli.results.quantity_table import QUANTITIES
 
 
 @pytest.mark.parametrize(

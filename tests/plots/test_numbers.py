@@ -8,10 +8,10 @@ import pytest
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.baseline import TOLERANCE, compare, read, to_json
 from eqt_cli.plots.curve_data import MOST_SAMPLES, Curve, curves, plain
 from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.plots.figures.torque import Torque
+from eqt_cli.plots.kept_numbers import TOLERANCE, compare, read, to_json
 from eqt_cli.plots.render import check, render
 
 

@@ -6,7 +6,7 @@ from matplotlib.colors import to_rgba
 from scipy.stats import bootstrap
 
 from eqt_cli.plots.figures.paper import Paper
-from eqt_cli.store.variables import Table, Variable
+from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
 
 SIGNALS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")

@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.core.marks import is_eqts
+from eqt_cli.core.own_files import is_eqts
 from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.plots.render import figure_from, render
 from eqt_cli.plots.save import encode, write

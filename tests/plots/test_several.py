@@ -7,11 +7,11 @@ import pytest
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.style import house_style, line_style
+from eqt_cli.plots.figure_data import ShownControllers, names
 from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.plots.figures.runs import Runs
 from eqt_cli.plots.figures.sweep import SweepFigure
 from eqt_cli.plots.figures.torque import Torque
-from eqt_cli.plots.shown import ShownControllers, names
 
 
 @pytest.fixture

@@ -8,9 +8,9 @@ from matplotlib.text import Text
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import FEW, number_values
+from eqt_cli.plots.figure_data import ShownSweep
 from eqt_cli.plots.figures.pareto import Pareto, front
 from eqt_cli.plots.figures.sweep import SweepFigure
-from eqt_cli.plots.shown import ShownSweep
 
 ONE = [{"grid": {"gains.kd": [0.25, 0.5, 1, 2]}}]
 TWO = [{"grid": {"gains.kp": [1, 2, 4]}}, {"grid": {"inertia": [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]}}]

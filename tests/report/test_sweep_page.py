@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.report import report
-from eqt_cli.report.points import best_points, point_table
+from eqt_cli.report.point_table import best_points, point_table
 from eqt_cli.results.result import open_result
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from eqt_cli.results.metrics import settling_time
-from eqt_cli.results.quantities import QUANTITIES
-from eqt_cli.results.windows import WHOLE, Window
+from eqt_cli.results.quantity_table import QUANTITIES
+from eqt_cli.results.time_windows import WHOLE, Window
 
 T, H = 20.0, 0.5
 TIMES = np.linspace(0, T, 41)

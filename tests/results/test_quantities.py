@@ -5,8 +5,8 @@ import pytest
 from eqt_cli.config.source import read_config
 from eqt_cli.experiment.build import build
 from eqt_cli.results.metrics import METRICS
-from eqt_cli.results.quantities import QUANTITIES, quantities, quantity_of
 from eqt_cli.results.quantity import Per, plain
+from eqt_cli.results.quantity_table import QUANTITIES, quantities, quantity_of
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES.values(), ids=QUANTITIES)

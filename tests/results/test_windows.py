@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.results.windows import Window
+from eqt_cli.results.time_windows import Window
 
 TIMES = np.linspace(0.0, 10.0, 11)
 

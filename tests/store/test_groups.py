@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import ResultError
-from eqt_cli.store.assembly import Blank, assemble
+from eqt_cli.store.piecewise_writer import Blank, assemble
 from eqt_cli.store.reader import open_results
-from eqt_cli.store.variables import Variable
+from eqt_cli.store.table import Variable
 
 AGAIN = "eqt writes no such file: copy it again or run the experiment again"
 FLOAT = np.dtype("f8")

@@ -6,7 +6,7 @@ from hypothesis.extra import numpy as hnp
 
 from eqt_cli.core.errors import ResultError
 from eqt_cli.store.reader import open_results
-from eqt_cli.store.variables import Table, Variable
+from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from eqt_cli.core.errors import ResultError
 from eqt_cli.store.reader import open_results
-from eqt_cli.store.variables import Table, Variable
+from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
 
 
@@ -149,7 +149,7 @@ WITHIN_LIMIT = """
 import resource, sys
 import numpy as np
 from eqt_cli.core.errors import ResultError
-from eqt_cli.store.variables import Table, Variable
+from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
 
 wide = Table({"pose": Variable(("sample",), np.ones(200_000))}, {}, {"note": "x" * 2000})

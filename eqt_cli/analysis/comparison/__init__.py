@@ -1,6 +1,6 @@
 """Statistics that compare controllers run by run: intervals, effect sizes, claims of a paper."""
 
 from eqt_cli.analysis.comparison.compare import Comparison, compare
-from eqt_cli.results.windows import Window
+from eqt_cli.results.time_windows import Window
 
 __all__ = ["Comparison", "Window", "compare"]

@@ -19,7 +19,7 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import PerRun, Result
-from eqt_cli.results.windows import WHOLE, Window
+from eqt_cli.results.time_windows import WHOLE, Window
 
 CONFIDENCE, RESAMPLES, SEED = 0.95, 9999, 0
 

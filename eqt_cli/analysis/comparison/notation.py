@@ -6,7 +6,7 @@ import math
 import re
 
 from eqt_cli.results.quantity import Quantity
-from eqt_cli.results.windows import Window
+from eqt_cli.results.time_windows import Window
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _LATEX_SPECIAL = {

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 
 from eqt_cli.analysis.comparison.bootstrap import FEWEST, intervals_of_means
-from eqt_cli.analysis.comparison.power import runs_to_decide
+from eqt_cli.analysis.comparison.runs_needed import runs_to_decide
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.result import PerRun
 

@@ -9,7 +9,7 @@ from eqt_cli.analysis.comparison.bootstrap import FEWEST
 from eqt_cli.analysis.comparison.compare import Comparison
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.pairs import Pair
-from eqt_cli.analysis.comparison.power import POWER
+from eqt_cli.analysis.comparison.runs_needed import POWER
 from eqt_cli.analysis.comparison.verdicts import Judgement
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.results.result import PerRun

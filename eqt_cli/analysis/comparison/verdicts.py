@@ -11,10 +11,10 @@ from scipy.special import betaincinv
 
 from eqt_cli.analysis.comparison.claims import AtMost, Claim, ClaimSet, Less
 from eqt_cli.analysis.comparison.pairs import Pair
-from eqt_cli.analysis.comparison.power import SHARE, runs_without_exception
+from eqt_cli.analysis.comparison.runs_needed import SHARE, runs_without_exception
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import PerRun, Result
-from eqt_cli.results.windows import Window
+from eqt_cli.results.time_windows import Window
 
 
 class ClaimVerdict(StrEnum):

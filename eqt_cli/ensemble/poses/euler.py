@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.numbers import Real
+from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.poses.base import RotationDistribution
 from eqt_cli.groups import MatrixLieGroup

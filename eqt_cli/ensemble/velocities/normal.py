@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.numbers import Real
+from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.spread import Spread
 from eqt_cli.ensemble.velocities.base import VelocityDistribution

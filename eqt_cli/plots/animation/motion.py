@@ -9,7 +9,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import Part, group_named
-from eqt_cli.plots.shown import Ensemble, ShownRuns
+from eqt_cli.plots.figure_data import Ensemble, ShownRuns
 from eqt_cli.results.result import Result
 
 MOST_CONTROLLERS = 6

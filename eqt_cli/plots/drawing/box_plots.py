@@ -13,7 +13,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from eqt_cli.plots.drawing.curves import BAND
 from eqt_cli.plots.drawing.style import ink
-from eqt_cli.plots.shown import Sample
+from eqt_cli.plots.figure_data import Sample
 
 MOST_POINTS = 50
 """Runs that are drawn as points on their box; of more, only the smallest and the largest."""

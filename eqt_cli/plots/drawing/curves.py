@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from eqt_cli.analysis.comparison.bootstrap import intervals_of_means
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.style import Look, ink, line_style
-from eqt_cli.plots.shown import Ensemble
+from eqt_cli.plots.figure_data import Ensemble
 
 BAND = (0.1, 0.9)
 """The quantiles over runs between which a band lies."""

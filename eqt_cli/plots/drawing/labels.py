@@ -15,7 +15,7 @@ from matplotlib.mathtext import MathTextParser
 
 from eqt_cli.plots.drawing import latex
 from eqt_cli.plots.drawing.tex_letters import mathematical, shift
-from eqt_cli.results.quantities import QUANTITIES
+from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import Result
 
 _SYMBOL = re.compile(r"\w+_\{[^}]*\}|\w+[_^]\w+|\w+\*|\b[GLPQ]\b|[⋉→Υ]")

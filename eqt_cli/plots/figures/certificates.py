@@ -18,7 +18,7 @@ from eqt_cli.plots.base import OfCertificates
 from eqt_cli.plots.drawing.labels import notation
 from eqt_cli.plots.drawing.layout import add_legend
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
-from eqt_cli.plots.shown import ShownCertificates
+from eqt_cli.plots.figure_data import ShownCertificates
 
 _ROW_HEIGHT = 0.155
 _NO_LAW, _BEYOND = 0.65, 0.07

@@ -16,7 +16,7 @@ from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, blank_sheet, rows_of
 from eqt_cli.plots.drawing.scales import even, scale_log
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
-from eqt_cli.plots.shown import Sample, ShownMetrics
+from eqt_cli.plots.figure_data import Sample, ShownMetrics
 
 MOST_STEPS = 500
 """Steps of a distribution function, at most: each then stands for several runs."""

@@ -14,7 +14,7 @@ from eqt_cli.plots.drawing.labels import part_name, signal_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
-from eqt_cli.plots.shown import ShownRuns
+from eqt_cli.plots.figure_data import ShownRuns
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
 

@@ -16,7 +16,7 @@ from eqt_cli.plots.drawing.layout import add_legend
 from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import scale_log
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
-from eqt_cli.plots.shown import ShownSweep
+from eqt_cli.plots.figure_data import ShownSweep
 from eqt_cli.results.result import mean_over_runs
 
 _HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4}

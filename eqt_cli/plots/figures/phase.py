@@ -31,7 +31,7 @@ from eqt_cli.plots.drawing.layout import (
 )
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
-from eqt_cli.plots.shown import Ensemble, ShownRuns
+from eqt_cli.plots.figure_data import Ensemble, ShownRuns
 
 _HEIGHTS: dict[Width, float] = {"column": 1.35, "page": 1.75}
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4}

@@ -26,7 +26,7 @@ from eqt_cli.plots.drawing.layout import (
 )
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink
-from eqt_cli.plots.shown import ShownRuns
+from eqt_cli.plots.figure_data import ShownRuns
 
 MOST_LINES = 200
 """Single runs drawn per controller, the first ones; more would be a solid area and a large file."""

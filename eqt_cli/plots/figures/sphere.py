@@ -27,7 +27,7 @@ from eqt_cli.plots.drawing.layout import (
     panels_by_controller,
 )
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, size_of_type
-from eqt_cli.plots.shown import Ensemble, ShownRuns
+from eqt_cli.plots.figure_data import Ensemble, ShownRuns
 
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
 _AXES = "xyz"

@@ -16,7 +16,7 @@ from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title
 from eqt_cli.plots.drawing.scales import number_values
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
-from eqt_cli.plots.shown import ShownSweep
+from eqt_cli.plots.figure_data import ShownSweep
 from eqt_cli.results.result import SweptKey, mean_over_runs
 
 _LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}

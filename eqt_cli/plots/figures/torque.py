@@ -24,7 +24,7 @@ from eqt_cli.plots.drawing.layout import (
     sheet,
 )
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
-from eqt_cli.plots.shown import ShownRuns
+from eqt_cli.plots.figure_data import ShownRuns
 
 _MOST_CONTROLLERS: dict[Width, int] = {"column": 4, "page": 8}
 _DESIRED: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.5))}

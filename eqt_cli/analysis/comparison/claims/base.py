@@ -6,7 +6,7 @@ from abc import ABC
 from dataclasses import dataclass
 from typing import ClassVar
 
-from eqt_cli.results.windows import WHOLE, Window
+from eqt_cli.results.time_windows import WHOLE, Window
 
 
 @dataclass(frozen=True)

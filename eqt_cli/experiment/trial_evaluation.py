@@ -16,7 +16,7 @@ import numpy as np
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.blame import described, place_of, place_of_function
+from eqt_cli.core.error_origin import described, place_of, place_of_function
 from eqt_cli.core.errors import EqtError, InputError
 from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.core.registry import is_foreign

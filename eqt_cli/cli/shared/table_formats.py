@@ -19,7 +19,7 @@ _WIDTH = 100
 
 def as_text(table: TextTable) -> str:
     """For a terminal: caption, columns under their headings, blocks, notes."""
-    from eqt_cli.cli.output import columns, room
+    from eqt_cli.cli.shared.output import columns, room
 
     titled = any(block.title for block in table.blocks)
     indent = "  " if titled else ""

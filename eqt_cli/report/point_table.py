@@ -6,7 +6,7 @@ import numpy as np
 
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
-from eqt_cli.report.runs import COLUMNS, MOST_ROWS, Document, columns, plain, unit_of
+from eqt_cli.report.run_table import COLUMNS, MOST_ROWS, Document, columns, plain, unit_of
 from eqt_cli.results.result import Result, mean_over_runs
 
 BEST = ("mean_pose_error", "early_torque", "effort", "peak_torque")

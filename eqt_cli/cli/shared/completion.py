@@ -18,12 +18,16 @@ from typing import Any
 import typer
 
 from eqt_cli.config.catalogue import KINDS
+from eqt_cli.core.files import replace_file
 
 Completions = list[tuple[str, str]]
 """What may stand there, and what it means."""
 
+Complete = Callable[[str], Completions]
+"""Completes the beginning of a word."""
 
-def names(kind: str) -> Callable[[str], Completions]:
+
+def names(kind: str) -> Complete:
     """Completes the name of a component."""
 
     def complete(incomplete: str) -> Completions:
@@ -44,7 +48,7 @@ def shipped(incomplete: str) -> Completions:
     return _starting(incomplete, dict.fromkeys(names(), ""))
 
 
-def words(*known: str) -> Callable[[str], Completions]:
+def words(*known: str) -> Complete:
     """Completes one of these words."""
     return lambda incomplete: _starting(incomplete, dict.fromkeys(known, ""))
 
@@ -117,9 +121,7 @@ def _known() -> dict[str, Any]:
     found = {"state": state} | _collected()
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        temporary = file.with_suffix(f".{os.getpid()}.tmp")
-        temporary.write_text(json.dumps(found), encoding="utf-8")
-        temporary.replace(file)
+        replace_file(file, json.dumps(found).encode())
     return found
 
 
@@ -138,7 +140,7 @@ def _state() -> list[int]:
 def _collected() -> dict[str, Any]:
     from eqt_cli.config.catalogue import registry
     from eqt_cli.config.json_schema import json_schema
-    from eqt_cli.config.keys import keys_of
+    from eqt_cli.config.key_descriptions import keys_of
     from eqt_cli.core.registry import summary
     from eqt_cli.core.validation import option_names
 

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from eqt_cli.cli.output import duration
+from eqt_cli.cli.shared.output import duration
 
 SHOW_AFTER = 1.0
 """s; shorter work shows nothing."""

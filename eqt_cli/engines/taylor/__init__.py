@@ -27,10 +27,10 @@ import numpy as np
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
 from eqt_cli.core.errors import EqtError, TraceError
-from eqt_cli.core.numbers import Count, Positive
+from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Status
-from eqt_cli.engines.switching import AtOnce, Comparisons, Crossing, Switchboard, recording
+from eqt_cli.engines.taylor.switching import AtOnce, Comparisons, Crossing, Switchboard, recording
 
 EPSILON = float(np.finfo(float).eps)
 SMALLEST_TOL = 10 * EPSILON

@@ -2,35 +2,39 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import time
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import EqtError, EqtWarning, Remedy
 from eqt_cli.execution.cost import check_resources
 from eqt_cli.execution.executors import MOST_TRIES, Executor
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
-from eqt_cli.execution.pack import BrokenPart, pack
+from eqt_cli.execution.pack import BrokenPart, pack, replace_runs
 from eqt_cli.execution.part_task import PartTask
-from eqt_cli.execution.provenance import OTHERS, differences, provenance, together
-from eqt_cli.execution.rerun import patch, rerun_of
+from eqt_cli.execution.provenance import OTHERS, differences, now, provenance, together
+from eqt_cli.execution.rerun_failed import rerun_of
 from eqt_cli.execution.result_layout import described
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantities import quantities
+from eqt_cli.results.quantity_table import quantities
 
-RERUN = "rerun"
+RERUN = "reruns"
+"""The folder, in that of a result, of failed runs that are computed once more."""
 
 Progress = Callable[[float], None]
 Remark = Callable[[EqtWarning], None]
+
+
+def _silent(runs: float) -> None:
+    """What is done with progress where nobody asks for it."""
 
 
 def warn(remark: EqtWarning) -> None:
@@ -86,8 +90,8 @@ def execute(
     force: bool = False,
     rerun_failed: bool = False,
     shard: Shard | None = None,
-    progress: Progress = lambda runs: None,
-    resumed: Progress = lambda runs: None,
+    progress: Progress = _silent,
+    resumed: Progress = _silent,
     remark: Remark = warn,
 ) -> Execution:
     """Compute what of a study is not in its folder yet, and pack the result file.
@@ -115,11 +119,9 @@ def execute(
         If the folder holds something else, is in use, or cannot be written.
     """
     folder = ResultFolder(out)
-    complete = not force and folder.is_complete(study)
-    if complete:
-        failed = int((folder.manifest or {}).get("failed", 0))
-        if not (rerun_failed and failed):
-            return Execution(folder, True, [], study.plans.total, failed)
+    complete = None if force else _complete(study, folder)
+    if complete and not (rerun_failed and complete.failed):
+        return complete
     check_resources(study, out)
     with ExitStack() as locks:
         locks.enter_context(locked(out, shared=shard is not None, remark=remark))
@@ -127,7 +129,7 @@ def execute(
             locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
         session = _Session(study, folder, executor or Serial(), progress, resumed, remark)
         if complete:
-            return session.rerun(failed)
+            return session.rerun(complete.failed)
         if rerun_failed:
             session.forget_lost()
         done = session.run(force, shard)
@@ -144,9 +146,8 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
         If some are missing, or the folder is not this study's.
     """
     folder = ResultFolder(out)
-    if folder.is_complete(study):
-        failed = int((folder.manifest or {}).get("failed", 0))
-        return Execution(folder, True, [], study.plans.total, failed)
+    if complete := _complete(study, folder):
+        return complete
     with locked(out, remark=remark):
         missing = len(study.plans) - len(folder.parts.listed())
         if missing:
@@ -154,24 +155,30 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
                 f"{out}: {missing} of {len(study.plans)} parts are missing; run every shard to its "
                 "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
             )
-        return _Session(study, folder, Serial(), remark=remark).run(False, None)
+        return _Session(study, folder, Serial(), _silent, _silent, remark).run(False, None)
 
 
+def _complete(study: Study, folder: ResultFolder) -> Execution | None:
+    """What there is to say of a folder that holds the study's finished result; None of another."""
+    if not folder.is_complete(study):
+        return None
+    failed = int((folder.manifest or {}).get("failed", 0))
+    return Execution(folder, True, [], study.plans.total, failed)
+
+
+@dataclass
 class _Session:
-    def __init__(
-        self,
-        study: Study,
-        folder: ResultFolder,
-        executor: Executor,
-        progress: Progress = lambda runs: None,
-        resumed: Progress = lambda runs: None,
-        remark: Remark = warn,
-    ) -> None:
-        self.study, self.folder, self.executor = study, folder, executor
-        self.progress, self.resumed, self.remark = progress, resumed, remark
-        self.plan, self.files = study.plans, folder.parts
-        self.task = PartTask(study, self.files)
-        self.seconds: dict[str, float] = {}
+    study: Study
+    folder: ResultFolder
+    executor: Executor
+    progress: Progress
+    resumed: Progress
+    remark: Remark
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.plan, self.files = self.study.plans, self.folder.parts
+        self.task = PartTask(self.study, self.files)
 
     def run(self, force: bool, shard: Shard | None) -> Execution:
         earlier = self.folder.manifest or {}
@@ -189,15 +196,14 @@ class _Session:
         self.resumed(resumed)
         with _timed(self.seconds, "simulation"):
             self.task.prepare()
-            self._compute([number for number in wanted if number not in there])
+            self._compute(self.task, [number for number in wanted if number not in there])
         if shard is None:
             with _timed(self.seconds, "writing"):
                 self._pack(manifest["provenance"])
         listed = self.files.listed()
         failed = sum(listed[number].failed for number in wanted)
         if shard is None:
-            finished = datetime.now(UTC).isoformat(timespec="seconds")
-            ending = {"finished": finished, "seconds": self.seconds, "failed": failed}
+            ending = {"finished": now(), "seconds": self.seconds, "failed": failed}
             self.folder.finish(manifest | ending)
         runs = sum(self.plan.runs_of(number) for number in wanted)
         return Execution(
@@ -217,7 +223,7 @@ class _Session:
         for number in outdated:
             there[number].path.unlink()
         if outdated:
-            runs = sum(map(self.plan.runs_of, outdated))
+            runs = sum(map(task.runs_of, outdated))
             self.remark(
                 EqtWarning(
                     f"{self.folder.path}: {runs} of its runs were computed with a version of eqt "
@@ -232,46 +238,44 @@ class _Session:
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
         manifest = self.folder.manifest or {}
-        now = provenance(self.study.source.folder)
-        earlier = manifest.get("provenance", now)
-        self._tell_versions([earlier], now)
-        origin = together(earlier, now)
+        here = provenance(self.study.source.folder)
+        earlier = manifest.get("provenance", here)
+        self._tell_versions([earlier], here)
+        origin = together(earlier, here)
         with _timed(self.seconds, "simulation"):
-            again.parts.prepare()
-            self._forget_outdated(again.parts, again.failed)
-            for outcome in self.executor.outcomes(again, again.missing, self.progress):
-                self.progress(0 if outcome.failed is not None else again.runs_of(outcome.item))
+            again.prepare()
+            self._forget_outdated(again, range(len(again)))
+            self._compute(again, again.missing)
         with _timed(self.seconds, "writing"):
-            still = patch(again, self.folder.results, origin)
+            described = json.dumps(origin, ensure_ascii=False)
+            still = replace_runs(again, self.folder.results, {"provenance": described})
         self.folder.finish(manifest | {"failed": still, "provenance": origin})
         shutil.rmtree(place)
         done, total = self.plan.total - failed, self.plan.total
         return Execution(self.folder, False, [], total, still, done, True, self.seconds)
 
-    def _compute(self, missing: Sequence[int]) -> None:
-        for outcome in self.executor.outcomes(self.task, missing, self.progress):
+    def _compute(self, task: PartTask, missing: Sequence[int]) -> None:
+        for outcome in self.executor.outcomes(task, missing, self.progress):
             if outcome.failed is None:
                 message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
-                self.progress(self.task.lose(outcome.item, message))
+                self.progress(task.lose(outcome.item, message))
 
     def _pack(self, origin: dict[str, Any]) -> None:
         """Pack all parts; those that turn out to be damaged are computed again."""
-        config, plugins = dump(self.study.resolved), dump(self.study.base.plugins)
-        attributes = described(self.study, origin, config, plugins)
+        attributes = described(self.study, origin)
         while True:
             try:
-                pack(self.study, self.files, self.folder.results, attributes)
+                pack(self.task, self.folder.results, attributes)
                 return
             except BrokenPart as broken:
                 self._forget_outdated(self.task, range(len(self.plan)))
                 broken.path.unlink(missing_ok=True)
                 self.task.prepare()
-                there = self.files.listed()
-                self._compute([n for n in range(len(self.plan)) if n not in there])
+                self._compute(self.task, self.task.missing)
 
-    def _tell_versions(self, earlier: Sequence[dict[str, Any]], now: dict[str, Any]) -> None:
+    def _tell_versions(self, earlier: Sequence[dict[str, Any]], here: dict[str, Any]) -> None:
         """Say that not all runs are of the same versions, if they are not."""
-        differing = (differences(session, now) for session in earlier)
+        differing = (differences(session, here) for session in earlier)
         if listed := "; or ".join(filter(None, differing)):
             self.remark(
                 EqtWarning(
@@ -298,12 +302,8 @@ class _Session:
             "quantities": [entry.name for entry in quantities(study.base)],
             "config": study.numeric_config,
             "provenance": origin,
-            "begun": earlier["begun"] if same and "begun" in earlier else _now(),
+            "begun": earlier["begun"] if same and "begun" in earlier else now(),
         }
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
 
 
 class _timed:

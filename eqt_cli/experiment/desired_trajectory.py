@@ -13,7 +13,7 @@ from eqt_cli.config.schema import TargetSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
-from eqt_cli.core.numbers import Real
+from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import as_section, component, option_names, validated
 from eqt_cli.groups import MatrixLieGroup

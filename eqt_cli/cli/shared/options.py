@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from eqt_cli.cli import completion
+from eqt_cli.cli.shared import completion
 
 
 def placed(option: str, texts: Sequence[str] | None) -> dict[str, str]:
@@ -43,17 +43,24 @@ def out(help: str) -> Any:
     return typer.Option("--out", metavar="DIR", parser=folder, help=help)
 
 
+def flag(*names: str, help: str) -> Any:
+    """An option without a value."""
+    return typer.Option(*names, metavar="", help=help)
+
+
+def named(option: str, complete: completion.Complete, help: str) -> Any:
+    """An option that takes a name, of those that a shell completes."""
+    return typer.Option(option, metavar="NAME", autocompletion=complete, help=help)
+
+
 def figure(help: str) -> Any:
     """The option ``--figure``."""
-    complete = completion.names("figures")
-    return typer.Option("--figure", metavar="NAME", autocompletion=complete, help=help)
+    return named("--figure", completion.names("figures"), help)
 
 
-def one_of(*words: str, option: str, help: str) -> Any:
-    """An option that takes one of some words."""
-    return typer.Option(option, metavar="NAME", autocompletion=completion.words(*words), help=help)
-
-
+Config = Annotated[
+    Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")
+]
 Result = Annotated[Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")]
 Set = Annotated[
     list[str] | None,
@@ -65,28 +72,21 @@ Set = Annotated[
     ),
 ]
 Out = Annotated[Path | None, out("Result folder.")]
-Json = Annotated[bool, typer.Option("--json", metavar="", help="Print one JSON document.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", metavar="", help="Print results only.")]
+Json = Annotated[bool, flag("--json", help="Print one JSON document.")]
+Quiet = Annotated[bool, flag("--quiet", "-q", help="Print results only.")]
 Workers = Annotated[
     int | None,
     typer.Option("--workers", min=1, metavar="N", help="Most cores to use; default: all."),
 ]
 Engine = Annotated[
-    str | None,
-    typer.Option(
-        "--engine",
-        metavar="NAME",
-        autocompletion=completion.names("engines"),
-        help="Engine, as solver.engine.",
-    ),
+    str | None, named("--engine", completion.names("engines"), "Engine, as solver.engine.")
 ]
 ExecutorName = Annotated[
     str | None,
-    typer.Option(
+    named(
         "--executor",
-        metavar="NAME",
-        autocompletion=completion.names("executors"),
-        help="auto, serial, threads, local or dask; default: what suits the engine.",
+        completion.names("executors"),
+        "auto, serial, threads, local or dask; default: what suits the engine.",
     ),
 ]
 Scheduler = Annotated[
@@ -102,18 +102,12 @@ ShardOf = Annotated[
 Point = Annotated[
     int | None, typer.Option("--point", metavar="K", help="One point of a sweep, counted from 0.")
 ]
-Force = Annotated[
-    bool, typer.Option("--force", metavar="", help="Start over, removing what eqt wrote there.")
-]
+Force = Annotated[bool, flag("--force", help="Start over, removing what eqt wrote there.")]
 RerunFailed = Annotated[
-    bool,
-    typer.Option("--rerun-failed", metavar="", help="Compute only those runs again that failed."),
+    bool, flag("--rerun-failed", help="Compute only those runs again that failed.")
 ]
 TrustPlugins = Annotated[
-    bool,
-    typer.Option(
-        "--trust-plugins", metavar="", help="Execute plugin sources stored in a result file."
-    ),
+    bool, flag("--trust-plugins", help="Execute plugin sources stored in a result file.")
 ]
 
 

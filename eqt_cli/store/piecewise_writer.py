@@ -15,9 +15,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from eqt_cli.store.layout import COORDINATES, FORMAT, FORMAT_ATTRIBUTE, PLACEHOLDER
-from eqt_cli.store.sink import created
-from eqt_cli.store.variables import Attribute, Variable
+from eqt_cli.store.output_file import created
+from eqt_cli.store.reserved_names import COORDINATES, FORMAT, FORMAT_ATTRIBUTE, PLACEHOLDER
+from eqt_cli.store.table import Attribute, Variable
 
 _CHUNK_BYTES = 2**20
 
@@ -50,10 +50,16 @@ class Assembly:
         The open HDF5 file, or a group of it, which holds its variables already.
     compression
         Of groups to come.
+
+    Attributes
+    ----------
+    replaces : bool
+        What is written replaces what was written before, text by empty text too.
     """
 
     def __init__(self, file: Any, compression: Literal["gzip"] | None = None) -> None:
         self._file, self._compression = file, compression
+        self.replaces = False
 
     def group(
         self,
@@ -74,7 +80,8 @@ class Assembly:
         """Write part of a variable: at `positions` along its first axes, all of the others."""
         # Empty strings are left unwritten, which reads the same: the millions of runs without a
         # message then cost a reference each, but no object in a heap.
-        if data.size and not (data.dtype == object and (data == "").all()):
+        is_empty = data.dtype == object and bool((data == "").all())
+        if data.size and (self.replaces or not is_empty):
             self._file[name][positions] = data
 
     def describe(self, attributes: Mapping[str, Attribute]) -> None:

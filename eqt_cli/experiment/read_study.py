@@ -11,7 +11,7 @@ from eqt_cli.config.yaml_source import parse_value
 from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
 from eqt_cli.core.problems import Problems
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.point import at_point, section_of, sweep_of, without_sweep
+from eqt_cli.experiment.config_at_point import at_point, section_of, sweep_of, without_sweep
 from eqt_cli.experiment.study import Study
 
 MOST_PROBLEMS = 20

@@ -12,8 +12,8 @@ from typing import Any
 
 from eqt_cli.execution.lock import holder
 from eqt_cli.execution.part_files import MANIFEST, PARTS, FinishedPart, PartFiles
-from eqt_cli.experiment.plan import Plans
-from eqt_cli.store.layout import FILE_NAME
+from eqt_cli.experiment.parts import Plans
+from eqt_cli.store.reserved_names import FILE_NAME
 
 RECENT = 200
 """The rate is that of the latest so many parts."""

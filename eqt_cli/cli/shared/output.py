@@ -7,7 +7,7 @@ import math
 import shutil
 import sys
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -32,6 +32,16 @@ def option(argument: str) -> str:
 def print_json(document: Any) -> None:
     """One JSON document on stdout; numbers that JSON cannot hold become null."""
     print(json.dumps(_plain(document), indent=2, ensure_ascii=False))
+
+
+def print_found(document: Any, text: str, *, json: bool, nothing: str = "") -> None:
+    """What a command has found, as one JSON document or as text; `nothing` where it is empty."""
+    if json:
+        print_json(document)
+    elif text:
+        print(text.removesuffix("\n"))
+    elif nothing:
+        say(nothing)
 
 
 def print_error(error: EqtError) -> None:
@@ -59,6 +69,13 @@ def table(header: list[str], rows: list[list[str]]) -> str:
     """Columns under their headings: text to the left, numbers to the right."""
     head, body = columns(header, rows, room())
     return "\n".join([*head, *body])
+
+
+def print_records(header: list[str], rows: Sequence[Sequence[Any]], *, json: bool) -> None:
+    """A table, or its rows as JSON objects; a cell of several words is a list there."""
+    document = [dict(zip(header, row, strict=True)) for row in rows]
+    cells = [[cell if isinstance(cell, str) else ", ".join(cell) for cell in row] for row in rows]
+    print_found(document, table(header, cells), json=json)
 
 
 def room() -> int | None:
@@ -140,12 +157,3 @@ def duration(seconds: float) -> str:
         if seconds >= 2 * length:
             return f"{seconds / length:.1f} {unit}"
     return f"{seconds:.1f} s"
-
-
-def size(count: float) -> str:
-    """A number of bytes in the unit that suits it."""
-    for unit in ("B", "kB", "MB", "GB"):
-        if count < 1000:
-            return f"{count:.3g} {unit}"
-        count /= 1000
-    return f"{count:.3g} TB"

@@ -9,8 +9,8 @@ import typer
 
 if TYPE_CHECKING:
     from eqt_cli.api import LoadedExperiment, StoredResult
-    from eqt_cli.execution.execute import Shard
     from eqt_cli.execution.executors import Executor
+    from eqt_cli.execution.run_study import Shard
     from eqt_cli.experiment.study import Study
     from eqt_cli.results.result import Result
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def shard_from(text: str | None) -> Shard | None:
     """``2/8`` as a shard; None stays None."""
     from eqt_cli.core.errors import EqtError
-    from eqt_cli.execution.execute import Shard
+    from eqt_cli.execution.run_study import Shard
 
     if text is None:
         return None
@@ -33,7 +33,7 @@ def executor_from(
 ) -> Executor:
     """The executor asked for, or the one that suits."""
     from eqt_cli.api import choose_executor
-    from eqt_cli.cli.options import cores
+    from eqt_cli.cli.shared.options import cores
     from eqt_cli.core.errors import EqtError
 
     if scheduler and name not in (None, "dask"):
@@ -45,18 +45,19 @@ def run_experiment(
     experiment: LoadedExperiment,
     out: Path | None,
     executor: Executor,
+    shard_text: str | None,
     *,
     force: bool,
     rerun_failed: bool,
-    shard: Shard | None,
     json: bool,
     quiet: bool,
 ) -> None:
     """Run, report on stdout, and exit as the outcome demands."""
     from eqt_cli import api
-    from eqt_cli.cli.output import say, warn
-    from eqt_cli.cli.progress import progress
+    from eqt_cli.cli.shared.output import say, warn
+    from eqt_cli.cli.shared.progress import progress
 
+    shard = shard_from(shard_text)
     out = out or Path("results") / experiment.name
     try:
         with progress(experiment.study.plans.total, quiet=quiet) as advance:
@@ -80,18 +81,15 @@ def run_experiment(
             say(f"{out} already holds this experiment; --force runs it again")
         elif done.resumed:
             say(f"{done.resumed} of {done.runs} runs were there already")
-    if not done.packed:
-        _print_shard(done, shard, json)
-    else:
-        report(done, json=json)
+    report(done, shard, json=json)
 
 
 def _interrupted(study: Study, out: Path) -> Exception:
     from eqt_cli.core.errors import InterruptedRun
-    from eqt_cli.execution.folder import ResultFolder
+    from eqt_cli.execution.folder_progress import unfinished
 
-    parts = ResultFolder(out).parts.listed()
-    done = sum(study.plans.runs_of(number) for number in parts if number < len(study.plans))
+    begun = unfinished(out)
+    done = begun.done if begun else 0
     whole = f" (whole parts of {study.plans.runs_of(0)} are)" if not done else ""
     return InterruptedRun(
         f"interrupted; {done} of {study.plans.total} runs are kept in {out}{whole}: "
@@ -99,60 +97,58 @@ def _interrupted(study: Study, out: Path) -> Exception:
     )
 
 
-def _print_shard(done: StoredResult, shard: Shard | None, json: bool) -> None:
-    if json:
-        _print_json(done, {"folder": str(done.path)}, ["some runs failed"] if done.failed else [])
-    else:
-        assert shard is not None
-        print(f"shard {shard.index}/{shard.count}: {done.runs} runs, {done.failed} failed")
-        print(f"next     eqt pack {done.path}  (when all shards are done)")
-    if done.failed:
-        raise typer.Exit(3)
-
-
-def report(done: StoredResult, *, json: bool) -> None:
+def report(done: StoredResult, shard: Shard | None = None, *, json: bool) -> None:
     """Print what came out, and exit with 3 or 4 where runs failed or the check did not hold."""
+    from eqt_cli.cli.shared.output import print_found, print_json
     from eqt_cli.results.result import open_result
 
-    with open_result(done.file) as results:
-        check = results.cross_check
-        if json:
-            _print_document(done, results)
-        else:
-            _print_summary(done, results)
+    causes = ["some runs failed"] if done.failed else []
+    counted: dict[str, Any] = {
+        "runs": done.runs,
+        "failed": done.failed,
+        "resumed": done.resumed,
+        "seconds": done.seconds,
+        "causes": causes,
+    }
+    disagrees = False
+    if shard is not None:
+        text = (
+            f"shard {shard.index}/{shard.count}: {done.runs} runs, {done.failed} failed\n"
+            f"next     eqt pack {done.path}  (when all shards are done)"
+        )
+        print_found({"folder": str(done.path), **counted}, text, json=json)
+    else:
+        with open_result(done.file) as results:
+            check = results.cross_check
+            disagrees = check is not None and not check.holds
+            if disagrees:
+                causes.append("the cross-check does not hold")
+            if json:
+                print_json(_document(done, results, counted))
+            else:
+                _print_summary(done, results)
     if done.failed:
         raise typer.Exit(3)
-    if check is not None and not check.holds:
+    if disagrees:
         raise typer.Exit(4)
 
 
-def _print_json(done: StoredResult, first: dict[str, Any], causes: list[str], **last: Any) -> None:
-    from eqt_cli.cli.output import print_json
-
-    counted = {"runs": done.runs, "failed": done.failed, "resumed": done.resumed}
-    print_json({**first, **counted, "seconds": done.seconds, "causes": causes, **last})
-
-
-def _print_document(done: StoredResult, results: Result) -> None:
+def _document(done: StoredResult, results: Result, counted: dict[str, Any]) -> dict[str, Any]:
     from dataclasses import asdict
 
-    check = results.cross_check
-    points = results.dimensions.get("point")
-    first = {"results": str(done.file), "was_complete": done.was_complete}
-    causes = ["some runs failed"] if done.failed else []
-    if check and not check.holds:
-        causes.append("the cross-check does not hold")
-    _print_json(
-        done,
-        first if points is None else first | {"points": points},
-        causes,
-        controllers=results.headline(),
-        cross_check=asdict(check) | {"holds": check.holds} if check else None,
-    )
+    check, points = results.cross_check, results.dimensions.get("point")
+    return {
+        "results": str(done.file),
+        "was_complete": done.was_complete,
+        **({} if points is None else {"points": points}),
+        **counted,
+        "controllers": results.headline(),
+        "cross_check": asdict(check) | {"holds": check.holds} if check else None,
+    }
 
 
 def _print_summary(done: StoredResult, results: Result) -> None:
-    from eqt_cli.cli.summary import print_accuracy, print_failures, print_headline
+    from eqt_cli.cli.shared.result_tables import print_accuracy, print_failures, print_headline
 
     points = results.dimensions.get("point")
     print_headline(results)

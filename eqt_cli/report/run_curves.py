@@ -9,7 +9,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.style import house_style, line_style
-from eqt_cli.report.runs import columns
+from eqt_cli.report.run_table import columns
 from eqt_cli.results.result import Result
 
 SAMPLES = 101

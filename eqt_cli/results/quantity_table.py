@@ -13,7 +13,7 @@ from eqt_cli.experiment.build import Experiment
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.results.metrics import METRICS, energy_residual
 from eqt_cli.results.quantity import Per, Quantity
-from eqt_cli.store.variables import Variable
+from eqt_cli.store.table import Variable
 
 STATUS_MEANINGS = "; ".join(f"{status.value} {status.name.lower()}" for status in Status)
 

@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 
-from eqt_cli.cli.output import number, table
+from eqt_cli.cli.shared.output import number, table
 from eqt_cli.results.result import HEADLINE, Result
 
 MOST_FAILURES = 10

@@ -1,0 +1,1 @@
+"""What several commands share: options, completion, progress, and how results are printed."""

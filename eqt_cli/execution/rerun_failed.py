@@ -1,0 +1,55 @@
+"""Runs of a finished result that failed: what of it is computed once more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from eqt_cli.core.errors import START_OVER, EqtError, Remedy
+from eqt_cli.engines import Status
+from eqt_cli.execution.part_files import PartFiles
+from eqt_cli.execution.part_task import PartTask
+from eqt_cli.execution.result_layout import Layout
+from eqt_cli.experiment.law_names import LAW
+from eqt_cli.experiment.parts import Part
+from eqt_cli.experiment.study import Study
+from eqt_cli.results.quantity import Per
+from eqt_cli.store.reader import open_results
+
+
+def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
+    """What there is to compute again of a result; it is kept in `folder`.
+
+    Every failed run is a part of its own, and thus integrated by itself. Parts that had been lost
+    with their workers are computed as if for the first time.
+
+    Raises
+    ------
+    EqtError
+        If the result does not hold the variables that this version of eqt keeps.
+    """
+    layout = Layout(study.piece(0))
+    kept = {entry.name for entry in (layout.of(Per.RUN) if study.is_ragged else layout.quantities)}
+    with open_results(results) as old:
+        if {LAW, *old.names} != {LAW, *kept}:
+            raise EqtError(
+                f"{results}: was written by a version of eqt that keeps other variables",
+                Remedy("compute its failed runs with that version"),
+                START_OVER,
+            )
+        status = old["status"]
+    status = status.reshape(-1, *status.shape[-2:]).swapaxes(0, 1)
+    by_piece = [status[:, points].reshape(len(status), -1) for points in study.shapes]
+    chosen: list[tuple[int, Part]] = []
+    for item in range(len(study.plans)):
+        index, part = PartTask(study, PartFiles(folder)).part(item)
+        found = by_piece[index][part.controller, part.start : part.stop]
+        if (found == Status.WORKER_LOST).all():
+            chosen.append((index, part))
+            continue
+        for entry in part.start + np.flatnonzero(found):
+            alone = replace(part, start=int(entry), stop=int(entry) + 1)
+            chosen.append((index, alone))
+    return PartTask(study, PartFiles(folder), tuple(chosen))
