@@ -5,7 +5,7 @@ import pytest
 
 from eqt_cli.config.source import read_config
 from eqt_cli.execution.batches import batches
-from eqt_cli.experiment.sweeping import study
+from eqt_cli.experiment.read_study import study
 
 
 @pytest.fixture
