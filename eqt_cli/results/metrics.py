@@ -125,7 +125,8 @@ def energy_residual(times: Array, lyapunov: Array, balance: Array) -> Array:
 
 def settled(times: Array, error: Array, threshold: float) -> Array:
     """1 where the error ends within the threshold, else 0; the mean is the fraction settled."""
-    found: Array = np.isfinite(settling_time(times, error, threshold)).astype(float)
+    within = np.isfinite(settling_time(times, error, threshold)).astype(float)
+    found: Array = np.where(np.isfinite(error).all(axis=-1), within, np.nan)
     return found
 
 
