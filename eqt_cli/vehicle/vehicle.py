@@ -169,7 +169,7 @@ class Vehicle:
     def states(self, G: MatrixLieGroup) -> dict[str, int]:
         """What has states besides the plant, and how many."""
         counted = {
-            f"{ACTUATORS}[{index}]": actuator.states(G)
+            f"{ACTUATORS}_{index}": actuator.states(G)
             for index, actuator in enumerate(self.actuators)
         }
         found = {place: count for place, count in counted.items() if count}
@@ -179,9 +179,9 @@ class Vehicle:
         return {COMMANDS: (self.control.delay + 1) * G.dimension, **held, **found}
 
     def _chain(self, start: int = 0) -> Iterator[tuple[str, Actuator, Given]]:
+        """The actuators from the first that counts, with the names of their states."""
         for index, actuator in enumerate(self.actuators[start:], start):
-            place = f"{ACTUATORS}[{index}]"
-            yield place, actuator, self._given[place]
+            yield f"{ACTUATORS}_{index}", actuator, self._given[f"{ACTUATORS}[{index}]"]
 
     def passed(
         self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
