@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from eqt_cli.api import open_results
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.ensemble.seeds import Stream, generator_at
@@ -223,3 +224,19 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
     with pytest.raises(EqtError) as caught:
         build(read_config(path))
     assert str(caught.value).split(": ", 1)[1] == message
+
+
+def test_shards_give_the_result_of_one_run(tmp_path, invoke):
+    path = tmp_path / "c.yaml"
+    text = with_engine(NOISY.replace("runs: 12", "runs: 60"), "solve_ivp", ", cross_check: 0")
+    path.write_text(text, encoding="utf-8")
+    whole, shards = tmp_path / "whole", tmp_path / "shards"
+    invoke("run", path, "--out", whole)
+    for shard in ("1/2", "2/2"):
+        invoke("run", path, "--out", shards, "--shard", shard)
+    invoke("pack", shards)
+    one, other = (open_results(folder, "arrays") for folder in (whole, shards))
+    with one, other:
+        assert {"command", "at_limit", "settled", "saturated_share"} <= set(one.names)
+        for name in ("pose", "torque", "command", "at_limit", "closing_pose_error"):
+            np.testing.assert_array_equal(other[name], one[name])
