@@ -17,6 +17,7 @@ _HOLDS, _FAILS = Verdict.HOLDS, Verdict.FAILS
 _LEGEND = {
     Verdict.UNDECIDED: "the numbers at hand neither confirm nor refute it",
     Verdict.UNCLAIMED: "the paper does not say so of this law",
+    Verdict.NOT_COVERED: "the loop holds what the theorems do not speak of",
     Verdict.MORSE_BOTT: "the critical points form manifolds, so the paper's Morse condition is "
     "met only across them",
     Verdict.GROWING: "the largest value over the second half of the horizon exceeds the first's, "

@@ -23,7 +23,7 @@ from eqt_cli.config.source import source_of
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.error_origin import blamed
-from eqt_cli.engines import Problem, Solution
+from eqt_cli.engines import Solution
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.execution.compute_part import Desired, measured, shared_reference
@@ -164,18 +164,21 @@ class _Verifier:
             **{name: found[name][good] for name in JUDGED},
             error_system=self._error_system(batch, solution),
             failed=int(np.count_nonzero(~good)),
+            departures=batch.problem.loop.vehicle.departures,
             energy=batch.problem.loop.controller.energy,
             theorem=batch.problem.loop.controller.theorem,
         )
 
     def _error_system(self, batch: Batch, solution: Solution) -> float | None:
         """The largest difference of E, integrated by itself, to that of the closed loop."""
-        states = solution.states[solution.status == 0][:ERROR_SYSTEM_RUNS]
-        if not len(states):
+        chosen = np.flatnonzero(solution.status == 0)[:ERROR_SYSTEM_RUNS]
+        if not len(chosen):
             return None
-        loop, times = batch.problem.loop, batch.problem.times
-        system = ErrorSystem.of(loop)
-        problem = Problem(system, system.state_from(states[:, 0], 0.0), times)
+        few, states = batch.problem.select(chosen), solution.states[chosen]
+        loop, times = few.batched_loop(extra_axes=1), few.times
+        system = ErrorSystem.of(few.loop)
+        start = ErrorSystem.of(few.batched_loop()).state_from(few.states, 0.0)
+        problem = replace(few, loop=system, states=start)
         alone = batch.engine.solve(problem, lambda runs: None, self.workers)
         s = loop.tracking(times, states)
         expected = Semidirect(loop.group).error((s.Q, s.P), (s.Qd, s.Pd))

@@ -105,6 +105,8 @@ def _document(results: Result) -> dict[str, object]:
 def _summary(results: Result, json: bool) -> None:
     from eqt_cli.cli.shared.output import print_json
     from eqt_cli.cli.shared.result_tables import print_accuracy, print_failures, print_headline
+    from eqt_cli.config import yaml_source
+    from eqt_cli.config.signal_path import signal_path
     from eqt_cli.execution.provenance import OTHERS, differences
 
     if json:
@@ -118,6 +120,9 @@ def _summary(results: Result, json: bool) -> None:
     for other in origin.get(OTHERS, ()):
         print(f"also     {other['started']} with {differences(other, origin)}")
     print(f"digest   {str(results.attributes['digest'])[:16]}")
+    path = signal_path(yaml_source.load(str(results.attributes["config"]), "config").data)
+    if path:
+        print(f"loop     {path}")
     print(f"sizes    {sizes}\n")
     print_headline(results)
     print()

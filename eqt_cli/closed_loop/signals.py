@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,9 +16,29 @@ from eqt_cli.closed_loop.system import ClosedLoop
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.vehicle import Vehicle
 
 MIXED = "mixed"
 """The unit of what has different ones in different parts of the coordinates."""
+
+
+class Given(NamedTuple):
+    """What the law asks, what the actuators give, and the law's function, over time.
+
+    Attributes
+    ----------
+    torque, command : (..., m)
+        Body frame.
+    at_limit : (...)
+        1 where an actuator is at its limit, else 0.
+    lyapunov : (...)
+        L, the function of the law.
+    """
+
+    torque: Array
+    command: Array
+    at_limit: Array
+    lyapunov: Array
 
 
 @dataclass(frozen=True)
@@ -37,9 +58,11 @@ class Signal:
     unit_in
         Its unit in a part of the coordinates.
     of
-        From the state, the torque and L.
+        From the state, and what follows from it.
     of_part
         The same of one part of the coordinates, for a norm; None for all else.
+    stored_of
+        The vehicles of which it is stored; of others it says nothing that another does not.
     """
 
     name: str
@@ -47,8 +70,9 @@ class Signal:
     symbol: str
     long_name: str
     unit_in: Callable[[Part], str]
-    of: Callable[[Tracking, Array, Array], Array]
-    of_part: Callable[[Tracking, Array, Part], Array] | None = None
+    of: Callable[[Tracking, Given], Array]
+    of_part: Callable[[Tracking, Given, Part], Array] | None = None
+    stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
 
     def units(self, group: MatrixLieGroup) -> str:
         """Its unit on a group."""
@@ -62,7 +86,7 @@ class Signal:
 
 SIGNALS = (
     Signal(
-        "pose", ("row", "col"), "Q", "pose Q", lambda part: part.pose_unit, lambda s, tau, L: s.Q
+        "pose", ("row", "col"), "Q", "pose Q", lambda part: part.pose_unit, lambda s, given: s.Q
     ),
     Signal(
         "velocity",
@@ -70,7 +94,7 @@ SIGNALS = (
         "V",
         "body velocity V",
         lambda part: part.velocity_unit,
-        lambda s, tau, L: s.V,
+        lambda s, given: s.V,
     ),
     Signal(
         "torque",
@@ -78,7 +102,7 @@ SIGNALS = (
         r"\tau",
         "control torque tau, body frame",
         lambda part: part.force_unit,
-        lambda s, tau, L: tau,
+        lambda s, given: given.torque,
     ),
     Signal(
         "pose_error",
@@ -86,8 +110,8 @@ SIGNALS = (
         r"\|I - Q_E\|_{\mathrm{F}}",
         "pose error ||I - Q Qd^-1||_F",
         lambda part: part.pose_unit,
-        lambda s, tau, L: frobenius(s.G.identity - s.Q_E),
-        lambda s, tau, part: frobenius((s.G.identity - s.Q_E)[(..., *part.entries)]),
+        lambda s, given: frobenius(s.G.identity - s.Q_E),
+        lambda s, given, part: frobenius((s.G.identity - s.Q_E)[(..., *part.entries)]),
     ),
     Signal(
         "velocity_error",
@@ -95,8 +119,8 @@ SIGNALS = (
         r"\|V - V_d\|",
         "velocity error ||V - Vd||",
         lambda part: part.velocity_unit,
-        lambda s, tau, L: norm(s.V_tilde),
-        lambda s, tau, part: norm(s.V_tilde[..., part.axes]),
+        lambda s, given: norm(s.V_tilde),
+        lambda s, given, part: norm(s.V_tilde[..., part.axes]),
     ),
     Signal(
         "torque_norm",
@@ -104,8 +128,8 @@ SIGNALS = (
         r"\|\tau\|",
         "torque norm ||tau||",
         lambda part: part.force_unit,
-        lambda s, tau, L: norm(tau),
-        lambda s, tau, part: norm(tau[..., part.axes]),
+        lambda s, given: norm(given.torque),
+        lambda s, given, part: norm(given.torque[..., part.axes]),
     ),
     Signal(
         "lyapunov",
@@ -113,7 +137,25 @@ SIGNALS = (
         r"\mathcal{L}",
         "Lyapunov function L",
         lambda part: "J",
-        lambda s, tau, L: L,
+        lambda s, given: given.lyapunov,
+    ),
+    Signal(
+        "command",
+        ("axis",),
+        r"u",
+        "torque that the law asks for, body frame",
+        lambda part: part.force_unit,
+        lambda s, given: given.command,
+        stored_of=lambda vehicle: bool(vehicle.actuators or vehicle.control),
+    ),
+    Signal(
+        "at_limit",
+        (),
+        r"s",
+        "1 where an actuator is at its limit, else 0",
+        lambda part: "1",
+        lambda s, given: given.at_limit,
+        stored_of=lambda vehicle: vehicle.limits,
     ),
 )
 """Every signal, in the order of `compute`."""
@@ -149,10 +191,12 @@ def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
 
 
 def _compute(loop: ClosedLoop, s: Tracking, work: Array) -> Iterator[tuple[str, Array]]:
-    tau, L = loop.torque(s), loop.lyapunov(s)
+    command = loop.command(s)
+    torque = loop.torque(s) if loop.vehicle.actuators or loop.vehicle.control else command
+    given = Given(torque, command, loop.at_limit(s), loop.lyapunov(s))
     for signal in SIGNALS:
-        yield signal.name, signal.of(s, tau, L)
+        yield signal.name, signal.of(s, given)
         for part in signal.parts(loop.group):
             assert signal.of_part is not None
-            yield f"{signal.name}_{part.name}", signal.of_part(s, tau, part)
-    yield "energy_balance", L + work
+            yield f"{signal.name}_{part.name}", signal.of_part(s, given, part)
+    yield "energy_balance", given.lyapunov + work

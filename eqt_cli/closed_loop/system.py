@@ -8,20 +8,22 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
 
 from eqt_cli.closed_loop.layout import StateLayout
 from eqt_cli.controllers import Controller
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, dot
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import InertiaLaw
 from eqt_cli.mechanics.lie_poisson import lie_poisson
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
+from eqt_cli.vehicle import Vehicle
 
 _STRETCH = {"pose": "desired_pose", "velocity": "desired_momentum"}
 """The stretches that hold what of Q_d and V_d is integrated."""
@@ -32,14 +34,18 @@ REFERENCE = "reference."
 MEMORY = "controller."
 """What the stretches of a law's memory are called, before the names that the law gives them."""
 
+VEHICLE = "vehicle."
+"""What the stretches of what is between law and plant are called, before their own names."""
+
 
 @dataclass(frozen=True)
 class ClosedLoop:
     """A mechanical system on G, the reference it tracks and the law that makes it do so.
 
     A flat state is (Q, P, Q_d, P_d, W, …): the free entries of both poses, both momenta, the
-    work W = ∫dissipation dt that the damping has taken out, and the memory of the law. The
-    reference is part of every state, so that the errors between the two are consistent.
+    work W that was taken out of L, the memory of the law, and the states of the actuators. P is
+    𝕀V with the inertia that the law believes, also where the plant has another. The reference is
+    part of every state, so that the errors between the two are consistent.
     """
 
     group: MatrixLieGroup
@@ -47,6 +53,7 @@ class ClosedLoop:
     gains: Gains
     reference: Reference
     controller: Controller
+    vehicle: Vehicle = field(default_factory=Vehicle)
 
     # Numbers that may change from run to run without changing the structure.
 
@@ -57,7 +64,7 @@ class ClosedLoop:
         options = {
             f"controller.{name}": value for name, value in self.controller.parameters.items()
         }
-        return self.inertia.parameters | gains | options
+        return self.inertia.parameters | gains | options | dict(self.vehicle.given)
 
     def with_parameters(self, values: dict[str, Array]) -> Self:
         """The same structure with other parameters, which may be batched or symbols."""
@@ -67,33 +74,68 @@ class ClosedLoop:
             inertia=self.inertia.with_parameters(values),
             gains=Gains(values["kp"], values["kd"]),
             controller=controller,
+            vehicle=self.vehicle.with_numbers(values),
         )
 
-    # What certificates, metrics and figures ask for. A stage between law and plant changes these.
+    # What certificates, metrics and figures ask for.
 
     def command(self, s: Tracking) -> Array:
-        """The torque that the law asks for, body frame, ``(..., m)``."""
+        """The torque that the law asks for, or asked for last, body frame, ``(..., m)``."""
+        if self.vehicle.control is not None:
+            return self.vehicle.last_command(self.group, s.vehicle)
         return self.controller.torque(s)
 
     def torque(self, s: Tracking) -> Array:
-        """τ, the torque that acts on the system, body frame, ``(..., m)``."""
-        return self.command(s)
+        """τ, the torque that the actuators give, body frame, ``(..., m)``."""
+        torque, _ = self.vehicle.passed(self.group, self.command(s), s.vehicle)
+        return torque
+
+    def at_limit(self, s: Tracking) -> Array:
+        """1 where an actuator is at its limit, else 0, ``(...)``."""
+        if not self.vehicle.limits:
+            return np.zeros(s.P.shape[:-1])
+        return self.vehicle.at_limit(self.group, self.command(s), s.vehicle).astype(float)
+
+    def acting_and_rates(self, s: Tracking) -> tuple[Array, Mapping[str, Array]]:
+        """The force under which the law's plant would move as the true one does, ``(..., m)``.
+
+        It is τ where nothing else acts and the law knows the inertia; body frame. With it come the
+        rates of the actuators' states.
+        """
+        torque, rates = self.vehicle.passed(self.group, self.command(s), s.vehicle)
+        return self.vehicle.acting(s, torque), rates
 
     def dissipation(self, s: Tracking) -> Array | None:
-        """The power −dL/dt that is taken out of L, ``(...)``; None where it is not known."""
+        """The power −dL/dt that the law takes out of L by itself; None where it is not known."""
+        if self.vehicle.control is not None and s.memory:
+            return None  # L may jump with the memory, at every instant
         return self.controller.dissipation(s)
+
+    def outflow(self, s: Tracking, acting: Array) -> Array | None:
+        """The power −dL/dt under a force that acts, ``(...)``; None where it is not known.
+
+        It is dissipation − ⟨δ, y⟩ with δ = `acting` − τ(s), all that the law does not know of,
+        and the law's own velocity error y.
+        """
+        dissipation = self.dissipation(s)
+        if dissipation is None or self.vehicle.is_ideal:
+            return dissipation
+        unknown = acting - self.controller.torque(s)
+        power: Array = dissipation - dot(unknown, self.controller.velocity_error(s))
+        return power
 
     @property
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None where nothing is said."""
-        return self.controller.claims(self.group, self.gains)
+        claims = self.controller.claims(self.group, self.gains)
+        return claims if self.vehicle.is_ideal else None
 
     def lyapunov(self, s: Tracking) -> Array:
         """L, the Lyapunov function of the law, ``(...)``; laws may have different ones."""
         return self.controller.lyapunov(s)
 
     def work(self, state: Array) -> Array:
-        """W, the work that the damping has taken out up to a flat state."""
+        """W, what has been taken out of L up to a flat state."""
         work: Array = state[..., self.layout.slices["work"].start]
         return work
 
@@ -102,7 +144,8 @@ class ClosedLoop:
     @cached_property
     def instants(self) -> Array:
         """The times, s, at which an engine ends a step and begins anew; in order."""
-        return self.reference.instants(self.group)
+        forces = [force.instants() for force in self.vehicle.forces]
+        return np.unique(np.concatenate([self.reference.instants(self.group), *forces]))
 
     def held(self, t: Any) -> dict[str, Array]:
         """The numbers that the vector field holds from time t to the next instant, by name."""
@@ -130,6 +173,7 @@ class ClosedLoop:
                 **{_STRETCH[part]: {"pose": q, "velocity": m}[part] for part in desired},
                 "work": 1,
                 **{MEMORY + name: length for name, length in memory.items()},
+                **{VEHICLE + name: n for name, n in self.vehicle.states(self.group).items()},
             }
         )
 
@@ -151,7 +195,7 @@ class ClosedLoop:
         state = self.layout.join(stretches, np.empty((*batch, self.state_length)))
         if self.controller.memory(self.group):
             memory = self.controller.initial_memory(self.tracking(t, state))
-            state = self.layout.join(stretches | _named(memory), state)
+            state = self.layout.join(stretches | _named(MEMORY, memory), state)
         return state
 
     def tracking(self, t: Any, state: Array) -> Tracking:
@@ -172,11 +216,8 @@ class ClosedLoop:
             Qd=_spread(desired.Q, batch, 2),
             Pd=_spread(desired.P, batch, 1),
             tau_d=desired.tau,
-            memory={
-                name.removeprefix(MEMORY): values
-                for name, values in found.items()
-                if name.startswith(MEMORY)
-            },
+            memory=_of(MEMORY, found),
+            vehicle=_of(VEHICLE, found),
         )
 
     # The differential equation.
@@ -184,13 +225,20 @@ class ClosedLoop:
     def vector_field(self, t: Any, state: Array) -> Array:
         """The time derivative of a flat state, ``(..., state_length)``."""
         s = self.tracking(t, state)
-        Q_dot, P_dot = lie_poisson(self.group, s.Q, s.P, s.V, self.torque(s))
-        dissipation = self.dissipation(s)
-        work_rate = 0.0 if dissipation is None else np.asarray(dissipation)[..., None]
-        return self._derivative(s, Q_dot, P_dot, work_rate, state)
+        acting, moving = self.acting_and_rates(s)
+        Q_dot, P_dot = lie_poisson(self.group, s.Q, s.P, s.V, acting)
+        outflow = self.outflow(s, acting)
+        work_rate = 0.0 if outflow is None else np.asarray(outflow)[..., None]
+        return self._derivative(s, Q_dot, P_dot, work_rate, state, moving)
 
     def _derivative(
-        self, s: Tracking, Q_dot: Array, P_dot: Array, work_rate: Array | float, state: Array
+        self,
+        s: Tracking,
+        Q_dot: Array,
+        P_dot: Array,
+        work_rate: Array | float,
+        state: Array,
+        moving: Mapping[str, Array] = MappingProxyType({}),
     ) -> Array:
         """The derivative of a flat state from that of its system, with all that moves beside it."""
         Qd_dot, Pd_dot = lie_poisson(self.group, s.Qd, s.Pd, s.Vd, s.tau_d)
@@ -200,9 +248,41 @@ class ClosedLoop:
             "desired_pose": self.group.pack(Qd_dot),
             "desired_momentum": Pd_dot,
             "work": work_rate,
-            **_named(self.controller.memory_rate(s)),
+            **_named(MEMORY, self._memory_rate(s)),
+            **_named(VEHICLE, moving),
         }
         return self.layout.join(rates, state)
+
+    def _memory_rate(self, s: Tracking) -> Mapping[str, Array | float]:
+        if self.vehicle.control is not None:  # it changes at instants only
+            return dict.fromkeys(s.memory, 0.0)
+        return self.controller.memory_rate(s)
+
+    # The instants at which a sampled law is evaluated.
+
+    def after_instant(
+        self, t: Any, state: Array, errors: tuple[Array, Array] | None = None
+    ) -> Array:
+        """A flat state after a control instant; t and state are those before it.
+
+        The law is evaluated at what is measured; its memory z goes on by ż for a period.
+
+        Parameters
+        ----------
+        errors
+            E and b of the measurement Q E, V + b: ``(..., d, d)`` and ``(..., m)``.
+        """
+        s = self.tracking(t, state)
+        if errors is not None:
+            E, b = errors
+            s = dataclasses.replace(s, Q=s.Q @ E, P=s.inertia.momentum(s.V + b))
+        assert self.vehicle.control is not None
+        asked = self.controller.torque(s) + 0.0 * s.P
+        period, rates = self.vehicle.control.period, self.controller.memory_rate(s)
+        memory = {name: values + period * rates[name] for name, values in s.memory.items()}
+        vehicle = self.vehicle.after_instant(self.group, asked, s.vehicle)
+        changed = _named(MEMORY, memory) | _named(VEHICLE, vehicle)
+        return self.layout.join(self.layout.split(state) | changed, state)
 
 
 def _spread(values: Array, batch: tuple[int, ...], axes: int) -> Array:
@@ -211,9 +291,18 @@ def _spread(values: Array, batch: tuple[int, ...], axes: int) -> Array:
     return values if values.shape == (*batch, *own) else np.broadcast_to(values, (*batch, *own))
 
 
-def _named(memory: Mapping[str, Any]) -> dict[str, Any]:
-    """The memory of the law by the names of its stretches."""
-    return {MEMORY + name: values for name, values in memory.items()}
+def _named(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by the names of their stretches, which begin with a prefix."""
+    return {prefix + name: value for name, value in values.items()}
+
+
+def _of(prefix: str, stretches: Mapping[str, Array]) -> dict[str, Array]:
+    """The stretches whose names begin with a prefix, by what follows it; undoes `_named`."""
+    return {
+        name.removeprefix(prefix): values
+        for name, values in stretches.items()
+        if name.startswith(prefix)
+    }
 
 
 def _replaced(controller: Controller, values: dict[str, Array], prefix: str) -> Controller:

@@ -23,6 +23,9 @@ from eqt_cli.ensemble.sweep import BLOCK
 from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.groups import groups
 from eqt_cli.references import references
+from eqt_cli.vehicle.actuators import actuators
+from eqt_cli.vehicle.forces import forces
+from eqt_cli.vehicle.sensors import sensors
 
 KIND = "Which component it is; the others of its keys are options of this one."
 LABEL = {"type": "string", "description": "The name of the law in tables and figures; its kind."}
@@ -41,6 +44,10 @@ def json_schema() -> dict[str, Any]:
     initial["pose"] |= {"anyOf": [one, {"type": "array", "items": one}]}
     initial["velocity"] |= _any_of(velocity_distributions, shared)
     top["reference"] = _reference(top["reference"], shared)
+    _listed(shared["PlantSection"]["properties"]["forces"], forces, shared)
+    _listed(top["actuators"], actuators, shared)
+    for key in shared["SensorsSection"]["properties"].values():
+        _listed(key, sensors, shared)
     top["solver"] = _solver(top["solver"], shared)
     shared["SweepBlock"] = _sweep_block(schema)
     for kind in (Spread, Spaced, Drawn):
@@ -52,6 +59,13 @@ def json_schema() -> dict[str, Any]:
         "title": "eqt experiment",
         **{key: value for key, value in schema.items() if key != "title"},
     }
+
+
+def _listed(key: dict[str, Any], registry: Registry[Any], shared: dict[str, Any]) -> None:
+    """Say which components the list at a key takes."""
+    next(kind for kind in key["anyOf"] if kind.get("type") == "array")["items"] = _any_of(
+        registry, shared
+    )
 
 
 def _overlapping(schema: Any) -> Any:
@@ -88,7 +102,8 @@ def _mapping(component: type, shared: dict[str, Any], extra: dict[str, Any]) -> 
 def _options(component: type, shared: dict[str, Any]) -> dict[str, Any]:
     """The object schema of a component's options; what it refers to goes to `shared`."""
     schema = TypeAdapter(component).json_schema()
-    definitions = schema.pop("$defs", {})
+    definitions = _overlapping(schema.pop("$defs", {}))
+    schema = _overlapping(schema)
     for part in _parts(component):
         properties = definitions[part.__name__]["properties"]
         for name, meaning in meanings(part).items():

@@ -14,6 +14,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAda
 
 from eqt_cli.core.option_types import Angle, Count, CountOrNone, Positive, Real
 from eqt_cli.core.validation import one_of
+from eqt_cli.vehicle.numbers import Matrix as DrawnMatrix
+from eqt_cli.vehicle.numbers import Number
 
 
 def _rank(value: Any) -> str | None:
@@ -154,6 +156,59 @@ InertiaValue = Annotated[
 """A constant tensor, or a mapping with expressions in t."""
 
 
+class RelativeInertiaSection(Section):
+    """(1 + r) 𝕀, of the 𝕀 that the laws believe."""
+
+    relative: Number
+    """r: 0.1 is 10 % more."""
+
+
+def _plant_inertia_kind(value: Any) -> str | None:
+    if isinstance(value, dict) and "relative" in value:
+        return "relative"
+    if isinstance(value, dict) and ("uniform" in value or "normal" in value):
+        return "constant"
+    kind = _inertia_kind(value)
+    return "constant" if kind in ("scalar", "list", "matrix") else kind
+
+
+PlantInertia = Annotated[
+    Annotated[DrawnMatrix, Tag("constant")]
+    | Annotated[RelativeInertiaSection, Tag("relative")]
+    | Annotated[FactoredInertiaSection, Tag("factored")]
+    | Annotated[PrescribedInertiaSection, Tag("prescribed")],
+    one_of(_plant_inertia_kind, "a number, a list (the diagonal), a list of rows or a mapping"),
+]
+"""As `InertiaValue`, or relative to it; constant numbers may be drawn for each run."""
+
+
+class PlantSection(Section):
+    """What is there, of which the laws know nothing."""
+
+    inertia: PlantInertia | None = None
+    """The true inertia: as `inertia`, or {relative: 0.1} for 10 % more than the laws believe."""
+    forces: list[Any] | None = None
+    """Forces that act beside the actuators (`eqt list forces`)."""
+
+
+class ControlSection(Section):
+    """The clock of the laws; without it they act continuously."""
+
+    period: Positive
+    """The laws are evaluated at t = k·period, s, and their commands held in between."""
+    delay: CountOrNone = 0
+    """After how many whole periods a command arrives; until the first one does, 0 is held."""
+
+
+class SensorsSection(Section):
+    """Errors of what the laws are told; each is a list whose entries add up."""
+
+    pose: list[Any] | None = None
+    """Q_m = Q exp(n), with n in the coordinates of the algebra (`eqt list sensors`)."""
+    velocity: list[Any] | None = None
+    """V_m = V + b (`eqt list sensors`)."""
+
+
 class TargetSection(Section):
     """Where `task: stabilise` is to end."""
 
@@ -180,6 +235,14 @@ class Config(Section):
     """Where to come to rest, for `task: stabilise`."""
     controllers: list[Any] = Field(min_length=1)
     """Control laws to compare, from the same initial states (`eqt list controllers`)."""
+    plant: PlantSection | None = None
+    """Where what flies is not what the laws believe: `inertia`, and `forces`."""
+    actuators: list[Any] | None = None
+    """What a command passes on its way to the plant, in order (`eqt list actuators`)."""
+    control: ControlSection | None = None
+    """The clock of the laws: `period`, and `delay`."""
+    sensors: SensorsSection | None = None
+    """Errors of what the laws are told, at the instants of `control`."""
     initial: InitialSection = Field(default_factory=InitialSection)
     """Where the runs start."""
     ensemble: EnsembleSection = Field(default_factory=EnsembleSection)

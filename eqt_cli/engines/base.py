@@ -17,6 +17,9 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.component import Component
 from eqt_cli.core.problems import Problems
 
+ROUNDING = 1e-12
+"""Relative: what times that are meant to be equal, as 3·0.1 and 0.3, may differ by."""
+
 
 class Status(IntEnum):
     """How one run ended; 0 is the only good end."""
@@ -42,7 +45,9 @@ class Span:
     grid
         Both ends, and the sample times between them.
     wanted
-        Which entries of `grid` are sample times that no earlier span has.
+        Which entries of `grid` are sample times of this span.
+    tick
+        k, where a sampled law is evaluated for the k-th time at `start`; else None.
     """
 
     start: float
@@ -50,6 +55,7 @@ class Span:
     changes: tuple[bool, bool]
     grid: Array
     wanted: Array
+    tick: int | None = None
 
 
 @dataclass(frozen=True)
@@ -66,12 +72,16 @@ class Problem:
         Where the solution is wanted, s; the first is the initial time.
     varying
         Parameters that differ from run to run, by name, ``(runs, …)``.
+    errors
+        Those of the measured pose and velocity at every control instant, ``(runs, instants, d, d)``
+        and ``(runs, instants, m)``; None where the law is told the truth.
     """
 
     loop: ClosedLoop
     states: Array
     times: Array
     varying: Mapping[str, Array] = field(default_factory=dict)
+    errors: tuple[Array, Array] | None = None
 
     @property
     def runs(self) -> int:
@@ -82,19 +92,46 @@ class Problem:
     def spans(self) -> list[Span]:
         """The horizon, cut at the instants that are known in advance."""
         start, stop = float(self.times[0]), float(self.times[-1])
-        instants = [float(t) for t in self.loop.instants if start < t < stop]
+        ticks = self._control_instants(start, stop)
+        known = _nearest(self.loop.instants, np.array([*self.times, *ticks]))
+        inner = np.unique([t for t in (*known, *ticks) if start < t < stop])
         found = []
-        for one, other in pairwise([start, *instants, stop]):
-            inside = self.times[(self.times > one) & (self.times <= other)]
-            grid = np.concatenate([[one], inside, [other] if other not in inside else []])
-            wanted = np.isin(grid, inside) | ((grid == start) & (one == start))
-            found.append(Span(one, other, (one != start, other != stop), grid, wanted))
+        for one, other in pairwise([start, *inner.tolist(), stop]):
+            # A sample at an instant is of the span behind it, and the last one of the last.
+            inside = self.times[(self.times >= one) & (self.times < other)]
+            inside = np.append(inside, stop) if other == stop else inside
+            grid = np.unique([one, *inside, other])
+            changes = one != start, other != stop
+            found.append(Span(one, other, changes, grid, np.isin(grid, inside), ticks.get(one)))
         return found
+
+    @property
+    def control_instants(self) -> int:
+        """How many control instants there are."""
+        return len(self._control_instants(float(self.times[0]), float(self.times[-1])))
+
+    def _control_instants(self, start: float, stop: float) -> dict[float, int]:
+        """The instants t = k·period from the start to before the end, and their k."""
+        control = self.loop.vehicle.control
+        if control is None:
+            return {}
+        numbers = np.arange(np.ceil(start / control.period), np.ceil(stop / control.period) + 1)
+        times = _nearest(numbers * control.period, self.times)
+        found = zip(times.tolist(), numbers.astype(int).tolist(), strict=True)
+        return {t: k for t, k in found if start <= t < stop}
 
     def select(self, runs: slice | Array) -> Problem:
         """The same problem for some of its runs."""
         varying = {name: values[runs] for name, values in self.varying.items()}
-        return Problem(self.loop, self.states[runs], self.times, varying)
+        errors = None if self.errors is None else (self.errors[0][runs], self.errors[1][runs])
+        return Problem(self.loop, self.states[runs], self.times, varying, errors)
+
+    def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> tuple[Array, Array] | None:
+        """The errors of measurement at a control instant, in these runs."""
+        if self.errors is None:
+            return None
+        pose, velocity = self.errors
+        return pose[runs, tick], velocity[runs, tick]
 
     @staticmethod
     def joined(problems: Sequence[Problem]) -> Problem:
@@ -110,7 +147,13 @@ class Problem:
         ]
         varying = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
         states = np.concatenate([problem.states for problem in problems])
-        return Problem(first.loop, states, first.times, varying)
+        pairs = [problem.errors for problem in problems if problem.errors is not None]
+        errors = (
+            (np.concatenate([pose for pose, _ in pairs]), np.concatenate([b for _, b in pairs]))
+            if pairs
+            else None
+        )
+        return Problem(first.loop, states, first.times, varying, errors)
 
     def batched_loop(self, extra_axes: int = 0) -> ClosedLoop:
         """The loop with its varying parameters along a leading run axis.
@@ -124,6 +167,19 @@ class Problem:
             for name, values in self.varying.items()
         }
         return self.loop.with_parameters(self.loop.parameters | expanded)
+
+
+def _nearest(instants: Array, times: Array) -> Array:
+    """The instants, those that are one of some times but for rounding as that time."""
+    if not len(instants):
+        return instants
+    ordered = np.sort(times)
+    above = np.clip(np.searchsorted(ordered, instants), 1, len(ordered) - 1)
+    low, high = ordered[above - 1], ordered[above]
+    nearest = np.where(instants - low < high - instants, low, high)
+    near = np.abs(nearest - instants) <= ROUNDING * np.maximum(1.0, np.abs(instants))
+    found: Array = np.where(near, nearest, instants)
+    return found
 
 
 @dataclass(frozen=True)

@@ -128,6 +128,9 @@ class SolveIvp(Engine):
         whole = block.batched_loop()
         state, found = block.states, []
         for span in block.spans:
+            if span.tick is not None:
+                with np.errstate(all="ignore"):  # a state that is not finite is found below
+                    state = whole.after_instant(span.start, state, block.errors_at(span.tick))
             states = self._integrate_span(whole.holding(whole.held(span.start)), state, span, count)
             state = states[:, -1]
             found.append(states[:, span.wanted])

@@ -6,6 +6,7 @@ Run k draws the same numbers whatever the number of runs, workers or controllers
 from __future__ import annotations
 
 from enum import IntEnum
+from zlib import crc32
 
 import numpy as np
 
@@ -16,9 +17,16 @@ class Stream(IntEnum):
     INITIAL_STATE = 0
     CROSS_CHECK = 1
     CERTIFICATES = 2
+    VEHICLE = 3
 
 
 def generator(root: int, stream: Stream, run: int) -> np.random.Generator:
     """The generator of one run in one stream."""
     sequence = np.random.SeedSequence(root, spawn_key=(int(stream), run))
     return np.random.Generator(np.random.PCG64DXSM(sequence))
+
+
+def generator_at(root: int, stream: Stream, run: int, place: str) -> np.random.Generator:
+    """The generator of one run for what stands at a place of the configuration."""
+    sequence = np.random.SeedSequence(root, spawn_key=(int(stream), run, crc32(place.encode())))
+    return np.random.Generator(np.random.Philox(sequence))

@@ -6,7 +6,7 @@ import dataclasses
 import json
 from collections.abc import Hashable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.initial import draw_initial_states
+from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
 
@@ -49,11 +50,14 @@ def batches(study: Study, label: str, entries: Array) -> Iterator[Batch]:
     """
     points, runs = np.divmod(entries, study.plan.runs)
     Q, V = initial_states(study, points, runs)
-    yield from _batches(study, label, points, Q, V)
+    yield from _batches(study, label, points, Q, V, runs)
 
 
 def reference_batches(study: Study, label: str, points: Array) -> Iterator[Batch]:
-    """The references of some points by themselves: closed loops started where all errors are 0."""
+    """The references of some points by themselves: closed loops started where all errors are 0.
+
+    They belong to no run, so that what is drawn for each run has its mean.
+    """
     experiments = [study.experiment(int(point)) for point in points]
     Q = np.array([experiment.initial_pose for experiment in experiments])
     V = np.array([experiment.initial_velocity for experiment in experiments])
@@ -84,28 +88,36 @@ def _draw(study: Study, point: int, runs: tuple[int, ...]) -> tuple[Array, Array
     )
 
 
-def _batches(study: Study, label: str, points: Array, Q: Array, V: Array) -> Iterator[Batch]:
+def _batches(
+    study: Study, label: str, points: Array, Q: Array, V: Array, runs: Array | None = None
+) -> Iterator[Batch]:
     kinds: dict[Hashable, list[int]] = {}
     for point in _distinct(points):
         kinds.setdefault(_kind(study.experiment(point), label), []).append(point)
     for kind, members in kinds.items():
         rows = np.flatnonzero(np.isin(points, members)) if len(kinds) > 1 else np.arange(len(Q))
-        problem = _problem(study, label, points[rows], Q[rows], V[rows])
+        own = None if runs is None else runs[rows]
+        problem = _problem(study, label, points[rows], Q[rows], V[rows], own)
         experiment = study.experiment(members[0])
         engine = experiment.engine.sized(study.plan.total, problem.loop.state_length)
         yield Batch(rows, points[rows], experiment, engine, problem, kind)
 
 
-def _problem(study: Study, label: str, points: Array, Q: Array, V: Array) -> Problem:
+def _problem(
+    study: Study, label: str, points: Array, Q: Array, V: Array, runs: Array | None
+) -> Problem:
     distinct, which = np.unique(points, return_inverse=True)
     experiments = [study.experiment(int(point)) for point in distinct]
     loops = [experiment.loops[label] for experiment in experiments]
     Qd = np.array([experiment.initial_pose for experiment in experiments])[which]
     Vd = np.array([experiment.initial_velocity for experiment in experiments])[which]
     varying = _varying(loops, which)
+    if runs is not None and any(loop.vehicle.varies for loop in loops):
+        varying |= _drawn(experiments, label, which, runs)
     problem = Problem(loops[0], Q, experiments[0].times, varying)
     states = problem.batched_loop().initial_state(Q, V, Qd, Vd)
-    return dataclasses.replace(problem, states=states)
+    errors = _errors(problem, experiments, which, runs) if loops[0].vehicle.measures else None
+    return dataclasses.replace(problem, states=states, errors=errors)
 
 
 def _varying(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
@@ -117,13 +129,42 @@ def _varying(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
     return {name: values[which] for name, values in stacked.items() if (values != values[0]).any()}
 
 
+def _drawn(
+    experiments: list[Experiment], label: str, which: Array, runs: Array
+) -> dict[str, Array]:
+    """The numbers of each run's own vehicle, one row for each run."""
+    rows = []
+    for index, run in zip(which.tolist(), runs.tolist(), strict=True):
+        seed, loop = experiments[index].config.ensemble.seed, experiments[index].loops[label]
+        random_of = partial(generator_at, seed, Stream.VEHICLE, run)
+        rows.append(loop.vehicle.numbers(loop.group, random_of))
+    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+
+
+def _errors(
+    problem: Problem, experiments: list[Experiment], which: Array, runs: Array | None
+) -> tuple[Array, Array]:
+    """The errors of measurement in each run; a reference has none."""
+    G, vehicle, instants = problem.loop.group, problem.loop.vehicle, problem.control_instants
+    if runs is None:
+        exact = np.broadcast_to(G.identity, (len(which), instants, G.size, G.size))
+        return exact, np.zeros((len(which), instants, G.dimension))
+    found = []
+    for index, run in zip(which.tolist(), runs.tolist(), strict=True):
+        seed = experiments[index].config.ensemble.seed
+        random_of = partial(generator_at, seed, Stream.VEHICLE, run)
+        found.append(vehicle.measurement_errors(G, instants, random_of))
+    return np.array([pose for pose, _ in found]), np.array([velocity for _, velocity in found])
+
+
 def _kind(experiment: Experiment, label: str) -> Hashable:
     """What runs of one problem must have in common: all but parameters and initial states."""
     loop = experiment.loops[label]
     blank = loop.with_parameters({k: np.zeros_like(v) for k, v in loop.parameters.items()})
     structure = repr((blank.inertia, blank.gains, blank.reference))
     threshold = experiment.config.settling_threshold
-    return structure, loop.controller.structure, json.dumps(experiment.solver.resolved), threshold
+    parts = loop.controller.structure, loop.vehicle.structure
+    return structure, parts, json.dumps(experiment.solver.resolved), threshold
 
 
 def _distinct(points: Array) -> list[int]:

@@ -33,6 +33,8 @@ from eqt_cli.experiment.inertia import inertia_from
 from eqt_cli.experiment.solver import Solver, solver_from
 from eqt_cli.experiment.start import Start, start_from_file
 from eqt_cli.experiment.trial_evaluation import probe
+from eqt_cli.experiment.vehicle import resolved as resolved_vehicle
+from eqt_cli.experiment.vehicle import vehicle_from
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.groups.product import ProductGroup
 
@@ -139,8 +141,9 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         )
     if sections["solver"] is not None:
         solver = solver_from(sections["solver"], problems.at("solver"))
+    horizon = sections["time"].duration if sections["time"] else 0.0
+    vehicle = vehicle_from(sections, group, horizon, problems) if group else None
     if group and sections["inertia"] is not None:
-        horizon = sections["time"].duration if sections["time"] else 0.0
         inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
     if group:
         section, at_gains = source.data.get("gains"), problems.at("gains")
@@ -150,15 +153,16 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         start = _start(initial, group, desired, source, problems.at("initial"))
     config = _agreeing(source, group, desired, start, problems)
     problems.raise_if_any()
-    assert config and group and desired and inertia and gains and start and solver
+    assert config and group and desired and inertia and gains and vehicle and start and solver
     complete = config.model_dump(exclude_none=True, warnings="none") | {
         **desired.resolved,
         "controllers": [as_section(law) | {"label": label} for label, law in laws.items()],
         "initial": start.resolved,
         "solver": solver.resolved,
+        **resolved_vehicle(vehicle, config),
     }
     loops = {
-        label: ClosedLoop(group, inertia, gains, desired.reference, law)
+        label: ClosedLoop(group, inertia, gains, desired.reference, law, vehicle)
         for label, law in laws.items()
     }
     experiment = Experiment(

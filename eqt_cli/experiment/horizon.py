@@ -15,6 +15,7 @@ from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.vehicle import Vehicle
 
 SAMPLES = 2001
 """At which the reference is looked at, and on both sides of every known instant."""
@@ -69,7 +70,7 @@ class Horizon:
 
 def reference_over_horizon(experiment: Experiment) -> Horizon:
     """Q_d, V_d, V̇_d and τ_d from the start to the end."""
-    loop = replace(next(iter(experiment.loops.values())), controller=Following())
+    loop = replace(next(iter(experiment.loops.values())), controller=Following(), vehicle=Vehicle())
     stop = float(experiment.times[-1])
     instants = np.array([t for t in loop.instants if 0 < t < stop])
     times = np.unique([*np.linspace(0.0, stop, SAMPLES), *instants])

@@ -82,7 +82,7 @@ class _Torques:
 
     def _of(self, law: Controller) -> Array:
         loop = replace(self.loop, controller=law)
-        return loop.command(loop.tracking(0.0, loop.initial_state(*self.start)))
+        return law.torque(loop.tracking(0.0, loop.initial_state(*self.start)))
 
 
 def _law(entry: Any) -> Controller:

@@ -77,7 +77,7 @@ def _probe_law(loop: ClosedLoop, state: Array, name: str) -> None:
     for t, states in ((0.0, whole[:, 0]), (np.zeros(whole.shape[1]), whole)):
         with _failing(name):
             s = loop.tracking(t, states)
-            torque, dissipation = loop.torque(s), loop.dissipation(s)
+            torque, dissipation = law.torque(s), law.dissipation(s)
         axes = (loop.group.dimension,)
         _require_fit(torque, states, axes, name, type(law).torque, exact=True)
         if dissipation is not None:

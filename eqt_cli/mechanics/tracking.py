@@ -48,6 +48,8 @@ class Tracking:
         Torque that drives the desired state, body frame.
     memory
         The states of the law itself by name, ``(..., length)`` each, where it has any.
+    vehicle
+        Those of what is between law and plant, of which a law knows nothing.
     """
 
     G: MatrixLieGroup
@@ -60,6 +62,7 @@ class Tracking:
     Pd: Array
     tau_d: Array
     memory: Mapping[str, Array] = field(default_factory=dict)
+    vehicle: Mapping[str, Array] = field(default_factory=dict)
 
     @cached_property
     def V(self) -> Array:

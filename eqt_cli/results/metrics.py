@@ -10,6 +10,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.time_windows import WHOLE, Window
+from eqt_cli.vehicle import Vehicle
 
 EARLY = Window(0.0, 5.0)
 """The paper's "first 5 seconds of the response" (§7)."""
@@ -19,6 +20,14 @@ ENERGY_SCALE = 1.0
 
 SMALLEST_RATIO = 1e-12
 """L(t)/L(0) below which L is rounding and solver error, and says nothing about its rate."""
+
+
+CLOSING = 0.25
+"""The part of the time at whose end a run is looked at for offsets and noise."""
+
+
+def _as_it_flies(vehicle: Vehicle) -> bool:
+    return not vehicle.is_ideal
 
 
 # Formulas, (times, signals (runs, samples, …)) -> (runs,) ----------------------------------------
@@ -112,6 +121,20 @@ def energy_residual(times: Array, lyapunov: Array, balance: Array) -> Array:
     initial = lyapunov[:, :1]
     residual: Array = np.abs(balance - initial).max(axis=-1)
     return residual / np.maximum(initial[:, 0], ENERGY_SCALE)
+
+
+def settled(times: Array, error: Array, threshold: float) -> Array:
+    """1 where the error ends within the threshold, else 0; the mean is the fraction settled."""
+    within = np.isfinite(settling_time(times, error, threshold)).astype(float)
+    found: Array = np.where(np.isfinite(error).all(axis=-1), within, np.nan)
+    return found
+
+
+def closing_rms(times: Array, values: Array) -> Array:
+    """The root of the mean square over the last quarter of the time, of offsets and of noise."""
+    late = times >= times[-1] - CLOSING * (times[-1] - times[0])
+    mean: Array = time_mean(times[late], values[..., late] ** 2)
+    return np.sqrt(mean)
 
 
 # The table ---------------------------------------------------------------------------------------
@@ -248,6 +271,45 @@ METRICS = (
         better="lower",
         stored=False,
         of=largest_rise,
+    ),
+    Quantity(
+        "settled",
+        "1 if ||I - Q_E||_F ends within the settling threshold, else 0",
+        units="1",
+        signals=("pose_error",),
+        label="settled",
+        better="higher",
+        of=settled,
+        settings={"threshold": "settling_threshold"},
+        stored_of=_as_it_flies,
+    ),
+    Quantity(
+        "saturated_share",
+        "share of the time at which an actuator is at its limit",
+        units="1",
+        signals=("at_limit",),
+        label="share of time at a limit",
+        better="lower",
+        of=time_mean,
+        stored_of=lambda vehicle: vehicle.limits,
+    ),
+    Quantity(
+        "closing_pose_error",
+        "root mean square of ||I - Q_E||_F over the last quarter of the time",
+        signals=("pose_error",),
+        label="closing rms of {}",
+        better="lower",
+        of=closing_rms,
+        stored_of=_as_it_flies,
+    ),
+    Quantity(
+        "closing_torque",
+        "root mean square of ||tau|| over the last quarter of the time",
+        signals=("torque_norm",),
+        label="closing rms of {}",
+        better="lower",
+        of=closing_rms,
+        stored_of=_as_it_flies,
     ),
 )
 """What controllers are compared by, in the order of tables; those `stored` are in result files."""

@@ -13,6 +13,7 @@ from eqt_cli.closed_loop.signals import signal_of
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.time_windows import WHOLE, Window
 from eqt_cli.store.table import Attribute
+from eqt_cli.vehicle import Vehicle
 
 FLOAT = np.dtype("f8")
 
@@ -88,6 +89,8 @@ class Quantity:
         The windows over which controllers are compared by it unless a user chooses.
     censored
         NaN in a run that is good says: later than the end of the run.
+    stored_of
+        The vehicles of whose runs a result file holds it.
     notes
         Further attributes in a result file.
     """
@@ -110,6 +113,7 @@ class Quantity:
     compared: tuple[Window, ...] = ()
     censored: bool = False
     notes: Mapping[str, Attribute] = field(default_factory=dict)
+    stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
 
     @property
     def windowed(self) -> bool:

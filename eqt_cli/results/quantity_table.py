@@ -33,6 +33,7 @@ _OVER_TIME = tuple(
         signals=(signal.name,),
         label="{}",
         dims=("time", *signal.dims),
+        stored_of=signal.stored_of,
     )
     for signal in SIGNALS
 )
@@ -128,8 +129,9 @@ def quantities(experiment: Experiment) -> list[Quantity]:
 
 def _stored(experiment: Experiment) -> Iterator[Quantity]:
     group = experiment.group
+    vehicle = next(iter(experiment.loops.values())).vehicle
     for quantity in QUANTITIES.values():
-        if not quantity.stored:
+        if not (quantity.stored and quantity.stored_of(vehicle)):
             continue
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
         units = quantity.unit(_unit_of_signal(quantity, group))

@@ -27,6 +27,7 @@ from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references import references
 from eqt_cli.references.path import PathFactor
 from eqt_cli.references.waypoints import Waypoint
+from eqt_cli.vehicle.forces import Force
 
 PLUGINS = sorted(Path(__file__).parents[1].glob("compatibility/first_version/plugins/*.py"))
 
@@ -35,6 +36,15 @@ ARGUMENTS = {"velocities": "velocity"}
 
 OPTIONS: dict[str, dict[str, Any]] = {
     "torque": {"torque": ["cos(t)", "sin(t)", "cos(t)*sin(t)", "1", "t", "sin(2*t)"]},
+    "constant force": {"force": [0.1, -0.2, 0.3, 0.4, 0.5, -0.6]},
+    "expression": {"force": ["cos(t)", "sin(t)", "1", "1", "t", "sin(2*t)"]},
+    "restoring": {"weight": 2.0, "buoyancy": 1.5, "centre_of_mass": [0.1, 0.0, -0.2]},
+    "gust": {"std": 0.1, "time_constant": 2.0},
+    "limit": {"limit": 0.5},
+    "rate_limit": {"rate": 0.5},
+    "deadband": {"width": 0.4},
+    "noise": {"std": 0.1},
+    "lag": {"time_constant": 0.2},
     "path": {"factors": [PathFactor("wz", "0.3*sin(t)"), PathFactor("wx", "0.1*t**2")]},
     "rates": {"rates": ["cos(t)", "sin(t)", "cos(t)*sin(t)", "1", "t", "sin(2*t)"]},
     "slew": {"to": {"rotvec": [0, 0.5, 1]}, "duration": 3.0},
@@ -87,7 +97,8 @@ def first_version(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 def made(component: type, dimension: int = 3) -> Any:
     """A component with its default options."""
-    options = OPTIONS.get(component.name, {})
+    kind = " force" if issubclass(component, Force) and component.name == "constant" else ""
+    options = OPTIONS.get(component.name + kind, {})
     return component(
         **{
             name: values[:dimension] if isinstance(values, list) else values

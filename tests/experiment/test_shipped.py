@@ -22,6 +22,9 @@ UNCLAIMED = {
     *((name, "decrease of L", "goodarzi2013") for name in ("reviewers", "reviewers_se3")),
 }
 
+AS_IT_FLIES = {"satellite_wheels"}
+"""Of loops that the theorems do not cover."""
+
 
 def experiment(name: str, *overrides: str) -> Experiment:
     return build(read_config(shipped.folder() / f"{name}.yaml", overrides))
@@ -55,7 +58,10 @@ def test_certificates_hold(name: str, engine: str) -> None:
             assert row.controller in UNMATCHED
     certain = ("energy balance", "decrease of L", "error system by itself")
     for row in verification.rows:
-        if row.name in certain and (name, row.name, row.controller) not in UNCLAIMED:
+        uncovered = row.name == "decrease of L" and name in AS_IT_FLIES
+        if uncovered:
+            assert row.verdict is Verdict.NOT_COVERED, row
+        elif row.name in certain and (name, row.name, row.controller) not in UNCLAIMED:
             assert row.verdict is Verdict.HOLDS, row
 
 

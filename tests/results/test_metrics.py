@@ -37,6 +37,12 @@ EXACT = {
     "decay_rate": ({"lyapunov": FALLING}, 1.0),
     # L falls to 1 at 10 s, and then rises to 3 of the 5 that it began with.
     "lyapunov_rise": ({"lyapunov": np.interp(TIMES, [0, 10, 20], [5.0, 1.0, 3.0])[None]}, 2 / 5),
+    "settled": ({"pose_error": 1 - RAMP / T}, 1.0),
+    # At a limit over the first half, of 19 of 40 intervals and half of the next.
+    "saturated_share": ({"at_limit": (RAMP < T / 2).astype(float)}, 19.5 / 40),
+    # Constant over the last quarter, and greater before.
+    "closing_pose_error": ({"pose_error": np.where(RAMP < 0.7 * T, 9.0, 2.0)}, 2.0),
+    "closing_torque": ({"torque_norm": np.where(RAMP < 0.7 * T, 9.0, 3.0)}, 3.0),
     "energy_residual": (
         {"lyapunov": 4 * FALLING, "energy_balance": 4 + 0.02 * np.sin(np.pi * RAMP / T)},
         0.02 / 4,

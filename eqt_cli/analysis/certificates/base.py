@@ -26,6 +26,7 @@ class Verdict(StrEnum):
     FAILS = "FAILS"
     UNDECIDED = "undecided"
     UNCLAIMED = "unclaimed"
+    NOT_COVERED = "not covered"
     MORSE_BOTT = "Morse-Bott"
     GROWING = "growing"
     VIOLATED = "violated"
@@ -160,7 +161,7 @@ class LiteralForm(Identity):
         Gains that are multiples of the identity do not tell one frame from another.
         """
         for s in (sample.s, sample.generic):
-            yield sample.loop.command(s), self.torque(s, sample.loop.controller)
+            yield sample.loop.controller.torque(s), self.torque(s, sample.loop.controller)
 
     @abstractmethod
     def torque(self, s: Tracking, law: Any) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 
 from eqt_cli.analysis.certificates.base import Hypothesis, Row, Verdict
 from eqt_cli.analysis.evidence.runs import Setting
+from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.mechanics.critical_points import CriticalSet, critical_sets
@@ -177,14 +178,16 @@ class LawCovered(Hypothesis):
 
     def check(self, setting: Setting) -> list[Row]:
         """One row per law."""
-        verdicts = {True: Verdict.HOLDS, False: Verdict.VIOLATED, None: Verdict.UNKNOWN}
         return [
-            replace(
-                self.row(verdicts[loop.claims_decrease], controller=label),
-                statement=self._where(loop.controller.theorem),
-            )
+            replace(self._covered(loop, label), statement=self._where(loop.controller.theorem))
             for label, loop in setting.loops.items()
         ]
+
+    def _covered(self, loop: ClosedLoop, label: str) -> Row:
+        if not loop.vehicle.is_ideal:
+            return self.row(Verdict.NOT_COVERED, remark=loop.vehicle.departures, controller=label)
+        verdicts = {True: Verdict.HOLDS, False: Verdict.VIOLATED, None: Verdict.UNKNOWN}
+        return self.row(verdicts[loop.claims_decrease], controller=label)
 
     def _where(self, theorem: str) -> str:
         """Of a published law its own source, of the others the paper's."""

@@ -292,7 +292,7 @@ class SmallErrors(Identity):
             tau_d=lifted(still),
             memory={name: lifted(still) for name in s.memory},
         )
-        x, command = sample.drawn[1], sample.loop.command
+        x, command = sample.drawn[1], sample.loop.controller.torque
         turned = replace(at_rest, Q=lifted(identity, rates=G.hat(x)))
         yield rate_of(command(turned)), -apply_matrix(stiffness(s), lifted(x))
         moved = replace(at_rest, P=with_rate(at_rest.P, at_rest.inertia.momentum(lifted(x))))

@@ -151,11 +151,14 @@ class FeedforwardPower(Identity):
         s = seen_from_body(loose) if error == "body" else loose
         transport = (c + n) * dot(s.P_tilde, bracket(s.G, s.V, s.Vd))
         inertia = dot(s.inertia_force + 0 * s.P, s.V_tilde)
-        yield dot(sample.loop.command(loose) - s.tau_d, s.V_tilde), transport + inertia
+        yield dot(sample.loop.controller.torque(loose) - s.tau_d, s.V_tilde), transport + inertia
 
 
 class LyapunovRate(Identity):
-    """dL/dt = −dissipation along the closed loop, L differentiated exactly."""
+    """dL/dt = −dissipation + ⟨δ, Ṽ⟩ along the closed loop, L differentiated exactly.
+
+    δ is the force that the law does not know of; it is 0 where the loop holds nothing else.
+    """
 
     name: ClassVar[str] = "rate of L"
     statement: ClassVar[str] = "Theorems 3.2, 6.2"
@@ -164,9 +167,10 @@ class LyapunovRate(Identity):
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The derivative of L along the flow against the law's own dissipation, if it says it."""
-        dissipation = sample.loop.dissipation(sample.s)
-        if dissipation is not None:
-            yield rate_of(sample.loop.lyapunov(sample.s)), -dissipation
+        loop, s = sample.loop, sample.s
+        outflow = loop.outflow(s, loop.acting_and_rates(s)[0])
+        if outflow is not None:
+            yield rate_of(loop.lyapunov(s)), -outflow
 
     def check(self, sample: Sample) -> list[Row]:
         """With the theorem and the function of the law."""

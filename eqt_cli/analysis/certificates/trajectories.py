@@ -64,7 +64,10 @@ class ErrorSystemAlone(TrajectoryCheck):
 
 
 class EnergyBalance(LyapunovCheck):
-    """L(t) + ∫dissipation = L(0) at every sample, relative to max(L(0), 1 J)."""
+    """L(t) + ∫(dissipation − ⟨δ, y⟩) = L(0) at every sample, relative to max(L(0), 1 J).
+
+    δ is the force that the law does not know of: what actuators change, forces, another inertia.
+    """
 
     name: ClassVar[str] = "energy balance"
     section: ClassVar[float] = 6.3
@@ -94,6 +97,8 @@ class LyapunovDecrease(LyapunovCheck):
             return self.row(Verdict.UNDECIDED, remark=remark, controller=label)
         rises = np.diff(L, axis=1).max(axis=1) / np.maximum(L[:, 0], ENERGY_SCALE)
         measured, bound = max(largest(rises), 0.0), ENERGY_PER_RTOL * runs.rtol
+        if runs.departures:
+            return self.row(Verdict.NOT_COVERED, measured, bound, runs.departures, label)
         if runs.claims_decrease:
             return self.compared(measured, bound, runs.remark, label)
         known = runs.claims_decrease is not None
@@ -118,7 +123,12 @@ class Convergence(LyapunovCheck):
         decay = f"L decays at {rate:.2g} 1/s (median)" if claimed else ""
         counted = f"{late} of {len(final)} runs not there at {runs.times[-1]:g} s" if late else ""
         remark = "; ".join(part for part in (counted, decay, runs.remark) if part)
-        if not late:
+        if runs.departures:
+            verdict, remark = (
+                Verdict.NOT_COVERED,
+                "; ".join(filter(None, (runs.departures, remark))),
+            )
+        elif not late:
             verdict = Verdict.HOLDS
         elif not runs.claims_decrease:
             verdict = Verdict.UNCLAIMED

@@ -43,6 +43,8 @@ class Runs:
         the largest entry of E or 1; None where no run could be compared.
     failed
         How many runs have no end.
+    departures
+        What the loop holds of which the theorems do not speak, in words.
     energy, theorem
         Which function L is, and where it is shown to fall.
     """
@@ -59,6 +61,7 @@ class Runs:
     final_velocity_error: Array
     error_system: float | None
     failed: int = 0
+    departures: str = ""
     energy: str = Controller.energy
     theorem: str = Controller.theorem
 

@@ -30,7 +30,7 @@ from eqt_cli.core.errors import EqtError, TraceError
 from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Status
-from eqt_cli.engines.taylor.switching import Comparisons, Crossing, Switchboard, recording
+from eqt_cli.engines.taylor.switching import AtOnce, Comparisons, Crossing, Switchboard, recording
 
 EPSILON = float(np.finfo(float).eps)
 SMALLEST_TOL = 10 * EPSILON
@@ -156,7 +156,8 @@ class Taylor(Engine):
         lanes = integrator.batch_size
         padded = np.append(runs, np.full(lanes - len(runs), runs[-1]))
         integrator.state[:] = problem.states[padded].T
-        states, ends, steps = self._propagate(compiled, problem, parameters[padded].T)
+        rows = parameters[padded].T
+        states, ends, steps = self._propagate(compiled, problem, rows, padded)
         good = np.isfinite(states[-1]).all() and all(_is_success(end) for end in ends)
         if not good and len(set(padded)) > 1:
             # heyoka stops all lanes when one fails; alone, each run ends in its own way.
@@ -171,7 +172,7 @@ class Taylor(Engine):
             self._note_failure(integrator, problem, solution, runs[0], ends[0])
 
     def _propagate(
-        self, compiled: _Compiled, problem: Problem, parameters: Array
+        self, compiled: _Compiled, problem: Problem, parameters: Array, runs: Array
     ) -> tuple[Array, list[Any], Array]:
         """From one known instant to the next, where the integrator begins anew.
 
@@ -191,6 +192,9 @@ class Taylor(Engine):
                 ends = [_heyoka().taylor_outcome.step_limit] * lanes
                 break
             integrator.set_time(span.start)
+            if span.tick is not None:
+                errors = problem.errors_at(span.tick, runs)
+                compiled.pass_instant(span.start, parameters, held, errors)
             compiled.set_parameters(parameters, held)
             grid = np.repeat(span.grid[:, None], lanes, axis=1)
             _, states = integrator.propagate_grid(grid, max_steps=left, **compiled.watch)
@@ -248,6 +252,8 @@ class Traced:
         Their events (see `switching`).
     first_side
         The number of parameters of the law itself.
+    after_instant
+        The state after a control instant; empty where the law is not sampled.
     """
 
     variables: tuple[Any, ...]
@@ -255,11 +261,13 @@ class Traced:
     compared: tuple[tuple[Any, Any], ...]
     margins: tuple[Any, ...]
     first_side: int
+    after_instant: tuple[Any, ...] = ()
 
     @cached_property
     def _bytes(self) -> bytes:
         # heyoka compares expressions as trees, which are long where parts are used many times.
-        return pickle.dumps((self.variables, self.derivative, self.compared, self.margins))
+        law = self.variables, self.derivative, self.compared, self.margins, self.after_instant
+        return pickle.dumps(law)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Traced) and self._bytes == other._bytes
@@ -284,16 +292,25 @@ def trace(loop: ClosedLoop) -> Traced:
     token = recording.set(comparisons)
     try:
         # A law is promised a leading run axis; here it has one entry.
-        (derivative,) = _symbolic(loop).vector_field(heyoka.time, variables[None])
+        symbolic = _symbolic(loop)
+        (derivative,) = symbolic.vector_field(heyoka.time, variables[None])
+        after: Array = np.empty(0, dtype=object)
+        if loop.vehicle.control is not None:
+            recording.set(AtOnce(heyoka))
+            errors = _error_symbols(loop, parameters)
+            (after,) = symbolic.after_instant(heyoka.time, variables[None], errors)
     except Exception as error:
         raise TraceError(_explain(error, loop)) from error
     finally:
         recording.reset(token)
     # Entries that are the same in every run come back as plain numbers.
     symbol = heyoka.expression
-    rows = [entry if isinstance(entry, symbol) else symbol(float(entry)) for entry in derivative]
+    rows, later = (
+        [entry if isinstance(entry, symbol) else symbol(float(entry)) for entry in entries]
+        for entries in (derivative, after)
+    )
     compared, margins = tuple(comparisons.pairs), tuple(comparisons.margins())
-    return Traced(tuple(variables), tuple(rows), compared, margins, parameters)
+    return Traced(tuple(variables), tuple(rows), compared, margins, parameters, tuple(later))
 
 
 def _symbolic(loop: ClosedLoop) -> ClosedLoop:
@@ -312,6 +329,15 @@ def _numbers(loop: ClosedLoop) -> dict[str, Array]:
     """Every number of the loop that is no part of its structure: parameters, and what it holds."""
     held = {name: np.asarray(value) for name, value in loop.held(0.0).items()}
     return loop.parameters | held
+
+
+def _error_symbols(loop: ClosedLoop, first: int) -> tuple[Array, Array] | None:
+    """The errors of measurement at an instant, as the parameters from the first on."""
+    if not loop.vehicle.measures:
+        return None
+    d, m = loop.group.size, loop.group.dimension
+    symbols = np.array([_heyoka().par[first + k] for k in range(d * d + m)], dtype=object)
+    return symbols[: d * d].reshape(1, d, d), symbols[d * d :].reshape(1, m)
 
 
 def _held_rows(problem: Problem) -> Array:
@@ -339,21 +365,38 @@ class _Compiled:
 
     integrator: Any
     board: Switchboard | None
+    after_instant: Any = None
 
     @property
     def watch(self) -> dict[str, Any]:
         """What is to be called after every step, as an argument."""
         return {} if self.board is None else {"callback": self.board.check}
 
+    def _row(self, values: Array, held: Array) -> Array:
+        """The numbers in every lane; `held` are the same in all."""
+        if not len(held):
+            return values
+        return np.concatenate([values, np.repeat(held[:, None], values.shape[1], axis=1)])
+
+    def pass_instant(
+        self, t: float, values: Array, held: Array, errors: tuple[Array, Array] | None
+    ) -> None:
+        """Evaluate a sampled law at the states of all lanes, by these parameters."""
+        integrator, rows = self.integrator, self._row(values, held)
+        if errors is not None:
+            lanes = values.shape[1]
+            rows = np.concatenate([rows, *(part.reshape(lanes, -1).T for part in errors)])
+        used = np.ascontiguousarray(rows[: self.after_instant.nparams])
+        integrator.state[:] = self.after_instant(
+            np.ascontiguousarray(integrator.state), pars=used, time=np.full(values.shape[1], t)
+        )
+
     def set_parameters(self, values: Array, held: Array) -> None:
         """The parameters of the law in every lane, ``(parameters, lanes)``; the state is set.
 
         `held` follow, which are the same in every lane.
         """
-        used = self.integrator.pars
-        if len(held):
-            lanes = self.integrator.batch_size
-            values = np.concatenate([values, np.repeat(held[:, None], lanes, axis=1)])
+        used, values = self.integrator.pars, self._row(values, held)
         if self.board is None:
             used[:] = values[: len(used)]  # heyoka has none behind the last one that occurs
         else:
@@ -381,7 +424,9 @@ def _compiled(traced: Traced, tol: float, compact: bool) -> _Compiled:
         compact_mode=compact,
         t_events=events,
     )
-    return _Compiled(integrator, board)
+    after = traced.after_instant
+    instant = heyoka.cfunc(list(after), list(traced.variables)) if after else None
+    return _Compiled(integrator, board, instant)
 
 
 def _in_threads(work: Any, threads: int, batches: Iterator[int], lock: threading.Lock) -> None:

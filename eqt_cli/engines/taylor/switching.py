@@ -26,7 +26,7 @@ AT_ONCE = 1e-6
 MOST_RETURNS = 10
 """So many returns in a row, each of which doubles the width, are no motion but a sliding mode."""
 
-recording: ContextVar[Comparisons] = ContextVar("recording")
+recording: ContextVar[Comparisons | AtOnce] = ContextVar("recording")
 """Where the comparisons go of the law that is being traced."""
 
 
@@ -68,6 +68,17 @@ class Comparisons:
             e = (a - b) / scale + side * WIDTH
             margins.append(e / (1.0 + e * e / 64.0))
         return margins
+
+
+@dataclass(frozen=True)
+class AtOnce:
+    """The comparisons of what is evaluated at one instant: each is decided there and then."""
+
+    heyoka: ModuleType
+
+    def less(self, a: Any, b: Any) -> Any:
+        """The condition a < b."""
+        return self.heyoka.lt(a, b)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,31 @@
+"""What a loop contains, in one line of words; it computes nothing and builds nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def signal_path(config: Mapping[str, Any]) -> str:
+    """The stages between reference and law of a resolved configuration; "" for the ideal loop.
+
+    ``reference → law → hold 0.1 s → limit → plant (constant) → velocity (noise) → law``
+    """
+    plant, control = config.get("plant") or {}, config.get("control")
+    sensors = config.get("sensors") or {}
+    stages = ["law"]
+    if control:
+        delay = f", delay {control['delay']}" if control.get("delay") else ""
+        stages.append(f"hold {control['period']:g} s{delay}")
+    stages += _kinds(config.get("actuators"))
+    own = ["true inertia"] if plant.get("inertia") is not None else []
+    inside = ", ".join([*own, *_kinds(plant.get("forces"))])
+    stages.append(f"plant ({inside})" if inside else "plant")
+    told = [f"{name} ({', '.join(_kinds(sensors[name]))})" for name in sensors if sensors[name]]
+    if len(stages) == 2 and not inside and not told:
+        return ""
+    return " → ".join(["reference", *stages, *([", ".join(told)] if told else []), "law"])
+
+
+def _kinds(entries: Any) -> list[str]:
+    return [entry if isinstance(entry, str) else str(entry["kind"]) for entry in entries or ()]

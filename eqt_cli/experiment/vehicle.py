@@ -1,0 +1,122 @@
+"""The sections `plant` and `actuators`: what is between the laws and the motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from eqt_cli.config.schema import (
+    Config,
+    FactoredInertiaSection,
+    PlantSection,
+    PrescribedInertiaSection,
+    RelativeInertiaSection,
+    SensorsSection,
+)
+from eqt_cli.core.problems import Problems
+from eqt_cli.core.registry import Registry
+from eqt_cli.core.validation import as_section, component
+from eqt_cli.experiment.inertia import inertia_from
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.actuators import actuators
+from eqt_cli.vehicle.forces import forces
+from eqt_cli.vehicle.inertia import (
+    ConstantInertia,
+    RelativeInertia,
+    TrueInertia,
+    VaryingInertia,
+)
+from eqt_cli.vehicle.numbers import Drawn, check_numbers, drawn
+from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.sensors import sensors
+
+SECTIONS = ("plant", "actuators", "control", "sensors")
+"""The sections that say what is between the laws and the motion."""
+
+
+def vehicle_from(
+    sections: dict[str, Any], G: MatrixLieGroup, horizon: float, problems: Problems
+) -> Vehicle:
+    """The vehicle that the sections describe; what is wrong with them is noted."""
+    plant = sections["plant"] or PlantSection()
+    at_plant = problems.at("plant")
+    inertia = None
+    if plant.inertia is not None:
+        inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
+    clock, told = sections["control"], sections["sensors"] or SensorsSection()
+    at_sensors = problems.at("sensors")
+    found = Vehicle(
+        inertia,
+        _parts(forces, plant.forces, G, at_plant.at("forces")),
+        _parts(actuators, sections["actuators"], G, problems.at("actuators")),
+        None if clock is None else Sampling(clock.period, clock.delay),
+        _parts(sensors, told.pose, G, at_sensors.at("pose")),
+        _parts(sensors, told.velocity, G, at_sensors.at("velocity")),
+    )
+    if found.measures and clock is None:
+        at_sensors.add("are read at control instants; give control.period")
+    _check_order(found, problems.at("actuators"))
+    if any(problems.at(name) for name in SECTIONS):
+        return Vehicle()
+    return replace(found, given=found.numbers(G))
+
+
+def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
+    """The sections with every default written out; those that are not given stay away."""
+    dumped = config.model_dump(include=set(SECTIONS), exclude_none=True, warnings="none")
+    if "plant" in dumped and vehicle.forces:
+        dumped["plant"]["forces"] = [as_section(force) for force in vehicle.forces]
+    if vehicle.actuators:
+        dumped["actuators"] = [as_section(actuator) for actuator in vehicle.actuators]
+    told = ("pose", vehicle.pose_sensors), ("velocity", vehicle.velocity_sensors)
+    for name, found in told:
+        if found:
+            dumped["sensors"][name] = [as_section(sensor) for sensor in found]
+    return dumped
+
+
+def _check_order(vehicle: Vehicle, problems: Problems) -> None:
+    """Note actuators that act at instants only, where there are none, or no held command."""
+    moving = ""
+    for index, actuator in enumerate(vehicle.actuators):
+        if actuator.sampled and vehicle.control is None:
+            problems.at(index).add(f"{actuator.name} acts at control instants; give control.period")
+        elif actuator.sampled and moving:
+            problems.at(index).add(
+                f"{actuator.name} acts on a command that is held; put it before {moving}"
+            )
+        moving = actuator.name if actuator.moves else moving
+
+
+def _parts(
+    registry: Registry[Any], entries: list[Any] | None, G: MatrixLieGroup, problems: Problems
+) -> tuple[Any, ...]:
+    found = []
+    for index, entry in enumerate(entries or ()):
+        part = component(registry, entry, problems.at(index))
+        if part is not None:
+            part.check(G, problems.at(index))
+            found.append(part)
+    return tuple(found)
+
+
+def _inertia(
+    section: Any, G: MatrixLieGroup, horizon: float, problems: Problems
+) -> TrueInertia | None:
+    if isinstance(section, FactoredInertiaSection | PrescribedInertiaSection):
+        law = inertia_from(section, G, horizon, problems)
+        return None if law is None else VaryingInertia(law)
+    if isinstance(section, RelativeInertiaSection):
+        _check_relative(section.relative, problems.at("relative"))
+        return RelativeInertia(section.relative)
+    check_numbers(section, problems)
+    if problems or inertia_from(drawn(section, None), G, horizon, problems) is None:
+        return None
+    return ConstantInertia(section)
+
+
+def _check_relative(value: float | Drawn, problems: Problems) -> None:
+    check_numbers(value, problems)
+    if not problems and drawn(value, None) <= -1:
+        problems.add(f"expected a number greater than -1, got {drawn(value, None):g}")

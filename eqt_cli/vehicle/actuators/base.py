@@ -1,0 +1,48 @@
+"""What an actuator is: what becomes of a command; it knows no law, no plant and no engine."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.component import Given, VehiclePart
+
+
+@dataclass(frozen=True)
+class Actuator(VehiclePart):
+    """One of the actuators through which a command goes, in their order.
+
+    It takes the command that it is given, and its own states where it has any, which start at 0.
+    """
+
+    limits: ClassVar[bool] = False
+    """Whether it can be at a limit."""
+    moves: ClassVar[bool] = False
+    """Whether it has states that change between instants, by a `state_rate`."""
+    sampled: ClassVar[bool] = False
+    """Whether it acts at control instants only, on a command that is held."""
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """How many states it has."""
+        return 0
+
+    @abstractmethod
+    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """What it makes of a command, ``(..., m)``; x are its states."""
+
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """The time derivative of its states."""
+        return x
+
+    def step(
+        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, period: float
+    ) -> Array:
+        """Its states after a control instant, of an actuator that is `sampled`."""
+        return x
+
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
+        """Where a command is beyond its limit, ``(...)``; None where it has none."""
+        return None

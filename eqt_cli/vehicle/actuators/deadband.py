@@ -1,0 +1,35 @@
+"""An actuator that does nothing for small commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.core.arrays import Array, absolute, less, where
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.numbers import Numbers
+
+
+@dataclass(frozen=True)
+class Deadband(Actuator):
+    """Commands that are smaller than a width give 0 along their axis; all others pass.
+
+    Attributes
+    ----------
+    width
+        Along each axis, or a list of m.
+    """
+
+    name: ClassVar[str] = "deadband"
+    departs: ClassVar[str] = "deadband"
+    vectors: ClassVar[tuple[str, ...]] = ("width",)
+    positive: ClassVar[tuple[str, ...]] = ("width",)
+    sampled: ClassVar[bool] = True
+
+    width: Numbers
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """The command, or 0."""
+        return where(less(absolute(command), given["width"] + 0 * command), 0 * command, command)

@@ -1,0 +1,44 @@
+"""An actuator that follows its command with a delay of first order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.numbers import Numbers
+
+
+@dataclass(frozen=True)
+class Lag(Actuator):
+    """A lag of first order: ẋ = (command − x) / T, from x = 0.
+
+    Attributes
+    ----------
+    time_constant
+        T, s; along every axis, or a list of m.
+    """
+
+    name: ClassVar[str] = "lag"
+    departs: ClassVar[str] = "torque lags"
+    vectors: ClassVar[tuple[str, ...]] = ("time_constant",)
+    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
+
+    moves: ClassVar[bool] = True
+
+    time_constant: Numbers
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """One along every axis."""
+        return G.dimension
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """The state."""
+        return x
+
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """(command − x) / T."""
+        return (command - x) / given["time_constant"]

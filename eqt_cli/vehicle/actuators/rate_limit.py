@@ -1,0 +1,54 @@
+"""A hard limit of how fast the torque changes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, clip
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.numbers import Numbers
+
+
+@dataclass(frozen=True)
+class RateLimit(Actuator):
+    """From one control instant to the next, no greater change than rate · period, from 0.
+
+    Attributes
+    ----------
+    rate
+        The largest rate along each axis, per second, or a list of m.
+    """
+
+    name: ClassVar[str] = "rate_limit"
+    departs: ClassVar[str] = "rate of torque limited"
+    vectors: ClassVar[tuple[str, ...]] = ("rate",)
+    positive: ClassVar[tuple[str, ...]] = ("rate",)
+    limits: ClassVar[bool] = True
+    sampled: ClassVar[bool] = True
+
+    rate: Numbers
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """What it gives, along every axis."""
+        return G.dimension
+
+    def step(
+        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, period: float
+    ) -> Array:
+        """As near to the command as it comes in one period."""
+        most = given["rate"] * period
+        return x + clip(command - x, -most, most)
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """What it has come to."""
+        return x
+
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
+        """Where it has not come to the command; what rounding leaves is none."""
+        short = np.abs(command - x) > 1e-12 * (1.0 + np.abs(command))
+        return np.array(short.any(axis=-1))

@@ -1,0 +1,42 @@
+"""What a force is; it knows no law, no actuator and no engine."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.component import Given, VehiclePart
+
+
+@dataclass(frozen=True)
+class Force(VehiclePart):
+    """A force on the plant, of which the law knows nothing.
+
+    Attributes
+    ----------
+    frame
+        The frame of its coordinates and of the velocity that it depends on. A spatial force f acts
+        as Ad*_Q f: on SE3 its line of action is given in space and not on the body.
+    """
+
+    frame: Literal["body", "spatial"] = field(default="body", kw_only=True)
+
+    @abstractmethod
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+        """The force at a time, pose and velocity, in its frame, ``(..., m)``."""
+
+    def in_body(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+        """The force in the body frame, ``(..., m)``; V is the body velocity."""
+        if self.frame == "body":
+            return self.acting(G, t, Q, V, given)
+        force = self.acting(G, t, Q, G.Ad(Q, V), given)
+        return G.Ad_star(Q, force + 0 * V)
+
+    def instants(self) -> Array:
+        """The times, s, at which it goes on in another way; in order."""
+        return np.empty(0)

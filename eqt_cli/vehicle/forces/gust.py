@@ -1,0 +1,87 @@
+"""Gusts: a random force that is smooth, as a sum of sines with phases of the run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, sin
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.forces.base import Force
+from eqt_cli.vehicle.numbers import Number, Numbers, check_numbers
+
+SINES = 12
+"""Per coordinate; each carries the same part of the variance."""
+
+SHARES = np.tan(np.pi / 2 * (np.arange(SINES) + 0.5) / SINES)
+"""ωT in the middle of each part of the spectrum of an Ornstein-Uhlenbeck process."""
+
+
+@dataclass(frozen=True)
+class Gust(Force):
+    """A force with the spectrum of an Ornstein-Uhlenbeck process, its coordinates independent.
+
+    Each coordinate is a sum of sines of equal amplitude, with frequencies that divide the spectrum
+    2σ²T / (1 + ω²T²) into equal parts, and with phases that each run draws: its variance is σ².
+
+    Attributes
+    ----------
+    std
+        σ of every coordinate, or a list of m.
+    time_constant
+        T, s: after this time the correlation has come down to 1/e.
+    """
+
+    name: ClassVar[str] = "gust"
+    departs: ClassVar[str] = "gusts"
+    vectors: ClassVar[tuple[str, ...]] = ("std",)
+    positive: ClassVar[tuple[str, ...]] = ("time_constant",)
+
+    std: Numbers
+    time_constant: Number
+
+    @property
+    def varies(self) -> bool:
+        """Every run has phases of its own."""
+        return True
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """One for all but the frame."""
+        return type(self), self.frame
+
+    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
+        """The amplitudes, frequencies and phases of the sines, ``(sines, m)`` or ``(sines, 1)``."""
+        part, m = self.of_run(random), G.dimension
+        shape = SINES, m
+        phases = np.zeros(shape) if random is None else random.uniform(0.0, 2 * np.pi, shape)
+        amplitude = np.sqrt(2 / SINES) * np.broadcast_to(np.array(part.std, dtype=float), (m,))
+        return {
+            "amplitude": amplitude,
+            "frequency": (SHARES / part.time_constant)[:, None],
+            "phase": phases,
+        }
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+        """Σ a sin(ω t + φ)."""
+        frequency, phase = given["frequency"], given["phase"]
+        waves = [sin(frequency[..., k, :] * _column(t, V) + phase[..., k, :]) for k in range(SINES)]
+        return given["amplitude"] * sum(waves)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """A deviation that is negative, a time constant that is not positive, a wrong length."""
+        super().check(G, problems)
+        check_numbers(self.time_constant, problems.at("time_constant"), positive=True)
+        for value in self.std if isinstance(self.std, list) else [self.std]:
+            if isinstance(value, float) and value < 0:
+                problems.at("std").add(f"expected no negative standard deviation, got {value:g}")
+
+
+def _column(t: Any, V: Array) -> Any:
+    """Times ``(samples,)`` along the axis of samples of V; one time as it is."""
+    times = np.asarray(t)
+    return times[..., None] if times.ndim else t

@@ -1,0 +1,97 @@
+"""Weight and buoyancy of a submerged body in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, stack
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.forces.base import Force
+from eqt_cli.vehicle.numbers import Number, check_numbers, drawn
+
+POINTS = ("centre_of_mass", "centre_of_buoyancy", "up")
+
+
+@dataclass(frozen=True)
+class Restoring(Force):
+    """The weight acts at the centre of mass, downwards; the buoyancy at its own centre, upwards.
+
+    With u the direction upwards in the body frame, the force is (B − W) u and the torque
+    r_B × B u − r_G × W u. Only for SE3, whose coordinates are torque and force.
+
+    Attributes
+    ----------
+    weight, buoyancy
+        W and B, N.
+    centre_of_mass, centre_of_buoyancy
+        r_G and r_B in the body frame, m.
+    up
+        The direction upwards in the spatial frame; its length does not matter.
+    """
+
+    name: ClassVar[str] = "restoring"
+    departs: ClassVar[str] = "weight and buoyancy"
+
+    weight: Number
+    buoyancy: Number = 0.0
+    centre_of_mass: list[Number] | None = None
+    centre_of_buoyancy: list[Number] | None = None
+    up: list[Number] | None = None
+
+    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
+        """The two forces, the two points and the direction, of length 1."""
+        part = self.of_run(random)
+        up = np.array(part.up or [0.0, 0.0, 1.0], dtype=float)
+        return {
+            "weight": np.array([part.weight]),
+            "buoyancy": np.array([part.buoyancy]),
+            "centre_of_mass": np.array(part.centre_of_mass or [0.0] * 3, dtype=float),
+            "centre_of_buoyancy": np.array(part.centre_of_buoyancy or [0.0] * 3, dtype=float),
+            "up": up / np.linalg.norm(up),
+        }
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """One for all: every option is a number."""
+        return type(self), self.frame
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+        """Torque and force."""
+        assert isinstance(G, EuclideanGroup)
+        up = (G.rotation(Q) * given["up"][..., :, None]).sum(axis=-2)  # Rᵀ up
+        lift, weight = given["buoyancy"] * up, given["weight"] * up
+        torque = _cross(given["centre_of_buoyancy"], lift) - _cross(given["centre_of_mass"], weight)
+        force = lift - weight
+        return stack([*(torque[..., k] for k in range(3)), *(force[..., k] for k in range(3))])
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Another group than SE3, points that are none, or no direction."""
+        in_space = isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) == 1
+        if not in_space:
+            problems.add(
+                f"restoring is for SE3, whose coordinates are torque and force; got {G.name}"
+            )
+        if self.frame != "body":
+            problems.at("frame").add("restoring gives each of its numbers in a frame of its own")
+        for name in ("weight", "buoyancy"):
+            check_numbers(getattr(self, name), problems.at(name))
+        for name in POINTS:
+            value = getattr(self, name)
+            if value is not None and len(value) != 3:
+                problems.at(name).add(f"expected 3 numbers, got {len(value)}")
+            elif value is not None:
+                check_numbers(value, problems.at(name))
+        if self.up is not None and not any(drawn(self.up, None)):
+            problems.at("up").add("expected a direction, got 0")
+
+
+def _cross(a: Array, b: Array) -> Array:
+    ax, ay, az = (a[..., k] for k in range(3))
+    bx, by, bz = (b[..., k] for k in range(3))
+    return stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])

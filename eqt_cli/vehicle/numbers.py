@@ -1,0 +1,172 @@
+"""Numbers of a vehicle that may differ from run to run: given, or drawn from a distribution."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from pydantic import Tag
+
+from eqt_cli.core.option_types import Real
+from eqt_cli.core.problems import Problems
+from eqt_cli.core.validation import one_of
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A distribution of one number; each run draws its own."""
+
+    # Not strict: a strict model takes no mapping for a dataclass. Numbers are strict by themselves.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    @property
+    @abstractmethod
+    def mean(self) -> float:
+        """Its mean, which stands for it where no run is meant."""
+
+    @abstractmethod
+    def draw(self, random: np.random.Generator) -> float:
+        """The number of one run."""
+
+    @abstractmethod
+    def check(self, problems: Problems, positive: bool) -> None:
+        """Note what is wrong with it, where its numbers must be `positive` or need not."""
+
+
+@dataclass(frozen=True)
+class Uniform(Drawn):
+    """Any number between two, each as likely.
+
+    Attributes
+    ----------
+    uniform
+        The least and the greatest.
+    """
+
+    uniform: list[Real]
+
+    @property
+    def mean(self) -> float:
+        """Halfway between the two."""
+        return (self.uniform[0] + self.uniform[1]) / 2
+
+    def draw(self, random: np.random.Generator) -> float:
+        """Of the half-open interval."""
+        return float(random.uniform(self.uniform[0], self.uniform[1]))
+
+    def check(self, problems: Problems, positive: bool) -> None:
+        """Two numbers in order."""
+        problems = problems.at("uniform")
+        if len(self.uniform) != 2:
+            problems.add(f"expected the least and the greatest, got {len(self.uniform)} numbers")
+        elif self.uniform[0] > self.uniform[1]:
+            low, high = self.uniform
+            problems.add(f"expected the least number first, got [{low:g}, {high:g}]")
+        elif positive and self.uniform[0] <= 0:
+            problems.add(f"expected numbers greater than 0, got {self.uniform[0]:g}")
+
+
+@dataclass(frozen=True)
+class Normal(Drawn):
+    """A normal distribution; where numbers must be greater than 0, of those that are.
+
+    Attributes
+    ----------
+    normal
+        Mean and standard deviation.
+    """
+
+    normal: list[Real]
+
+    @property
+    def mean(self) -> float:
+        """The first of the two."""
+        return self.normal[0]
+
+    def draw(self, random: np.random.Generator) -> float:
+        """One number, of either sign."""
+        return float(random.normal(self.normal[0], self.normal[1]))
+
+    def check(self, problems: Problems, positive: bool) -> None:
+        """A mean, and a standard deviation that is not negative."""
+        problems = problems.at("normal")
+        if len(self.normal) != 2:
+            got = f"got {len(self.normal)} numbers"
+            problems.add(f"expected the mean and the standard deviation, {got}")
+        elif self.normal[1] < 0:
+            problems.add(f"expected no negative standard deviation, got {self.normal[1]:g}")
+        elif positive and self.normal[0] <= 0:
+            problems.add(f"expected a mean greater than 0, got {self.normal[0]:g}")
+
+
+def _kind(value: Any) -> str | None:
+    if isinstance(value, dict | Drawn):
+        keys = value if isinstance(value, dict) else vars(value)
+        return next((name for name in ("uniform", "normal") if name in keys), None)
+    return None if isinstance(value, bool | list) else "number"
+
+
+Number = Annotated[
+    Annotated[Real, Tag("number")]
+    | Annotated[Uniform, Tag("uniform")]
+    | Annotated[Normal, Tag("normal")],
+    one_of(_kind, "a number, {uniform: [least, greatest]} or {normal: [mean, std]}"),
+]
+"""A number, or a distribution from which every run draws its own."""
+
+
+def _rank(value: Any) -> str | None:
+    if not isinstance(value, list):
+        return "one"
+    return "matrix" if any(isinstance(row, list) for row in value) else "list"
+
+
+_EXPECTED = "a number or a list of numbers"
+
+Numbers = Annotated[
+    Annotated[Number, Tag("one")] | Annotated[list[Number], Tag("list")],
+    one_of(lambda value: None if _rank(value) == "matrix" else _rank(value), _EXPECTED),
+]
+"""A number, or one for each of the coordinates."""
+
+Matrix = Annotated[
+    Annotated[Number, Tag("one")]
+    | Annotated[list[Number], Tag("list")]
+    | Annotated[list[list[Number]], Tag("matrix")],
+    one_of(_rank, "a number, a list (the diagonal) or a list of rows"),
+]
+"""A number (times the identity), a list (a diagonal) or a list of rows."""
+
+
+def is_drawn(value: Any) -> bool:
+    """Whether a value is a distribution, or holds one."""
+    if isinstance(value, list):
+        return any(map(is_drawn, value))
+    return isinstance(value, Drawn)
+
+
+def drawn(value: Any, random: np.random.Generator | None, positive: bool = False) -> Any:
+    """The value with a number for every distribution in it; the means without a generator."""
+    if isinstance(value, list):
+        return [drawn(entry, random, positive) for entry in value]
+    if not isinstance(value, Drawn):
+        return value
+    if random is None:
+        return value.mean
+    number = value.draw(random)
+    while positive and number <= 0:  # the mean is greater, so this ends soon
+        number = value.draw(random)
+    return number
+
+
+def check_numbers(value: Any, problems: Problems, positive: bool = False) -> None:
+    """Note distributions that are none, and numbers that are not positive where they must be."""
+    if isinstance(value, list):
+        for index, entry in enumerate(value):
+            check_numbers(entry, problems.at(index), positive)
+    elif isinstance(value, Drawn):
+        value.check(problems, positive)
+    elif positive and value <= 0:
+        problems.add(f"expected a number greater than 0, got {value:g}")

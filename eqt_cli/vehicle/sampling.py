@@ -1,0 +1,29 @@
+"""The clock of a controller: when the law is evaluated, and when its command arrives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Zero-order hold: the law is evaluated at t = k·period, and its command held for a period.
+
+    Attributes
+    ----------
+    period
+        s.
+    delay
+        After how many periods a command arrives; until the first one does, 0 is held.
+    """
+
+    period: float
+    delay: int = 0
+
+    departs = "sampled control"
+    varies = False
+
+    @property
+    def structure(self) -> tuple[float, int]:
+        """All of it: when the law is evaluated is the same in all runs of one problem."""
+        return self.period, self.delay

@@ -1,0 +1,253 @@
+"""What flies: the parts between the law's command and the motion; it knows no law and no engine."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.vehicle.actuators import Actuator
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.forces import Force
+from eqt_cli.vehicle.inertia import TrueInertia
+from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.sensors import Sensor
+
+INERTIA = "plant.inertia"
+"""Where the true inertia stands in a configuration."""
+
+FORCES, ACTUATORS, CONTROL = "plant.forces", "actuators", "control"
+"""Where the lists of forces and of actuators stand, and the clock of the law."""
+
+POSE, VELOCITY = "sensors.pose", "sensors.velocity"
+"""Where the lists of errors of measurement stand."""
+
+COMMANDS, HELD = "commands", "held"
+"""The states of a sampled loop: the commands on their way, the first to arrive first, and what the
+actuators in front of all that move by themselves make of the one that has arrived."""
+
+RandomOf = Callable[[str], np.random.Generator]
+"""The generator of one run for the part at a place of the configuration."""
+
+
+@dataclass(frozen=True)
+class Vehicle:
+    """The parts of a vehicle; without any, it gives what the law asks, and is what it believes.
+
+    Attributes
+    ----------
+    inertia
+        The plant's; None where it is the law's.
+    forces
+        Those that act beside the actuators.
+    actuators
+        In the order in which a command passes them.
+    control
+        The clock of the law; None where it acts continuously.
+    pose_sensors, velocity_sensors
+        The errors of what the law is told, which add up.
+    given
+        The numbers of all parts, by place and option: ``actuators[0].limit``.
+    """
+
+    inertia: TrueInertia | None = None
+    forces: tuple[Force, ...] = ()
+    actuators: tuple[Actuator, ...] = ()
+    control: Sampling | None = None
+    pose_sensors: tuple[Sensor, ...] = ()
+    velocity_sensors: tuple[Sensor, ...] = ()
+    given: Mapping[str, Array] = field(default_factory=dict)
+
+    # The parts and their numbers.
+
+    @cached_property
+    def parts(self) -> dict[str, Any]:
+        """Every part by its place in a configuration."""
+        found: dict[str, Any] = {} if self.inertia is None else {INERTIA: self.inertia}
+        for name, parts in (
+            (FORCES, self.forces),
+            (ACTUATORS, self.actuators),
+            (POSE, self.pose_sensors),
+            (VELOCITY, self.velocity_sensors),
+        ):
+            found |= {f"{name}[{index}]": part for index, part in enumerate(parts)}
+        return found if self.control is None else {**found, CONTROL: self.control}
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """What of it is no number."""
+        return tuple((place, part.structure) for place, part in self.parts.items())
+
+    @property
+    def varies(self) -> bool:
+        """Whether its numbers differ from run to run."""
+        return any(part.varies for part in self.parts.values())
+
+    def numbers(self, G: MatrixLieGroup, random_of: RandomOf | None = None) -> dict[str, Array]:
+        """The numbers of all parts in one run; the means without generators."""
+        found: dict[str, Array] = {}
+        for place, part in self.parts.items():
+            if part is self.control:
+                continue
+            own = part.numbers(G, random_of(place) if random_of else None)
+            found |= {f"{place}.{name}": values for name, values in own.items()}
+        return found
+
+    def with_numbers(self, given: Mapping[str, Array]) -> Self:
+        """The same with other numbers, which may be batched or symbols."""
+        return dataclasses.replace(self, given={name: given[name] for name in self.given})
+
+    @cached_property
+    def _given(self) -> dict[str, Given]:
+        """The numbers of each part."""
+        found: dict[str, dict[str, Array]] = {place: {} for place in self.parts}
+        for name, values in self.given.items():
+            place, _, option = name.rpartition(".")
+            found[place][option] = values
+        return dict(found)
+
+    # What the law is told.
+
+    @property
+    def measures(self) -> bool:
+        """Whether what the law is told has errors."""
+        return bool(self.pose_sensors or self.velocity_sensors)
+
+    def measurement_errors(
+        self, G: MatrixLieGroup, instants: int, random_of: RandomOf
+    ) -> tuple[Array, Array]:
+        """exp(n) with Q_m = Q exp(n), and b with V_m = V + b, at the control instants of a run.
+
+        Returns
+        -------
+        pose : (instants, d, d)
+        velocity : (instants, m)
+        """
+        assert self.control is not None
+        pose, velocity = (
+            sum(
+                sensor.errors(G, instants, self.control.period, random_of(f"{name}[{index}]"))
+                for index, sensor in enumerate(sensors)
+            )
+            + np.zeros((instants, G.dimension))
+            for name, sensors in ((POSE, self.pose_sensors), (VELOCITY, self.velocity_sensors))
+        )
+        return G.exp(pose), velocity
+
+    # From the command to the force that moves the momentum.
+
+    @property
+    def is_ideal(self) -> bool:
+        """Whether the law's command is the only force on the plant that the law believes in."""
+        return not self.parts
+
+    @property
+    def departures(self) -> str:
+        """In what it departs from what theorems are about, in words; nothing where it is ideal."""
+        return ", ".join(dict.fromkeys(part.departs for part in self.parts.values()))
+
+    @property
+    def limits(self) -> bool:
+        """Whether an actuator can be at a limit."""
+        return any(actuator.limits for actuator in self.actuators)
+
+    @cached_property
+    def _at_instants(self) -> int:
+        """How many actuators act at control instants: those in front of all with a rate."""
+        if self.control is None:
+            return 0
+        moving = (k for k, actuator in enumerate(self.actuators) if actuator.moves)
+        return next(moving, len(self.actuators))
+
+    def states(self, G: MatrixLieGroup) -> dict[str, int]:
+        """What has states besides the plant, and how many."""
+        counted = {
+            f"{ACTUATORS}_{index}": actuator.states(G)
+            for index, actuator in enumerate(self.actuators)
+        }
+        found = {place: count for place, count in counted.items() if count}
+        if self.control is None:
+            return found
+        held = {HELD: G.dimension} if self._at_instants else {}
+        return {COMMANDS: (self.control.delay + 1) * G.dimension, **held, **found}
+
+    def _chain(self, start: int = 0) -> Iterator[tuple[str, Actuator, Given]]:
+        """The actuators from the first that counts, with the names of their states."""
+        for index, actuator in enumerate(self.actuators[start:], start):
+            yield f"{ACTUATORS}_{index}", actuator, self._given[f"{ACTUATORS}[{index}]"]
+
+    def passed(
+        self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
+    ) -> tuple[Array, dict[str, Array]]:
+        """What becomes of a command on its way.
+
+        Returns
+        -------
+        torque : (..., m)
+            What the last actuator gives.
+        rates
+            The time derivatives of all states; those that are held have none.
+        """
+        rates = {place: 0.0 * values for place, values in states.items()}
+        if self.control is not None:
+            command = states[HELD] if self._at_instants else states[COMMANDS][..., : G.dimension]
+        for place, actuator, given in self._chain(self._at_instants):
+            x = states.get(place, command[..., :0])
+            if place in states:
+                rates[place] = actuator.state_rate(G, command, x, given)
+            command = actuator.output(G, command, x, given)
+        return command, rates
+
+    def last_command(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
+        """What a sampled law asked at the last instant."""
+        return states[COMMANDS][..., -G.dimension :]
+
+    def after_instant(
+        self, G: MatrixLieGroup, asked: Array, states: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """The states after a control instant, at which the law asks for a torque."""
+        assert self.control is not None
+        before = states[COMMANDS]
+        queue = np.concatenate([before[..., G.dimension :], asked], axis=-1)
+        found, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
+        for place, actuator, given in list(self._chain())[: self._at_instants]:
+            x = states.get(place, command[..., :0])
+            if place in states:
+                x = found[place] = actuator.step(G, command, x, given, self.control.period)
+            command = actuator.output(G, command, x, given)
+        return {**found, HELD: command}
+
+    def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
+        """Where any actuator is given more than its limit, ``(...)``."""
+        found = np.zeros(command.shape[:-1], dtype=bool)
+        if self.control is not None:
+            command = states[COMMANDS][..., : G.dimension]
+        for place, actuator, given in self._chain():
+            x = states.get(place, command[..., :0])
+            here = actuator.at_limit(G, command, x, given)
+            found = found if here is None else found | here
+            command = actuator.output(G, command, x, given)
+        return found
+
+    def acting(self, s: Tracking, torque: Array) -> Array:
+        """The force that would move the plant that the law believes in as this one moves.
+
+        That is d/dt(𝕀V) − ad*_V 𝕀V with the model's 𝕀 and the true V̇; body frame, ``(..., m)``.
+        """
+        G = s.G
+        for index, force in enumerate(self.forces):
+            given = self._given[f"{FORCES}[{index}]"]
+            torque = torque + force.in_body(G, s.t, s.Q, s.V, given)
+        if self.inertia is None:
+            return torque
+        true = self.inertia.at(s.inertia, s.t, self._given[INERTIA])
+        free = G.ad_star(s.V, true.momentum(s.V)) - true.rate_force(s.V)
+        V_dot = true.velocity(free + torque)
+        return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - G.ad_star(s.V, s.P)

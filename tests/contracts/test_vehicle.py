@@ -1,0 +1,75 @@
+"""What every force and every actuator must do, whoever wrote it."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.core.problems import Problems
+from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.groups import group_named
+
+G = group_named("SE3")
+ROUNDING = 1e-13
+
+
+def numbers(part, run=0):
+    return part.numbers(G, generator_at(1, Stream.VEHICLE, run, "place"))
+
+
+def spread(given):
+    """The numbers of two runs, along a leading axis."""
+    return {name: np.stack([values, values]) for name, values in given.items()}
+
+
+def states(seed=2):
+    random = np.random.default_rng(seed)
+    return G.exp(random.standard_normal((2, 6))), random.standard_normal((2, 6))
+
+
+def test_a_force_takes_runs_together_and_symbols(force_class, make, symbols):
+    force, (Q, V), (to, back) = make(force_class, 6), states(), symbols
+    problems = Problems()
+    force.check(G, problems)
+    assert list(problems) == []
+    given = numbers(force)
+    alone = np.stack([force.in_body(G, 0.3, Q[k], V[k], given) + 0 * V[k] for k in range(2)])
+    together = force.in_body(G, 0.3, Q, V, spread(given)) + 0 * V
+    np.testing.assert_allclose(together, alone, rtol=0, atol=ROUNDING)
+    symbolic = {name: to(values[None]) for name, values in given.items()}
+    traced = force.in_body(G, to(0.3), to(Q[:1]), to(V[:1]), symbolic) + to(0 * V[:1])
+    np.testing.assert_allclose(back(traced), alone[:1], rtol=0, atol=ROUNDING)
+
+
+def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbols):
+    actuator, (_, command), (to, back) = make(actuator_class, 6), states(), symbols
+    problems = Problems()
+    actuator.check(G, problems)
+    assert list(problems) == []
+    given, x = numbers(actuator), np.full((2, actuator.states(G)), 0.3)
+    for function in (actuator.output, actuator.state_rate) if x.size else (actuator.output,):
+        alone = np.stack([function(G, command[k], x[k], given) for k in range(2)])
+        together = function(G, command, x, spread(given))
+        np.testing.assert_allclose(together, alone, rtol=0, atol=ROUNDING)
+        symbolic = {name: to(values[None]) for name, values in given.items()}
+        traced = function(G, to(command[:1]), to(x[:1]), symbolic)
+        np.testing.assert_allclose(back(traced), alone[:1], rtol=0, atol=ROUNDING)
+
+
+def test_a_sensor_errs_by_run_and_instant_alone(sensor_class, make):
+    sensor, problems = make(sensor_class, 6), Problems()
+    sensor.check(G, problems)
+    assert list(problems) == []
+    many, few, other = (
+        sensor.errors(G, count, 0.1, generator_at(1, Stream.VEHICLE, run, "place"))
+        for count, run in ((50, 0), (20, 0), (20, 1))
+    )
+    assert many.shape == (50, 6)
+    np.testing.assert_array_equal(many[:20], few)
+    assert (few == other).all() == (not few.any())
+
+
+@pytest.mark.parametrize("run", [0, 7])
+def test_the_numbers_of_a_run_are_its_own(force_class, make, run):
+    force = make(force_class, 6)
+    one, again = numbers(force, run), numbers(force, run)
+    for name in one:
+        np.testing.assert_array_equal(one[name], again[name])

@@ -1,0 +1,242 @@
+"""The clock of a law, and errors of what it is told."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.api import open_results
+from eqt_cli.config.source import read_config
+from eqt_cli.core.errors import EqtError
+from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.experiment.build import build
+from eqt_cli.groups import group_named
+from eqt_cli.vehicle.sensors.bias import Bias
+from eqt_cli.vehicle.sensors.noise import Noise
+
+SO3 = group_named("SO3")
+
+LOOP = """group: SO3
+inertia: [1.0, 2.0, 2.5]
+gains: {kp: 2, kd: 2}
+reference: {torque: ["0.2*cos(t)", "0.1", 0]}
+controllers: [eqt]
+initial: {pose: {kind: exp_normal, std: 0.6}, velocity: {kind: normal, std: 0.4}}
+ensemble: {runs: 12, seed: 4}
+"""
+
+NOISY = (
+    LOOP
+    + """time: {duration: 2, samples: 41}
+plant: {inertia: {relative: {uniform: [-0.1, 0.1]}}}
+actuators: [{kind: limit, limit: {uniform: [0.8, 1.2]}}, {kind: lag, time_constant: 0.1}]
+control: {period: 0.1, delay: 1}
+sensors:
+  pose: [{kind: noise, std: 0.01}]
+  velocity: [{kind: noise, density: 0.01}, {kind: bias, value: {normal: [0, 0.1]}, walk: 0.01}]
+"""
+)
+
+ENGINES = ["solve_ivp", "taylor"]
+
+
+def with_engine(text, engine, options=""):
+    if engine == "taylor":
+        pytest.importorskip("heyoka")
+    return f"{text}solver: {{engine: {engine}{options}}}\n"
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_the_sampled_loop_converges_to_the_continuous_one(solved, engine):
+    text = with_engine(LOOP + "time: {duration: 3, samples: 2}\n", engine)
+    _, continuous = solved(text, runs=[0, 1, 2])
+    errors = []
+    for period in (0.1, 0.05, 0.025):
+        _, sampled = solved(f"{text}control: {{period: {period}}}\n", runs=[0, 1, 2])
+        ends = [found.states[:, -1, :9] for found in (sampled, continuous)]
+        errors.append(np.abs(ends[0] - ends[1]).max())
+    # First order: half the period, half the error, but for the next order, of about the period.
+    assert 1.7 < errors[0] / errors[1] < 2.3
+    assert 1.85 < errors[1] / errors[2] < 2.15
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_delay_is_a_command_that_comes_later(solved, engine):
+    text = with_engine(LOOP + "time: {duration: 2, samples: 21}\n", engine)
+    problem, solution = solved(f"{text}control: {{period: 0.1, delay: 3}}\n")
+    s = problem.loop.tracking(problem.times, solution.states)
+    asked, given = problem.loop.command(s), problem.loop.torque(s)
+    # The last sample is the state before its instant, so nothing has been shifted there.
+    np.testing.assert_array_equal(given[:, 3:-1], asked[:, :-4])
+    assert not given[:, :3].any()
+    law = problem.loop.controller.torque(s)
+    np.testing.assert_allclose(asked[:, :-1], law[:, :-1], rtol=0, atol=1e-12)  # rounding
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_stored_values_at_instants_are_those_after_and_at_the_end_those_before(solved, engine):
+    text = with_engine(LOOP + "time: {duration: 1, samples: 11}\n", engine)
+    problem, solution = solved(f"{text}control: {{period: 0.1}}\n")
+    s = problem.loop.tracking(problem.times, solution.states)
+    command, law = problem.loop.command(s), problem.loop.controller.torque(s)
+    np.testing.assert_allclose(command[:, :-1], law[:, :-1], rtol=0, atol=1e-12)  # rounding
+    np.testing.assert_array_equal(command[:, -1], command[:, -2])
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_lag_answers_a_held_command_in_closed_form(solved, engine):
+    lag = "actuators: [{kind: lag, time_constant: 0.3}]\n"
+    text = with_engine(LOOP + "time: {duration: 1, samples: 51}\n" + lag, engine)
+    problem, solution = solved(f"{text}control: {{period: 1}}\n")
+    s = problem.loop.tracking(problem.times, solution.states)
+    growth = 1 - np.exp(-problem.times / 0.3)
+    expected = problem.loop.command(s)[:, :1] * growth[:, None]
+    found = problem.loop.torque(s)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-7)  # solver: rtol 1e-9
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_rate_limit_bounds_every_step(solved, engine):
+    rate = "actuators: [{kind: rate_limit, rate: 1.5}]\n"
+    text = with_engine(LOOP + "time: {duration: 1, samples: 11}\n" + rate, engine)
+    problem, solution = solved(f"{text}control: {{period: 0.1}}\n")
+    s = problem.loop.tracking(problem.times, solution.states)
+    torque, command = problem.loop.torque(s)[:, :-1], problem.loop.command(s)[:, :-1]
+    before = np.concatenate([np.zeros_like(torque[:, :1]), torque[:, :-1]], axis=1)
+    expected = before + np.clip(command - before, -0.15, 0.15)
+    np.testing.assert_allclose(torque, expected, rtol=0, atol=1e-14)  # rounding
+
+
+@pytest.mark.parametrize("period", [0.02, 0.1, 0.5])
+def test_noise_has_the_covariance_that_is_asked_for(period):
+    # 200 000 samples: variances err by 0.3 %, correlations by 0.2 %; five of these are allowed.
+    count = 200_000
+    for noise, std in ((Noise(std=[0.1, 0.2, 0.3]), [0.1, 0.2, 0.3]),):
+        found = noise.errors(SO3, count, period, generator_at(0, Stream.VEHICLE, 0, "a"))
+        np.testing.assert_allclose(np.cov(found.T), np.diag(np.square(std)), atol=0.016 * 0.09)
+    found = Noise(density=0.1).errors(SO3, count, period, generator_at(0, Stream.VEHICLE, 0, "b"))
+    np.testing.assert_allclose(found.var(axis=0), 0.01 / period, rtol=0.016)
+    later = (found[1:] * found[:-1]).mean(axis=0) * period / 0.01
+    np.testing.assert_allclose(later, 0.0, atol=0.011)
+
+
+@pytest.mark.parametrize("period", [0.02, 0.1, 0.5])
+def test_a_bias_walks_by_the_root_of_time(period):
+    # 2000 runs: a variance errs by 3 %; five of these are allowed.
+    instants = round(2.0 / period) + 1
+    bias = Bias(value=1.0, walk=0.3)
+    found = np.array(
+        [
+            bias.errors(SO3, instants, period, generator_at(0, Stream.VEHICLE, run, "c"))
+            for run in range(2000)
+        ]
+    )
+    np.testing.assert_array_equal(found[:, 0], 1.0)
+    np.testing.assert_allclose(found[:, -1].var(axis=0), 0.09 * 2.0, rtol=0.16)
+
+
+def test_streams_are_not_correlated():
+    # Means of 20 000 products err by 0.7 %; five of these are allowed.
+    places = [("a", 0), ("b", 0), ("a", 1)]
+    streams = [
+        Noise(std=1.0).errors(SO3, 20_000, 0.1, generator_at(0, Stream.VEHICLE, run, place))
+        for place, run in places
+    ]
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        np.testing.assert_allclose((streams[i] * streams[j]).mean(axis=0), 0.0, atol=0.035)
+
+
+def test_both_engines_meet_the_same_vehicles_and_noise(solved):
+    pytest.importorskip("heyoka")
+    states = [solved(with_engine(NOISY, engine))[1].states for engine in ENGINES]
+    # Noise is no solver's: what remains is 1e-9 per step, and kinks that solve_ivp steps over.
+    np.testing.assert_allclose(*states, rtol=0, atol=1e-6)
+
+
+def test_results_do_not_depend_on_neighbours_or_workers(solved):
+    text = with_engine(NOISY, "taylor")
+    _, together = solved(text)
+    _, threads = solved(text, workers=2)
+    _, some = solved(text, runs=[7, 2])
+    np.testing.assert_array_equal(threads.states, together.states)
+    np.testing.assert_array_equal(some.states, together.states[[7, 2]])
+
+
+def test_blocks_of_solve_ivp_are_what_they_were_together(solved):
+    text = with_engine(NOISY, "solve_ivp", ", block: 4")
+    _, together = solved(text)
+    _, second = solved(text, runs=[4, 5, 6, 7])
+    np.testing.assert_array_equal(second.states, together.states[4:8])
+
+
+def test_the_law_is_told_what_is_measured(solved):
+    text = with_engine(LOOP + "time: {duration: 1, samples: 2}\n", "solve_ivp")
+    sensors = "sensors: {velocity: [{kind: bias, value: [0.1, 0, 0]}]}\n"
+    problem, solution = solved(f"{text}control: {{period: 1}}\n{sensors}")
+    s = problem.loop.tracking(problem.times, solution.states)
+    Q, V, Qd, Vd = (part[:, 0] for part in (s.Q, s.V, s.Qd, s.Vd))
+    told = problem.loop.initial_state(Q, V + np.array([0.1, 0, 0]), Qd, Vd)
+    expected = problem.loop.controller.torque(problem.loop.tracking(0.0, told))
+    np.testing.assert_allclose(problem.loop.command(s)[:, 0], expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        (
+            "control: {delay: 1}",
+            "control.period: missing; expected: The laws are evaluated at t = k·period, s, and "
+            "their commands held in between",
+        ),
+        (
+            "control: {period: 0}",
+            "control.period: expected a number greater than 0, got 0",
+        ),
+        (
+            "sensors: {pose: [{kind: noise, std: 0.1}]}",
+            "sensors: are read at control instants; give control.period",
+        ),
+        (
+            "actuators: [{kind: rate_limit, rate: 1}]",
+            "actuators[0]: rate_limit acts at control instants; give control.period",
+        ),
+        (
+            "control: {period: 0.1}\n"
+            "actuators: [{kind: lag, time_constant: 1}, {kind: rate_limit, rate: 1}]",
+            "actuators[1]: rate_limit acts on a command that is held; put it before lag",
+        ),
+        (
+            "control: {period: 0.1}\nsensors: {velocity: [{kind: noise, std: -0.1}]}",
+            "sensors.velocity[0].std: expected no negative standard deviation, got -0.1",
+        ),
+        (
+            "control: {period: 0.1}\nsensors: {velocity: [noise]}",
+            "sensors.velocity[0]: expected std or density, got neither",
+        ),
+        (
+            "control: {period: 0.1}\nsensors: {velocity: [{kind: nois, std: 1}]}",
+            "sensors.velocity[0].kind: unknown sensor 'nois'; did you mean 'noise'? "
+            "known: bias, noise",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
+    path = tmp_path / "c.yaml"
+    path.write_text(f"{LOOP}time: {{duration: 1}}\n{section}\n", encoding="utf-8")
+    with pytest.raises(EqtError) as caught:
+        build(read_config(path))
+    assert str(caught.value).split(": ", 1)[1] == message
+
+
+def test_shards_give_the_result_of_one_run(tmp_path, invoke):
+    path = tmp_path / "c.yaml"
+    text = with_engine(NOISY.replace("runs: 12", "runs: 60"), "solve_ivp", ", cross_check: 0")
+    path.write_text(text, encoding="utf-8")
+    whole, shards = tmp_path / "whole", tmp_path / "shards"
+    invoke("run", path, "--out", whole)
+    for shard in ("1/2", "2/2"):
+        invoke("run", path, "--out", shards, "--shard", shard)
+    invoke("pack", shards)
+    one, other = (open_results(folder, "arrays") for folder in (whole, shards))
+    with one, other:
+        assert {"command", "at_limit", "settled", "saturated_share"} <= set(one.names)
+        for name in ("pose", "torque", "command", "at_limit", "closing_pose_error"):
+            np.testing.assert_array_equal(other[name], one[name])

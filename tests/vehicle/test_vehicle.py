@@ -1,0 +1,163 @@
+"""What the parts of a vehicle compute, in closed form; and what is said of wrong options."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.config.source import read_config
+from eqt_cli.core.errors import EqtError
+from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.experiment.build import build
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.vehicle.actuators.lag import Lag
+from eqt_cli.vehicle.actuators.limit import Limit
+from eqt_cli.vehicle.forces.drag import Drag
+from eqt_cli.vehicle.forces.gust import SINES, Gust
+from eqt_cli.vehicle.forces.restoring import Restoring
+from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia
+from eqt_cli.vehicle.numbers import Normal, Uniform
+
+SO3, SE3 = group_named("SO3"), group_named("SE3")
+ROUNDING = 1e-14
+
+CONFIG = """group: SO3
+inertia: [1.0, 2.0, 2.5]
+gains: {{kp: 2, kd: 2}}
+reference: {{torque: [0, 0, 0]}}
+controllers: [eqt]
+time: {{duration: 1}}
+{}
+"""
+
+
+def acting(force, G, Q, V, t=0.0):
+    return force.in_body(G, t, Q, V, force.numbers(G, None))
+
+
+def test_drag_is_odd_and_takes_power():
+    V = np.array([[0.3, -2.0, 1.0]])
+    drag = Drag(linear=0.5, quadratic=[1.0, 2.0, 3.0])
+    expected = -(0.5 + np.array([1.0, 2.0, 3.0]) * abs(V)) * V
+    np.testing.assert_allclose(acting(drag, SO3, np.eye(3)[None], V), expected, atol=ROUNDING)
+
+
+def test_a_spatial_force_acts_as_its_dual_adjoint():
+    Q = SE3.exp(np.array([[0.3, -0.2, 0.5, 1.0, 2.0, -1.0]]))
+    V = np.zeros((1, 6))
+    drag = Drag(linear=1.0, frame="spatial")
+    V = V + 0.4
+    expected = -SE3.Ad_star(Q, SE3.Ad(Q, V))
+    np.testing.assert_allclose(acting(drag, SE3, Q, V), expected, atol=10 * ROUNDING)
+
+
+def test_weight_and_buoyancy_right_a_body_whose_mass_is_low():
+    force = Restoring(weight=10.0, buoyancy=12.0, centre_of_mass=[0.0, 0.0, -0.1])
+    angle = 0.2
+    Q = SE3.exp(np.array([[angle, 0.0, 0.0, 0.0, 0.0, 0.0]]))
+    found = acting(force, SE3, Q, np.zeros((1, 6)))[0]
+    np.testing.assert_allclose(found[0], -10.0 * 0.1 * np.sin(angle), atol=ROUNDING)
+    upward = SE3.rotation(Q)[0] @ found[3:]
+    np.testing.assert_allclose(upward, [0, 0, 2.0], atol=10 * ROUNDING)
+
+
+def test_gusts_have_the_variance_that_is_asked_for():
+    # Over a long time the mean of each squared sine is 1/2, up to the length of the record.
+    gust = Gust(std=0.3, time_constant=2.0)
+    given = gust.numbers(SO3, generator_at(0, Stream.VEHICLE, 0, "plant.forces[0]"))
+    times = np.linspace(0.0, 20_000.0, 100_001)
+    V = np.zeros((len(times), 3))
+    found = gust.in_body(SO3, times, np.broadcast_to(np.eye(3), (len(times), 3, 3)), V, given)
+    np.testing.assert_allclose(found.std(axis=0), 0.3, rtol=0.02)
+    assert given["phase"].shape == (SINES, 3)
+
+
+def test_a_limit_cuts_along_each_axis_or_keeps_the_direction():
+    command, none = np.array([[3.0, -0.2, 4.0]]), np.zeros((1, 0))
+    each, whole = Limit(limit=1.0), Limit(limit=1.0, norm=True)
+    cut = each.output(SO3, command, none, each.numbers(SO3, None))
+    np.testing.assert_array_equal(cut, [[1.0, -0.2, 1.0]])
+    cut = whole.output(SO3, command, none, whole.numbers(SO3, None))
+    np.testing.assert_allclose(cut, command / np.linalg.norm(command), atol=ROUNDING)
+
+
+def test_a_lag_follows_its_command():
+    lag = Lag(time_constant=0.5)
+    rate = lag.state_rate(SO3, np.ones((1, 3)), np.full((1, 3), 0.25), lag.numbers(SO3, None))
+    np.testing.assert_array_equal(rate, np.full((1, 3), 1.5))
+
+
+def test_relative_and_constant_inertia():
+    model = Inertia(np.diag([1.0, 2.0, 4.0]), np.diag([1.0, 0.5, 0.25]))
+    part = RelativeInertia(0.25)
+    true = part.at(model, 0.0, part.numbers(SO3, None))
+    np.testing.assert_array_equal(true.matrix, 1.25 * model.matrix)
+    np.testing.assert_allclose(true.inverse @ true.matrix, np.eye(3), atol=ROUNDING)
+    part = ConstantInertia([1.0, Uniform([1.0, 3.0]), 4.0])
+    np.testing.assert_array_equal(part.numbers(SO3, None)["matrix"], model.matrix)
+
+
+def test_a_run_draws_its_own_numbers_whatever_else_there_is():
+    limit = Limit(limit=Uniform([0.4, 0.6]))
+    one, again, other = (
+        limit.numbers(SO3, generator_at(5, Stream.VEHICLE, run, "actuators[0]"))["limit"]
+        for run in (0, 0, 1)
+    )
+    np.testing.assert_array_equal(one, again)
+    assert (one != other).all() and (0.4 <= one).all() and (one < 0.6).all()
+
+
+def test_numbers_that_must_be_positive_are_drawn_until_they_are():
+    lag = Lag(time_constant=Normal([0.1, 1.0]))
+    drawn = [lag.of_run(np.random.default_rng(k)).time_constant for k in range(50)]
+    assert min(drawn) > 0
+
+
+@pytest.mark.parametrize(
+    ("section", "message"),
+    [
+        (
+            "actuators: [{kind: limit, limit: -1}]",
+            "actuators[0].limit: expected a number greater than 0, got -1",
+        ),
+        (
+            "actuators: [{kind: lag, time_constant: [1, 2]}]",
+            "actuators[0].time_constant: expected 3 entries for SO3, got 2",
+        ),
+        (
+            "actuators: [{kind: limiter}]",
+            "actuators[0].kind: unknown actuator 'limiter'; did you mean 'limit'? "
+            "known: deadband, lag, limit, rate_limit",
+        ),
+        (
+            "actuators: [{kind: limit, limit: {uniform: [2, 1]}}]",
+            "actuators[0].limit.uniform: expected the least number first, got [2, 1]",
+        ),
+        (
+            "actuators: [{kind: limit, limit: {normal: [1, -0.1]}}]",
+            "actuators[0].limit.normal: expected no negative standard deviation, got -0.1",
+        ),
+        (
+            "plant: {inertia: {relative: -1.5}}",
+            "plant.inertia.relative: expected a number greater than -1, got -1.5",
+        ),
+        (
+            "plant: {inertia: [1, 2]}",
+            "plant.inertia: expected 3 diagonal entries for SO3, got 2",
+        ),
+        (
+            "plant: {forces: [{kind: restoring, weight: 1}]}",
+            "plant.forces[0]: restoring is for SE3, whose coordinates are torque and force; "
+            "got SO3",
+        ),
+        (
+            "plant: {forces: [{kind: gust, std: -0.1, time_constant: 1}]}",
+            "plant.forces[0].std: expected no negative standard deviation, got -0.1",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
+    path = tmp_path / "c.yaml"
+    path.write_text(CONFIG.format(section), encoding="utf-8")
+    with pytest.raises(EqtError) as caught:
+        build(read_config(path))
+    assert str(caught.value).split(": ", 1)[1] == message
