@@ -25,6 +25,7 @@ from eqt_cli.groups import groups
 from eqt_cli.references import references
 from eqt_cli.vehicle.actuators import actuators
 from eqt_cli.vehicle.forces import forces
+from eqt_cli.vehicle.numbers import Normal, Uniform
 from eqt_cli.vehicle.sensors import sensors
 
 KIND = "Which component it is; the others of its keys are options of this one."
@@ -50,7 +51,7 @@ def json_schema() -> dict[str, Any]:
         _listed(key, sensors, shared)
     top["solver"] = _solver(top["solver"], shared)
     shared["SweepBlock"] = _sweep_block(schema)
-    for kind in (Spread, Spaced, Drawn):
+    for kind in (Spread, Spaced, Drawn, Uniform, Normal):
         for name, meaning in meanings(kind).items():
             shared[kind.__name__]["properties"][name]["description"] = meaning
     top["sweep"]["anyOf"][0]["items"] = {"$ref": "#/$defs/SweepBlock"}

@@ -262,12 +262,15 @@ class _Session:
 
     def _pack(self, origin: dict[str, Any]) -> None:
         """Pack all parts; those that turn out to be damaged are computed again."""
-        attributes = described(self.study, origin)
+        attributes, mended = described(self.study, origin), set[Path]()
         while True:
             try:
                 pack(self.task, self.folder.results, attributes)
                 return
             except BrokenPart as broken:
+                if broken.path in mended:  # what computing it again does not cure
+                    raise
+                mended.add(broken.path)
                 self._forget_outdated(self.task, range(len(self.plan)))
                 broken.path.unlink(missing_ok=True)
                 self.task.prepare()

@@ -12,7 +12,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
@@ -210,6 +209,8 @@ def rotation_of(quaternion: Array) -> Array:
     size = float(np.linalg.norm(quaternion))
     if not abs(size - 1) <= QUATERNION_TOLERANCE:
         raise InputError(f"expected a quaternion of norm 1, got norm {size:.6g}")
+    from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
+
     matrix: Array = Rotation.from_quat(quaternion).as_matrix()
     return matrix
 
@@ -236,5 +237,7 @@ def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
         wrong = f"expected {len(sequence)} angles for {sequence}, got {len(angles)}"
         problems.at("angles").add(wrong)
         return None
+    from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
+
     matrix: Array = Rotation.from_euler(sequence, angles).as_matrix().reshape(3, 3)
     return matrix

@@ -24,6 +24,8 @@ from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.references.torque import TorqueReference
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.forces.constant import ConstantForce
 
 # Torques of about ten, by a hundred operations each; measured 4e-14.
 LITERAL = 1e-12
@@ -361,14 +363,6 @@ def test_both_engines_agree(name, group):
 # Integral action ----------------------------------------------------------------------------------
 
 
-@dataclasses.dataclass(frozen=True)
-class Pushed(ClosedLoop):
-    """A vehicle that something pushes with a constant torque."""
-
-    def torque(self, s):
-        return self.command(s) + np.array([0.1, -0.05, 0.08])
-
-
 @pytest.mark.parametrize(
     ("name", "options", "offset"),
     [
@@ -383,7 +377,9 @@ def test_integral_removes_the_offset_of_a_constant_push(name, options, offset):
         gains=Gains(np.eye(3), 2 * np.eye(3)),
         reference=ConstantReference(),
     )
-    loop = Pushed(**{f.name: getattr(free, f.name) for f in dataclasses.fields(free)})
+    push = Vehicle(forces=(ConstantForce(force=[0.1, -0.05, 0.08]),))
+    push = dataclasses.replace(push, given=push.numbers(free.group))
+    loop = dataclasses.replace(free, vehicle=push)
     G, zero = loop.group, np.zeros((1, 3))
     start = loop.initial_state(G.exp(np.array([[0.5, -0.3, 0.2]])), zero, G.identity[None], zero)
     problem = Problem(loop, start, np.array([0.0, 30.0]))
