@@ -26,8 +26,8 @@ from eqt_cli.core.arrays import (
 from eqt_cli.groups.angles import inverse_jacobian_terms, ratio_to_sine
 from eqt_cli.groups.base import MatrixLieGroup, Part
 
-SMALLEST_RATE = 1e-100
-"""Of a rotation; what is less is none."""
+SMALLEST_RATE = 1e-12
+"""Of a rotation, over the size of the whole vector; what is less is rounding, and none."""
 
 
 class EuclideanGroup(MatrixLieGroup):
@@ -147,7 +147,7 @@ class EuclideanGroup(MatrixLieGroup):
         Where there is no rotation, the axis is V and the rate 1.
         """
         rates = norm(V[..., : self.rotations])[..., None]
-        rates = np.where(rates < SMALLEST_RATE, 1.0, rates)
+        rates = np.where(rates <= SMALLEST_RATE * norm(V)[..., None], 1.0, rates)
         X = self.hat(V / rates)
         return self.pack(np.stack([X, X @ X, X @ X @ X], axis=-3)), rates
 
