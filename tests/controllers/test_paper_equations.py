@@ -8,7 +8,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from eqt_cli.closed_loop import ClosedLoop
@@ -378,7 +378,7 @@ def skip_unless_fitting(name, G):
 
 
 def assume_away_from_half_turns(s):
-    """Beyond a quarter turn, differences over a step do not reach the tolerance: L bends towards π."""
+    """Beyond a quarter turn, differences over a step do not reach the tolerance."""
     x = s.G.log(s.relative.Q)
     for part in s.G.parts:
         if part.name.startswith("rotation"):
@@ -459,7 +459,7 @@ def test_closed_loop_integrates_the_rate_of_L_without_feedforward(
 
 
 @pytest.mark.parametrize("name", controllers.names())
-@EXAMPLES
+@settings(EXAMPLES, suppress_health_check=[HealthCheck.filter_too_much])
 @given(data=st.data())
 def test_closed_loop_integrates_the_rate_of_L(samples, data, name, derivative):
     skip_unless_fitting(name, samples.G)
