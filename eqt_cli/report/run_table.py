@@ -14,12 +14,16 @@ from eqt_cli.results.result import Result, meaning_of
 MOST_ROWS = 8000
 """Rows that a page holds, controllers times runs; failed runs are among them before good ones."""
 
+OMITTED = ("group_drift", "unstable_distance", "reference_residual")
+"""Diagnostics that `eqt show --table` has; a page is not wide enough for all."""
+
 COLUMNS = tuple(
     quantity.name
     for quantity in QUANTITIES.values()
     if quantity.per is Per.RUN and quantity.stored and quantity.dtype is FLOAT
+    if quantity.name not in OMITTED
 )
-"""The numbers that are shown: all that are stored of a run, in the order of the table."""
+"""The numbers that are shown of a run, in the order of the table of quantities."""
 
 Document = dict[str, Any]
 
