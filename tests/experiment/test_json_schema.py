@@ -27,12 +27,12 @@ from eqt_cli.experiment.solver import Judgement
 from eqt_cli.references import references
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def schema() -> dict[str, Any]:
-    return json_schema()
+    return json_schema()  # anew, after plugins that other tests have loaded are forgotten
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def validator(schema: dict[str, Any]) -> jsonschema.Draft202012Validator:
     return jsonschema.Draft202012Validator(schema)
 

@@ -72,7 +72,7 @@ def test_every_run_is_in_the_table(text):
     assert (len(table["rows"]), table["total"]) == (240, 240)
     shown = [column["metric"] for column in table["columns"]]
     assert shown == [metric.name for metric in QUANTITIES.values() if metric.name in shown]
-    assert {"effort", "settling_time", "energy_residual", "error_estimate"} <= set(shown)
+    assert {"effort", "settling_time", "energy_residual"} <= set(shown)
     assert table["columns"][2] == {
         "metric": "early_torque",
         "name": "mean ‖τ‖, first 5 s",
