@@ -324,14 +324,14 @@ def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
         sign = 1 if node.operator == "+" else -1
         return p + sign * r, q + sign * s
     if isinstance(node, Binary) and node.operator in ("*", "/"):
-        (p, q), (r, s) = operands  # type: ignore[misc]
+        (p, q), (r, s) = operands  # type: ignore[misc]  # none of them is None
         if s == 0 and node.operator == "/":
             return p / r, q / r
         if node.operator == "*" and q * s == 0:
             return p * r, p * s + q * r
         return None
     if isinstance(node, Negation):
-        [(p, q)] = operands  # type: ignore[misc]
+        [(p, q)] = operands  # type: ignore[misc]  # it is not None
         return -p, -q
     if all(operand[1] == 0 for operand in operands if operand):
         return combine(node, tuple(operand[0] for operand in operands if operand)), 0.0

@@ -67,7 +67,7 @@ class Design(Component):
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
         if "parse" in vars(cls):
-            cls.read = classmethod(_read_by_parse)  # type: ignore[assignment]
+            cls.read = classmethod(_read_by_parse)  # type: ignore[assignment]  # set once
 
 
 # Plugins of the first version parse their section, and write its JSON schema, by hand -------------

@@ -49,7 +49,7 @@ class Concat(Design):
                 return
 
     @cached_property
-    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
         """The keys of the first part."""
         return self.parts[0].keys
 
