@@ -29,7 +29,8 @@ from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
 from eqt_cli.core.errors import EqtError, TraceError
 from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
-from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Status
+from eqt_cli.engines.base import Engine, Problem, Progress, SampledFunction, Solution, Status
+from eqt_cli.engines.taylor.evaluation import CompiledFunction, compiled_function
 from eqt_cli.engines.taylor.switching import AtOnce, Comparisons, Crossing, Switchboard, recording
 
 EPSILON = float(np.finfo(float).eps)
@@ -138,6 +139,20 @@ class Taylor(Engine):
         else:
             _in_threads(work, min(workers, -(-problem.runs // lanes)), batches, lock)
         return solution
+
+    def evaluate(
+        self, function: SampledFunction, problem: Problem, states: Array
+    ) -> dict[str, Array]:
+        """Compiled as the law is where the work is large, by `sized`; else on arrays."""
+        compiled = _compiled_samples(function, problem.loop) if self.code == "full" else None
+        if compiled is None:
+            return super().evaluate(function, problem, states)
+        held = [np.asarray(entry) for entry in problem.loop.held(problem.times).values()]
+        samples = len(problem.times)
+        rows = [np.empty((samples, 0)), *(entry.reshape(samples, -1) for entry in held)]
+        return compiled.at_samples(
+            problem.times, states, _parameter_rows(problem), np.concatenate(rows, axis=1)
+        )
 
     def _compile(self, loop: ClosedLoop) -> _Compiled:
         """An integrator for the structure of a loop, whatever its parameters."""
@@ -285,8 +300,7 @@ def trace(loop: ClosedLoop) -> Traced:
         If a component does what expressions cannot; it names component, operation and way out.
     """
     heyoka = _heyoka()
-    names = [f"y{index:04d}" for index in range(loop.state_length)]
-    variables = np.array(heyoka.make_vars(*names), dtype=object)
+    variables = _variables(loop)
     parameters = sum(value.size for value in _numbers(loop).values())
     comparisons = Comparisons(heyoka, parameters)
     token = recording.set(comparisons)
@@ -311,6 +325,30 @@ def trace(loop: ClosedLoop) -> Traced:
     )
     compared, margins = tuple(comparisons.pairs), tuple(comparisons.margins())
     return Traced(tuple(variables), tuple(rows), compared, margins, parameters, tuple(later))
+
+
+def _compiled_samples(function: SampledFunction, loop: ClosedLoop) -> CompiledFunction | None:
+    """A function of the loop, compiled; None where it does what expressions cannot.
+
+    Unlike a law, what is measured of one need not be compiled: an actuator may say by NumPy alone
+    where it is at its limit, and a law what its Lyapunov function is.
+    """
+    heyoka = _heyoka()
+    variables = _variables(loop)
+    token = recording.set(AtOnce(heyoka))
+    try:
+        arrays = function(_symbolic(loop), heyoka.time, variables[None])
+    except Exception:
+        return None
+    finally:
+        recording.reset(token)
+    return compiled_function(heyoka, list(variables), arrays)
+
+
+def _variables(loop: ClosedLoop) -> Array:
+    """A symbol for every entry of the flat state."""
+    names = [f"y{index:04d}" for index in range(loop.state_length)]
+    return np.array(_heyoka().make_vars(*names), dtype=object)
 
 
 def _symbolic(loop: ClosedLoop) -> ClosedLoop:
