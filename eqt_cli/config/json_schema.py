@@ -219,8 +219,7 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
 def _design(design: Any, around: Surroundings, shared: dict[str, Any]) -> dict[str, Any]:
     """The schema of the section of a design."""
     if hasattr(design, "schema"):  # of the first version
-        found: dict[str, Any] = design.schema(around)
-        return found
+        return design.schema(around)
     options = _options(design, shared)
     if design.whole_section:
         option = options["properties"][design.whole_section]

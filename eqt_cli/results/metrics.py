@@ -35,41 +35,35 @@ def _as_it_flies(vehicle: Vehicle) -> bool:
 
 def time_mean(times: Array, values: Array) -> Array:
     """The mean over time of ``(…, samples)``, by the trapezoidal rule."""
-    mean: Array = np.trapezoid(values, times, axis=-1) / (times[-1] - times[0])
-    return mean
+    return np.trapezoid(values, times, axis=-1) / (times[-1] - times[0])
 
 
 def effort(times: Array, torque_norm: Array) -> Array:
     """∫‖τ‖² dt, by Simpson's rule on the samples."""
     from scipy.integrate import simpson  # slow to import, and what reads results does without
 
-    integral: Array = simpson(torque_norm**2, x=times, axis=-1)
-    return integral
+    return simpson(torque_norm**2, x=times, axis=-1)
 
 
 def peak(times: Array, values: Array) -> Array:
     """The largest value at a sample; a larger one between two samples is missed."""
-    largest: Array = values.max(axis=-1)
-    return largest
+    return values.max(axis=-1)
 
 
 def final(times: Array, values: Array) -> Array:
     """The value at the last sample."""
-    last: Array = values[..., -1]
-    return last
+    return values[..., -1]
 
 
 def integral_of_square(times: Array, values: Array) -> Array:
     """∫x² dt, by the trapezoidal rule."""
-    integral: Array = np.trapezoid(values**2, times, axis=-1)
-    return integral
+    return np.trapezoid(values**2, times, axis=-1)
 
 
 def actuator_work(times: Array, torque: Array, velocity: Array) -> Array:
     """∫|⟨τ, V⟩| dt; a pairing is a power on every group, whatever the units of its coordinates."""
     power = np.abs(np.sum(torque * velocity, axis=-1))
-    work: Array = np.trapezoid(power, times, axis=-1)
-    return work
+    return np.trapezoid(power, times, axis=-1)
 
 
 def settling_time(times: Array, error: Array, threshold: float) -> Array:
@@ -104,8 +98,7 @@ def decay_rate(times: Array, lyapunov: Array) -> Array:
             usable, times - (usable * times).sum(axis=-1, keepdims=True) / count[:, None], 0
         )
         slope = (t * logs).sum(axis=-1) / (t * t).sum(axis=-1)
-    rate: Array = np.where(count > 1, -slope / 2, np.nan)
-    return rate
+    return np.where(count > 1, -slope / 2, np.nan)
 
 
 def largest_rise(times: Array, lyapunov: Array) -> Array:
@@ -126,8 +119,7 @@ def energy_residual(times: Array, lyapunov: Array, balance: Array) -> Array:
 def settled(times: Array, error: Array, threshold: float) -> Array:
     """1 where the error ends within the threshold, else 0; the mean is the fraction settled."""
     within = np.isfinite(settling_time(times, error, threshold)).astype(float)
-    found: Array = np.where(np.isfinite(error).all(axis=-1), within, np.nan)
-    return found
+    return np.where(np.isfinite(error).all(axis=-1), within, np.nan)
 
 
 def closing_rms(times: Array, values: Array) -> Array:

@@ -304,8 +304,7 @@ class Result(ResultFile):
     @property
     def good(self) -> Array:
         """Which runs ended well, as `status`."""
-        good: Array = self.status == 0
-        return good
+        return self.status == 0
 
     @property
     def failed(self) -> dict[str, int]:
@@ -420,8 +419,7 @@ class Result(ResultFile):
 
     def good_stored(self, controller: int) -> Array:
         """Which of the runs with trajectories are good, ``(stored runs,)``."""
-        good: Array = self.good[controller][self.stored_runs]
-        return good
+        return self.good[controller][self.stored_runs]
 
     def trajectories(self, signal: str, controller: int, most: int | None = None) -> Array:
         """A signal of the good runs of a controller, ``(runs, samples, …)``.
@@ -433,8 +431,7 @@ class Result(ResultFile):
         """
         good = self.good_stored(controller)
         if most is None:
-            found: Array = self.read(signal, controller=controller)[good]
-            return found
+            return self.read(signal, controller=controller)[good]
         first = np.flatnonzero(good)[:most]
         return self.read(signal, controller=controller, **{self.run_dimension: first})
 

@@ -211,8 +211,7 @@ def rotation_of(quaternion: Array) -> Array:
         raise InputError(f"expected a quaternion of norm 1, got norm {size:.6g}")
     from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
 
-    matrix: Array = Rotation.from_quat(quaternion).as_matrix()
-    return matrix
+    return Rotation.from_quat(quaternion).as_matrix()
 
 
 def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
@@ -239,5 +238,4 @@ def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
         return None
     from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
 
-    matrix: Array = Rotation.from_euler(sequence, angles).as_matrix().reshape(3, 3)
-    return matrix
+    return Rotation.from_euler(sequence, angles).as_matrix().reshape(3, 3)
