@@ -7,10 +7,10 @@ import io
 import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from eqt_cli.analysis.text_tables import TextTable
+from eqt_cli.analysis.text_tables import TextTable
+from eqt_cli.cli.shared.output import columns, room
 
 _NUMBER = re.compile(r"[-+$]*\d[\d.]*( \\?%)?")
 _WIDTH = 100
@@ -19,8 +19,6 @@ _WIDTH = 100
 
 def as_text(table: TextTable) -> str:
     """For a terminal: caption, columns under their headings, blocks, notes."""
-    from eqt_cli.cli.shared.output import columns, room
-
     titled = any(block.title for block in table.blocks)
     indent = "  " if titled else ""
     rows = [row for block in table.blocks for row in block.rows]
