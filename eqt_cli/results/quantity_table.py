@@ -73,7 +73,11 @@ _OF_THE_RUN = (
         "steps", "work of the solver, as its engine counts it", units="1", dtype=np.dtype("i8")
     ),
     Quantity(
-        "group_drift", "largest distance from the group", units="1", label="drift from the group"
+        "group_drift",
+        "largest distance from the group",
+        units="1",
+        label="drift from the group",
+        diagnostic=True,
     ),
     Quantity(
         "energy_residual",
@@ -87,6 +91,7 @@ _OF_THE_RUN = (
         "unstable_distance",
         "smallest ||Q_E - Qc||_F, Qc critical points other than I",
         signals=("pose",),
+        diagnostic=True,
     ),
     Quantity(
         "error_estimate",
@@ -99,6 +104,7 @@ _OF_THE_RUN = (
         "distance of the run's own reference to desired_pose, desired_velocity",
         units="mixed",
         label="residual of the reference",
+        diagnostic=True,
     ),
     Quantity(
         "status",
