@@ -29,6 +29,7 @@ _NO_LAW, _BEYOND = 0.65, 0.07
 class Certificates(OfCertificates):
     """Certificates: what was measured over what is allowed, a row per statement of the paper.
 
+    Allowed are rounding for identities and a multiple of the solver's tolerance for trajectories.
     What lies left of 1 holds; a filled marker says so, a hollow one that the statement claims
     nothing about the finite time of the runs, a cross that it fails.
     """
