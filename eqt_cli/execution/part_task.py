@@ -14,9 +14,8 @@ from eqt_cli.core.error_origin import blamed
 from eqt_cli.core.errors import ResultError
 from eqt_cli.execution.compute_part import (
     Desired,
-    OutdatedPart,
-    check_part,
     compute_part,
+    lacking,
     lost_part,
     reference_table,
 )
@@ -103,12 +102,9 @@ class PartTask:
         index, _ = self.part(item)
         try:
             with open_results(path) as results:
-                check_part(results, Layout(self.study.piece(index)).quantities)
-        except OutdatedPart:
-            return True
+                return bool(lacking(results, Layout(self.study.piece(index)).quantities))
         except ResultError:
             return False  # but damaged: whoever reads all of it finds that too
-        return False
 
     @cached_property
     def shared(self) -> Callable[[int], Desired | None]:
