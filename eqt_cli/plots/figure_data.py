@@ -427,17 +427,14 @@ class ShownCertificates:
 
     def notes(self) -> list[str]:
         """What was checked and has no number."""
-        return list(self._notes())
-
-    def _notes(self) -> Iterator[str]:
         open_ends = [str(row.verdict) for row in self._shown if row.verdict not in _DECIDED]
-        if open_ends:
-            yield f"Hollow markers: {', '.join(dict.fromkeys(open_ends))}."
+        notes = [f"Hollow markers: {', '.join(dict.fromkeys(open_ends))}."] if open_ends else []
         if any(row.verdict is Verdict.FAILS for row in self._shown):
-            yield "Crosses: fails."
+            notes.append("Crosses: fails.")
         for row in self._left_out:
             law = f" ({row.controller})" if row.controller else ""
-            yield f"{notation(row.name)}{law}: {row.verdict}."
+            notes.append(f"{notation(row.name)}{law}: {row.verdict}.")
+        return notes
 
 
 def names(results: Sequence[Result]) -> list[str]:

@@ -168,15 +168,12 @@ def _adapted(name: str, value: str, key: str) -> str:
     if local in ("d", "x", "y", "width", "height", "points"):
         return _NUMBER.sub(lambda match: f"{float(match[0]):.2f}", value)
     if local == "style":
-        return _recoloured(value)
+        return "; ".join(_recoloured(value))
     return value
 
 
-def _recoloured(style: str) -> str:
-    return "; ".join(_declarations(style))
-
-
-def _declarations(style: str) -> Iterator[str]:
+def _recoloured(style: str) -> Iterator[str]:
+    """The declarations of a style, in the colours of the page."""
     for declaration in style.split(";"):
         name, _, value = (part.strip() for part in declaration.partition(":"))
         if value in ("#000000", "black"):

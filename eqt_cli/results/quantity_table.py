@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -130,22 +129,21 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is Per.RUN and q.of and
 
 def quantities(experiment: Experiment) -> list[Quantity]:
     """The variables of a result of an experiment, with their units there, in the file's order."""
-    return list(_stored(experiment))
-
-
-def _stored(experiment: Experiment) -> Iterator[Quantity]:
-    group = experiment.group
+    found, group = [], experiment.group
     vehicle = next(iter(experiment.loops.values())).vehicle
     for quantity in QUANTITIES.values():
         if not (quantity.stored and quantity.stored_of(vehicle)):
             continue
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
         units = quantity.unit(_unit_of_signal(quantity, group))
-        yield replace(quantity, units=units, notes={**quantity.notes, **notes})
+        found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
         if quantity.per is Per.TRAJECTORY:
             signal = _SIGNALS[quantity.name]
-            for part in signal.parts(group):
-                yield replace(quantity.part(part.name), units=signal.unit_in(part))
+            found += [
+                replace(quantity.part(part.name), units=signal.unit_in(part))
+                for part in signal.parts(group)
+            ]
+    return found
 
 
 def _unit_of_signal(quantity: Quantity, group: MatrixLieGroup) -> str:

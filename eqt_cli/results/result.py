@@ -184,32 +184,28 @@ class Result(ResultFile):
     @cached_property
     def titles(self) -> list[str]:
         """How the controllers are written: by their laws' titles, or by the labels they have."""
-        try:
-            titles = json.loads(str(self.attributes["titles"]))
-        except (KeyError, ValueError):  # written before there were titles in the file
-            titles = None
-        if isinstance(titles, dict):
+        if titles := self._told("titles"):
             return [str(titles.get(label, label)) for label in self.labels]
         return [law_title(label) for label in self.labels]
 
     @cached_property
     def lyapunov_functions(self) -> dict[str, str]:
         """Which function L is, by label; empty where it is the same one for all."""
-        found = self._told_of_L.get("functions", {})
+        found = self._told("lyapunov_functions").get("functions", {})
         return found if len(set(found.values())) > 1 else {}
 
     @cached_property
     def unclaimed(self) -> list[str]:
         """The labels of the laws that do not claim that their L falls."""
-        return list(self._told_of_L.get("unclaimed", []))
+        return list(self._told("lyapunov_functions").get("unclaimed", []))
 
-    @cached_property
-    def _told_of_L(self) -> dict[str, Any]:
-        try:
-            told = json.loads(str(self.attributes["lyapunov_functions"]))
-        except (KeyError, ValueError):  # the paper's laws, or a file from before laws had their own
-            return {}
-        return told if isinstance(told, dict) else {}
+    def _told(self, name: str) -> dict[str, Any]:
+        """What an attribute holds as JSON; nothing in a file from before there was such a one."""
+        with suppress(KeyError, ValueError):
+            found = json.loads(str(self.attributes[name]))
+            if isinstance(found, dict):
+                return found
+        return {}
 
     @cached_property
     def kinds(self) -> dict[str, str]:
@@ -247,11 +243,7 @@ class Result(ResultFile):
     @property
     def provenance(self) -> dict[str, Any]:
         """Versions, machine and times, as the file has them; nothing where it has none."""
-        with suppress(ValueError):
-            found = json.loads(str(self.attributes.get("provenance", "{}")))
-            if isinstance(found, dict):
-                return found
-        return {}
+        return self._told("provenance")
 
     @property
     def cross_check(self) -> CrossCheck | None:
