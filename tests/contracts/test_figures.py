@@ -25,7 +25,8 @@ CONFIG = {
 }
 SWEEP = {"sweep": [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}]}
 IN = {"column": 3.5, "page": 7.16}
-BY_PLACE = ("phase", "sweep")  # as the numbers that are kept of them say
+BY_PLACE = ("phase", "runs", "sweep")
+"""Figures of which numbers were kept before their curves had names; they go on being compared."""
 
 
 @pytest.fixture(scope="module")

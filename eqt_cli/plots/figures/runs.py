@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
+from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.drawing.curves import thin_line, thin_line_legend
 from eqt_cli.plots.drawing.labels import signal_label
@@ -24,8 +25,8 @@ from eqt_cli.plots.drawing.layout import (
     sheet,
 )
 from eqt_cli.plots.drawing.scales import scale_norm
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
-from eqt_cli.plots.figure_data import Ensemble, ShownRuns
+from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink
+from eqt_cli.plots.figure_data import ShownRuns
 
 MOST_LINES = 200
 """Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
@@ -63,7 +64,8 @@ class Runs(OverTime):
         for ensemble in shown:
             for part in parts:
                 axes, signal = panels[panel(ensemble.label, part)], self.signal + part
-                self._fill(axes, runs, ensemble, signal)
+                values = runs.values(signal, ensemble)
+                self._fill(axes, runs.times(ensemble), values, ensemble.look)
                 add_title(axes, panel_title(ensemble.title, part), room)
                 name_scale(axes, signal_label(ensemble.results, signal))
         for axes in panels.values():  # now that every curve of a common scale is there
@@ -75,9 +77,7 @@ class Runs(OverTime):
         add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
-    def _fill(self, axes: Axes, runs: ShownRuns, ensemble: Ensemble, signal: str) -> None:
-        times, values = runs.times(ensemble), runs.values(signal, ensemble)
-        names = [f"run {number}" for number in runs.numbers(ensemble, MOST_LINES)]
-        look = thin_line(ensemble.look, len(names))
-        axes.plot(times, values[:MOST_LINES].T, label=names, **look)
+    def _fill(self, axes: Axes, times: Array, values: Array, look: Look) -> None:
+        drawn = values[:MOST_LINES]
+        axes.plot(times, drawn.T, **thin_line(look, len(drawn)))
         axes.plot(times, values.mean(axis=0), color=ink(), label="mean")
