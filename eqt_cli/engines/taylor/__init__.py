@@ -150,19 +150,25 @@ class Taylor(Engine):
         parameters: Array,
         runs: Array,
         solution: Solution,
+        watched: bool = False,
     ) -> None:
-        """Integrate up to as many runs as there are lanes, the last one in all lanes left over."""
+        """Integrate up to as many runs as there are lanes, the last one in all lanes left over.
+
+        Comparisons are looked at after every step only where looking at the end has found a side
+        wrong: it takes as long as the step itself.
+        """
         integrator = compiled.integrator
         lanes = integrator.batch_size
         padded = np.append(runs, np.full(lanes - len(runs), runs[-1]))
         integrator.state[:] = problem.states[padded].T
         rows = parameters[padded].T
-        states, ends, steps = self._propagate(compiled, problem, rows, padded)
+        watched = watched or compiled.board is None
+        states, ends, steps = self._propagate(compiled, problem, rows, padded, watched)
         good = np.isfinite(states[-1]).all() and all(_is_success(end) for end in ends)
-        if not good and len(set(padded)) > 1:
+        if not good and (len(runs) > 1 or not watched):
             # heyoka stops all lanes when one fails; alone, each run ends in its own way.
             for run in runs:
-                self._solve_batch(compiled, problem, parameters, np.array([run]), solution)
+                self._solve_batch(compiled, problem, parameters, np.array([run]), solution, True)
             return
         count = len(runs)
         here = slice(runs[0], runs[0] + count)
@@ -172,7 +178,7 @@ class Taylor(Engine):
             self._note_failure(integrator, problem, solution, runs[0], ends[0])
 
     def _propagate(
-        self, compiled: _Compiled, problem: Problem, parameters: Array, runs: Array
+        self, compiled: _Compiled, problem: Problem, parameters: Array, runs: Array, watched: bool
     ) -> tuple[Array, list[Any], Array]:
         """From one known instant to the next, where the integrator begins anew.
 
@@ -183,8 +189,9 @@ class Taylor(Engine):
             The outcome in each lane.
         steps : (lanes,)
         """
-        integrator = compiled.integrator
+        integrator, board = compiled.integrator, compiled.board
         lanes, found = integrator.batch_size, []
+        watch = {"callback": board.check} if board and watched else {}
         steps = np.zeros(lanes, dtype=int)
         for span, held in zip(problem.spans, _held_rows(problem), strict=True):
             left = self.max_steps - int(steps.max())
@@ -197,10 +204,12 @@ class Taylor(Engine):
                 compiled.pass_instant(span.start, parameters, held, errors)
             compiled.set_parameters(parameters, held)
             grid = np.repeat(span.grid[:, None], lanes, axis=1)
-            _, states = integrator.propagate_grid(grid, max_steps=left, **compiled.watch)
+            _, states = integrator.propagate_grid(grid, max_steps=left, **watch)
             found.append(states if span.wanted.all() else states[span.wanted])
             steps += [end[3] for end in integrator.propagate_res]
             ends = [end[0] for end in integrator.propagate_res]
+            if board and not watched and not board.is_right(integrator):
+                ends = [_heyoka().taylor_outcome.cb_stop] * lanes
             if not all(map(_is_success, ends)):
                 break
         if len(found) == 1 and len(found[0]) == len(problem.times):
@@ -366,11 +375,6 @@ class _Compiled:
     integrator: Any
     board: Switchboard | None
     after_instant: Any = None
-
-    @property
-    def watch(self) -> dict[str, Any]:
-        """What is to be called after every step, as an argument."""
-        return {} if self.board is None else {"callback": self.board.check}
 
     def _row(self, values: Array, held: Array) -> Array:
         """The numbers in every lane; `held` are the same in all."""
