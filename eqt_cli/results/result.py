@@ -204,6 +204,21 @@ class Result(ResultFile):
         return list(self._told_of_L.get("unclaimed", []))
 
     @cached_property
+    def without_function(self) -> list[str]:
+        """The labels of laws that claim no decrease, beside laws that do so of their own L."""
+        all_are = len(self.unclaimed) == len(self.labels)
+        return self.unclaimed if self.lyapunov_functions and not all_are else []
+
+    @cached_property
+    def not_matched(self) -> list[str]:
+        """The labels of laws whose stiffness and damping are not those of the gains."""
+        try:
+            found = json.loads(str(self.attributes["not_matched"]))
+        except (KeyError, ValueError):  # there are none, or the file is from before they were told
+            return []
+        return [label for label in self.labels if label in found] if isinstance(found, list) else []
+
+    @cached_property
     def _told_of_L(self) -> dict[str, Any]:
         try:
             told = json.loads(str(self.attributes["lyapunov_functions"]))
