@@ -27,7 +27,7 @@ def tune(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Tune each law by the section `tune`, with the same budget; results go to results/NAME-tuned.
+    """Search for the best gains of each law; results go to results/NAME-tuned.
 
     Run it again after an interruption: it continues. Exit code 4: a law has no feasible point.
     """

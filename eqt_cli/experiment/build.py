@@ -15,7 +15,7 @@ import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.config.plugins import load_plugins
-from eqt_cli.config.schema import Config, GainsSection, InitialSection, OwnGainsSection
+from eqt_cli.config.schema import Config, GainsSection, InitialSection, OwnGainsSection, TuneSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
@@ -167,7 +167,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
             gains[label] = gains_from(known | law.gains, group, at_law) if law.gains else shared
     if initial:
         start = _start(initial, group, desired, source, problems.at("initial"))
-    config = _agreeing(source, group, desired, start, problems)
+    config = _agreeing(source, sections["tune"], group, desired, start, problems)
     problems.raise_if_any()
     assert config and group and desired and inertia and vehicle and start and solver
     complete = config.model_dump(exclude={"tune"}, exclude_none=True, warnings="none") | {
@@ -223,6 +223,7 @@ def _start(
 
 def _agreeing(
     source: ConfigSource,
+    tune: TuneSection | None,
     G: MatrixLieGroup | None,
     desired: DesiredTrajectory | None,
     start: Start | None,
@@ -231,7 +232,8 @@ def _agreeing(
     """The configuration, where its sections agree on how many runs there are, and how long."""
     if problems or not (G and desired and start):
         return None
-    config = Config.model_validate(source.data)
+    # Dataclasses, as ranges are, pass strict validation as such, and not as mappings.
+    config = Config.model_validate(source.data | ({"tune": tune} if tune else {}))
     check_horizon(desired.reference, G, config.time.duration, problems)
     if start.rows is None:
         return config

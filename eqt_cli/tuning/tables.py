@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -19,6 +20,14 @@ from eqt_cli.tuning.scores import excess, run_values
 from eqt_cli.tuning.search import SETTLED, Constraint
 
 Record = Mapping[str, Any]
+
+
+def labels_of(record: Record) -> list[str]:
+    """The labels of all winners and starting gains; none of a search that is under way."""
+    laws = record.get("laws", [])
+    return [
+        label for law in laws for label in (*(x["label"] for x in law["winners"]), law["start"])
+    ]
 
 
 def tuning_tables(result: Result, record: Record) -> list[TextTable]:
@@ -72,14 +81,14 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
         unit = write.unit(measured.unit)
         title = write.name(measured.quantity) + (f" in {unit}" if unit else "")
         blocks.append(Block(title, rows))
-    runs = f"{result.runs} held-out runs"
     searched = (
         f"{record['generations']} generations of {record['population']} points, "
-        f"{record['runs']} runs each, for every law"
+        f"each of {record['runs']} run{'s' if record['runs'] > 1 else ''}, for every law"
     )
     return TextTable(
         "tuned",
-        f"Tuned laws against their starting gains, means over {runs} ± half the 95 % interval",
+        f"Tuned laws against their starting gains: means over {result.runs} held-out "
+        f"run{'s' if result.runs > 1 else ''} ± half the 95 % interval",
         ["law", "tuned", "start", "found", "change"],
         blocks,
         [f"Searched: {searched}.", *_counted(result)],
@@ -130,7 +139,7 @@ def relative(pair: Pair) -> str:
     """A difference as a share of the second mean, with its interval."""
     shares = [100 * x / abs(pair.mean_second) for x in (pair.difference, pair.low, pair.high)]
     mean, low, high = (f"{share:+.1f}" for share in shares)
-    return f"{mean} % [{low}, {high}]"
+    return f"{mean} % [{low}, {high}]" if math.isfinite(pair.low) else f"{mean} %"
 
 
 def values_text(values: Mapping[str, float]) -> str:
