@@ -62,7 +62,7 @@ def json_schema() -> dict[str, Any]:
 
 def _section(section: type[Section], shared: dict[str, Any]) -> dict[str, Any]:
     """The schema of a section that no other one names; what it refers to goes to `shared`."""
-    schema = _overlapping(section.model_json_schema())
+    schema = section.model_json_schema(schema_generator=_Generator)
     shared |= schema.pop("$defs", {})
     return dict(schema)
 
