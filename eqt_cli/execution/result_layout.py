@@ -252,7 +252,7 @@ def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
         own["lyapunov_functions"] = json.dumps(told, ensure_ascii=False)
     not_matched = [label for label, loop in loops.items() if loop.controller.matched is False]
     if not_matched:
-        own["not_matched"] = json.dumps(not_matched, ensure_ascii=False)
+        own["matching"] = json.dumps({"not_matched": not_matched}, ensure_ascii=False)
     return {
         "title": study.name,
         "config": dump(study.resolved),
