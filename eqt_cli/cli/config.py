@@ -70,12 +70,22 @@ def check(
     quiet: options.Quiet = False,
 ) -> None:
     """Check a configuration without running it, its reference over the whole horizon."""
-    from eqt_cli.cli.shared.output import print_found, print_json, problem_records, say
+    from eqt_cli.cli.shared.output import (
+        print_found,
+        print_json,
+        problem_records,
+        say,
+        warn,
+    )
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
-    from eqt_cli.core.errors import ConfigError
+    from eqt_cli.core.errors import ConfigError, EqtWarning
     from eqt_cli.core.problems import Problems
-    from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
+    from eqt_cli.experiment.horizon import (
+        check_reference,
+        limits_below_reference,
+        reference_over_horizon,
+    )
     from eqt_cli.experiment.read_study import study
 
     source = read_config(config, options.overrides(set_))
@@ -96,6 +106,8 @@ def check(
     if not (quiet or json):
         say(f"{config}: fine")
     experiment = found.base
+    for remark in limits_below_reference(experiment, shown):
+        warn(EqtWarning(remark))
     text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")

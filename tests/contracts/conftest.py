@@ -43,7 +43,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "limit": {"limit": 0.5},
     "rate_limit": {"rate": 0.5},
     "deadband": {"width": 0.4},
-    "quantisation": {"step": 0.4},
+    "quantisation": {"resolution": 0.4},
     "momentum_limit": {"momentum": 0.5},
     "gravity_gradient": {"rate": 0.3, "inertia": [[1.0, 0.1, 0], [0.1, 2.0, 0], [0, 0, 2.5]]},
     "noise": {"std": 0.1},

@@ -245,7 +245,7 @@ def test_shards_give_the_result_of_one_run(tmp_path, invoke):
 
 
 HELD = """actuators:
-  - {kind: quantisation, step: 0.05}
+  - {kind: quantisation, resolution: 0.05}
   - {kind: deadband, width: 0.07}
   - {kind: momentum_limit, momentum: 0.3}
   - {kind: rate_limit, rate: 2.0}

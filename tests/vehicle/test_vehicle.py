@@ -84,7 +84,7 @@ def test_a_limit_cuts_along_each_axis_or_keeps_the_direction():
 
 
 def test_quantisation_gives_the_nearest_multiple():
-    part, none = Quantisation(step=[0.1, 0.25, 1.0]), np.zeros((1, 0))
+    part, none = Quantisation(resolution=[0.1, 0.25, 1.0]), np.zeros((1, 0))
     command = np.array([[0.26, -0.4, 1234.4]])
     found = part.output(SO3, command, none, part.numbers(SO3, None))
     np.testing.assert_allclose(found, [[0.3, -0.5, 1234.0]], rtol=2 * ROUNDING)
@@ -202,3 +202,31 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
     with pytest.raises(EqtError) as caught:
         build(read_config(path))
     assert str(caught.value).split(": ", 1)[1] == message
+
+
+@pytest.mark.parametrize(
+    ("limit", "warning"),
+    [
+        (
+            "limit: [1, 0.2, 1]",
+            "actuators[0]: limit gives 0.2, and the reference alone takes 0.3 at t = 1 s; "
+            "no law can follow it there",
+        ),
+        (
+            "limit: 0.4, norm: true",
+            "actuators[0]: limit gives 0.4, and the reference alone takes 0.5 at t = 1 s; "
+            "no law can follow it there",
+        ),
+        ("limit: [0.5, 0.3, 1]", None),
+    ],
+)
+def test_a_limit_below_what_the_reference_takes_is_warned_of(tmp_path, invoke, limit, warning):
+    path = tmp_path / "c.yaml"
+    text = CONFIG.replace("torque: [0, 0, 0]", "torque: [0.4*t, -0.3*t, 0]")
+    path.write_text(
+        text.format(f"actuators: [{{kind: limit, {limit}}}]\nensemble: {{runs: 1}}"),
+        encoding="utf-8",
+    )
+    for arguments in (("config", "check", path), ("run", path, "--out", tmp_path / "out")):
+        said = invoke(*arguments).stderr.splitlines()
+        assert [line for line in said if "actuators" in line] == [f"eqt: {warning}"] * bool(warning)

@@ -23,17 +23,17 @@ class Quantisation(Actuator):
 
     Attributes
     ----------
-    step
-        Along each axis, or a list of m.
+    resolution
+        The step along each axis, or a list of m.
     """
 
     name: ClassVar[str] = "quantisation"
     departs: ClassVar[str] = "torque in steps"
-    vectors: ClassVar[tuple[str, ...]] = ("step",)
-    positive: ClassVar[tuple[str, ...]] = ("step",)
+    vectors: ClassVar[tuple[str, ...]] = ("resolution",)
+    positive: ClassVar[tuple[str, ...]] = ("resolution",)
     sampled: ClassVar[bool] = True
 
-    step: Numbers
+    resolution: Numbers
 
     def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
         """The step, and the numbers that round, which a compiler must not cancel."""
@@ -42,5 +42,5 @@ class Quantisation(Actuator):
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
         """The step times the rounded number of steps."""
-        rounded: Array = (command / given["step"] + given["up"]) - given["down"]
-        return given["step"] * rounded
+        rounded: Array = (command / given["resolution"] + given["up"]) - given["down"]
+        return given["resolution"] * rounded

@@ -40,7 +40,7 @@ class GravityGradient(Force):
 
     def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
         """The rate and the tensor."""
-        part = self.of_run(random)
+        part: Any = self.of_run(random)
         tensor = square(part.inertia, 3, G)
         return {"rate": np.array([part.rate], dtype=float), "inertia": tensor}
 
