@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
-from eqt_cli.analysis.comparison.compare import CONFIDENCE, RESAMPLES, SEED
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
 from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
@@ -410,9 +410,9 @@ def compare(
     windows: Sequence[str | Window] = (),
     *,
     point: int | None = None,
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
-    seed: int = SEED,
+    confidence: float = Resampling.confidence,
+    resamples: int = Resampling.resamples,
+    seed: int = Resampling.seed,
 ) -> Comparison:
     """Compare the controllers of a result, run by run on the same initial states.
 
@@ -440,14 +440,8 @@ def compare(
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = [_window(window) for window in windows]
     with open_result(_path("result", result), point) as results:
-        return compare_results(
-            results,
-            metrics=metrics,
-            windows=parsed,
-            confidence=confidence,
-            resamples=resamples,
-            seed=seed,
-        )
+        how = Resampling(confidence, resamples, seed)
+        return compare_results(results, metrics=metrics, windows=parsed, how=how)
 
 
 def plot(
