@@ -70,7 +70,7 @@ def check(
     quiet: options.Quiet = False,
 ) -> None:
     """Check a configuration without running it, its reference over the whole horizon."""
-    from eqt_cli.cli.shared.output import print_found, print_json, problem_records, say
+    from eqt_cli.cli.shared.output import print_found, print_json, problem_records, say, warn
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
     from eqt_cli.core.errors import ConfigError
@@ -93,9 +93,11 @@ def check(
     if resolved:
         print_found(found.resolved, dump(found.resolved), json=json)
         return
+    experiment = found.base
+    for remark in experiment.remarks:
+        warn(remark)
     if not (quiet or json):
         say(f"{config}: valid")
-    experiment = found.base
     text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")
