@@ -218,8 +218,9 @@ def run(
         see `StoredResult.failed`.
     """
     loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
-    for shortage in limits_below_reference(loaded.study.base):
-        remark(EqtWarning(shortage))
+    base = loaded.experiment
+    for known in (*base.remarks, *map(EqtWarning, limits_below_reference(base))):
+        remark(known)
     done = execute(
         loaded.study,
         Path("results") / loaded.name if out is None else Path(out),
