@@ -11,6 +11,7 @@ from benchmarks.growth import Growth
 from benchmarks.laws import LawTime, per_run_and_state, ratio
 from benchmarks.machinery import Machinery
 from benchmarks.measure import Measurement
+from benchmarks.sampled import Sampled
 from benchmarks.whole_command import Command
 
 ACCURATE = 2e-9
@@ -39,6 +40,7 @@ class Results:
     skipped: dict[str, str] = field(default_factory=dict)
     measurements: list[Measurement] = field(default_factory=list)
     laws: list[LawTime] = field(default_factory=list)
+    sampled: list[Sampled] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
     machinery: Machinery | None = None
@@ -62,6 +64,8 @@ def as_markdown(results: Results) -> str:
         parts += [f"With a largest error of at most {ACCURATE:g}:", _equal_error(results, case)]
     if results.laws:
         parts += ["## The laws of other papers, taylor", _laws(results.laws)]
+    if results.sampled:
+        parts += ["## A sampled law, the paper's runs, one thread", _sampled(results.sampled)]
     if results.commands:
         parts += ["## The whole command", _commands(results.commands)]
     if results.growth:
@@ -182,6 +186,26 @@ def _laws(laws: list[LawTime]) -> str:
     )
     head = ["law", "states", "comparisons", "steps", "µs per run and state", "ratio"]
     return f"{sentence}\n\n" + _table(head, rows)
+
+
+def _sampled(found: list[Sampled]) -> str:
+    plain = {each.period: each for each in found if "plain" in each.way}
+    return _table(
+        ["period, s", "", "time, s", "CPU, s", "× plain", "timed runs", "difference"],
+        (
+            [
+                f"{each.period:g}",
+                each.way,
+                f"{each.wall:.3g}",
+                f"{each.cpu:.3g}",
+                f"{plain[each.period].cpu / each.cpu:,.0f}",
+                f"{each.timed_runs} of {each.runs}",
+                f"{each.difference:.1e}",
+            ]
+            for each in found
+            if each.period in plain
+        ),
+    )
 
 
 def _commands(commands: list[Command]) -> str:

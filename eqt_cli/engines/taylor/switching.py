@@ -126,7 +126,8 @@ class Switchboard:
             return True
         if (wrong > WIDTH).any():
             return False
-        self._settle(integrator, slice(None))  # the step ended on a crossing, to rounding
+        for lane in np.flatnonzero((wrong > 0).any(axis=0)):
+            self._settle(integrator, slice(lane, lane + 1))  # it ended on a crossing, to rounding
         return True
 
     def is_right(self, integrator: Any) -> bool:
