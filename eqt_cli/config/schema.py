@@ -259,6 +259,11 @@ class Config(Section):
     settling_threshold: Annotated[Positive, BeforeValidator(_distance_of_angle)] = 0.05
     """Pose error ‖I − Q_E‖_F below which a run counts as settled; also the angle of a rotation,
     such as 2 deg, which is the distance 2√2 sin(θ/2)."""
+    early_window: Positive | None = None
+    """How long the early part of a run is, for `early_torque`, s; default: 5, as in the paper."""
+    closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
+    """The share of the time at its end over which `closing_pose_error` and `closing_torque` are
+    taken; default: 0.25."""
     plugins: list[str] = Field(default_factory=list)
     """Python files with components of your own, relative to this file."""
 

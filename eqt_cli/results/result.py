@@ -507,13 +507,15 @@ class Result(ResultFile):
 
     def quantity(self, name: str) -> Quantity:
         """What a variable is: its row of the table, and of what is not there, all the file says."""
-        return quantity_of(name, self.long_name(name) if self.has(name) else "")
+        if not self.has(name):
+            return quantity_of(name)
+        return quantity_of(name, self.long_name(name)).with_choices(self.attributes_of(name))
 
     @cached_property
     def comparable(self) -> dict[str, Quantity]:
         """All numbers per run that this result has or that can be computed from it, by name."""
         found: dict[str, Quantity] = {}
-        for quantity in METRICS:
+        for quantity in (self.quantity(row.name) for row in METRICS):
             if self._has_signals(quantity) or self._metrics_like(quantity):
                 found[quantity.name] = quantity
             for part in self.parts(quantity.signals[0]) if quantity.parted else ():
