@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
-from eqt_cli.analysis.comparison.compare import CONFIDENCE, RESAMPLES, SEED
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
 from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
@@ -41,6 +41,9 @@ from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import Result, open_result, point_folder
 from eqt_cli.store.reserved_names import point_group
+from eqt_cli.tuning.search import Search, search_from
+from eqt_cli.tuning.tune import Told, Tuning, folder_of
+from eqt_cli.tuning.tune import tune as run_search
 
 if TYPE_CHECKING:
     import xarray
@@ -164,11 +167,7 @@ def load_experiment(
             f"overrides: expected values by key, as {{'gains.kp': 2}}, got {overrides!r}"
         )
     given = {f"overrides[{k!r}]": f"{k}={_flow(value)}" for k, value in (overrides or {}).items()}
-    if isinstance(config, Mapping):
-        source = _from_mapping(config, given)
-    else:
-        source = read_config(_path("config", config), given)
-    return LoadedExperiment(study(source, trust_plugins=trust_plugins))
+    return LoadedExperiment(study(_source(config, given), trust_plugins=trust_plugins))
 
 
 def run(
@@ -219,8 +218,9 @@ def run(
         see `StoredResult.failed`.
     """
     loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
-    for shortage in limits_below_reference(loaded.study.base):
-        remark(EqtWarning(shortage))
+    base = loaded.experiment
+    for known in (*base.remarks, *map(EqtWarning, limits_below_reference(base))):
+        remark(known)
     done = execute(
         loaded.study,
         Path("results") / loaded.name if out is None else Path(out),
@@ -233,6 +233,62 @@ def run(
         remark=remark,
     )
     return StoredResult(**vars(done))
+
+
+def tune(
+    search: Search | Configuration,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    force: bool = False,
+    workers: int = 1,
+    progress: Progress = lambda runs: None,
+    executor: Executor | None = None,
+    resumed: Progress = lambda runs: None,
+    remark: Remark = warn,
+    told: Told = lambda law, generation, population: None,
+) -> Tuning:
+    """Search for the best gains of each law, and compare the winners on held-out runs.
+
+    The folder becomes the result of the held-out runs, to be compared, drawn and reported like any
+    other; in ``tuned/`` are the complete configurations of the winners.
+
+    Parameters
+    ----------
+    search
+        A configuration with a section ``tune``, or what `search_from` has made of one.
+    out
+        The folder; ``results/<name>-tuned`` if not given. Generations that it holds are not
+        computed again.
+    force, workers, progress, executor, resumed, remark
+        As of `run`.
+    told
+        Called after every generation, with the law, the number of generations, and the points.
+
+    Returns
+    -------
+    Tuning
+        What was found for each law, and the result of the held-out runs.
+
+    Raises
+    ------
+    ConfigError
+        With every problem of the configuration, each at its place.
+    EqtError
+        If it tunes nothing, or the folder holds something else.
+    """
+    if not isinstance(search, Search):
+        search = search_from(_source(search, {}))
+    chosen = executor or choose_executor(LoadedExperiment(Study(None, search.base)), workers)
+    return run_search(
+        search,
+        folder_of(search) if out is None else Path(out),
+        executor=chosen,
+        force=force,
+        progress=progress,
+        resumed=resumed,
+        remark=remark,
+        told=told,
+    )
 
 
 def choose_executor(
@@ -355,9 +411,9 @@ def compare(
     windows: Sequence[str | Window] = (),
     *,
     point: int | None = None,
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
-    seed: int = SEED,
+    confidence: float = Resampling.confidence,
+    resamples: int = Resampling.resamples,
+    seed: int = Resampling.seed,
 ) -> Comparison:
     """Compare the controllers of a result, run by run on the same initial states.
 
@@ -385,14 +441,8 @@ def compare(
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = [_window(window) for window in windows]
     with open_result(_path("result", result), point) as results:
-        return compare_results(
-            results,
-            metrics=metrics,
-            windows=parsed,
-            confidence=confidence,
-            resamples=resamples,
-            seed=seed,
-        )
+        how = Resampling(confidence, resamples, seed)
+        return compare_results(results, metrics=metrics, windows=parsed, how=how)
 
 
 def plot(
@@ -731,6 +781,12 @@ def _window(given: Any) -> Window:
     if isinstance(given, str):
         return Window.parse(given)
     raise EqtError(f"windows: expected text such as '0:5', or a Window, got {given!r}")
+
+
+def _source(config: Configuration, overrides: Mapping[str, str]) -> ConfigSource:
+    if isinstance(config, Mapping):
+        return _from_mapping(config, overrides)
+    return read_config(_path("config", config), overrides)
 
 
 def _from_mapping(config: Mapping[str, Any], overrides: Mapping[str, str]) -> ConfigSource:

@@ -101,11 +101,14 @@ def check(
     if resolved:
         print_found(found.resolved, dump(found.resolved), json=json)
         return
+    experiment = found.base
+    for remark in (
+        *experiment.remarks,
+        *map(EqtWarning, limits_below_reference(experiment, shown)),
+    ):
+        warn(remark)
     if not (quiet or json):
         say(f"{config}: valid")
-    experiment = found.base
-    for remark in limits_below_reference(experiment, shown):
-        warn(EqtWarning(remark))
     text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")
