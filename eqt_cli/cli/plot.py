@@ -1,4 +1,4 @@
-"""`eqt plot`: draw figures of a result."""
+"""`eqt plot`: draw figures of a result, or of a configuration before it is run."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ def plot(
         list[Path],
         typer.Argument(
             metavar="RESULT",
-            help="Result folder, or its results.h5; several are drawn in one figure.",
+            help="Result folder, or its results.h5; several are drawn in one figure. Or a CONFIG, "
+            "whose reference is drawn.",
         ),
     ],
     figure: Annotated[
-        list[str] | None, options.figure("Figure to draw, may be repeated; default: paper.")
+        list[str] | None,
+        options.figure("Figure to draw, may be repeated; default: paper; of a CONFIG: reference."),
     ] = None,
     option: Annotated[
         list[str] | None,
@@ -84,7 +86,7 @@ def plot(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
+    """Draw figures of results, or what a configuration follows, as PDF, SVG and PNG, or compare their numbers with kept ones."""
     from eqt_cli import api
     from eqt_cli.cli.shared.output import print_found, say
     from eqt_cli.core.errors import EqtError
@@ -92,7 +94,7 @@ def plot(
 
     if len(result) > 1 and out is None and check is None:
         raise EqtError("several results have no common folder; say with --out DIR where to draw")
-    names = figure or (["paper"] if point else _default(result[0], quiet=quiet or json))
+    names = figure or _default(result[0], point, quiet=quiet or json)
     figures = _options(names, option or ())
     if check is not None:
         if format_ or out or style or tex:
@@ -124,7 +126,7 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
     from eqt_cli.plots.kept_numbers import TOLERANCE
     from eqt_cli.store.reserved_names import FILE_NAME
 
-    checked = [str(one if one.suffix == ".h5" else one / FILE_NAME) for one in results]
+    checked = [str(one if one.is_file() else one / FILE_NAME) for one in results]
     found = {name: asdict(one) for name, one in checks.items()}
     lines = []
     for name, one in checks.items():
@@ -139,11 +141,16 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
         raise typer.Exit(4)
 
 
-def _default(result: Path, *, quiet: bool) -> list[str]:
+def _default(result: Path, point: Sequence[int] | None, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
+    from eqt_cli.api import YAML
     from eqt_cli.cli.shared.output import say
     from eqt_cli.results.result import open_result
 
+    if result.suffix in YAML:
+        return ["reference"]
+    if point:
+        return ["paper"]
     with open_result(result) as results:
         if not results.is_sweep:
             return ["paper"]
