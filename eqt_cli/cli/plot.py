@@ -11,6 +11,7 @@ import typer
 from eqt_cli.cli.shared import completion, options
 
 if TYPE_CHECKING:
+    from eqt_cli.api import Shown
     from eqt_cli.plots.kept_numbers import Check
 
 
@@ -27,6 +28,7 @@ def plot(
         list[str] | None,
         options.figure("Figure to draw, may be repeated; default: paper; of a CONFIG: reference."),
     ] = None,
+    set_: options.Set = None,
     option: Annotated[
         list[str] | None,
         typer.Option(
@@ -51,6 +53,9 @@ def plot(
             "--width", completion.words("column", "page"), "column (3.5 in) or page (7.16 in)."
         ),
     ] = "column",
+    degrees: Annotated[
+        bool, options.flag("--degrees", help="Show attitudes and their errors in degrees.")
+    ] = False,
     style: Annotated[
         list[str] | None,
         typer.Option(
@@ -86,7 +91,10 @@ def plot(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Draw figures of results, or what a configuration follows, as PDF, SVG and PNG, or compare their numbers with kept ones."""
+    """Draw figures of results, or the reference of a configuration, as PDF, SVG and PNG.
+
+    With --check, compare the numbers behind them with kept ones instead.
+    """
     from eqt_cli import api
     from eqt_cli.cli.shared.output import print_found, say
     from eqt_cli.core.errors import EqtError
@@ -95,14 +103,15 @@ def plot(
     if len(result) > 1 and out is None and check is None:
         raise EqtError("several results have no common folder; say with --out DIR where to draw")
     names = figure or _default(result[0], point, quiet=quiet or json)
-    figures = _options(names, option or ())
+    shown = _with_overrides(result, set_)
+    figures = _options(names, option or (), degrees=degrees)
     if check is not None:
         if format_ or out or style or tex:
             raise EqtError("--check draws nothing; leave --format, --style, --tex and --out out")
-        _print_checks(api.check_figures(result, figures, check, point=point), result, json)
+        _print_checks(api.check_figures(shown, figures, check, point=point), result, json)
         return
     files = api.plot(
-        result,
+        shown,
         figures,
         out,
         formats=format_ or FORMATS,
@@ -116,6 +125,22 @@ def plot(
     )
     text = "\n".join(f"figure   {file}" for file in files)
     print_found({"figures": list(map(str, files))}, text, json=json)
+
+
+def _with_overrides(given: list[Path], set_: list[str] | None) -> list[Shown]:
+    """What is drawn; configurations with what ``--set`` changes of them."""
+    from eqt_cli.api import YAML, LoadedExperiment
+    from eqt_cli.config.source import read_config
+    from eqt_cli.core.errors import EqtError
+    from eqt_cli.experiment.read_study import study
+
+    if not set_:
+        return list(given)
+    for path in given:
+        if path.suffix not in YAML:
+            raise EqtError(f"--set changes configurations, and {path} is a result")
+    overrides = options.overrides(set_)
+    return [LoadedExperiment(study(read_config(path, overrides))) for path in given]
 
 
 def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool) -> None:
@@ -166,7 +191,9 @@ def _default(result: Path, point: Sequence[int] | None, *, quiet: bool) -> list[
     return ["pareto"]
 
 
-def _options(names: Sequence[str], given: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _options(
+    names: Sequence[str], given: Sequence[str], *, degrees: bool
+) -> dict[str, dict[str, Any]]:
     """What ``KEY=VALUE`` and ``FIGURE.KEY=VALUE`` set of each figure."""
     from eqt_cli.config.yaml_source import parse_value
     from eqt_cli.core.errors import EqtError, suggestion
@@ -174,6 +201,13 @@ def _options(names: Sequence[str], given: Sequence[str]) -> dict[str, dict[str, 
 
     known = {name: options_of(name) for name in names}
     found: dict[str, dict[str, Any]] = {name: {} for name in names}
+    if degrees:
+        angular = [name for name in known if "degrees" in known[name]]
+        if not angular:
+            raise EqtError(
+                f"--degrees: none of {', '.join(known)} shows angles in degrees on request"
+            )
+        found |= {name: {"degrees": True} for name in angular}
     for index, text in enumerate(given):
         place = f"--option[{index}]"
         left, equals, right = text.partition("=")

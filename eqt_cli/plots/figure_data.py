@@ -16,7 +16,8 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.plots.drawing.labels import notation
+from eqt_cli.groups.angles import turn_of_distance
+from eqt_cli.plots.drawing.labels import in_words, notation, signal_label
 from eqt_cli.plots.drawing.style import Look
 from eqt_cli.results.result import Result, SweptKey
 
@@ -179,6 +180,25 @@ class ShownRuns(ShownControllers):
         """
         self._check_stored(ensemble.results, signal)
         return ensemble.results.trajectories(signal, ensemble.controller, most)
+
+    def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
+        """`values` of a norm; those that are distances of rotations as angles, if in `degrees`."""
+        values = self.values(signal, ensemble)
+        if degrees and signal in self.results[0].attitude_errors:
+            return np.degrees(turn_of_distance(values))
+        return values
+
+    def error_label(self, signal: str, *, degrees: bool) -> str:
+        """The label of an axis along which `errors` are drawn."""
+        if degrees and signal in self.results[0].attitude_errors:
+            return in_words("attitude error", "deg")
+        return signal_label(self.results[0], signal)
+
+    def require_attitude(self, *, degrees: bool) -> None:
+        """Refuse to show in degrees what is no angle."""
+        if degrees and not self.results[0].attitude_errors:
+            group = self.results[0].group_name
+            raise self.error(f"finds no attitude error on {group} to show in degrees")
 
     def numbers(self, ensemble: Ensemble, most: int | None = None) -> Array:
         """The numbers of the good runs of a controller, as `values` takes them."""

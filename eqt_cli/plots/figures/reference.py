@@ -17,9 +17,6 @@ from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, shee
 from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, line_style
 from eqt_cli.plots.figure_data import ShownReference
 
-TURN = "rotation"
-"""What the names of parts that are rotations begin with."""
-
 
 @dataclass(frozen=True)
 class ReferenceOverTime(OfReference):
@@ -44,7 +41,7 @@ class ReferenceOverTime(OfReference):
         span = float(shown.times[0]), float(shown.times[-1])
         drawing, panels = sheet(width, rows, span, "s")
         for place, part in enumerate(parts):
-            turns = self.degrees and part.name.startswith(TURN)
+            turns = self.degrees and part.turns
             values, symbol, unit = pose_coordinates(shown.group, part, shown.pose)
             for row, (name, coordinates, in_unit) in zip(
                 rows,
@@ -86,7 +83,7 @@ def pose_coordinates(G: MatrixLieGroup, part: Part, pose: Array) -> tuple[Array,
         real = np.isfinite(pose).all(axis=(1, 2))
         logarithm[real] = G.log(pose[real])
     turns = logarithm[:, part.axes]
-    if not part.name.startswith(TURN):
+    if not part.turns:
         return turns, r"\log Q_d", ""
     return without_jumps(turns), r"\log R_d", "rad"
 
