@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from eqt_cli.cli.shared import completion, options
+from eqt_cli.cli.shared.output import print_found, say
+from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.store.reserved_names import FILE_NAME
 
 if TYPE_CHECKING:
     from eqt_cli.api import Shown
@@ -96,8 +100,6 @@ def plot(
     With --check, compare the numbers behind them with kept ones instead.
     """
     from eqt_cli import api
-    from eqt_cli.cli.shared.output import print_found, say
-    from eqt_cli.core.errors import EqtError
     from eqt_cli.plots.render import FORMATS
 
     if len(result) > 1 and out is None and check is None:
@@ -131,7 +133,6 @@ def _with_overrides(given: list[Path], set_: list[str] | None) -> list[Shown]:
     """What is drawn; configurations with what ``--set`` changes of them."""
     from eqt_cli.api import YAML, LoadedExperiment
     from eqt_cli.config.source import read_config
-    from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.read_study import study
 
     if not set_:
@@ -145,11 +146,7 @@ def _with_overrides(given: list[Path], set_: list[str] | None) -> list[Shown]:
 
 def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool) -> None:
     """Say where figures differ from what is kept, and exit with 4 if any does."""
-    from dataclasses import asdict
-
-    from eqt_cli.cli.shared.output import print_found
     from eqt_cli.plots.kept_numbers import TOLERANCE
-    from eqt_cli.store.reserved_names import FILE_NAME
 
     checked = [str(one if one.is_file() else one / FILE_NAME) for one in results]
     found = {name: asdict(one) for name, one in checks.items()}
@@ -169,7 +166,6 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
 def _default(result: Path, point: Sequence[int] | None, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
     from eqt_cli.api import YAML
-    from eqt_cli.cli.shared.output import say
     from eqt_cli.results.result import open_result
 
     if result.suffix in YAML:
@@ -196,7 +192,6 @@ def _options(
 ) -> dict[str, dict[str, Any]]:
     """What ``KEY=VALUE`` and ``FIGURE.KEY=VALUE`` set of each figure."""
     from eqt_cli.config.yaml_source import parse_value
-    from eqt_cli.core.errors import EqtError, suggestion
     from eqt_cli.plots.render import options_of
 
     known = {name: options_of(name) for name in names}

@@ -91,6 +91,8 @@ class Quantity:
         NaN in a run that is good says: later than the end of the run.
     of_turns
         It is there only where the norm is a distance ‖I − R‖_F of rotations.
+    diagnostic
+        It says how good the numbers are, and is left out where there is no room for all.
     stored_of
         The vehicles of whose runs a result file holds it.
     notes
@@ -115,6 +117,7 @@ class Quantity:
     compared: tuple[Window, ...] = ()
     censored: bool = False
     of_turns: bool = False
+    diagnostic: bool = False
     notes: Mapping[str, Attribute] = field(default_factory=dict)
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
 
