@@ -425,8 +425,8 @@ def plot(
         Its name, as ``eqt list figures`` shows them; or several, with the options of each. If not
         given, ``paper``, and of a configuration ``reference``.
     out
-        The folder; ``figures`` in that of the first result if not given, which of a configuration
-        is where its result would be.
+        The folder; ``figures`` in that of the first result if not given, and ``figures/<name>`` for
+        a configuration.
     formats
         ``pdf``, ``svg``, ``png``, or ``json`` for the numbers.
     width
@@ -464,12 +464,13 @@ def plot(
 
     with _opened(result, point) as opened:
         first = opened[0]
-        unrun = isinstance(first, Experiment)
-        figure = figure or ("reference" if unrun else "paper")
+        figure = figure or ("paper" if isinstance(first, Result) else "reference")
         wanted = {figure: options or {}} if isinstance(figure, str) else figure
         within = Path("figures") if point is None else point_folder(*_points(point))
-        home = Path("results") / first.name if isinstance(first, Experiment) else first.path.parent
-        folder = home / within if out is None else Path(out)
+        home = (
+            first.path.parent / within if isinstance(first, Result) else Path("figures", first.name)
+        )
+        folder = home if out is None else Path(out)
         check_targets(folder / f"{name}.{format}" for name in wanted for format in formats)
         rows: list[Row] = []
         of_certificates = any(issubclass(figures.get(name), OfCertificates) for name in wanted)

@@ -73,7 +73,7 @@ def plot(
     ] = False,
     out: Annotated[
         Path | None,
-        options.out("Folder of the figures; default: RESULT/figures. Several results need it."),
+        options.out("Folder of the figures; default: RESULT/figures, or figures/NAME of a CONFIG."),
     ] = None,
     check: Annotated[
         Path | None,
