@@ -13,8 +13,8 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAda
 
 from eqt_cli.core.option_types import Angle, Count, CountOrNone, Positive, Real
 from eqt_cli.core.validation import one_of
-from eqt_cli.groups.angles import distance_of_turn
 from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.groups.angles import distance_of_turn
 from eqt_cli.vehicle.numbers import Matrix as DrawnMatrix
 from eqt_cli.vehicle.numbers import Number
 
