@@ -31,7 +31,7 @@ def experiment(**changes):
 
 
 def drawn(source, **options):
-    """The numbers of each curve, by panel and number of the coordinate."""
+    """The numbers of each curve, by panel and coordinate."""
     drawing = figures.get("reference")(**options).draw([source])
     return {(curve.panel, curve.name): curve for curve in curves(drawing)}
 
@@ -39,21 +39,23 @@ def drawn(source, **options):
 def test_pose_velocity_and_torque_of_a_configuration():
     """A turn about z at 2 rad/s, beyond half-turns, on a circle of radius 0.25 m."""
     found = drawn(experiment())
-    t = found["pose rotation", "3"].x
-    np.testing.assert_allclose(found["pose rotation", "3"].y, 2 * t, rtol=0, atol=1e-9)
-    np.testing.assert_allclose(found["pose translation", "1"].y, np.sin(2 * t) / 4, atol=1e-12)
-    np.testing.assert_allclose(found["velocity translation", "1"].y, 0.5, atol=1e-12)
+    t = found["pose rotation", "ωz"].x
+    np.testing.assert_allclose(found["pose rotation", "ωz"].y, 2 * t, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(found["pose translation", "vx"].y, np.sin(2 * t) / 4, atol=1e-12)
+    np.testing.assert_allclose(found["velocity translation", "vx"].y, 0.5, atol=1e-12)
     # m ω v towards the centre of the circle.
-    np.testing.assert_allclose(found["torque translation", "2"].y, 4 * 2 * 0.5, atol=1e-12)
+    np.testing.assert_allclose(found["torque translation", "vy"].y, 4 * 2 * 0.5, atol=1e-12)
 
 
 def test_degrees_are_those_of_rotations():
     found, plain = drawn(experiment(), degrees=True), drawn(experiment())
-    for panel, factor in (("pose rotation", 180 / np.pi), ("velocity translation", 1.0)):
-        curve = found[panel, "3"]
-        np.testing.assert_allclose(curve.y, factor * plain[panel, "3"].y, rtol=1e-12)
-    assert "deg/s" in found["velocity rotation", "3"].up
-    assert "N m" in found["torque rotation", "3"].up
+    for key, factor in (
+        (("pose rotation", "ωz"), 180 / np.pi),
+        (("velocity translation", "vx"), 1),
+    ):
+        np.testing.assert_allclose(found[key].y, factor * plain[key].y, rtol=1e-12)
+    assert "deg/s" in found["velocity rotation", "ωz"].up
+    assert "N m" in found["torque rotation", "ωz"].up
 
 
 def test_a_result_shows_the_same(tmp_path):

@@ -55,8 +55,8 @@ class ReferenceOverTime(OfReference):
                 axes = panels[row[place]]
                 if turns and in_unit.startswith("rad"):
                     coordinates, in_unit = np.degrees(coordinates), in_unit.replace("rad", "deg")
-                for k, values in enumerate(coordinates.T):
-                    axes.plot(shown.times, values, label=f"{k + 1}", **line_style(Look(k)))
+                for k, axis in enumerate(shown.group.axis_names[part.axes]):
+                    axes.plot(shown.times, coordinates[:, k], label=axis, **line_style(Look(k)))
                 name_scale(axes, quantity(name, in_unit))
             if len(parts) > 1:
                 add_title(panels[rows[0][place]], part_name(part.name), WIDTHS[width] / len(parts))
