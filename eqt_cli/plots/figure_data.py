@@ -360,10 +360,24 @@ class ShownSweep:
         return self.results.swept_keys
 
     def metric(self, name: str) -> Array:
-        """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed."""
+        """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed.
+
+        What lies beyond the horizon counts with it.
+        """
         self.results.check_metrics([name], who=f"figure '{self.figure}'")
-        values: Array = self.results.metric(name)[:, self.controllers]
+        values: Array = self.results.counted(name)[:, self.controllers]
         return values
+
+    @property
+    def failed_runs(self) -> Array:
+        """How many runs failed, ``(points, shown controllers)``."""
+        found: Array = np.count_nonzero(self.results.status, axis=-1)[:, self.controllers]
+        return found
+
+    def beyond(self, name: str) -> Array:
+        """Of how many runs a metric lies beyond the horizon, ``(points, shown controllers)``."""
+        found: Array = self.results.censored(name).sum(axis=-1)[:, self.controllers]
+        return found
 
     def laws(self, shown: int) -> dict[int, str]:
         """The points where a controller, the n-th of those shown, is a law with a name of its own.
