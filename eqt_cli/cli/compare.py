@@ -11,6 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.output import print_json, print_records, say
+from eqt_cli.cli.shared.table_formats import as_csv, as_latex, as_text
+from eqt_cli.core.errors import EqtError, suggestion
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
@@ -86,9 +89,6 @@ def compare(
     Of a sweep: which law wins at which point, or one point with --point.
     """
     from eqt_cli import api
-    from eqt_cli.cli.shared.output import print_json, say
-    from eqt_cli.cli.shared.table_formats import as_csv
-    from eqt_cli.core.errors import EqtError
 
     if json and format is not Format.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
@@ -171,7 +171,6 @@ def _compare_sweep(
 
 def _print_metrics(results: Result, json: bool) -> None:
     from eqt_cli.analysis.comparison.notation import Plain
-    from eqt_cli.cli.shared.output import print_records
 
     write = Plain()
     rows = [
@@ -191,7 +190,6 @@ def _windows(measure: Quantity) -> str:
 
 
 def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None:
-    from eqt_cli.core.errors import EqtError, suggestion
 
     for label in labels:
         if label not in comparison.labels:
@@ -243,8 +241,6 @@ def _print_tables(
 ) -> None:
     from eqt_cli.analysis.comparison.notation import Latex, Plain
     from eqt_cli.analysis.comparison.tables import text_tables
-    from eqt_cli.cli.shared.output import say
-    from eqt_cli.cli.shared.table_formats import as_latex, as_text
 
     # A table of every pair of many controllers is long: without a wish, pairs with the first one.
     chosen = against or ((), comparison.labels[:1])[table is None and format is Format.TEXT]

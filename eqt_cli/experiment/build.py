@@ -332,8 +332,7 @@ def _fitting(
 def _poses(value: Any, G: MatrixLieGroup | None, problems: Problems) -> PoseDistribution | None:
     """One distribution, or one per factor of a product."""
     if not isinstance(value, list):
-        found: PoseDistribution | None = _fitting(pose_distributions, value, G, problems)
-        return found
+        return _fitting(pose_distributions, value, G, problems)
     factors = G.factors if isinstance(G, ProductGroup) else ()
     if len(value) != len(factors):
         if G is not None:

@@ -141,7 +141,7 @@ def _table(table: TextTable | None) -> dict[str, Any] | None:
     """A table for the page: minus signs as such, and which columns are numbers."""
     if table is None:
         return None
-    cells = list(zip(*(row for block in table.blocks for row in block.rows), strict=True))
+    cells = list(zip(*table.rows, strict=True))
     return {
         "caption": table.caption,
         "header": table.header,

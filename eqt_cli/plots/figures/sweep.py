@@ -43,6 +43,8 @@ FAILED, BEYOND = "////", "...."
 class SweepFigure(OfSweep):
     """A metric over the swept keys: curves with bands for one key, heat maps for two.
 
+    Means over the good runs of every point; bands reach from the 10 % to the 90 % quantile.
+
     A frame marks the best cell of each map, of those with the fewest failed runs; cells with failed
     runs, and with runs whose number lies beyond the horizon, are hatched.
 
