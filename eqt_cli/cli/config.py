@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import print_found, print_json, print_records, problem_records, say
+from eqt_cli.cli.shared.output import (
+    print_found,
+    print_json,
+    print_records,
+    problem_records,
+    say,
+    warn,
+)
 from eqt_cli.config import shipped
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.core.files import refusals
@@ -90,9 +97,11 @@ def check(
     if resolved:
         print_found(found.resolved, dump(found.resolved), json=json)
         return
+    experiment = found.base
+    for remark in experiment.remarks:
+        warn(remark)
     if not (quiet or json):
         say(f"{config}: valid")
-    experiment = found.base
     text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")

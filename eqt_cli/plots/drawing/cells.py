@@ -65,15 +65,6 @@ class Cells:
         rows, columns = self.shape
         return panel.pcolormesh(np.arange(columns), np.arange(rows), self.grid(values), **look)
 
-    def outline(self, panel: Axes) -> None:
-        """Draw thin lines between the cells, for maps with white ones."""
-        rows, columns = self.shape
-        look: dict[str, Any] = {"color": ink(0.25), "linewidth": 0.4}
-        for row in range(1, rows):
-            panel.axhline(row - 0.5, **look)
-        for column in range(1, columns):
-            panel.axvline(column - 0.5, **look)
-
     def hatch(self, panel: Axes, points: Iterable[int], pattern: str) -> None:
         """Hatch the cells of some points."""
         look = {"fill": False, "hatch": pattern, "edgecolor": ink(0.35), "linewidth": 0}

@@ -20,7 +20,7 @@ from eqt_cli.plots.drawing.layout import add_legend, add_title
 from eqt_cli.plots.drawing.scales import number_values
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
 from eqt_cli.plots.figure_data import ShownSweep
-from eqt_cli.results.result import SweptKey, mean_over_runs
+from eqt_cli.results.result import SweptKey
 
 _LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
@@ -43,10 +43,10 @@ FAILED, BEYOND = "////", "...."
 class SweepFigure(OfSweep):
     """A metric over the swept keys: curves with bands for one key, heat maps for two.
 
-    Means over the good runs of every point; bands reach from the 10 % to the 90 % quantile.
+    Means over the runs of every point; bands reach from the 10 % to the 90 % quantile.
 
-    A frame marks the best cell of each map, of those with the fewest failed runs; cells with failed
-    runs, and with runs whose number lies beyond the horizon, are hatched.
+    A frame marks the best cell of each map. Cells with failed runs, which have no mean, are
+    hatched, and so are cells with runs whose number lies beyond the horizon.
 
     Where the sweep is over the options of a law, points at which it is a law with a name of its own
     carry that name.
@@ -62,8 +62,8 @@ class SweepFigure(OfSweep):
     metric: str = "mean_pose_error"
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """One panel of curves, or a map per controller, of means over the good runs."""
-        values, axes = swept.metric(self.metric), swept.axes
+        """One panel of curves, or a map per controller, of means over the runs."""
+        values, means, axes = swept.metric(self.metric), swept.means(self.metric), swept.axes
         if not 1 <= len(axes) <= 2:
             keys = ", ".join(axis.key for axis in axes) or "none"
             raise swept.error(
@@ -73,7 +73,7 @@ class SweepFigure(OfSweep):
         label = metric_label(swept.results, self.metric, 36)
         if len(axes) == 1:
             return self._curves(swept, axes[0], values, label, width)
-        return self._maps(swept, axes, values, label, width)
+        return self._maps(swept, axes, means, label, width)
 
     def _curves(
         self, swept: ShownSweep, axis: SweptKey, values: Array, label: str, width: Width
@@ -85,12 +85,12 @@ class SweepFigure(OfSweep):
         for k, (position, title) in enumerate(zip(swept.controllers, swept.titles, strict=True)):
             found = values[order, k]
             style = line_style(position)
-            mean = mean_over_runs(found)
+            mean = np.mean(found, axis=-1)
             shape = {"marker": marker(position), **_POINTS}
             lines += panel.plot(axis.values[order], mean, label=title, **shape, **style)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
-            low, high = np.nanquantile(found, BAND, axis=-1)
+            low, high = np.quantile(found, BAND, axis=-1)
             band = band_look(style["color"])
             panel.fill_between(axis.values[order], low, high, label=title, **band)
         panel.margins(x=_MARGIN)
@@ -100,9 +100,8 @@ class SweepFigure(OfSweep):
         return drawing
 
     def _maps(
-        self, swept: ShownSweep, axes: list[SweptKey], values: Array, label: str, width: Width
+        self, swept: ShownSweep, axes: list[SweptKey], means: Array, label: str, width: Width
     ) -> Drawing:
-        means = mean_over_runs(values)
         count = len(swept.titles)
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panels = drawing.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
@@ -113,7 +112,7 @@ class SweepFigure(OfSweep):
             image = cells.draw(panel, means[:, index], vmin=low, vmax=high)
             cells.hatch(panel, np.flatnonzero(failed[:, index]), FAILED)
             cells.hatch(panel, np.flatnonzero(beyond[:, index]), BEYOND)
-            best = self._best(swept, means[:, index], failed[:, index])
+            best = _best(means[:, index], swept.results.quantity(self.metric).better)
             if best is not None:
                 cells.mark(panel, best)
             for point, law in swept.laws(index).items():
@@ -124,23 +123,22 @@ class SweepFigure(OfSweep):
         _explain(drawing, bool(failed.any()), bool(beyond.any()))
         return drawing
 
-    def _best(self, swept: ShownSweep, means: Array, failed: Array) -> int | None:
-        """The point with the best mean, of those with the fewest failed runs."""
-        better = swept.results.quantity(self.metric).better
-        if better == "neither" or not np.isfinite(means).any():
-            return None
-        costs = np.where(np.isfinite(means), -means if better == "higher" else means, np.inf)
-        return int(np.lexsort((costs, failed))[0])
+
+def _best(means: Array, better: str) -> int | None:
+    """The point with the best mean; None where there is none, or none is better."""
+    if better == "neither" or not np.isfinite(means).any():
+        return None
+    return int(np.nanargmax(means) if better == "higher" else np.nanargmin(means))
 
 
 def _explain(drawing: Drawing, failed: bool, beyond: bool) -> None:
     """Say what frames and hatches mean."""
     known: list[tuple[bool, str, dict[str, Any]]] = [
         (True, "best mean", {"linewidth": 1.0}),
-        (failed, "with failed runs, left out", {"hatch": FAILED, "linewidth": 0}),
+        (failed, "failed runs, no mean", {"hatch": FAILED, "linewidth": 0}),
         (
             beyond,
-            "with runs beyond the horizon, counted with it",
+            "runs beyond the horizon, counted with it",
             {"hatch": BEYOND, "linewidth": 0},
         ),
     ]

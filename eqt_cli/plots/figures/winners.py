@@ -83,10 +83,10 @@ class Winners(OfSweep):
         panel = drawing.add_subplot()
         colours = [ink(0), *(line_style(k)["color"] for k in swept.controllers)]
         winners = np.array([cell.winner - NOBODY for cell in found.cells], dtype=float)
-        look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT}
+        look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT, "label": "winner"}
+        look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
         panel.grid(False)
         cells.draw(panel, winners, cmap=ListedColormap(colours), **look)
-        cells.outline(panel)
         failed = [cell.point for cell in found.cells if any(cell.failed)]
         cells.hatch(panel, failed, FAILED)
         if (WIDTHS[width] - 1.0) / columns >= _NUMBER and height / rows >= _CELL * 0.6:
