@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import false_discovery_control, ttest_rel
 
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.maps import NOBODY, Map, compare_map
 from eqt_cli.core.errors import EqtError
 from eqt_cli.results.result import Result
@@ -41,7 +42,7 @@ class Stored(Result):
 
 
 def compared(stored: Stored, confidence: float = 0.95) -> Map:
-    return compare_map(stored, stored.name, confidence=confidence, resamples=999, seed=0)
+    return compare_map(stored, stored.name, Resampling(confidence, resamples=999))
 
 
 @pytest.fixture

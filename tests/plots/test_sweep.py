@@ -5,6 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.maps import compare_map
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.point_labels import name_points
@@ -271,7 +272,7 @@ def test_cells_with_failed_runs_are_hatched_and_are_not_the_best(swept, altered)
 
 def test_winners_are_those_of_the_comparison(swept):
     results = swept(TWO)
-    found = compare_map(results, "effort", confidence=0.9, resamples=999, seed=0)
+    found = compare_map(results, "effort", Resampling(confidence=0.9, resamples=999))
     image = Winners(metric="effort", confidence=0.9).draw([results]).axes[0].collections[0]
     drawn = np.asarray(image.get_array()).reshape(2, 3)
     assert drawn.T.ravel().tolist() == [cell.winner + 1 for cell in found.cells]

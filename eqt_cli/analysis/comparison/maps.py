@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.bootstrap import FEWEST, intervals_of_means
+from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_of_means
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
@@ -104,11 +104,8 @@ class Map:
 def compare_map(
     result: Result,
     metric: str,
-    *,
+    how: Resampling,
     laws: Sequence[int] | None = None,
-    confidence: float,
-    resamples: int,
-    seed: int,
 ) -> Map:
     """Compare the laws of a sweep at each of its points, run by run on the same initial states.
 
@@ -124,10 +121,10 @@ def compare_map(
         Open, of a sweep.
     metric
         A stored number per run.
+    how
+        Resamples of the intervals; and the confidence, of intervals and of the map.
     laws
         The positions of the laws to compare; all if None.
-    confidence, resamples, seed
-        As of `compare`.
 
     Raises
     ------
@@ -146,7 +143,7 @@ def compare_map(
     couples = list(combinations(range(len(chosen)), 2))
     first, second = (values[:, [pair[k] for pair in couples]] for k in (0, 1))
     differences = resolved_differences(first, second)  # (points, pairs, runs)
-    ends = _intervals(differences.reshape(-1, result.runs), confidence, resamples, seed)
+    ends = _intervals(differences.reshape(-1, result.runs), how)
     adjusted = _adjusted(_p_values(differences))
     means = mean_over_runs(values)
     cells = [
@@ -157,7 +154,7 @@ def compare_map(
             couples,
             ends.reshape(len(values), len(couples), 3)[point],
             adjusted[point],
-            1 - confidence,
+            1 - how.confidence,
             failed[point],
             np.count_nonzero(censored[point], axis=-1),
         )
@@ -166,19 +163,14 @@ def compare_map(
     labels, titles = ([names[k] for k in chosen] for names in (result.labels, result.titles))
     unit = result.units(metric)
     tests = int(np.isfinite(adjusted).sum())
-    return Map(quantity, unit, labels, titles, result.runs, means, cells, tests, confidence)
+    return Map(quantity, unit, labels, titles, result.runs, means, cells, tests, how.confidence)
 
 
-def _intervals(rows: Array, confidence: float, resamples: int, seed: int) -> Array:
+def _intervals(rows: Array, how: Resampling) -> Array:
     """Mean, lower and upper end of each row, some rows at a time; all are resampled alike."""
-    at_once = max(1, _NUMBERS // resamples)
+    at_once = max(1, _NUMBERS // how.resamples)
     parts = [
-        intervals_of_means(
-            rows[start : start + at_once].T,
-            confidence=confidence,
-            resamples=resamples,
-            seed=seed,
-        )
+        intervals_of_means(rows[start : start + at_once].T, how)
         for start in range(0, len(rows), at_once)
     ]
     columns = [np.stack([part.mean, part.low, part.high], axis=-1) for part in parts]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,7 +16,7 @@ from eqt_cli.analysis.comparison.maps import NOBODY, Map, compare_map
 from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.drawing.cells import Cells
-from eqt_cli.plots.drawing.curves import RESAMPLES, SEED
+from eqt_cli.plots.drawing.curves import RESAMPLING
 from eqt_cli.plots.drawing.labels import metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_remarks, add_title
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
@@ -71,10 +71,8 @@ class Winners(OfSweep):
         found = compare_map(
             swept.results,
             self.metric,
-            laws=swept.controllers,
-            confidence=self.confidence,
-            resamples=RESAMPLES,
-            seed=SEED,
+            replace(RESAMPLING, confidence=self.confidence),
+            swept.controllers,
         )
         cells = Cells(*axes)
         rows, columns = cells.shape
