@@ -19,6 +19,7 @@ from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
 from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.maps import Map, compare_map
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
 from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
@@ -450,6 +451,37 @@ def compare(
     with open_result(_path("result", result), point) as results:
         how = Resampling(confidence, resamples, seed)
         return compare_results(results, metrics=metrics, windows=parsed, how=how)
+
+
+def compare_sweep(
+    result: ResultPath,
+    metrics: Sequence[str],
+    *,
+    confidence: float = Resampling.confidence,
+    resamples: int = Resampling.resamples,
+    seed: int = Resampling.seed,
+) -> list[Map]:
+    """Compare the controllers at each point of a sweep: which of them wins where.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    metrics
+        Names of stored numbers per run; one map each.
+    confidence, resamples, seed
+        As of `compare`.
+
+    Raises
+    ------
+    EqtError
+        If the result is no sweep, or has no such metric.
+    """
+    with open_result(_path("result", result)) as results:
+        if not results.is_sweep:
+            raise results.error("is a single experiment; `eqt compare` without more compares it")
+        how = Resampling(confidence, resamples, seed)
+        return [compare_map(results, name, how) for name in metrics]
 
 
 def plot(

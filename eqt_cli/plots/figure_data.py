@@ -407,6 +407,17 @@ class ShownSweep:
             raise self.error(f"finds no point at which every run has a {name}")
         return found
 
+    @property
+    def failed_runs(self) -> Array:
+        """How many runs failed, ``(points, shown controllers)``."""
+        found: Array = np.count_nonzero(self.results.status, axis=-1)[:, self.controllers]
+        return found
+
+    def beyond(self, name: str) -> Array:
+        """Of how many runs a metric lies beyond the horizon, ``(points, shown controllers)``."""
+        found: Array = self.results.censored(name).sum(axis=-1)[:, self.controllers]
+        return found
+
     def laws(self, shown: int) -> dict[int, str]:
         """The points where a controller, the n-th of those shown, is a law with a name of its own.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -354,7 +354,16 @@ class Result(ResultFile):
             return SweptKey(
                 key, values, {float(k): str(v) for k, v in zip(values, labels, strict=True)}
             )
-        return SweptKey(key, values.astype(float), {})
+        return SweptKey(key, values.astype(float), {}, key in self._on_log_scales)
+
+    @cached_property
+    def _on_log_scales(self) -> set[str]:
+        """The keys for which a range of the sweep asks for a logarithmic scale."""
+        try:
+            config = yaml.safe_load(str(self.attributes.get("config", "")))
+            return set(_log_keys(config["sweep"]))
+        except (yaml.YAMLError, KeyError, TypeError, RecursionError):
+            return set()
 
     def point_name(self, point: int) -> str:
         """What is swept at a point: ``kp 2, kd 0.5``."""
@@ -678,11 +687,14 @@ class SweptKey:
         Numbers; text and matrices are numbered.
     texts
         What the numbers stand for, where the values are no numbers.
+    asks_log
+        Whether the range that they are from asks for a logarithmic scale.
     """
 
     key: str
     values: Array
     texts: dict[float, str]
+    asks_log: bool = False
 
     @property
     def levels(self) -> list[int]:
@@ -692,8 +704,10 @@ class SweptKey:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether the values are spread evenly on a logarithmic scale rather than a linear one."""
+        """Whether the values are spread on a logarithmic scale rather than a linear one."""
         levels = np.unique(self.values)
+        if self.asks_log:
+            return True
         if self.texts or len(levels) < 3 or levels[0] <= 0:
             return False
         return bool(np.ptp(np.diff(np.log(levels))) / np.log(levels[-1] / levels[0]) < 1e-6)
@@ -707,6 +721,18 @@ class SweptKey:
         """The value at a point, as text."""
         value = self.value(point)
         return value if isinstance(value, str) else f"{value:.4g}".replace("-", "−")
+
+
+def _log_keys(section: Any) -> Iterator[str]:
+    """The keys of ranges with ``scale: log``, anywhere in the section of a sweep."""
+    if isinstance(section, list):
+        for entry in section:
+            yield from _log_keys(entry)
+    elif isinstance(section, dict):
+        for key, entry in section.items():
+            if isinstance(entry, dict) and entry.get("scale") == "log":
+                yield str(key)
+            yield from _log_keys(entry)
 
 
 def mean_over_runs(values: Array) -> Array:
