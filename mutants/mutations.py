@@ -155,7 +155,11 @@ def _mutable(
 
 
 def _is_said(node: ast.AST) -> bool:
-    """Texts, errors, imports, names that are exported, and what only types read."""
+    """Texts, errors, imports, names that are exported, and what only types or programmers read."""
+    if isinstance(node, ast.keyword) and node.arg in ("strict", "repr"):
+        return True
+    if isinstance(node, ast.BinOp) and isinstance(node.left, ast.JoinedStr):
+        return True
     if isinstance(node, ast.Raise | ast.JoinedStr | ast.Import | ast.ImportFrom):
         return True
     if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):

@@ -203,6 +203,15 @@ def test_every_shipped_law_is_compared_with_its_literal_form_on_every_group(G, n
     assert any(found().applies(loop) for found in asked)
 
 
+@pytest.mark.parametrize("name", controllers.names())
+def test_every_shipped_law_has_its_rows_for_a_varying_inertia_too(name):
+    G = group_named("SO3")
+    asked = [found for found in certificates.all() if issubclass(found, LiteralForm)]
+    for inertia in varying_inertias(G):
+        loop = closed_loop(G, fitting(name, G), inertia=inertia)
+        assert any(found().applies(loop) for found in asked)
+
+
 def changed(name, **numbers):
     """A law of this registered name whose class has other numbers."""
     law = controllers.get(name)
