@@ -18,7 +18,7 @@ from eqt_cli.cli.shared.output import (
     warn,
 )
 from eqt_cli.config import shipped
-from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.core.errors import ConfigError, EqtError, EqtWarning
 from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import Problems
 
@@ -79,7 +79,11 @@ def check(
     """Check a configuration without running it, its reference over the whole horizon."""
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
-    from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
+    from eqt_cli.experiment.horizon import (
+        check_reference,
+        limits_below_reference,
+        reference_over_horizon,
+    )
     from eqt_cli.experiment.read_study import study
 
     source = read_config(config, options.overrides(set_))
@@ -98,7 +102,10 @@ def check(
         print_found(found.resolved, dump(found.resolved), json=json)
         return
     experiment = found.base
-    for remark in experiment.remarks:
+    for remark in (
+        *experiment.remarks,
+        *map(EqtWarning, limits_below_reference(experiment, shown)),
+    ):
         warn(remark)
     if not (quiet or json):
         say(f"{config}: valid")
