@@ -6,6 +6,7 @@ all modules that use the function. The rows that must turn red are named; all ot
 
 import dataclasses
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -753,3 +754,44 @@ def test_a_growing_error_speaks_against_convergence(monkeypatch):
     _, plant = PLANTS["damping: sign"]
     plant(monkeypatch)
     assert on(ALL, "Q → Q_d", "P → P_d") <= red_rows("paper")
+
+
+# The table of all of them -------------------------------------------------------------------------
+
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "planted_faults.md"
+
+ELSEWHERE = {
+    "settling time: not interpolated": "results/test_metrics.py",
+    "public copy of Lee 2010: transport term dropped": "analysis/test_published_faults.py",
+    "public copy of a logarithmic law: J transposed": "analysis/test_published_faults.py",
+    "public copy of Lee 2012: k_R twice": "analysis/test_published_faults.py",
+    "public copy of Goodarzi 2013: no feedforward": "analysis/test_published_faults.py",
+}
+"""Faults that the tests of another file plant, or of which `eqt verify` says nothing."""
+
+
+def table():
+    """All planted faults, with the rows that they turn red, as it stands on the page."""
+    lines = ["| fault | planted in | rows of `eqt verify` that turn red |", "|---|---|---|"]
+    for fault, (experiment, _) in PLANTS.items():
+        config, changes = EXPERIMENTS[experiment]
+        where = config + (", changed" if changes else "")
+        lines.append(f"| {fault} | {where} | {'; '.join(_rows(EXPECTED[fault]))} |")
+    return "\n".join(lines)
+
+
+def _rows(red):
+    """Names of rows, with the laws where only some of those that run are meant."""
+    named = {name: sorted(law for row, law in red if row == name) for name, _ in sorted(red)}
+    return [name + (f" ({', '.join(laws)})" if any(laws) else "") for name, laws in named.items()]
+
+
+def test_the_page_has_the_table_of_all_faults():
+    """To mend it, put there what `table()` gives."""
+    assert table() in PAGE.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("fault", "file"), ELSEWHERE.items())
+def test_the_page_says_where_other_faults_are_planted(fault, file):
+    assert f"| {fault} | `tests/{file}` |" in PAGE.read_text(encoding="utf-8")
+    assert (Path(__file__).parents[1] / file).exists()
