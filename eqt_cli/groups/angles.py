@@ -6,14 +6,30 @@ singularity was taken out before. It knows no group and no pose.
 
 from __future__ import annotations
 
-from math import pi
+import math
 from typing import Any
 
-from eqt_cli.core.arrays import sqrt
+import numpy as np
+
+from eqt_cli.core.arrays import Array, sqrt
+
+FARTHEST = 2 * math.sqrt(2)
+"""‖I − R‖_F of a half-turn, in the plane and in space."""
 
 SINE_TERMS = 12
 COTANGENT_TERMS = 14
 """So many that what is left out is below a tenth of the last place of a double."""
+
+
+def distance_of_turn(angle: float) -> float:
+    """‖I − R‖_F = 2√2 sin(θ/2) of a rotation by an angle, rad."""
+    return FARTHEST * math.sin(angle / 2)
+
+
+def turn_of_distance(distance: Array) -> Array:
+    """The angle, rad, of rotations with these ‖I − R‖_F; undoes `distance_of_turn`."""
+    angle: Array = 2 * np.arcsin(np.minimum(distance / FARTHEST, 1.0))
+    return angle
 
 
 def ratio_to_sine(c: Any) -> Any:
@@ -33,7 +49,7 @@ def inverse_jacobian_terms(square: Any) -> tuple[Any, Any]:
     With x = θ/2, (1 − x cot x)/x² = 2/(π² − x²) + a series that converges for x < 2π.
     """
     v = square / 4
-    pole = 1 / (pi**2 - v)
+    pole = 1 / (math.pi**2 - v)
     value = 2 * pole + _series(_COTANGENT, v)
     slope = 2 * pole * pole + _series([n * d for n, d in enumerate(_COTANGENT)][1:], v)
     return value / 4, slope / 16
@@ -56,7 +72,7 @@ def _cotangent() -> list[float]:
     d = [1 / 3]
     for n in range(2, COTANGENT_TERMS + 1):
         d.append(sum(a * b for a, b in zip(d, d[::-1], strict=True)) / (2 * n + 1))
-    return [term - 2 / pi ** (2 * n) for n, term in enumerate(d, start=1)]
+    return [term - 2 / math.pi ** (2 * n) for n, term in enumerate(d, start=1)]
 
 
 def _series(coefficients: list[float], x: Any) -> Any:
