@@ -23,7 +23,7 @@ from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment,
 from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
 from eqt_cli.config.source import ConfigSource, overridden, read_config, source_of
-from eqt_cli.core.errors import ComponentError, EqtError, Remedy
+from eqt_cli.core.errors import ComponentError, EqtError, EqtWarning, Remedy
 from eqt_cli.execution.executors import Executor, executors
 from eqt_cli.execution.folder import CONFIG
 from eqt_cli.execution.run_study import (
@@ -36,6 +36,7 @@ from eqt_cli.execution.run_study import (
     warn,
 )
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.horizon import limits_below_reference
 from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import Result, open_result, point_folder
@@ -217,6 +218,9 @@ def run(
         see `StoredResult.failed`.
     """
     loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
+    base = loaded.experiment
+    for known in (*base.remarks, *map(EqtWarning, limits_below_reference(base))):
+        remark(known)
     done = execute(
         loaded.study,
         Path("results") / loaded.name if out is None else Path(out),
