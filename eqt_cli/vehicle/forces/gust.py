@@ -12,7 +12,7 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.forces.base import Force
-from eqt_cli.vehicle.numbers import Number, Numbers, check_numbers
+from eqt_cli.vehicle.numbers import Number, Numbers, check_numbers, lowest
 
 SINES = 12
 """Per coordinate; each carries the same part of the variance."""
@@ -76,9 +76,10 @@ class Gust(Force):
         """A deviation that is negative, a time constant that is not positive, a wrong length."""
         super().check(G, problems)
         check_numbers(self.time_constant, problems.at("time_constant"), positive=True)
+        here = problems.at("std")
         for value in self.std if isinstance(self.std, list) else [self.std]:
-            if isinstance(value, float) and value < 0:
-                problems.at("std").add(f"expected no negative standard deviation, got {value:g}")
+            if not here and lowest(value) < 0:
+                here.add(f"expected no negative standard deviation, got {lowest(value):g}")
 
 
 def _column(t: Any, V: Array) -> Any:

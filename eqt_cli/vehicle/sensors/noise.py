@@ -10,7 +10,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.numbers import Numbers, check_numbers
+from eqt_cli.vehicle.numbers import Numbers, check_numbers, lowest
 from eqt_cli.vehicle.sensors.base import Sensor
 from eqt_cli.written.poses import vector
 
@@ -63,7 +63,8 @@ def check_deviations(value: Numbers, G: MatrixLieGroup, problems: Problems) -> N
     """Note a negative standard deviation, or a wrong number of them."""
     check_numbers(value, problems)
     for entry in value if isinstance(value, list) else [value]:
-        if isinstance(entry, float | int) and entry < 0:
-            problems.add(f"expected no negative standard deviation, got {entry:g}")
+        least = lowest(entry)
+        if not problems and least < 0:
+            problems.add(f"expected no negative standard deviation, got {least:g}")
     if isinstance(value, list) and len(value) != G.dimension:
         problems.add(f"expected {G.dimension} entries for {G.name}, got {len(value)}")
