@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.groups.angles import turn_of_distance
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.time_windows import WHOLE, Window
 from eqt_cli.vehicle import Vehicle
@@ -57,6 +58,16 @@ def peak(times: Array, values: Array) -> Array:
 def final(times: Array, values: Array) -> Array:
     """The value at the last sample."""
     return values[..., -1]
+
+
+def mean_turn(times: Array, distances: Array) -> Array:
+    """The mean angle over time, in degrees."""
+    return time_mean(times, np.degrees(turn_of_distance(distances)))
+
+
+def final_turn(times: Array, distances: Array) -> Array:
+    """The angle at the last sample, in degrees."""
+    return final(times, np.degrees(turn_of_distance(distances)))
 
 
 def integral_of_square(times: Array, values: Array) -> Array:
@@ -236,6 +247,26 @@ METRICS = (
         signals=("pose_error",),
         label="final {}",
         of=final,
+    ),
+    _less_is_better(
+        "mean_attitude_error",
+        "mean angle of the attitude error over the horizon",
+        units="deg",
+        signals=("pose_error",),
+        label="mean attitude error",
+        stored=False,
+        of=mean_turn,
+        of_turns=True,
+    ),
+    _less_is_better(
+        "final_attitude_error",
+        "angle of the attitude error at the end",
+        units="deg",
+        signals=("pose_error",),
+        label="final attitude error",
+        stored=False,
+        of=final_turn,
+        of_turns=True,
     ),
     _less_is_better(
         "mean_velocity_error",

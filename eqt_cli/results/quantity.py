@@ -93,6 +93,8 @@ class Quantity:
         The windows over which controllers are compared by it unless a user chooses.
     censored
         NaN in a run that is good says: later than the end of the run.
+    of_turns
+        It is there only where the norm is a distance ‖I − R‖_F of rotations.
     diagnostic
         It says how good the numbers are, and is left out where there is no room for all.
     stored_of
@@ -120,6 +122,7 @@ class Quantity:
     window: Window = WHOLE
     compared: tuple[Window, ...] = ()
     censored: bool = False
+    of_turns: bool = False
     diagnostic: bool = False
     notes: Mapping[str, Attribute] = field(default_factory=dict)
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
