@@ -172,7 +172,7 @@ class Taylor(Engine):
                 states = compiled.at_instant(span.start, states, numbers, errors)
             samples = slice(first, first + span.samples)
             first = samples.stop
-            if span.wanted[0]:
+            if span.wanted[0] and not span.later:
                 solution.states[runs, samples.start] = states[:, :count].T
             for batch in list(going):
                 rows, left = runs[batch], self.max_steps - int(steps[batch].max())
@@ -180,8 +180,8 @@ class Taylor(Engine):
                     span, states[:, batch], numbers[:, batch], left
                 )
                 if span.later:
-                    later = slice(samples.stop - span.later, samples.stop)
-                    solution.states[rows, later] = found[:, :, : len(rows)].transpose(2, 0, 1)
+                    here = slice(rows[0], rows[-1] + 1)
+                    solution.states[here, samples] = found[:, :, : len(rows)].transpose(2, 0, 1)
                 steps[batch] += [end[3] for end in ends]
                 bad = next((end[0] for end in ends if end[0] != success), None)
                 if is_last and not np.isfinite(states[:, batch]).all():
@@ -388,11 +388,11 @@ class _Compiled:
         states : (n, lanes)
             At the end.
         samples : (samples, n, lanes)
-            Where any are wanted behind the start; else none.
+            All of the span where any is behind its start; else none.
         """
         outcomes = _heyoka().taylor_outcome
         if most_steps <= 0:
-            lost = np.full((span.later, *states.shape), np.nan)
+            lost = np.full((span.samples, *states.shape), np.nan)
             return [(outcomes.step_limit, 0.0, 0.0, 0)] * states.shape[1], states, lost
         found = self._propagate(span, states, numbers, most_steps)
         expected = (outcomes.time_limit, outcomes.step_limit)
@@ -415,7 +415,8 @@ class _Compiled:
             return integrator.propagate_res, integrator.state, integrator.state[:0]
         grid = np.repeat(span.grid[:, None], lanes, axis=1)
         _, found = integrator.propagate_grid(grid, max_steps=most_steps, **watch)
-        return integrator.propagate_res, integrator.state, found[1:][span.wanted[1:]]
+        wanted = found if span.wanted.all() else found[span.wanted]
+        return integrator.propagate_res, integrator.state, wanted
 
     def _set_parameters(self, values: Array) -> None:
         """The numbers of the law in every lane, ``(numbers, lanes)``; the state is set."""
