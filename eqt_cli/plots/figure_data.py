@@ -174,6 +174,19 @@ class ShownRuns(ShownControllers):
         self._check_stored(ensemble.results, signal)
         return ensemble.results.trajectories(signal, ensemble.controller, most)
 
+    def of_run(self, signal: str, ensemble: Ensemble, run: int) -> Array:
+        """One signal of one run of a controller, ``(samples, …)``.
+
+        Raises
+        ------
+        EqtError
+            If the run failed, or the result does not hold its trajectory.
+        """
+        found: Array = ensemble.results.trajectory(signal, run)[ensemble.controller]
+        if not ensemble.results.good[ensemble.controller, run]:
+            raise self.error(f"cannot show run {run} of {ensemble.label}, which failed")
+        return found
+
     def numbers(self, ensemble: Ensemble, most: int | None = None) -> Array:
         """The numbers of the good runs of a controller, as `values` takes them."""
         numbers: Array = ensemble.results.stored_runs[ensemble.good][:most]
@@ -207,8 +220,18 @@ class ShownRuns(ShownControllers):
         return list(zip(axes, units, strict=True))
 
     def notes(self) -> list[str]:
-        """As `ShownControllers.notes`, after how many runs have trajectories."""
-        return [*self._thinned(), *super().notes()]
+        """As `ShownControllers.notes`, after what flies and how many runs have trajectories."""
+        return [*self._loops(), *self._thinned(), *super().notes()]
+
+    def _loops(self) -> Iterator[str]:
+        """What the loops have that the paper's has not."""
+        found = {
+            name: one.loop_in_words
+            for one, name in zip(self.results, names(self.results), strict=True)
+        }
+        for name, words in found.items():
+            if words:
+                yield f"{name}: {words}" if len(self.results) > 1 else words
 
     def _thinned(self) -> Iterator[str]:
         for one, name in zip(self.results, names(self.results), strict=True):
@@ -331,6 +354,8 @@ class ShownSweep:
         The open result.
     figure, chosen
         As for `ShownControllers`.
+    failed
+        What becomes of runs that failed, in words.
 
     Attributes
     ----------
@@ -345,8 +370,10 @@ class ShownSweep:
         If the result is not one of a sweep, or there is no such controller.
     """
 
-    def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
-        self.results, self.figure = results, figure
+    def __init__(
+        self, results: Result, figure: str, chosen: Sequence[str] = (), failed: str = "left out"
+    ) -> None:
+        self.results, self.figure, self.failed = results, figure, failed
         if not results.is_sweep:
             raise self.error(
                 "shows sweeps, and this is a single experiment; see `eqt sweep --help`"
@@ -379,7 +406,22 @@ class ShownSweep:
     def notes(self) -> list[str]:
         """What a reader must know about the runs that are not shown."""
         failed = int(np.count_nonzero(self.results.status[:, self.controllers]))
-        return [f"{failed} runs failed; left out."] if failed else []
+        return [f"{failed} runs failed; {self.failed}."] if failed else []
+
+    def settled(self, by: float) -> Array:
+        """Which runs have settled by a time, or by their end if it is 0; no failed run has.
+
+        Raises
+        ------
+        EqtError
+            If runs do not last that long.
+        """
+        horizon = self.results.horizon
+        if horizon is not None and by > horizon:
+            raise self.error(f"option 'by': the runs last {horizon:g} s, got {by:g}")
+        times = self.metric("settling_time")
+        found: Array = times <= (by or np.inf)  # NaN, of a run that has not settled, is not
+        return found
 
     def error(self, message: str) -> EqtError:
         """An error of this figure about this result."""

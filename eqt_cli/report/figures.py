@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -36,11 +36,14 @@ class Wanted:
         As `eqt plot` takes them.
     caption
         What there is to see; the figure's own summary if empty.
+    needs
+        A variable without which there is nothing to see, and no word about it.
     """
 
     name: str
     options: Mapping[str, Any] = field(default_factory=dict)
     caption: str = ""
+    needs: str = ""
 
 
 @dataclass(frozen=True)
@@ -75,6 +78,13 @@ DEFAULT = (
         {},
         "Components of the torque in the body frame: mean over runs, the range from the 10 % to "
         "the 90 % quantile, and the torque of the reference.",
+    ),
+    Wanted(
+        "commands",
+        {},
+        "What each law asked for, dashed, and what the actuators gave, in the first run; shaded "
+        "where an actuator is at its limit.",
+        needs="command",
     ),
     Wanted(
         "distributions",
@@ -122,6 +132,13 @@ SWEPT = (
         "the points that no other betters in both; where these are few, their swept values stand "
         "beside them as far as there is room.",
     ),
+    Wanted(
+        "envelope",
+        {},
+        "The share of runs that have settled at the end, over the first swept number, with 95 % "
+        "Wilson intervals; runs that failed count as not settled.",
+        needs="settled",
+    ),
 )
 """What a report on a sweep shows unless told otherwise."""
 
@@ -132,7 +149,7 @@ def inline_figures(
     """The figures that can be drawn of a result, and remarks on the others."""
     drawn, remarks = [], []
     for number, figure in enumerate(wanted, start=1):
-        if figure.name not in figures.names() or _is_idle(figure, certificates):
+        if figure.name not in figures.names() or _is_idle(result, figure, certificates):
             continue
         try:
             drawn.append(_draw(result, figure, f"figure{number}", certificates))
@@ -141,8 +158,10 @@ def inline_figures(
     return drawn, remarks
 
 
-def _is_idle(wanted: Wanted, certificates: Sequence[Row]) -> bool:
-    """Whether it would show certificates and there are none, which the page says elsewhere."""
+def _is_idle(result: Result, wanted: Wanted, certificates: Sequence[Row]) -> bool:
+    """Whether it has nothing to show of this result, or no certificates, which the page says."""
+    if wanted.needs and not result.has(wanted.needs):
+        return True
     return not certificates and issubclass(figures.get(wanted.name), OfCertificates)
 
 
@@ -154,7 +173,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
     ComponentError
         If there is no such figure.
     """
-    known = {figure.name: figure for figure in reversed((*DEFAULT, *SWEPT))}
+    known = {figure.name: replace(figure, needs="") for figure in reversed((*DEFAULT, *SWEPT))}
     for name in names:
         figures.get(name)
     return [known.get(name, Wanted(name)) for name in names]

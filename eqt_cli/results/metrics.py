@@ -281,6 +281,9 @@ METRICS = (
         better="higher",
         of=settled,
         settings={"threshold": "settling_threshold"},
+        compared=(WHOLE,),
+        counts=True,
+        told_by="settling_time",
         stored_of=_as_it_flies,
     ),
     Quantity(
@@ -291,6 +294,7 @@ METRICS = (
         label="share of time at a limit",
         better="lower",
         of=time_mean,
+        compared=(WHOLE,),
         stored_of=lambda vehicle: vehicle.limits,
     ),
     Quantity(
@@ -300,6 +304,7 @@ METRICS = (
         label="closing rms of {}",
         better="lower",
         of=closing_rms,
+        compared=(WHOLE,),
         stored_of=_as_it_flies,
     ),
     Quantity(
@@ -309,6 +314,7 @@ METRICS = (
         label="closing rms of {}",
         better="lower",
         of=closing_rms,
+        compared=(WHOLE,),
         stored_of=_as_it_flies,
     ),
 )

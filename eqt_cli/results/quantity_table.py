@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.results.metrics import METRICS, energy_residual
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.table import Variable
+from eqt_cli.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.build import Experiment
@@ -122,16 +123,23 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is Per.RUN and q.of and
 """What is computed from the signals of a run and stored."""
 
 
-def quantities(experiment: Experiment) -> list[Quantity]:
-    """The variables of a result of an experiment, with their units there, in the file's order."""
-    return list(_stored(experiment))
+def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list[Quantity]:
+    """The variables of a result of an experiment, with their units there, in the file's order.
+
+    Parameters
+    ----------
+    vehicles
+        Those of all points of a sweep; what is stored of one is stored of all. The experiment's
+        own if empty.
+    """
+    own = next(iter(experiment.loops.values())).vehicle
+    return list(_stored(experiment, vehicles or [own]))
 
 
-def _stored(experiment: Experiment) -> Iterator[Quantity]:
+def _stored(experiment: Experiment, vehicles: Sequence[Vehicle]) -> Iterator[Quantity]:
     group = experiment.group
-    vehicle = next(iter(experiment.loops.values())).vehicle
     for quantity in QUANTITIES.values():
-        if not (quantity.stored and quantity.stored_of(vehicle)):
+        if not (quantity.stored and any(map(quantity.stored_of, vehicles))):
             continue
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
         units = quantity.unit(_unit_of_signal(quantity, group))

@@ -9,9 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
+from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
-from eqt_cli.plots.drawing.curves import BAND, band_look
+from eqt_cli.plots.drawing.curves import BAND, CONFIDENCE, band_look
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title
 from eqt_cli.plots.drawing.scales import number_values
@@ -78,7 +79,7 @@ class SweepFigure(OfSweep):
             lines += panel.plot(axis.values[order], mean, label=title, **shape, **style)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
-            low, high = np.nanquantile(found, BAND, axis=-1)
+            low, high = self._band(swept, found)
             band = band_look(style["color"])
             panel.fill_between(axis.values[order], low, high, label=title, **band)
         panel.margins(x=_MARGIN)
@@ -87,10 +88,22 @@ class SweepFigure(OfSweep):
         add_legend(drawing, lines, swept.titles)
         return drawing
 
+    def _band(self, swept: ShownSweep, values: Array) -> tuple[Array, Array]:
+        """Where most runs are; of what counts runs, how well their share is known."""
+        if not swept.results.quantity(self.metric).counts:
+            low, high = np.nanquantile(values, BAND, axis=-1)
+            return low, high
+        ends = shares(values, CONFIDENCE)
+        return ends[..., 1], ends[..., 2]
+
     def _maps(
         self, swept: ShownSweep, axes: list[SweptKey], values: Array, label: str, width: Width
     ) -> Drawing:
         means = mean_over_runs(values)
+        if swept.results.quantity(self.metric).counts:
+            _, low, high = np.moveaxis(shares(values, CONFIDENCE), -1, 0)
+            most = np.nanmax(np.maximum(high - means, means - low))
+            label += f"\n(intervals to ±{most:.2f})"
         count = len(swept.titles)
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panels = drawing.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]

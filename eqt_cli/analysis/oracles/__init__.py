@@ -1,0 +1,31 @@
+"""Foreign plants: other programs' rigid bodies, against which those of eqt are checked."""
+
+from eqt_cli.analysis.oracles.base import Oracle
+from eqt_cli.analysis.oracles.mujoco import MuJoCo
+from eqt_cli.analysis.oracles.pinocchio import Pinocchio
+from eqt_cli.core.errors import EqtError, suggestion
+
+ORACLES: dict[str, type[Oracle]] = {oracle.name: oracle for oracle in (MuJoCo, Pinocchio)}
+
+
+def oracle_named(name: str) -> type[Oracle]:
+    """An oracle whose package is there.
+
+    Raises
+    ------
+    EqtError
+        If there is none of that name, or its package is not installed.
+    """
+    if name not in ORACLES:
+        hint = suggestion(name, ORACLES) or f"; there are: {', '.join(ORACLES)}"
+        raise EqtError(f"--oracle: no oracle '{name}'{hint}")
+    found = ORACLES[name]
+    if not found.is_installed():
+        raise EqtError(
+            f"--oracle {name}: the Python package '{found.package}' is not installed; "
+            'install it with pip install "eqt-cli[oracle]"'
+        )
+    return found
+
+
+__all__ = ["ORACLES", "MuJoCo", "Oracle", "Pinocchio", "oracle_named"]
