@@ -331,7 +331,7 @@ def open_results(
         if kind is None:
             return open_result(Path(path), point)
         raise EqtError(
-            "xarray is not installed; install eqt-cli[xarray], or open with kind='arrays'"
+            "xarray is not installed: pip install xarray h5netcdf, or open with kind='arrays'"
         )
     import xarray
 

@@ -94,7 +94,7 @@ def check(
         print_found(found.resolved, dump(found.resolved), json=json)
         return
     if not (quiet or json):
-        say(f"{config}: fine")
+        say(f"{config}: valid")
     experiment = found.base
     text = (
         f"{experiment.name}: {experiment.group.name}, "

@@ -33,7 +33,7 @@ def run(
     source = read_config(config, options.overrides(set_, engine))
     if source.data.get("sweep"):
         place = source.place(("sweep",))
-        raise EqtError(f"{place}: the configuration sweeps; use: eqt sweep {source.path}")
+        raise EqtError(f"{place}: defines a sweep; use: eqt sweep {source.path}")
     found = LoadedExperiment(study(source, trust_plugins=trust_plugins))
     run_experiment(
         found,

@@ -62,7 +62,7 @@ def sweep(
     add_grids(source, options.placed("--grid", grid))
     if not source.data.get("sweep"):
         raise EqtError(
-            f"{source.source.name}: sweeps nothing; add a `sweep` section or --grid KEY=A,B, "
+            f"{source.source.name}: defines no sweep; add a `sweep` section or --grid KEY=A,B, "
             f"or use: eqt run {source.path}"
         )
     found = LoadedExperiment(

@@ -45,7 +45,7 @@ def print_accuracy(result: Result) -> None:
     )
     if not check.holds:
         print(
-            "eqt: the two ways of integrating disagree beyond the bound; tighten solver.rtol, "
+            "eqt: the two integrators differ by more than the bound; tighten solver.rtol, "
             "or look for kinks and discontinuities in the laws",
             file=sys.stderr,
         )

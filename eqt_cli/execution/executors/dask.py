@@ -45,7 +45,9 @@ class Dask(Executor):
         if not items:
             return
         if not find_spec("distributed"):
-            raise EqtError("executor dask needs Dask.distributed: pip install 'eqt-cli[dask]'")
+            raise EqtError(
+                "executor dask needs Dask.distributed: pip install 'distributed>=2026.7'"
+            )
         from distributed import KilledWorker, as_completed
 
         payload = pickle.dumps(task)
