@@ -45,9 +45,8 @@ class MuJoCo(SteppingOracle):
         part.add_joint(type=kinds.mjJNT_FREE if body.free else kinds.mjJNT_BALL)
         part.add_site(name="origin")
         for gear in np.eye(6)[[3, 4, 5, 0, 1, 2]]:  # eqt's order: torque, force
-            spec.add_actuator(
-                target="origin", trntype=mujoco.mjtTrn.mjTRN_SITE, gear=gear
-            ).set_to_motor()
+            # By default an actuator is a motor: its force is what it is told.
+            spec.add_actuator(target="origin", trntype=mujoco.mjtTrn.mjTRN_SITE, gear=gear)
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.analysis.evidence.runs import STATES_PER_RTOL
 from eqt_cli.analysis.oracles.base import Oracle, RigidBody, SteppingOracle
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, frobenius, norm
@@ -32,8 +33,12 @@ PERIOD, INSTANTS = 0.05, 40
 SUBSTEPS = (1, 2, 4, 8)
 """Into how many steps a period is cut, one after the other."""
 
+RTOL = 1e-12
+"""Of eqt's own solution."""
+
 ORDER = 2.0
-"""With which the difference falls: MuJoCo's RK4 is of second order in the attitude (measured)."""
+"""With which the difference falls at least: of MuJoCo's "RK4", 2.00 was measured with 3.3,
+whose attitude is of second order, and 4.00 with 4.0."""
 
 SHORTFALL = 0.2
 """Of the order, which is reached in the limit of short steps only."""
@@ -107,16 +112,16 @@ class _Asked:
             start.pose @ G.exp(x[0]), start.velocity + x[1], start.pose, start.velocity
         )
         times = PERIOD * np.arange(INSTANTS + 1)
-        solution = start.engine.sized(1, loop.state_length).solve(
-            Problem(loop, first[None], times), lambda runs: None
-        )
+        engine = start.engine.sized(1, loop.state_length)
+        exact = engine.tightened(min(1.0, RTOL / engine.rtol))
+        solution = exact.solve(Problem(loop, first[None], times), lambda runs: None)
         if solution.status[0]:
             said = f"eqt's own run fails: {solution.messages[0]}"
             yield self._row(name, Verdict.UNDECIDED, label, remark=said)
             return
         found = [_stepped(loop, body, times, first, solution.states[0], n) for n in SUBSTEPS]
         orders = np.log2(np.array(found[:-1]) / found[1:])
-        bound = found[0] / SUBSTEPS[-1] ** (ORDER - SHORTFALL)
+        bound = max(found[0] / SUBSTEPS[-1] ** (ORDER - SHORTFALL), STATES_PER_RTOL * RTOL)
         verdict = Verdict.HOLDS if found[-1] <= bound else Verdict.FAILS
         falls = ", ".join(f"{order:.2f}" for order in orders)
         step = PERIOD / SUBSTEPS[-1]
