@@ -9,6 +9,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion, options
+from eqt_cli.cli.shared.output import print_found, print_json, print_records, problem_records, say
+from eqt_cli.config import shipped
+from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.core.files import refusals
+from eqt_cli.core.problems import Problems
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
@@ -30,11 +35,6 @@ def new(
     quiet: options.Quiet = False,
 ) -> None:
     """Write a shipped configuration to a file of your own."""
-    from eqt_cli.cli.shared.output import say
-    from eqt_cli.config import shipped
-    from eqt_cli.core.errors import EqtError
-    from eqt_cli.core.files import refusals
-
     text = shipped.text(source)
     if file == Path("-"):
         print(text, end="")
@@ -70,11 +70,8 @@ def check(
     quiet: options.Quiet = False,
 ) -> None:
     """Check a configuration without running it, its reference over the whole horizon."""
-    from eqt_cli.cli.shared.output import print_found, print_json, problem_records, say
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
-    from eqt_cli.core.errors import ConfigError
-    from eqt_cli.core.problems import Problems
     from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
     from eqt_cli.experiment.read_study import study
 
@@ -138,7 +135,6 @@ def keys(
     json: options.Json = False,
 ) -> None:
     """Describe the keys of a configuration: value, default, meaning."""
-    from eqt_cli.cli.shared.output import print_records
     from eqt_cli.config.json_schema import json_schema
     from eqt_cli.config.key_descriptions import keys_of, within
 
@@ -156,7 +152,6 @@ def _bare(text: str) -> str:
 @app.command("schema")
 def schema() -> None:
     """Print the JSON schema of configurations, for completion and checks in editors."""
-    from eqt_cli.cli.shared.output import print_json
     from eqt_cli.config.json_schema import json_schema
 
     print_json(json_schema())

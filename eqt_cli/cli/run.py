@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
+from eqt_cli.core.errors import EqtError
 
 
 def run(
@@ -25,9 +27,7 @@ def run(
     Run it again after an interruption: it continues.
     """
     from eqt_cli.api import LoadedExperiment
-    from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
     from eqt_cli.config.source import read_config
-    from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.read_study import study
 
     source = read_config(config, options.overrides(set_, engine))

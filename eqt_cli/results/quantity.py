@@ -93,6 +93,8 @@ class Quantity:
         Its values are 0 or 1, and their mean is a share of the runs.
     told_by
         Where a file does not hold it: another number per run, which has a value where this is 1.
+    diagnostic
+        It says how good the numbers are, and is left out where there is no room for all.
     stored_of
         The vehicles of whose runs a result file holds it.
     notes
@@ -118,6 +120,7 @@ class Quantity:
     censored: bool = False
     counts: bool = False
     told_by: str = ""
+    diagnostic: bool = False
     notes: Mapping[str, Attribute] = field(default_factory=dict)
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
 

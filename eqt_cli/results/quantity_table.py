@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -74,7 +74,11 @@ _OF_THE_RUN = (
         "steps", "work of the solver, as its engine counts it", units="1", dtype=np.dtype("i8")
     ),
     Quantity(
-        "group_drift", "largest distance from the group", units="1", label="drift from the group"
+        "group_drift",
+        "largest distance from the group",
+        units="1",
+        label="drift from the group",
+        diagnostic=True,
     ),
     Quantity(
         "energy_residual",
@@ -88,6 +92,7 @@ _OF_THE_RUN = (
         "unstable_distance",
         "smallest ||Q_E - Qc||_F, Qc critical points other than I",
         signals=("pose",),
+        diagnostic=True,
     ),
     Quantity(
         "error_estimate",
@@ -100,6 +105,7 @@ _OF_THE_RUN = (
         "distance of the run's own reference to desired_pose, desired_velocity",
         units="mixed",
         label="residual of the reference",
+        diagnostic=True,
     ),
     Quantity(
         "status",
@@ -132,22 +138,21 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         Those of all points of a sweep; what is stored of one is stored of all. The experiment's
         own if empty.
     """
-    own = next(iter(experiment.loops.values())).vehicle
-    return list(_stored(experiment, vehicles or [own]))
-
-
-def _stored(experiment: Experiment, vehicles: Sequence[Vehicle]) -> Iterator[Quantity]:
-    group = experiment.group
+    found, group = [], experiment.group
+    vehicles = vehicles or [next(iter(experiment.loops.values())).vehicle]
     for quantity in QUANTITIES.values():
         if not (quantity.stored and any(map(quantity.stored_of, vehicles))):
             continue
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
         units = quantity.unit(_unit_of_signal(quantity, group))
-        yield replace(quantity, units=units, notes={**quantity.notes, **notes})
+        found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
         if quantity.per is Per.TRAJECTORY:
             signal = _SIGNALS[quantity.name]
-            for part in signal.parts(group):
-                yield replace(quantity.part(part.name), units=signal.unit_in(part))
+            found += [
+                replace(quantity.part(part.name), units=signal.unit_in(part))
+                for part in signal.parts(group)
+            ]
+    return found
 
 
 def _unit_of_signal(quantity: Quantity, group: MatrixLieGroup) -> str:

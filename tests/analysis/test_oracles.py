@@ -131,7 +131,7 @@ def test_an_oracle_that_is_not_installed_says_how_to_get_it(monkeypatch):
     with pytest.raises(EqtError) as caught:
         oracle_named("mujoco")
     assert str(caught.value) == (
-        '--oracle mujoco: MuJoCo is not installed; install it with pip install "eqt-cli[oracle]"'
+        "--oracle mujoco: MuJoCo is not installed; install it with pip install mujoco"
     )
 
 
@@ -145,7 +145,7 @@ def test_an_oracle_that_cannot_be_loaded_says_why(monkeypatch):
         oracle_named("pinocchio")
     assert str(caught.value) == (
         "--oracle pinocchio: Pinocchio cannot be loaded (liburdfdom.so: no such file); install it "
-        'with pip install "eqt-cli[oracle]"'
+        "with pip install pin"
     )
 
 
@@ -160,7 +160,7 @@ def test_an_unknown_oracle_is_named():
 )
 def test_an_installed_oracle_agrees(oracle, config):
     if not oracle.is_installed():
-        pytest.skip(f"{oracle.title} is not installed; pip install 'eqt-cli[oracle]' has it")
+        pytest.skip(f"{oracle.title} is not installed; {oracle.remedy}")
     found = rows_of(oracle, config)
     assert {row.verdict for row in found.values()} == {"holds"}
     assert len(found) == (3 if issubclass(oracle, SteppingOracle) else 2)

@@ -8,9 +8,6 @@ from eqt_cli.core.errors import EqtError, suggestion
 ORACLES: dict[str, type[Oracle]] = {oracle.name: oracle for oracle in (MuJoCo, Pinocchio)}
 
 
-_INSTALL = 'install it with pip install "eqt-cli[oracle]"'
-
-
 def oracle_named(name: str) -> type[Oracle]:
     """An oracle whose package is there.
 
@@ -24,11 +21,11 @@ def oracle_named(name: str) -> type[Oracle]:
         raise EqtError(f"--oracle: no oracle '{name}'{hint}")
     found = ORACLES[name]
     if not found.is_installed():
-        raise EqtError(f"--oracle {name}: {found.title} is not installed; {_INSTALL}")
+        raise EqtError(f"--oracle {name}: {found.title} is not installed; {found.remedy}")
     try:
         found.version()
     except ImportError as error:
-        message = f"--oracle {name}: {found.title} cannot be loaded ({error}); {_INSTALL}"
+        message = f"--oracle {name}: {found.title} cannot be loaded ({error}); {found.remedy}"
         raise EqtError(message) from error
     return found
 

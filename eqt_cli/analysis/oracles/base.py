@@ -68,12 +68,15 @@ class Oracle(ABC):
     ----------
     name, package
         As after ``--oracle``, and of the Python package.
+    remedy
+        What to do where the package is missing.
     title
         As it is written.
     """
 
     name: ClassVar[str]
     package: ClassVar[str]
+    remedy: ClassVar[str]
     title: ClassVar[str]
 
     @classmethod

@@ -21,6 +21,7 @@ class MuJoCo(SteppingOracle):
 
     name: ClassVar[str] = "mujoco"
     package: ClassVar[str] = "mujoco"
+    remedy: ClassVar[str] = "install it with pip install mujoco"
     title: ClassVar[str] = "MuJoCo"
 
     @classmethod

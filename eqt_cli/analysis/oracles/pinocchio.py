@@ -20,6 +20,7 @@ class Pinocchio(Oracle):
 
     name: ClassVar[str] = "pinocchio"
     package: ClassVar[str] = "pinocchio"
+    remedy: ClassVar[str] = "install it with pip install pin"
     title: ClassVar[str] = "Pinocchio"
 
     @classmethod

@@ -8,10 +8,9 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from eqt_cli.core.errors import EqtError, EqtWarning, InputProblem
+from eqt_cli.core.errors import EqtError, EqtWarning, InputProblem
 
 
 def say(message: str) -> None:

@@ -127,5 +127,4 @@ def _do(payload: bytes, item: int) -> int:
 @lru_cache(maxsize=4)
 def _task(payload: bytes) -> Task:
     """The work, opened once in each worker."""
-    task: Task = pickle.loads(payload)
-    return task
+    return pickle.loads(payload)
