@@ -9,9 +9,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import print_found, print_json, print_records, problem_records, say
+from eqt_cli.cli.shared.output import (
+    print_found,
+    print_json,
+    print_records,
+    problem_records,
+    say,
+    warn,
+)
 from eqt_cli.config import shipped
-from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.core.errors import ConfigError, EqtError, EqtWarning
 from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import Problems
 
@@ -72,7 +79,11 @@ def check(
     """Check a configuration without running it, its reference over the whole horizon."""
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
-    from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
+    from eqt_cli.experiment.horizon import (
+        check_reference,
+        limits_below_reference,
+        reference_over_horizon,
+    )
     from eqt_cli.experiment.read_study import study
 
     source = read_config(config, options.overrides(set_))
@@ -90,9 +101,14 @@ def check(
     if resolved:
         print_found(found.resolved, dump(found.resolved), json=json)
         return
+    experiment = found.base
+    for remark in (
+        *experiment.remarks,
+        *map(EqtWarning, limits_below_reference(experiment, shown)),
+    ):
+        warn(remark)
     if not (quiet or json):
         say(f"{config}: valid")
-    experiment = found.base
     text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.component import Component
@@ -144,14 +144,11 @@ class OfMetrics(Figure[ShownMetrics]):
 class OfSweep(Figure[ShownSweep]):
     """A figure of the metrics of one sweep."""
 
-    failed: ClassVar[str] = "left out"
-    """What becomes of runs that failed, in words."""
-
     def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownSweep:
         """The points and what was measured at each."""
         if len(results) > 1:
             raise results[1].error(f"figure '{self.name}' shows one sweep at a time")
-        return ShownSweep(results[0], self.name, self.controllers, self.failed)
+        return ShownSweep(results[0], self.name, self.controllers)
 
 
 @dataclass(frozen=True)

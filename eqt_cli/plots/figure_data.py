@@ -345,7 +345,7 @@ def _sample(name: str, ensemble: Ensemble) -> Sample:
 
 
 class ShownSweep:
-    """A sweep's metrics over the good runs of every point.
+    """A sweep's metrics over all runs of every point.
 
     Parameters
     ----------
@@ -353,8 +353,6 @@ class ShownSweep:
         The open result.
     figure, chosen
         As for `ShownControllers`.
-    failed
-        What becomes of runs that failed, in words.
 
     Attributes
     ----------
@@ -369,16 +367,15 @@ class ShownSweep:
         If the result is not one of a sweep, or there is no such controller.
     """
 
-    def __init__(
-        self, results: Result, figure: str, chosen: Sequence[str] = (), failed: str = "left out"
-    ) -> None:
-        self.results, self.figure, self.failed = results, figure, failed
+    def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
+        self.results, self.figure, self._shares = results, figure, False
         if not results.is_sweep:
             raise self.error(
                 "shows sweeps, and this is a single experiment; see `eqt sweep --help`"
             )
         self.controllers = _positions([results], figure, chosen)[0]
         self.titles = [results.titles[position] for position in self.controllers]
+        self._shown: list[str] = []
 
     @property
     def axes(self) -> list[SweptKey]:
@@ -386,9 +383,26 @@ class ShownSweep:
         return self.results.swept_keys
 
     def metric(self, name: str) -> Array:
-        """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed."""
+        """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed.
+
+        The horizon stands for what lies beyond it.
+        """
         self.results.check_metrics([name], who=f"figure '{self.figure}'")
-        return self.results.metric(name)[:, self.controllers]
+        self._shown.append(name)
+        return self.results.counted(name)[:, self.controllers]
+
+    def means(self, name: str) -> Array:
+        """The means over all runs, ``(points, shown controllers)``; NaN where one failed.
+
+        Raises
+        ------
+        EqtError
+            If none of the points has one.
+        """
+        found: Array = np.mean(self.metric(name), axis=-1)
+        if not np.isfinite(found).any():
+            raise self.error(f"finds no point at which every run has a {name}")
+        return found
 
     def laws(self, shown: int) -> dict[int, str]:
         """The points where a controller, the n-th of those shown, is a law with a name of its own.
@@ -402,9 +416,27 @@ class ShownSweep:
         return self.results.point_name(point)
 
     def notes(self) -> list[str]:
-        """What a reader must know about the runs that are not shown."""
-        failed = int(np.count_nonzero(self.results.status[:, self.controllers]))
-        return [f"{failed} runs failed; {self.failed}."] if failed else []
+        """What a reader must know about the runs that have no number."""
+        return [*self._failed(), *self._censored()]
+
+    def _failed(self) -> Iterator[str]:
+        failed = self.results.status[:, self.controllers] != 0
+        without = failed.any(axis=-1)
+        if without.any():
+            left_out = f"{np.count_nonzero(without)} of {without.size} means left out"
+            count = f"{np.count_nonzero(failed)} runs failed"
+            yield f"{count}; {'they count as not settled' if self._shares else left_out}."
+
+    def _censored(self) -> Iterator[str]:
+        horizon = self.results.horizon
+        for name in dict.fromkeys(self._shown):
+            late = int(np.count_nonzero(self.results.censored(name)[:, self.controllers]))
+            if late and horizon is None:
+                yield f"{name}: {late} runs unsettled at their end; their means left out."
+            elif late:
+                end = f"{horizon:g} s"
+                counted = f"{late} runs unsettled at {end} count as {end}"
+                yield f"{name}: {counted}; means are lower bounds."
 
     def settled(self, by: float) -> Array:
         """Which runs have settled by a time, or by their end if it is 0; no failed run has.
@@ -412,12 +444,14 @@ class ShownSweep:
         Raises
         ------
         EqtError
-            If runs do not last that long.
+            If runs do not last that long, or the result does not tell.
         """
         horizon = self.results.horizon
         if horizon is not None and by > horizon:
             raise self.error(f"option 'by': the runs last {horizon:g} s, got {by:g}")
-        times = self.metric("settling_time")
+        self.results.check_metrics(["settling_time"], who=f"figure '{self.figure}'")
+        self._shares = True
+        times = self.results.metric("settling_time")[:, self.controllers]
         found: Array = times <= (by or np.inf)  # NaN, of a run that has not settled, is not
         return found
 

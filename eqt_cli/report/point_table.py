@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.compare import CONFIDENCE
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.report.run_table import COLUMNS, MOST_ROWS, Document, columns, plain, unit_of
-from eqt_cli.results.result import Result, mean_over_runs
+from eqt_cli.results.result import Result
 
 BEST = ("mean_pose_error", "early_torque", "effort", "peak_torque")
 """Metrics whose least mean is looked for."""
@@ -19,14 +18,14 @@ BEST = ("mean_pose_error", "early_torque", "effort", "peak_torque")
 def point_table(result: Result) -> Document:
     """As `run_table`, with a row per controller and point: the swept values, and means over runs.
 
-    A run that failed is left out of the means, and its row counts it.
+    A point at which runs failed has no means, and its row counts them; a run that has not settled
+    counts as the horizon.
     """
     keys = result.swept_keys
     names = [name for name in COLUMNS if result.has(name)]
-    means = np.stack([mean_over_runs(result.metric(name)) for name in names], axis=-1)
+    means = np.stack([result.means(name) for name in names], axis=-1)
     counts = [name for name in names if result.quantity(name).counts]
-    ends = [_ends(result, name) for name in counts]
-    means = np.concatenate([means, *ends], axis=-1)
+    means = np.concatenate([means, *(_ends(result, name) for name in counts)], axis=-1)
     failed = np.count_nonzero(result.status, axis=-1)
     points, controllers = failed.shape
     order = [(c, p) for p in range(points) for c in range(controllers)]
@@ -56,7 +55,7 @@ def best_points(result: Result) -> TextTable:
     """For each controller, the point where the mean over runs of a metric is least."""
     blocks = []
     for name in (name for name in BEST if result.has(name)):
-        means = mean_over_runs(result.metric(name))
+        means = result.means(name)
         rows = [
             [title, *_best(result, column)]
             for title, column in zip(result.titles, means.T, strict=True)
@@ -69,7 +68,7 @@ def best_points(result: Result) -> TextTable:
         blocks.append(Block("settled, the largest share, with its 95 % interval", _most(result)))
     return TextTable(
         "best",
-        "Points where the mean over runs is least, of those that were computed",
+        "Points where the mean over runs is least, of those at which no run failed",
         ["controller", "point", *(key.key for key in result.swept_keys), "mean"],
         blocks,
     )
@@ -77,7 +76,7 @@ def best_points(result: Result) -> TextTable:
 
 def _most(result: Result) -> list[list[str]]:
     """For each controller, the point where most runs settle."""
-    found = shares(result.metric("settled"), CONFIDENCE)
+    found = shares(result.metric("settled"))
     rows = []
     for title, column in zip(result.titles, np.moveaxis(found, 1, 0), strict=True):
         if np.isfinite(column).any():
@@ -89,7 +88,7 @@ def _most(result: Result) -> list[list[str]]:
 
 def _ends(result: Result, name: str) -> Array:
     """The ends of the intervals of a share, ``(points, controllers, 2)``."""
-    return shares(result.metric(name), CONFIDENCE)[..., 1:]
+    return shares(result.metric(name))[..., 1:]
 
 
 def _columns_of_ends(result: Result, name: str) -> list[Document]:

@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.bootstrap import FEWEST, intervals_of_means
+from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_of_means
 from eqt_cli.analysis.comparison.runs_needed import runs_to_decide
 from eqt_cli.analysis.comparison.shares import Interval, PairedShares, share
 from eqt_cli.core.arrays import Array
@@ -120,13 +120,7 @@ class Pair:
 
 
 def statistics(
-    measured: Sequence[PerRun],
-    labels: Sequence[str],
-    good: Array,
-    *,
-    confidence: float,
-    resamples: int,
-    seed: int,
+    measured: Sequence[PerRun], labels: Sequence[str], good: Array, how: Resampling
 ) -> tuple[list[Level], list[Pair], int]:
     """Levels of all controllers, differences of all pairs, and how many resamples there were.
 
@@ -140,22 +134,18 @@ def statistics(
         for s in resampled
         for column in (*s.values, *(_differences(s, a, b) for a, b in couples))
     ]
-    found = intervals_of_means(
-        np.stack(columns, axis=1) if columns else np.empty((good.shape[1], 0)),
-        confidence=confidence,
-        resamples=resamples,
-        seed=seed,
-    )
+    table = np.stack(columns, axis=1) if columns else np.empty((good.shape[1], 0))
+    found = intervals_of_means(table, how)
     ends = iter(map(Interval, found.mean.tolist(), found.low.tolist(), found.high.tolist()))
     levels, pairs = [], []
     for s in measured:
         for c, label in enumerate(labels):
-            interval = _share(s, c, confidence) if s.quantity.counts else next(ends)
+            interval = _share(s, c, how.confidence) if s.quantity.counts else next(ends)
             levels.append(_level(s, c, label, good, interval))
         for a, b in couples:
             shares = _paired(s, a, b) if s.quantity.counts else None
-            interval = next(ends) if shares is None else shares.difference(confidence)
-            pair = _pair(s, a, b, labels, good, confidence, interval)
+            interval = next(ends) if shares is None else shares.difference(how.confidence)
+            pair = _pair(s, a, b, labels, good, how.confidence, interval)
             pairs.append(pair if shares is None else replace(pair, p_value=shares.p_value))
     return levels, pairs, found.resamples
 

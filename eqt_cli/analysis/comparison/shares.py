@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.core.arrays import Array
 
 
@@ -32,7 +33,7 @@ def share(count: int, runs: int, confidence: float) -> Interval:
     return Interval(count / runs, float(found.low), float(found.high))
 
 
-def shares(values: Array, confidence: float) -> Array:
+def shares(values: Array, confidence: float = Resampling.confidence) -> Array:
     """`share` over the last axis, of 0 and 1 for each run and NaN for none; ``(..., 3)``."""
     known = np.isfinite(values)
     counts, runs = np.where(known, values, 0).sum(axis=-1), known.sum(axis=-1)

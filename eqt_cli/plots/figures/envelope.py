@@ -13,7 +13,7 @@ from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OfSweep
-from eqt_cli.plots.drawing.curves import CONFIDENCE, band_look
+from eqt_cli.plots.drawing.curves import band_look
 from eqt_cli.plots.drawing.labels import free_text
 from eqt_cli.plots.drawing.layout import add_legend, add_title, blank_sheet, hide_scale, rows_of
 from eqt_cli.plots.drawing.scales import number_values
@@ -43,7 +43,6 @@ class Envelope(OfSweep):
     """
 
     name: ClassVar[str] = "envelope"
-    failed: ClassVar[str] = "they count as not settled"
 
     by: float = 0.0
 
@@ -98,7 +97,7 @@ class Envelope(OfSweep):
         return numbers[0], other
 
     def _curve(self, axes: Axes, across: Array, settled: Array, position: int, title: str) -> Any:
-        found = shares(settled, CONFIDENCE)
+        found = shares(settled)
         style = line_style(position)
         axes.fill_between(across, found[:, 1], found[:, 2], **band_look(style["color"]))
         (line,) = axes.plot(

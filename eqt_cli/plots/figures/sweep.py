@@ -12,13 +12,13 @@ from matplotlib.figure import Figure as Drawing
 from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
-from eqt_cli.plots.drawing.curves import BAND, CONFIDENCE, band_look
+from eqt_cli.plots.drawing.curves import BAND, band_look
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title
 from eqt_cli.plots.drawing.scales import number_values
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
 from eqt_cli.plots.figure_data import ShownSweep
-from eqt_cli.results.result import SweptKey, mean_over_runs
+from eqt_cli.results.result import SweptKey
 
 _LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
@@ -52,8 +52,8 @@ class SweepFigure(OfSweep):
     metric: str = "mean_pose_error"
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """One panel of curves, or a map per controller, of means over the good runs."""
-        values, axes = swept.metric(self.metric), swept.axes
+        """One panel of curves, or a map per controller, of means over the runs."""
+        values, means, axes = swept.metric(self.metric), swept.means(self.metric), swept.axes
         if not 1 <= len(axes) <= 2:
             keys = ", ".join(axis.key for axis in axes) or "none"
             raise swept.error(
@@ -61,9 +61,13 @@ class SweepFigure(OfSweep):
                 "figure 'pareto' shows sweeps of any number"
             )
         label = metric_label(swept.results, self.metric, 36)
+        if swept.results.quantity(self.metric).counts and len(axes) == 2:
+            _, low, high = np.moveaxis(shares(values), -1, 0)
+            most = np.nanmax(np.maximum(high - means, means - low))
+            label += f"\n(intervals to ±{most:.2f})"
         if len(axes) == 1:
             return self._curves(swept, axes[0], values, label, width)
-        return self._maps(swept, axes, values, label, width)
+        return self._maps(swept, axes, means, label, width)
 
     def _curves(
         self, swept: ShownSweep, axis: SweptKey, values: Array, label: str, width: Width
@@ -75,7 +79,7 @@ class SweepFigure(OfSweep):
         for k, (position, title) in enumerate(zip(swept.controllers, swept.titles, strict=True)):
             found = values[order, k]
             style = line_style(position)
-            mean = mean_over_runs(found)
+            mean = np.mean(found, axis=-1)
             shape = {"marker": marker(position), **_POINTS}
             lines += panel.plot(axis.values[order], mean, label=title, **shape, **style)
             for point, law in swept.laws(k).items():
@@ -92,19 +96,14 @@ class SweepFigure(OfSweep):
     def _band(self, swept: ShownSweep, values: Array) -> tuple[Array, Array]:
         """Where most runs are; of what counts runs, how well their share is known."""
         if not swept.results.quantity(self.metric).counts:
-            low, high = np.nanquantile(values, BAND, axis=-1)
+            low, high = np.quantile(values, BAND, axis=-1)
             return low, high
-        ends = shares(values, CONFIDENCE)
+        ends = shares(values)
         return ends[..., 1], ends[..., 2]
 
     def _maps(
-        self, swept: ShownSweep, axes: list[SweptKey], values: Array, label: str, width: Width
+        self, swept: ShownSweep, axes: list[SweptKey], means: Array, label: str, width: Width
     ) -> Drawing:
-        means = mean_over_runs(values)
-        if swept.results.quantity(self.metric).counts:
-            _, low, high = np.moveaxis(shares(values, CONFIDENCE), -1, 0)
-            most = np.nanmax(np.maximum(high - means, means - low))
-            label += f"\n(intervals to ±{most:.2f})"
         count = len(swept.titles)
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panels = drawing.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
