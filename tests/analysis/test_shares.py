@@ -5,7 +5,7 @@ import pytest
 
 from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.notation import Plain
-from eqt_cli.analysis.comparison.records import pair_records
+from eqt_cli.analysis.comparison.records import records
 from eqt_cli.analysis.comparison.shares import PairedShares, share, shares
 from eqt_cli.analysis.comparison.tables import text_tables
 
@@ -112,7 +112,7 @@ def test_tables_say_which_intervals_shares_have(settling):
 
 
 def test_records_hold_the_p_value_of_shares_only(settling):
-    found = pair_records(compare(settling, metrics=["settled", "settling_time"]))
+    found = records(compare(settling, metrics=["settled", "settling_time"]))["pairs"]
     assert [record.get("p_value") for record in found] == [0.5, None]
 
 

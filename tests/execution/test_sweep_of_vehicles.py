@@ -19,7 +19,7 @@ CONFIG = {
 }
 POINTS = [
     {},
-    {"actuators": [{"kind": "limit", "limit": 0.5}]},
+    {"actuators": [{"kind": "limit", "limit": 1.2}]},
     {
         "control": {"period": 0.1, "delay": 1},
         "plant": {"inertia": {"relative": {"uniform": [-0.1, 0.1]}}},

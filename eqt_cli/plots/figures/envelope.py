@@ -99,7 +99,8 @@ class Envelope(OfSweep):
     def _curve(self, axes: Axes, across: Array, settled: Array, position: int, title: str) -> Any:
         found = shares(settled)
         style = line_style(position)
-        axes.fill_between(across, found[:, 1], found[:, 2], **band_look(style["color"]))
+        band = band_look(style["color"])
+        axes.fill_between(across, found[:, 1], found[:, 2], label=title, **band)
         (line,) = axes.plot(
             across, found[:, 0], label=title, marker=marker(position), **_POINTS, **style
         )
