@@ -17,6 +17,7 @@ from eqt_cli.store.table import Variable
 from eqt_cli.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from eqt_cli.config.schema import Config
     from eqt_cli.experiment.build import Experiment
 
 STATUS_MEANINGS = "; ".join(f"{status.value} {status.name.lower()}" for status in Status)
@@ -129,6 +130,12 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is Per.RUN and q.of and
 """What is computed from the signals of a run and stored."""
 
 
+def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
+    """The row of a table as the keys of a configuration make it."""
+    values = {name: getattr(config, key) for name, key in quantity.choices.items()}
+    return quantity.with_choices(values)
+
+
 def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list[Quantity]:
     """The variables of a result of an experiment, with their units there, in the file's order.
 
@@ -143,6 +150,7 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
     for quantity in QUANTITIES.values():
         if not (quantity.stored and any(map(quantity.stored_of, vehicles))):
             continue
+        quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
         units = quantity.unit(_unit_of_signal(quantity, group))
         found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
