@@ -76,7 +76,7 @@ def compare(
 ) -> None:
     """Compare controllers run by run, with intervals, and test what the paper claims."""
     from eqt_cli import api
-    from eqt_cli.cli.shared.output import print_json, say
+    from eqt_cli.cli.shared.output import print_json, print_text, say
     from eqt_cli.cli.shared.table_formats import as_csv
     from eqt_cli.core.errors import EqtError
 
@@ -99,7 +99,7 @@ def compare(
     if json:
         print_json(_document(comparison, result))
     elif format is Format.CSV:
-        print(as_csv(_records(comparison)[table or Table.PAIRS]))
+        print_text(as_csv(_records(comparison)[table or Table.PAIRS]))
         if table is None and not quiet:
             say("these are the pairs; --table controllers and --table claims print the others")
     else:
@@ -180,7 +180,7 @@ def _print_tables(
 ) -> None:
     from eqt_cli.analysis.comparison.notation import Latex, Plain
     from eqt_cli.analysis.comparison.tables import text_tables
-    from eqt_cli.cli.shared.output import say
+    from eqt_cli.cli.shared.output import print_text, say
     from eqt_cli.cli.shared.table_formats import as_latex, as_text
 
     # A table of every pair of many controllers is long: without a wish, pairs with the first one.
@@ -188,7 +188,7 @@ def _print_tables(
     notation = Latex() if format is Format.LATEX else Plain()
     made = text_tables(comparison, notation, chosen)
     shown = [made[name] for name in ([table] if table else made) if name in made]
-    print("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
+    print_text("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
     if quiet:
         return
     for sentence in comparison.missing:

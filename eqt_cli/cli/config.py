@@ -30,14 +30,14 @@ def new(
     quiet: options.Quiet = False,
 ) -> None:
     """Write a shipped configuration to a file of your own."""
-    from eqt_cli.cli.shared.output import say
+    from eqt_cli.cli.shared.output import print_text, say
     from eqt_cli.config import shipped
     from eqt_cli.core.errors import EqtError
     from eqt_cli.core.files import refusals
 
     text = shipped.text(source)
     if file == Path("-"):
-        print(text, end="")
+        print_text(text.removesuffix("\n"))
         return
     file = file or Path(f"{source}.yaml")
     with refusals(file, "written"):
@@ -47,7 +47,7 @@ def new(
                 stream.write(text)
         except FileExistsError:
             raise EqtError(f"{file}: exists already; give another name, or remove it") from None
-    print(file)
+    print_text(str(file))
     if not quiet:
         say(f"next: eqt run {file}")
 

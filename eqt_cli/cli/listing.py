@@ -73,6 +73,8 @@ def _described(registry: Registry[Any]) -> list[dict[str, Any]]:
 
 
 def _print(listed: dict[str, list[dict[str, Any]]]) -> None:
+    from eqt_cli.cli.shared.output import print_text
+
     blocks = []
     for kind, entries in listed.items():
         width = max((len(entry["name"]) for entry in entries), default=0)
@@ -82,4 +84,4 @@ def _print(listed: dict[str, list[dict[str, Any]]]) -> None:
             if entry["options"]:
                 lines.append(f"  {'':<{width}}  options: {', '.join(entry['options'])}")
         blocks.append("\n".join(lines))
-    print("\n\n".join(blocks))
+    print_text("\n\n".join(blocks))

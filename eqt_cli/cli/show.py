@@ -103,7 +103,7 @@ def _document(results: Result) -> dict[str, object]:
 
 
 def _summary(results: Result, json: bool) -> None:
-    from eqt_cli.cli.shared.output import print_json
+    from eqt_cli.cli.shared.output import print_json, print_text
     from eqt_cli.cli.shared.result_tables import print_accuracy, print_failures, print_headline
     from eqt_cli.config import yaml_source
     from eqt_cli.config.signal_path import signal_path
@@ -115,17 +115,17 @@ def _summary(results: Result, json: bool) -> None:
     origin = results.provenance
     packages = ", ".join(f"{name} {origin[name]}" for name in ("eqt", "python", "numpy", "scipy"))
     sizes = ", ".join(f"{name} {size}" for name, size in results.dimensions.items())
-    print(f"{results.attributes['title']} on {results.attributes['group']}  ({results.path})")
-    print(f"run      {origin['started']} with {packages}")
+    print_text(f"{results.attributes['title']} on {results.attributes['group']}  ({results.path})")
+    print_text(f"run      {origin['started']} with {packages}")
     for other in origin.get(OTHERS, ()):
-        print(f"also     {other['started']} with {differences(other, origin)}")
-    print(f"digest   {str(results.attributes['digest'])[:16]}")
+        print_text(f"also     {other['started']} with {differences(other, origin)}")
+    print_text(f"digest   {str(results.attributes['digest'])[:16]}")
     path = signal_path(yaml_source.load(str(results.attributes["config"]), "config").data)
     if path:
-        print(f"loop     {path}")
-    print(f"sizes    {sizes}\n")
+        print_text(f"loop     {path}")
+    print_text(f"sizes    {sizes}\n")
     print_headline(results)
-    print()
+    print_text()
     print_accuracy(results)
     if results.status.any():
         print_failures(results)

@@ -122,10 +122,10 @@ class ResultFolder:
         if other is not None and precious and not force:
             keys = _differences(other.get("config", {}), study.numeric_config)
             raise EqtError(
-                f"{self.path}: holds another experiment, which differs in\n"
-                + "\n".join(f"  {line}" for line in keys),
+                f"{self.path}: holds another experiment, which differs in",
                 OTHER_FOLDER,
                 Remedy("replace it with {}", "force"),
+                lines=[f"  {line}" for line in keys],
             )
         if begun and not force and (manifest or {}).get("plan") != study.plans.data:
             raise EqtError(

@@ -19,6 +19,7 @@ from eqt_cli.config.yaml_source import dump
 from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ComponentError, EqtError, suggestion
+from eqt_cli.core.printable import printable
 from eqt_cli.engines import Status
 from eqt_cli.experiment.config_at_point import config_at
 from eqt_cli.experiment.law_names import LAW
@@ -128,7 +129,7 @@ class Result(ResultFile):
     """An open result: of one experiment, of a point of a sweep, or of a sweep as a whole.
 
     All that `ResultFile` reads by name, and what readers want to know besides. Good is a run that
-    ended with status 0.
+    ended with status 0. Labels, titles, messages and swept texts are as they can be shown.
     """
 
     def at(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
@@ -162,12 +163,12 @@ class Result(ResultFile):
     @property
     def title(self) -> str:
         """Of the experiment; the folder's name if the file says none."""
-        return str(self.attributes.get("title", self.path.parent.name))
+        return printable(str(self.attributes.get("title", self.path.parent.name)))
 
     @property
     def group_name(self) -> str:
         """The group; several of a sweep over groups; nothing if the file says none."""
-        return str(self.attributes.get("group", ""))
+        return printable(str(self.attributes.get("group", "")))
 
     @cached_property
     def group(self) -> MatrixLieGroup | None:
@@ -179,7 +180,7 @@ class Result(ResultFile):
     @cached_property
     def labels(self) -> list[str]:
         """The labels of the controllers."""
-        return [str(label) for label in self.coordinate("controller")]
+        return [printable(str(label)) for label in self.coordinate("controller")]
 
     @cached_property
     def titles(self) -> list[str]:
@@ -189,7 +190,7 @@ class Result(ResultFile):
         except (KeyError, ValueError):  # written before there were titles in the file
             titles = None
         if isinstance(titles, dict):
-            return [str(titles.get(label, label)) for label in self.labels]
+            return [printable(str(titles.get(label, label))) for label in self.labels]
         return [law_title(label) for label in self.labels]
 
     @cached_property
@@ -332,7 +333,7 @@ class Result(ResultFile):
         axes = [np.unique(where[:, axis], return_inverse=True) for axis in range(where.shape[1])]
         chosen = {dim: k for dim, (k, _) in zip(self.dims("status"), axes, strict=True)}
         found = self.read("message", **chosen)[tuple(position for _, position in axes)]
-        return [str(message) for message in found]
+        return [printable(str(message)) for message in found]
 
     def place(self, where: Sequence[int]) -> str:
         """A run by its position as in `failures`: ``point 3 eqt run 17``."""
@@ -357,11 +358,15 @@ class Result(ResultFile):
         key = self.long_name(name).removesuffix(", swept")
         if values.dtype == object:
             texts, values = np.unique(values.astype(str), return_inverse=True)
-            return SweptKey(key, values, {float(k): str(text) for k, text in enumerate(texts)})
+            return SweptKey(
+                key, values, {float(k): printable(str(text)) for k, text in enumerate(texts)}
+            )
         if self.has(f"{name}.label"):
             labels = self.coordinate(f"{name}.label")
             return SweptKey(
-                key, values, {float(k): str(v) for k, v in zip(values, labels, strict=True)}
+                key,
+                values,
+                {float(k): printable(str(v)) for k, v in zip(values, labels, strict=True)},
             )
         return SweptKey(key, values.astype(float), {})
 

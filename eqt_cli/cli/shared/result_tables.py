@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import sys
-
 import numpy as np
 
-from eqt_cli.cli.shared.output import number, table
+from eqt_cli.cli.shared.output import number, print_text, say, table
 from eqt_cli.results.result import HEADLINE, Result
 
 MOST_FAILURES = 10
@@ -24,7 +22,7 @@ def print_headline(result: Result) -> None:
         runs = str(row["runs"] - row["failed"])
         rows.append([row["controller"], runs, *map(number, means), number(residual, 1)])
     header = ["controller", "runs", *(result.quantity(name).plain for name in HEADLINE)]
-    print(table(header, rows))
+    print_text(table(header, rows))
 
 
 def print_accuracy(result: Result) -> None:
@@ -32,22 +30,21 @@ def print_accuracy(result: Result) -> None:
     estimates = result["error_estimate"]
     if np.isfinite(estimates).any():
         largest, median = np.nanmax(estimates), np.nanmedian(estimates)
-        print(f"error estimates: largest {largest:.1e}, median {median:.1e}")
+        print_text(f"error estimates: largest {largest:.1e}, median {median:.1e}")
     check = result.cross_check
     if check is None:
         return
     if np.isnan(check.difference):
-        print("cross-check: nothing to compare, since its runs failed")
+        print_text("cross-check: nothing to compare, since its runs failed")
         return
-    print(
+    print_text(
         f"cross-check: {check.runs} runs per controller by {check.method}, "
         f"largest difference {check.difference:.1e} (bound {check.bound:.0e})"
     )
     if not check.holds:
-        print(
+        say(
             "eqt: the two ways of integrating disagree beyond the bound; tighten solver.rtol, "
-            "or look for kinks and discontinuities in the laws",
-            file=sys.stderr,
+            "or look for kinks and discontinuities in the laws"
         )
 
 
@@ -56,15 +53,15 @@ def print_failures(result: Result) -> None:
     failures = result.failures
     total, first = len(failures), failures[:MOST_READ]
     listed = ", ".join(f"{count} {ending}" for ending, count in result.endings.items())
-    print(f"\n{total} runs failed: {listed}", file=sys.stderr)
+    say(f"\n{total} runs failed: {listed}")
     places: dict[str, list[str]] = {}
     for where, message in zip(first, result.messages(first), strict=True):
         places.setdefault(message, []).append(result.place(where))
     for message, found in list(places.items())[:MOST_FAILURES]:
         others = f" and {len(found) - 1} more" if len(found) > 1 else ""
-        print(f"  {found[0]}{others}: {message}", file=sys.stderr)
+        say(f"  {found[0]}{others}: {message}")
     if total > min(len(places), MOST_FAILURES):
         those = f"of the first {MOST_READ}; " if total > MOST_READ else ""
         cut = "… " if len(places) > MOST_FAILURES else ""
         how = f"`eqt show {result.path.parent} --failed` lists all"
-        print(f"  {cut}{those}{how}", file=sys.stderr)
+        say(f"  {cut}{those}{how}")
