@@ -13,6 +13,9 @@ from eqt_cli.cli.shared import completion, options
 if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
 
+MOST_CHECKED = 300
+"""Points of a sweep, spread over all of them."""
+
 app = typer.Typer(help="Write, check and describe configurations.", no_args_is_help=True)
 
 
@@ -80,7 +83,7 @@ def check(
 
     source = read_config(config, options.overrides(set_))
     try:
-        found = study(source, trust_plugins=trust_plugins)
+        found = study(source, trust_plugins=trust_plugins, most_checked=MOST_CHECKED)
         problems = Problems(source.place)
         shown = reference_over_horizon(found.base)
         jumps = check_reference(shown, most_torque, problems.at("reference"))
@@ -95,6 +98,8 @@ def check(
         return
     if not (quiet or json):
         say(f"{config}: fine")
+    if len(found) > MOST_CHECKED and not (quiet or json):
+        say(f"{config}: {MOST_CHECKED} of its {len(found)} points were checked; a run checks all")
     experiment = found.base
     text = (
         f"{experiment.name}: {experiment.group.name}, "

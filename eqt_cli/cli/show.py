@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from eqt_cli.results.result import Result
 
 
+UNKNOWN = "at an unknown time"
+
+
 def show(
     result: options.Result,
     config: Annotated[
@@ -103,8 +106,8 @@ def _document(results: Result) -> dict[str, object]:
 
 
 def _summary(results: Result, json: bool) -> None:
-    from eqt_cli.cli.shared.output import print_json, print_text
-    from eqt_cli.cli.shared.result_tables import print_accuracy, print_failures, print_headline
+    from eqt_cli.cli.shared.output import print_json
+    from eqt_cli.cli.shared.result_tables import print_outcome
     from eqt_cli.config import yaml_source
     from eqt_cli.config.signal_path import signal_path
     from eqt_cli.execution.provenance import OTHERS, differences
@@ -113,22 +116,22 @@ def _summary(results: Result, json: bool) -> None:
         print_json(_document(results))
         return
     origin = results.provenance
-    packages = ", ".join(f"{name} {origin[name]}" for name in ("eqt", "python", "numpy", "scipy"))
+    named = (name for name in ("eqt", "python", "numpy", "scipy") if name in origin)
+    packages = ", ".join(f"{name} {origin[name]}" for name in named)
     sizes = ", ".join(f"{name} {size}" for name, size in results.dimensions.items())
-    print_text(f"{results.attributes['title']} on {results.attributes['group']}  ({results.path})")
-    print_text(f"run      {origin['started']} with {packages}")
-    for other in origin.get(OTHERS, ()):
-        print_text(f"also     {other['started']} with {differences(other, origin)}")
-    print_text(f"digest   {str(results.attributes['digest'])[:16]}")
     path = signal_path(yaml_source.load(str(results.attributes["config"]), "config").data)
-    if path:
-        print_text(f"loop     {path}")
-    print_text(f"sizes    {sizes}\n")
-    print_headline(results)
-    print_text()
-    print_accuracy(results)
-    if results.status.any():
-        print_failures(results)
+    heading = [
+        f"{results.title} on {results.group_name}  ({results.path})",
+        f"run      {origin.get('started', UNKNOWN)} with {packages}",
+        *(
+            f"also     {other.get('started', UNKNOWN)} with {differences(other, origin)}"
+            for other in origin.get(OTHERS, ())
+        ),
+        f"digest   {str(results.attributes['digest'])[:16]}",
+        *([f"loop     {path}"] if path else []),
+        f"sizes    {sizes}\n",
+    ]
+    print_outcome(results, heading)
 
 
 def _config(results: Result, json: bool) -> None:

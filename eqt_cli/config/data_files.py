@@ -8,6 +8,7 @@ import numpy as np
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import EqtError, InputError
+from eqt_cli.core.files import refusals
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.reserved_names import FILE_NAME
 
@@ -35,6 +36,11 @@ def data_file(source: ConfigSource, name: str) -> str:
 
 
 def _text(path: Path) -> str:
+    with refusals(path, "read", kind=InputError):
+        return _read(path)
+
+
+def _read(path: Path) -> str:
     try:
         size = path.stat().st_size
         if size > MOST_BYTES:
@@ -44,9 +50,8 @@ def _text(path: Path) -> str:
     except FileNotFoundError:
         relative = "paths are relative to the configuration's folder"
         raise InputError(f"{path}: does not exist; {relative}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        reason = (getattr(error, "strerror", None) or "it is no text in UTF-8").lower()
-        raise InputError(f"{path}: cannot be read: {reason}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: cannot be read: it is no text in UTF-8") from error
 
 
 def _starts_of(path: Path) -> str:

@@ -41,7 +41,7 @@ def refusals(
     """
     try:
         yield
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:  # of text that is none, and of names with a null byte
         reason = (getattr(error, "strerror", None) or str(error)).lower()
         advice = Remedy(remedy) if isinstance(remedy, str) else remedy
         raise kind(f"{subject}: cannot be {done}: {reason}", advice) from error

@@ -24,6 +24,7 @@ from eqt_cli.engines import Status
 from eqt_cli.experiment.config_at_point import config_at
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.groups import MatrixLieGroup, group_named
+from eqt_cli.results.contract import check_attributes, check_coordinates, check_status
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.results.quantity_table import QUANTITIES, quantity_of
@@ -132,9 +133,21 @@ class Result(ResultFile):
     ended with status 0. Labels, titles, messages and swept texts are as they can be shown.
     """
 
+    def __init__(self, path: str | Path) -> None:
+        super().__init__(path)
+        try:
+            check_attributes(self)
+            check_coordinates(self)
+        except BaseException:
+            self.close()
+            raise
+
     def at(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
         """As `ResultFile.at`."""
         view = super().at(point, attributes)
+        if self.has_groups:  # each says all of this anew
+            check_attributes(view)
+            check_coordinates(view)
         for name, value in vars(Result).items():  # what was found out about the whole
             if isinstance(value, cached_property):
                 view.__dict__.pop(name, None)
@@ -187,11 +200,9 @@ class Result(ResultFile):
         """How the controllers are written: by their laws' titles, or by the labels they have."""
         try:
             titles = json.loads(str(self.attributes["titles"]))
-        except (KeyError, ValueError):  # written before there were titles in the file
-            titles = None
-        if isinstance(titles, dict):
-            return [printable(str(titles.get(label, label))) for label in self.labels]
-        return [law_title(label) for label in self.labels]
+        except KeyError:  # written before there were titles in the file
+            return [law_title(label) for label in self.labels]
+        return [printable(titles.get(label, label)) for label in self.labels]
 
     @cached_property
     def lyapunov_functions(self) -> dict[str, str]:
@@ -206,11 +217,9 @@ class Result(ResultFile):
 
     @cached_property
     def _told_of_L(self) -> dict[str, Any]:
-        try:
-            told = json.loads(str(self.attributes["lyapunov_functions"]))
-        except (KeyError, ValueError):  # the paper's laws, or a file from before laws had their own
-            return {}
-        return told if isinstance(told, dict) else {}
+        # The paper's laws, or a file from before laws had their own, say nothing.
+        told: dict[str, Any] = json.loads(str(self.attributes.get("lyapunov_functions", "{}")))
+        return told
 
     @cached_property
     def kinds(self) -> dict[str, str]:
@@ -248,11 +257,8 @@ class Result(ResultFile):
     @property
     def provenance(self) -> dict[str, Any]:
         """Versions, machine and times, as the file has them; nothing where it has none."""
-        with suppress(ValueError):
-            found = json.loads(str(self.attributes.get("provenance", "{}")))
-            if isinstance(found, dict):
-                return found
-        return {}
+        found: dict[str, Any] = json.loads(str(self.attributes.get("provenance", "{}")))
+        return found
 
     @property
     def cross_check(self) -> CrossCheck | None:
@@ -300,7 +306,9 @@ class Result(ResultFile):
     @cached_property
     def status(self) -> Array:
         """How every run ended, ``(controllers, runs)``, with the points of a sweep in front."""
-        return _fixed(self["status"])
+        found = self["status"]
+        check_status(self, found)
+        return _fixed(found)
 
     @property
     def good(self) -> Array:
@@ -595,7 +603,7 @@ class Result(ResultFile):
         values[:, runs] = np.stack(columns)
         values[~self.good] = np.nan
         if quantity.name == "decay_rate":  # nobody claims the decay of another function
-            values[[self.labels.index(label) for label in self.unclaimed]] = np.nan
+            values[[label in self.unclaimed for label in self.labels]] = np.nan
         censored = self.good & np.isnan(values) & quantity.censored
         values[censored] = window.stop
         return PerRun(quantity, window, unit, values, censored, len(runs))
