@@ -40,6 +40,9 @@ from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import Result, open_result, point_folder
 from eqt_cli.store.reserved_names import point_group
+from eqt_cli.tuning.search import Search, search_from
+from eqt_cli.tuning.tune import Told, Tuning, folder_of
+from eqt_cli.tuning.tune import tune as run_search
 
 if TYPE_CHECKING:
     import xarray
@@ -163,11 +166,7 @@ def load_experiment(
             f"overrides: expected values by key, as {{'gains.kp': 2}}, got {overrides!r}"
         )
     given = {f"overrides[{k!r}]": f"{k}={_flow(value)}" for k, value in (overrides or {}).items()}
-    if isinstance(config, Mapping):
-        source = _from_mapping(config, given)
-    else:
-        source = read_config(_path("config", config), given)
-    return LoadedExperiment(study(source, trust_plugins=trust_plugins))
+    return LoadedExperiment(study(_source(config, given), trust_plugins=trust_plugins))
 
 
 def run(
@@ -230,6 +229,62 @@ def run(
         remark=remark,
     )
     return StoredResult(**vars(done))
+
+
+def tune(
+    search: Search | Configuration,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    force: bool = False,
+    workers: int = 1,
+    progress: Progress = lambda runs: None,
+    executor: Executor | None = None,
+    resumed: Progress = lambda runs: None,
+    remark: Remark = warn,
+    told: Told = lambda law, generation, population: None,
+) -> Tuning:
+    """Search for the best gains of each law, and compare the winners on held-out runs.
+
+    The folder becomes the result of the held-out runs, to be compared, drawn and reported like any
+    other; in ``tuned/`` are the complete configurations of the winners.
+
+    Parameters
+    ----------
+    search
+        A configuration with a section ``tune``, or what `search_from` has made of one.
+    out
+        The folder; ``results/<name>-tuned`` if not given. Generations that it holds are not
+        computed again.
+    force, workers, progress, executor, resumed, remark
+        As of `run`.
+    told
+        Called after every generation, with the law, the number of generations, and the points.
+
+    Returns
+    -------
+    Tuning
+        What was found for each law, and the result of the held-out runs.
+
+    Raises
+    ------
+    ConfigError
+        With every problem of the configuration, each at its place.
+    EqtError
+        If it tunes nothing, or the folder holds something else.
+    """
+    if not isinstance(search, Search):
+        search = search_from(_source(search, {}))
+    chosen = executor or choose_executor(LoadedExperiment(Study(None, search.base)), workers)
+    return run_search(
+        search,
+        folder_of(search) if out is None else Path(out),
+        executor=chosen,
+        force=force,
+        progress=progress,
+        resumed=resumed,
+        remark=remark,
+        told=told,
+    )
 
 
 def choose_executor(
@@ -330,7 +385,7 @@ def open_results(
         if kind is None:
             return open_result(Path(path), point)
         raise EqtError(
-            "xarray is not installed; install eqt-cli[xarray], or open with kind='arrays'"
+            "xarray is not installed: pip install xarray h5netcdf, or open with kind='arrays'"
         )
     import xarray
 
@@ -728,6 +783,12 @@ def _window(given: Any) -> Window:
     if isinstance(given, str):
         return Window.parse(given)
     raise EqtError(f"windows: expected text such as '0:5', or a Window, got {given!r}")
+
+
+def _source(config: Configuration, overrides: Mapping[str, str]) -> ConfigSource:
+    if isinstance(config, Mapping):
+        return _from_mapping(config, overrides)
+    return read_config(_path("config", config), overrides)
 
 
 def _from_mapping(config: Mapping[str, Any], overrides: Mapping[str, str]) -> ConfigSource:

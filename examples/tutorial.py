@@ -33,7 +33,7 @@ data.close()
 try:
     import xarray  # noqa: F401
 except ImportError:
-    print("pip install 'eqt-cli[xarray]' for the next lines")
+    print("pip install xarray h5netcdf for the next lines")
 else:
     with eqt_cli.open_results(result, "xarray") as dataset:
         early = dataset.torque_norm.sel(time=slice(0, 5)).mean(["run", "time"])

@@ -130,7 +130,7 @@ def test_results_open_without_xarray(result, monkeypatch):
     with pytest.raises(EqtError) as caught:
         eqt_cli.open_results(result, "xarray")
     assert str(caught.value) == (
-        "xarray is not installed; install eqt-cli[xarray], or open with kind='arrays'"
+        "xarray is not installed: pip install xarray h5netcdf, or open with kind='arrays'"
     )
 
 

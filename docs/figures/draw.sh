@@ -76,6 +76,11 @@ picture single_runs runs
 picture distributions distributions
 picture phase phase
 picture sphere sphere
+if [ "$task" = draw ]; then
+	"$eqt" animate "$result" --run 1 --controller eqt --controller gt --format gif --seconds 6 \
+		--out "$result/figures" --quiet
+	cp "$result/figures/run1.gif" "$place/animation.gif"
+fi
 
 if [ "$taylor" = no ]; then
 	echo "heyoka is not installed: the other experiments are left out"

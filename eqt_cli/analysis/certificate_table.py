@@ -15,15 +15,15 @@ _KINDS = {
 }
 _HOLDS, _FAILS = Verdict.HOLDS, Verdict.FAILS
 _LEGEND = {
-    Verdict.UNDECIDED: "the numbers at hand neither confirm nor refute it",
-    Verdict.UNCLAIMED: "the paper does not say so of this law",
-    Verdict.NOT_COVERED: "the loop holds what the theorems do not speak of",
+    Verdict.UNDECIDED: "the numbers neither confirm nor refute it",
+    Verdict.UNCLAIMED: "the paper does not claim this for the law",
+    Verdict.NOT_COVERED: "the theorems do not cover this loop",
     Verdict.MORSE_BOTT: "the critical points form manifolds, so the paper's Morse condition is "
     "met only across them",
     Verdict.GROWING: "the largest value over the second half of the horizon exceeds the first's, "
     "so that a bound is in doubt",
     Verdict.VIOLATED: "the theorems do not cover this experiment",
-    Verdict.UNKNOWN: "what is at hand does not tell",
+    Verdict.UNKNOWN: "the program cannot decide this",
 }
 """What the verdicts other than holds and FAILS mean."""
 

@@ -36,3 +36,8 @@ class TextTable:
     header: list[str]
     blocks: list[Block]
     notes: list[str] = field(default_factory=list)
+
+    @property
+    def rows(self) -> list[list[str]]:
+        """Those of all blocks."""
+        return [row for block in self.blocks for row in block.rows]

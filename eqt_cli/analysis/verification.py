@@ -19,7 +19,6 @@ from eqt_cli.analysis.certificates import (
     trajectory_rows,
 )
 from eqt_cli.closed_loop import ErrorSystem
-from eqt_cli.config.source import source_of
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.error_origin import blamed
@@ -27,10 +26,10 @@ from eqt_cli.engines import Solution
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.execution.compute_part import Desired, measured, shared_reference
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.semidirect import Semidirect
-from eqt_cli.store.reader import ResultFile
+from eqt_cli.results.result import Result
 
 Progress = Callable[[float], None]
 
@@ -85,19 +84,7 @@ def verify_experiment(
 
 
 @blamed()
-def verify_stored(results: ResultFile, *, trust_plugins: bool, workers: int = 1) -> Verification:
-    """As `verify_results`, of the experiment that the result says it is.
-
-    Raises
-    ------
-    EqtError
-        If it cannot be built, as without its plugins.
-    """
-    experiment = build(source_of(results), trust_plugins=trust_plugins)
-    return verify_results(experiment, results, workers)
-
-
-def verify_results(experiment: Experiment, results: ResultFile, workers: int = 1) -> Verification:
+def verify_stored(results: Result, *, trust_plugins: bool, workers: int = 1) -> Verification:
     """Check every certificate of the experiment, or the point, that a result holds.
 
     Trajectories are those that are stored.
@@ -105,8 +92,9 @@ def verify_results(experiment: Experiment, results: ResultFile, workers: int = 1
     Raises
     ------
     EqtError
-        If the result is a sweep's.
+        If the result is a sweep's, or its experiment cannot be built, as without its plugins.
     """
+    experiment = results.experiment(trust_plugins=trust_plugins)
     results.single("one experiment is verified")
     with threadpool_limits(1):
         verifier = _Verifier(experiment, ERROR_SYSTEM_RUNS, lambda runs: None, workers)
@@ -132,7 +120,7 @@ class _Verifier:
             signals, numbers = measured(batch, solution, reference)
         return self._runs(batch, solution, label, solution.status, numbers | signals)
 
-    def of_stored_runs(self, label: str, results: ResultFile) -> Runs:
+    def of_stored_runs(self, label: str, results: Result) -> Runs:
         """The runs of a result; states, which it does not hold, are those of the study."""
         batch, solution = self._solved(label)
         index = list(self.experiment.loops).index(label)

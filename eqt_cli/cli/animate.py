@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.output import print_found, say
 
 
 class Format(StrEnum):
@@ -42,7 +43,6 @@ def animate(
 ) -> None:
     """Show one run: bodies against the reference frame, error and torque as they go."""
     from eqt_cli import api
-    from eqt_cli.cli.shared.output import print_found, say
 
     files = api.animate(
         result,

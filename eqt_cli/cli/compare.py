@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.output import print_json, print_records, print_text, say
+from eqt_cli.cli.shared.table_formats import as_csv, as_latex, as_text
+from eqt_cli.core.errors import EqtError, suggestion
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
@@ -76,9 +79,6 @@ def compare(
 ) -> None:
     """Compare controllers run by run, with intervals, and test what the paper claims."""
     from eqt_cli import api
-    from eqt_cli.cli.shared.output import print_json, print_text, say
-    from eqt_cli.cli.shared.table_formats import as_csv
-    from eqt_cli.core.errors import EqtError
 
     if json and format is not Format.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
@@ -108,7 +108,6 @@ def compare(
 
 def _print_metrics(results: Result, json: bool) -> None:
     from eqt_cli.analysis.comparison.notation import Plain
-    from eqt_cli.cli.shared.output import print_records
 
     write = Plain()
     rows = [
@@ -128,7 +127,6 @@ def _windows(measure: Quantity) -> str:
 
 
 def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None:
-    from eqt_cli.core.errors import EqtError, suggestion
 
     for label in labels:
         if label not in comparison.labels:
@@ -180,8 +178,6 @@ def _print_tables(
 ) -> None:
     from eqt_cli.analysis.comparison.notation import Latex, Plain
     from eqt_cli.analysis.comparison.tables import text_tables
-    from eqt_cli.cli.shared.output import print_text, say
-    from eqt_cli.cli.shared.table_formats import as_latex, as_text
 
     # A table of every pair of many controllers is long: without a wish, pairs with the first one.
     chosen = against or ((), comparison.labels[:1])[table is None and format is Format.TEXT]

@@ -9,6 +9,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion, options
+from eqt_cli.cli.shared.output import (
+    print_found,
+    print_json,
+    print_records,
+    print_text,
+    problem_records,
+    say,
+)
+from eqt_cli.config import shipped
+from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.core.files import refusals
+from eqt_cli.core.problems import Problems
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
@@ -33,11 +45,6 @@ def new(
     quiet: options.Quiet = False,
 ) -> None:
     """Write a shipped configuration to a file of your own."""
-    from eqt_cli.cli.shared.output import print_text, say
-    from eqt_cli.config import shipped
-    from eqt_cli.core.errors import EqtError
-    from eqt_cli.core.files import refusals
-
     text = shipped.text(source)
     if file == Path("-"):
         print_text(text.removesuffix("\n"))
@@ -73,11 +80,8 @@ def check(
     quiet: options.Quiet = False,
 ) -> None:
     """Check a configuration without running it, its reference over the whole horizon."""
-    from eqt_cli.cli.shared.output import print_found, print_json, problem_records, say
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
-    from eqt_cli.core.errors import ConfigError
-    from eqt_cli.core.problems import Problems
     from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
     from eqt_cli.experiment.read_study import study
 
@@ -97,7 +101,7 @@ def check(
         print_found(found.resolved, dump(found.resolved), json=json)
         return
     if not (quiet or json):
-        say(f"{config}: fine")
+        say(f"{config}: valid")
     if len(found) > MOST_CHECKED and not (quiet or json):
         say(f"{config}: {MOST_CHECKED} of its {len(found)} points were checked; a run checks all")
     experiment = found.base
@@ -143,7 +147,6 @@ def keys(
     json: options.Json = False,
 ) -> None:
     """Describe the keys of a configuration: value, default, meaning."""
-    from eqt_cli.cli.shared.output import print_records
     from eqt_cli.config.json_schema import json_schema
     from eqt_cli.config.key_descriptions import keys_of, within
 
@@ -161,7 +164,6 @@ def _bare(text: str) -> str:
 @app.command("schema")
 def schema() -> None:
     """Print the JSON schema of configurations, for completion and checks in editors."""
-    from eqt_cli.cli.shared.output import print_json
     from eqt_cli.config.json_schema import json_schema
 
     print_json(json_schema())

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.config.catalogue import KINDS
-
-if TYPE_CHECKING:
-    from eqt_cli.core.registry import Registry
+from eqt_cli.cli.shared.output import print_json, print_text
+from eqt_cli.config import shipped
+from eqt_cli.config.catalogue import KINDS, registry
+from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.core.registry import Registry, load_plugin, summary
 
 
 def list_components(
@@ -29,12 +30,6 @@ def list_components(
     json: options.Json = False,
 ) -> None:
     """List components by kind, with their options."""
-    from eqt_cli.cli.shared.output import print_json
-    from eqt_cli.config import shipped
-    from eqt_cli.config.catalogue import registry
-    from eqt_cli.core.errors import EqtError, suggestion
-    from eqt_cli.core.registry import load_plugin
-
     kinds = [*KINDS, "configs"]
     if kind is not None and kind not in kinds:
         hint = suggestion(kind, kinds) or f"; known: {', '.join(kinds)}"
@@ -60,7 +55,6 @@ def list_components(
 
 def _described(registry: Registry[Any]) -> list[dict[str, Any]]:
     from eqt_cli.config.catalogue import options
-    from eqt_cli.core.registry import summary
 
     return [
         {
@@ -73,8 +67,6 @@ def _described(registry: Registry[Any]) -> list[dict[str, Any]]:
 
 
 def _print(listed: dict[str, list[dict[str, Any]]]) -> None:
-    from eqt_cli.cli.shared.output import print_text
-
     blocks = []
     for kind, entries in listed.items():
         width = max((len(entry["name"]) for entry in entries), default=0)

@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.output import warn
+from eqt_cli.cli.shared.run_and_report import report
 
 
 def pack(
@@ -19,7 +21,5 @@ def pack(
 ) -> None:
     """Pack the parts of all shards into results.h5."""
     from eqt_cli import api
-    from eqt_cli.cli.shared.output import warn
-    from eqt_cli.cli.shared.run_and_report import report
 
     report(api.pack(folder, trust_plugins=trust_plugins, remark=warn), json=json)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from eqt_cli.cli.shared import completion, options
+from eqt_cli.cli.shared.output import print_found, say
+from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.store.reserved_names import FILE_NAME
 
 if TYPE_CHECKING:
     from eqt_cli.plots.kept_numbers import Check
@@ -86,8 +90,6 @@ def plot(
 ) -> None:
     """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
     from eqt_cli import api
-    from eqt_cli.cli.shared.output import print_found, say
-    from eqt_cli.core.errors import EqtError
     from eqt_cli.plots.render import FORMATS
 
     if len(result) > 1 and out is None and check is None:
@@ -118,11 +120,7 @@ def plot(
 
 def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool) -> None:
     """Say where figures differ from what is kept, and exit with 4 if any does."""
-    from dataclasses import asdict
-
-    from eqt_cli.cli.shared.output import print_found
     from eqt_cli.plots.kept_numbers import TOLERANCE
-    from eqt_cli.store.reserved_names import FILE_NAME
 
     checked = [str(one if one.suffix == ".h5" else one / FILE_NAME) for one in results]
     found = {name: asdict(one) for name, one in checks.items()}
@@ -141,7 +139,6 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
 
 def _default(result: Path, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
-    from eqt_cli.cli.shared.output import say
     from eqt_cli.results.result import open_result
 
     with open_result(result) as results:
@@ -162,7 +159,6 @@ def _default(result: Path, *, quiet: bool) -> list[str]:
 def _options(names: Sequence[str], given: Sequence[str]) -> dict[str, dict[str, Any]]:
     """What ``KEY=VALUE`` and ``FIGURE.KEY=VALUE`` set of each figure."""
     from eqt_cli.config.yaml_source import parse_value
-    from eqt_cli.core.errors import EqtError, suggestion
     from eqt_cli.plots.render import options_of
 
     known = {name: options_of(name) for name in names}

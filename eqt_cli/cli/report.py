@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.output import option, print_found, say
+from eqt_cli.core.errors import EqtError
 
 
 def report(
@@ -23,8 +25,6 @@ def report(
 ) -> None:
     """Write one self-contained HTML page: figures, comparison, certificates, every run."""
     from eqt_cli import api
-    from eqt_cli.cli.shared.output import option, print_found, say
-    from eqt_cli.core.errors import EqtError
 
     def unverified(error: EqtError) -> None:
         reason = f"the result could not be verified: {error.told(option)}"

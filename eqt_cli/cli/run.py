@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
+from eqt_cli.core.errors import EqtError
 
 
 def run(
@@ -25,15 +27,13 @@ def run(
     Run it again after an interruption: it continues.
     """
     from eqt_cli.api import LoadedExperiment
-    from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
     from eqt_cli.config.source import read_config
-    from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.read_study import study
 
     source = read_config(config, options.overrides(set_, engine))
     if source.data.get("sweep"):
         place = source.place(("sweep",))
-        raise EqtError(f"{place}: the configuration sweeps; use: eqt sweep {source.path}")
+        raise EqtError(f"{place}: defines a sweep; use: eqt sweep {source.path}")
     found = LoadedExperiment(study(source, trust_plugins=trust_plugins))
     run_experiment(
         found,

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eqt_cli.cli.shared import completion, options
+from eqt_cli.cli.shared.output import duration, print_found, print_json, print_records
+from eqt_cli.config.signal_path import signal_path
+from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.folder_progress import Unfinished, unfinished
+from eqt_cli.execution.provenance import OTHERS, differences
 
 if TYPE_CHECKING:
-    from eqt_cli.execution.folder_progress import Unfinished
     from eqt_cli.results.result import Result
 
 
@@ -40,9 +45,6 @@ def show(
     json: options.Json = False,
 ) -> None:
     """Summarise a result: what was run, where, and what came out."""
-    from eqt_cli.core.errors import EqtError
-    from eqt_cli.execution.folder_progress import unfinished
-
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
     asked = ((config, _config), (plugins, _plugins), (variables, _variables), (failed, _failed))
@@ -65,9 +67,6 @@ def show(
 
 
 def _unfinished(path: Path, found: Unfinished, json: bool) -> None:
-    from dataclasses import asdict
-
-    from eqt_cli.cli.shared.output import duration, print_found
 
     share = 100 * found.done / found.runs
     running = "no; the same eqt run or eqt sweep continues"
@@ -106,11 +105,8 @@ def _document(results: Result) -> dict[str, object]:
 
 
 def _summary(results: Result, json: bool) -> None:
-    from eqt_cli.cli.shared.output import print_json
     from eqt_cli.cli.shared.result_tables import print_outcome
     from eqt_cli.config import yaml_source
-    from eqt_cli.config.signal_path import signal_path
-    from eqt_cli.execution.provenance import OTHERS, differences
 
     if json:
         print_json(_document(results))
@@ -135,13 +131,11 @@ def _summary(results: Result, json: bool) -> None:
 
 
 def _config(results: Result, json: bool) -> None:
-    from eqt_cli.cli.shared.output import print_found
 
     print_found(_stored(results, "config"), str(results.attributes["config"]), json=json)
 
 
 def _variables(results: Result, json: bool) -> None:
-    from eqt_cli.cli.shared.output import print_records
 
     found = [
         (name, results.dims(name), results.units(name), results.long_name(name))
@@ -151,7 +145,6 @@ def _variables(results: Result, json: bool) -> None:
 
 
 def _failed(results: Result, json: bool) -> None:
-    from eqt_cli.cli.shared.output import print_found
 
     failures = results.failures
     messages = results.messages(failures) if len(failures) else []
@@ -165,7 +158,6 @@ def _failed(results: Result, json: bool) -> None:
 
 
 def _plugins(results: Result, json: bool) -> None:
-    from eqt_cli.cli.shared.output import print_found
 
     sources = _stored(results, "plugins")
     lines = [f"# {path}\n{source}" for path, source in sources.items()]

@@ -7,6 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from eqt_cli.cli.shared import completion, options
+from eqt_cli.cli.shared.output import duration, print_found, say
+from eqt_cli.cli.shared.progress import progress
+from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
+from eqt_cli.core.errors import EqtError
 
 if TYPE_CHECKING:
     from eqt_cli.execution.executors import Executor
@@ -51,18 +55,14 @@ def sweep(
     Run it again after an interruption: it continues.
     """
     from eqt_cli.api import LoadedExperiment
-    from eqt_cli.cli.shared.output import say
-    from eqt_cli.cli.shared.progress import progress
-    from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
     from eqt_cli.config.source import read_config
-    from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.read_study import add_grids, study
 
     source = read_config(config, options.overrides(set_, engine))
     add_grids(source, options.placed("--grid", grid))
     if not source.data.get("sweep"):
         raise EqtError(
-            f"{source.source.name}: sweeps nothing; add a `sweep` section or --grid KEY=A,B, "
+            f"{source.source.name}: defines no sweep; add a `sweep` section or --grid KEY=A,B, "
             f"or use: eqt run {source.path}"
         )
     found = LoadedExperiment(
@@ -94,7 +94,6 @@ def sweep(
 
 
 def _print_plan(study: Study, executor: Executor, json: bool) -> None:
-    from eqt_cli.cli.shared.output import duration, print_found
     from eqt_cli.execution.cost import check_memory, estimate, size
 
     assert study.sweep is not None

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.output import print_found, say, table
+from eqt_cli.cli.shared.progress import progress
+from eqt_cli.core.errors import EqtError
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.verification import Verification
@@ -34,10 +38,7 @@ def verify(
     """Check the paper's theorems on an experiment; exit 4 where one does not hold."""
     from eqt_cli import api
     from eqt_cli.analysis.verification import RUNS
-    from eqt_cli.cli.shared.output import print_found, say
-    from eqt_cli.cli.shared.progress import progress
     from eqt_cli.config.source import read_config
-    from eqt_cli.core.errors import EqtError
     from eqt_cli.experiment.config_at_point import config_at, without_sweep
     from eqt_cli.experiment.read_study import study
 
@@ -71,7 +72,6 @@ def verify(
 
 
 def _document(target: Path, found: Verification, causes: list[str]) -> dict[str, object]:
-    from dataclasses import asdict
 
     return {
         "verified": str(target),
@@ -88,7 +88,6 @@ def _document(target: Path, found: Verification, causes: list[str]) -> dict[str,
 
 def _text(found: Verification, causes: list[str]) -> str:
     from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally
-    from eqt_cli.cli.shared.output import table
 
     lines = []
     if (made := certificate_table(found.rows)) is not None:

@@ -121,8 +121,7 @@ class ClosedLoop:
         if dissipation is None or self.vehicle.is_ideal:
             return dissipation
         unknown = acting - self.controller.torque(s)
-        power: Array = dissipation - dot(unknown, self.controller.velocity_error(s))
-        return power
+        return dissipation - dot(unknown, self.controller.velocity_error(s))
 
     @property
     def claims_decrease(self) -> bool | None:
@@ -136,8 +135,7 @@ class ClosedLoop:
 
     def work(self, state: Array) -> Array:
         """W, what has been taken out of L up to a flat state."""
-        work: Array = state[..., self.layout.slices["work"].start]
-        return work
+        return state[..., self.layout.slices["work"].start]
 
     # Instants that are known in advance, at which the vector field goes on in another way.
 

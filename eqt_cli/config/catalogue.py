@@ -45,8 +45,7 @@ def options(component: type) -> dict[str, Any]:
     from eqt_cli.ensemble.designs import Design, Surroundings
 
     if issubclass(component, Design) and hasattr(component, "schema"):  # of the first version
-        found: dict[str, Any] = component.schema(Surroundings(lambda axis: {"type": "object"}, {}))
-        return found
+        return component.schema(Surroundings(lambda axis: {"type": "object"}, {}))
     if not is_dataclass(component) or getattr(component, "whole_section", False):
         return {}
     schema = TypeAdapter(component).json_schema()

@@ -8,7 +8,7 @@ import numpy as np
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import EqtError, InputError
-from eqt_cli.core.files import refusals
+from eqt_cli.core.files import refusals, text_of
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.reserved_names import FILE_NAME
 
@@ -37,21 +37,11 @@ def data_file(source: ConfigSource, name: str) -> str:
 
 def _text(path: Path) -> str:
     with refusals(path, "read", kind=InputError):
-        return _read(path)
-
-
-def _read(path: Path) -> str:
-    try:
-        size = path.stat().st_size
-        if size > MOST_BYTES:
-            most = MOST_BYTES // 2**20
-            raise InputError(f"{path}: holds {size / 2**20:,.0f} MiB; expected at most {most}")
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        relative = "paths are relative to the configuration's folder"
-        raise InputError(f"{path}: does not exist; {relative}") from None
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: cannot be read: it is no text in UTF-8") from error
+        size = path.stat().st_size if path.exists() else 0
+    if size > MOST_BYTES:
+        most = MOST_BYTES // 2**20
+        raise InputError(f"{path}: holds {size / 2**20:,.0f} MiB; expected at most {most}")
+    return text_of(path, "paths are relative to the configuration's folder", InputError)
 
 
 def _starts_of(path: Path) -> str:

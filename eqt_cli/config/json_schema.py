@@ -2,43 +2,44 @@
 
 from __future__ import annotations
 
-from dataclasses import is_dataclass
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any
 
 from pydantic import TypeAdapter
+from pydantic.json_schema import GenerateJsonSchema
+from pydantic_core import core_schema
 
 from eqt_cli.config.key_descriptions import keys_of
-from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement
+from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement, OwnGainsSection, Section
 from eqt_cli.controllers import controllers
 from eqt_cli.core.component import option_of_field
 from eqt_cli.core.problems import parse_key
 from eqt_cli.core.registry import Registry, meanings, summary
 from eqt_cli.core.validation import option_names
 from eqt_cli.engines import engines
-from eqt_cli.ensemble.axes import Drawn, Spaced
 from eqt_cli.ensemble.designs import Surroundings, designs
 from eqt_cli.ensemble.poses import pose_distributions
-from eqt_cli.ensemble.spread import Spread
 from eqt_cli.ensemble.sweep import BLOCK
 from eqt_cli.ensemble.velocities import velocity_distributions
 from eqt_cli.groups import groups
 from eqt_cli.references import references
 from eqt_cli.vehicle.actuators import actuators
 from eqt_cli.vehicle.forces import forces
-from eqt_cli.vehicle.numbers import Normal, Uniform
 from eqt_cli.vehicle.sensors import sensors
 
 KIND = "Which component it is; the others of its keys are options of this one."
 LABEL = {"type": "string", "description": "The name of the law in tables and figures; its kind."}
+GAINS = "Gains of this law, where they are others than those of the section `gains`."
 
 
 def json_schema() -> dict[str, Any]:
     """The schema of a configuration file, JSON Schema draft 2020-12."""
-    schema = _overlapping(Config.model_json_schema())
+    schema = Config.model_json_schema(schema_generator=_Generator)
     shared: dict[str, Any] = schema["$defs"]
     top = schema["properties"]
     top["group"]["examples"] = [name for kind in groups.all() for name in kind.examples()]
-    top["controllers"]["items"] = _any_of(controllers, shared, extra={"label": LABEL})
+    shared["OwnGainsSection"] = _section(OwnGainsSection, shared)
+    own = {"$ref": "#/$defs/OwnGainsSection", "description": GAINS}
+    top["controllers"]["items"] = _any_of(controllers, shared, {"label": LABEL, "gains": own})
     initial = shared["InitialSection"]["properties"]
     shared["PoseDistribution"] = _any_of(pose_distributions, shared)
     one = {"$ref": "#/$defs/PoseDistribution"}
@@ -51,15 +52,19 @@ def json_schema() -> dict[str, Any]:
         _listed(key, sensors, shared)
     top["solver"] = _solver(top["solver"], shared)
     shared["SweepBlock"] = _sweep_block(schema)
-    for kind in (Spread, Spaced, Drawn, Uniform, Normal):
-        for name, meaning in meanings(kind).items():
-            shared[kind.__name__]["properties"][name]["description"] = meaning
     top["sweep"]["anyOf"][0]["items"] = {"$ref": "#/$defs/SweepBlock"}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "eqt experiment",
         **{key: value for key, value in schema.items() if key != "title"},
     }
+
+
+def _section(section: type[Section], shared: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a section that no other one names; what it refers to goes to `shared`."""
+    schema = section.model_json_schema(schema_generator=_Generator)
+    shared |= schema.pop("$defs", {})
+    return dict(schema)
 
 
 def _listed(key: dict[str, Any], registry: Registry[Any], shared: dict[str, Any]) -> None:
@@ -69,13 +74,21 @@ def _listed(key: dict[str, Any], registry: Registry[Any], shared: dict[str, Any]
     )
 
 
-def _overlapping(schema: Any) -> Any:
-    """The same with `anyOf` for `oneOf`: a list of numbers fits several members of our unions."""
-    if isinstance(schema, dict):
-        return {
-            "anyOf" if key == "oneOf" else key: _overlapping(value) for key, value in schema.items()
-        }
-    return [_overlapping(entry) for entry in schema] if isinstance(schema, list) else schema
+class _Generator(GenerateJsonSchema):
+    """As pydantic, with what docstrings say of options, and unions of which several may fit."""
+
+    def dataclass_schema(self, schema: core_schema.DataclassSchema) -> dict[str, Any]:
+        """The options, each with its meaning."""
+        found = super().dataclass_schema(schema)
+        said = {option_of_field(name): text for name, text in meanings(schema["cls"]).items()}
+        for name, option in found["properties"].items():
+            if name in said:
+                found["properties"][name] = {"description": said[name]} | option
+        return found
+
+    def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> dict[str, Any]:
+        """`anyOf` for `oneOf`: a list of numbers fits several members of our unions."""
+        return {"anyOf": super().tagged_union_schema(schema)["oneOf"]}
 
 
 def _any_of(
@@ -102,28 +115,11 @@ def _mapping(component: type, shared: dict[str, Any], extra: dict[str, Any]) -> 
 
 def _options(component: type, shared: dict[str, Any]) -> dict[str, Any]:
     """The object schema of a component's options; what it refers to goes to `shared`."""
-    schema = TypeAdapter(component).json_schema()
-    definitions = _overlapping(schema.pop("$defs", {}))
-    schema = _overlapping(schema)
-    for part in _parts(component):
-        properties = definitions[part.__name__]["properties"]
-        for name, meaning in meanings(part).items():
-            properties[name].setdefault("description", meaning)
-    shared |= definitions
-    said = {option_of_field(name): meaning for name, meaning in meanings(component).items()}
-    properties = {
-        name: ({"description": said[name]} if name in said else {}) | schema["properties"][name]
-        for name in option_names(component)
-    }
+    schema = TypeAdapter(component).json_schema(schema_generator=_Generator)
+    shared |= schema.pop("$defs", {})
+    properties = {name: schema["properties"][name] for name in option_names(component)}
     required = [name for name in schema.get("required", []) if name in properties]
     return {"properties": properties, "required": required}
-
-
-def _parts(component: type) -> list[type]:
-    """The dataclasses that are entries of a list among the options."""
-    lists = [kind for kind in get_type_hints(component).values() if get_origin(kind) is list]
-    entries = [entry for kind in lists for entry in get_args(kind)]
-    return [entry for entry in entries if isinstance(entry, type) and is_dataclass(entry)]
 
 
 def _reference(section: dict[str, Any], shared: dict[str, Any]) -> dict[str, Any]:
@@ -219,8 +215,7 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
 def _design(design: Any, around: Surroundings, shared: dict[str, Any]) -> dict[str, Any]:
     """The schema of the section of a design."""
     if hasattr(design, "schema"):  # of the first version
-        found: dict[str, Any] = design.schema(around)
-        return found
+        return design.schema(around)
     options = _options(design, shared)
     if design.whole_section:
         option = options["properties"][design.whole_section]

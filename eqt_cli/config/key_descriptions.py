@@ -90,8 +90,7 @@ def _joined(key: str, entries: list[tuple[Schema, list[str]]], schema: Schema) -
 def dereferenced(entry: Schema, schema: Schema) -> Schema:
     """What a reference refers to; any other entry as it is."""
     name = entry.get("$ref", "").rpartition("/")[2]
-    found: Schema = schema["$defs"][name] if name else entry
-    return found
+    return schema["$defs"][name] if name else entry
 
 
 def choices(entry: Schema, schema: Schema) -> list[Schema]:

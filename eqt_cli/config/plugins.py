@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from eqt_cli.config.source import ConfigSource, source_of
 from eqt_cli.core.errors import ComponentError, Remedy
-from eqt_cli.core.files import refusals
+from eqt_cli.core.files import text_of
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import load_plugin
 from eqt_cli.core.validation import shown
@@ -63,7 +61,9 @@ def _text(source: ConfigSource, path: object, trusted: bool) -> str:
     if not isinstance(path, str):
         raise ComponentError(f"expected the path of a Python file, got {shown(path)}")
     if source.stored_plugins is None:
-        return _read(source.folder / path)
+        relative = "plugin paths are relative to the configuration's folder"
+        file = source.folder / path
+        return text_of(file, relative, ComponentError, f"plugin {file}")
     if not trusted:
         raise ComponentError(
             f"the result holds the source of {path}, which is executed only on request",
@@ -72,12 +72,3 @@ def _text(source: ConfigSource, path: object, trusted: bool) -> str:
     if path not in source.stored_plugins:
         raise ComponentError(f"the result does not hold the source of {path}")
     return source.stored_plugins[path]
-
-
-def _read(file: Path) -> str:
-    with refusals(f"plugin {file}", "read", kind=ComponentError):
-        try:
-            return file.read_text(encoding="utf-8")
-        except FileNotFoundError:
-            relative = "plugin paths are relative to the configuration's folder"
-            raise ComponentError(f"{file}: does not exist; {relative}") from None

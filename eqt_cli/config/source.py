@@ -107,8 +107,8 @@ def _text(path: Path) -> bytes:
         try:
             return path.read_bytes()
         except FileNotFoundError:
-            wanted = "give a YAML file, which `eqt config new` writes, or a result"
-            raise EqtError(f"{path}: does not exist; {wanted}") from None
+            wanted = "create a configuration with `eqt config new`, or give a result"
+            raise EqtError(f"{path}: not found; {wanted}") from None
 
 
 def _name(path: Path) -> str:

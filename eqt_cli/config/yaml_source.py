@@ -334,7 +334,7 @@ class _Reader:
         here = error.problem_mark or error.context_mark
         start = error.context_mark or here
         if here is None or start is None:
-            self.stop((), "this is not YAML", None)
+            self.stop((), "invalid YAML", None)
         before, at_here = _split(text, here)
         opening = _split(text, start)[1][:1]
         since = f" that starts at {self._place(_mark(start))}" if self._located else ""
@@ -354,7 +354,7 @@ class _Reader:
             if in_context in context and in_problem in problem:
                 message = template.format(opening=opening, character=character, since=since)
                 self.stop((), message, _mark(start if at_start else here))
-        self.stop((), "this is not YAML", _mark(here))
+        self.stop((), "invalid YAML", _mark(here))
 
     def _stop_in_brackets(
         self,

@@ -8,7 +8,7 @@ from eqt_cli.controllers.family import Member
 
 @dataclass(frozen=True)
 class Asym(Member):
-    """EqT with the symmetric choice of S (the paper"s §7 and eq. (10))."""
+    """EqT with the symmetric choice of S (the paper's §7 and eq. (10))."""
 
     name: ClassVar[str] = "asym"
     title: ClassVar[str] = "asym"

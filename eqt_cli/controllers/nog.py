@@ -8,7 +8,7 @@ from eqt_cli.controllers.family import Member
 
 @dataclass(frozen=True)
 class NoG(Member):
-    """EqT without its gyroscopic term (the paper"s §7)."""
+    """EqT without its gyroscopic term (the paper's §7)."""
 
     name: ClassVar[str] = "nog"
     title: ClassVar[str] = "nog"

@@ -1,29 +1,20 @@
 """Exact derivatives of expressions, carried along while they are evaluated.
 
-Each node of the tree gives its value and its derivative (forward mode), on floats, arrays and
-symbols alike. A derivative that is zero by structure is None, so that it costs nothing and
-``0 · inf`` cannot arise.
+The variable is a number that knows its derivative (forward mode), on floats, arrays and symbols
+alike. A derivative that is zero by structure is None, so that it costs nothing and ``0 · inf``
+cannot arise.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.core.arrays import FUNCTIONS, apply, less, maximum, minimum, register_symbols, where
-from eqt_cli.core.expressions import (
-    PIECEWISE,
-    Binary,
-    Call,
-    Expression,
-    Node,
-    Variable,
-    clipped_fraction,
-    combine,
-    fold,
-)
+from eqt_cli.core.arrays import FUNCTIONS, apply, less, register_symbols, where
+from eqt_cli.core.expressions import Expression, power
 
 _SLOPES: dict[str, Callable[[Any], Any]] = {
     "sin": lambda x: _of("cos", x),
@@ -64,34 +55,29 @@ def value_and_derivative(
         As `Expression.evaluate` gives the value; the derivative is 0.0 where it does not depend
         on the variable.
     """
-
-    def visit(node: Node, operands: tuple[Any, ...]) -> tuple[Any, Any]:
-        if isinstance(node, Variable):
-            return values[node.name], 1.0 if node.name == name else None
-        value = combine(node, tuple(operand[0] for operand in operands))
-        return value, _slope(node, operands, value)
-
+    t = values[name]
+    # Python's floats raise where IEEE has inf and nan.
+    moving = Dual(np.float64(t) if isinstance(t, float | int) else t, 1.0)
     with np.errstate(all="ignore"):
-        value, derivative = fold(expression.tree, visit)
-    if derivative is None:
-        return value, 0.0
-    return value, float(derivative) if isinstance(derivative, float) else derivative
+        found = _dual(expression.evaluate({**values, name: moving}))
+    parts = found.value, 0.0 if found.rate is None else found.rate
+    value, derivative = (float(part) if isinstance(part, float) else part for part in parts)
+    return value, derivative
 
 
 def value_and_derivatives(expression: Expression, t: Any) -> tuple[Any, Any, Any]:
     """The value of an expression in ``t``, and its first and second derivative by it."""
-    if isinstance(t, float | int):
-        t = np.float64(t)  # Python's floats raise where IEEE has inf and nan
+    t = np.float64(t) if isinstance(t, float | int) else t
     with np.errstate(all="ignore"):
-        value, rate = value_and_derivative(expression, {"t": Dual(t, 1.0)})
-    value, rate = (x if isinstance(x, Dual) else Dual(x, 0.0) for x in (value, rate))
-    return value.value, rate.value, rate.rate
+        value, rate = map(_dual, value_and_derivative(expression, {"t": Dual(t, 1.0)}))
+    return value.value, rate.value, 0.0 if rate.rate is None else rate.rate
 
 
 class Dual:
-    """A value and its derivative, each a number, an array or a symbol of another kind.
+    """A value and its derivative, each a number, an array or a symbol, or both such numbers again.
 
-    Differentiating in these numbers gives second derivatives.
+    A derivative of None is zero by structure. Differentiating in these numbers gives second
+    derivatives.
     """
 
     __slots__ = ("rate", "value")
@@ -102,139 +88,54 @@ class Dual:
 
     def __add__(self, other: Any) -> Dual:
         other = _dual(other)
-        return Dual(self.value + other.value, self.rate + other.rate)
+        return Dual(self.value + other.value, _sum(self.rate, other.rate))
+
+    def __sub__(self, other: Any) -> Dual:
+        other = _dual(other)
+        return Dual(self.value - other.value, _sum(self.rate, (-other).rate))
 
     def __mul__(self, other: Any) -> Dual:
         other = _dual(other)
-        rate = self.rate * other.value + self.value * other.rate
+        rate = _sum(_product(self.rate, other.value), _product(other.rate, self.value))
         return Dual(self.value * other.value, rate)
 
     def __truediv__(self, other: Any) -> Dual:
         other = _dual(other)
         value = self.value / other.value
-        return Dual(value, (self.rate - value * other.rate) / other.value)
+        by_numerator = _product(self.rate, 1 / other.value)
+        return Dual(value, _sum(by_numerator, _product(other.rate, -value / other.value)))
 
     def __pow__(self, exponent: Any) -> Dual:
-        if isinstance(exponent, Dual):
-            return _of("exp", exponent * _of("log", self))
-        slope = 1.0 if exponent == 1 else exponent * _power(self.value, exponent - 1)
-        return Dual(self.value**exponent, slope * self.rate)
+        exponent = _dual(exponent)
+        u, v = self.value, exponent.value
+        value = power(u, v)
+        by_base = by_exponent = None
+        if self.rate is not None:
+            # x**0 is 1 also where x is a symbol or 0, so that the derivative of x**1 is exact.
+            is_one = isinstance(v, float) and v == 1
+            by_base = v * (1.0 if is_one else power(u, v - 1)) * self.rate
+        if exponent.rate is not None:
+            by_exponent = value * _of("log", u) * exponent.rate
+        return Dual(value, _sum(by_base, by_exponent))
 
     def __neg__(self) -> Dual:
-        return Dual(-self.value, -self.rate)
-
-    def __sub__(self, other: Any) -> Dual:
-        return self + -_dual(other)
+        return Dual(-self.value, None if self.rate is None else -self.rate)
 
     def __rsub__(self, other: Any) -> Dual:
-        return -self + other
+        return _dual(other) - self
 
     def __rtruediv__(self, other: Any) -> Dual:
         return _dual(other) / self
+
+    def __rpow__(self, base: Any) -> Dual:
+        return _dual(base) ** self
 
     __radd__ = __add__
     __rmul__ = __mul__
 
 
 def _dual(x: Any) -> Dual:
-    return x if isinstance(x, Dual) else Dual(np.float64(x) if isinstance(x, float) else x, 0.0)
-
-
-def _chosen(condition: Dual, a: Any, b: Any) -> Dual:
-    a, b = _dual(a), _dual(b)
-    pairs = ((a.value, b.value), (a.rate, b.rate))
-    return Dual(*(_unwrapped(where(condition.value, x, y)) for x, y in pairs))
-
-
-register_symbols(
-    Dual,
-    {
-        **{
-            name: lambda x, name=name: Dual(_of(name, x.value), slope(name, x.value) * x.rate)
-            for name in FUNCTIONS
-        },
-        # A condition has no derivative; as a Dual it can stand in an array by itself.
-        "less": lambda a, b: Dual(less(_dual(a).value, _dual(b).value), 0.0),
-        "where": _chosen,
-    },
-)
-
-
-def slope(function: str, x: Any) -> Any:
-    """The derivative of a function of the grammar at x: a float, an array or a symbol."""
-    return _SLOPES[function](x)
-
-
-def _slope(node: Node, operands: tuple[Any, ...], value: Any) -> Any:
-    """The derivative of a node, given (value, derivative) of its operands; None for zero."""
-    if all(derivative is None for _, derivative in operands):
-        return None
-    if isinstance(value, float):
-        # Python's floats raise where IEEE has inf and nan.
-        operands = tuple((np.float64(number), derivative) for number, derivative in operands)
-    if isinstance(node, Binary):
-        left, right = operands
-        return _binary_slope(node.operator, left, right, value)
-    if isinstance(node, Call) and node.function in PIECEWISE:
-        return _PIECEWISE_SLOPES[node.function](*operands)
-    [(argument, rate)] = operands
-    return slope(node.function, argument) * rate if isinstance(node, Call) else -rate
-
-
-def _extreme(choose: Callable[[Any, Any], Any], first_is_meant: Callable[[Any, Any], Any]) -> Any:
-    """The derivative of the smallest or largest argument is its own."""
-
-    def slope(first: Any, *others: Any) -> Any:
-        value, rate = first[0], _rate(first)
-        for other in others:
-            rate = _unwrapped(where(first_is_meant(value, other[0]), rate, _rate(other)))
-            value = _unwrapped(choose(value, other[0]))
-        return rate
-
-    return slope
-
-
-def _smoothstep_slope(x: Any, start: Any, end: Any) -> Any:
-    """6 s (1 − s) times the rate of s, which it makes 0 outside."""
-    s = _unwrapped(clipped_fraction(x[0], start[0], end[0]))
-    unclipped = (x[0] - start[0]) / (end[0] - start[0])
-    rate = _rate(x) - _rate(start) - unclipped * (_rate(end) - _rate(start))
-    return 6 * s * (1 - s) * rate / (end[0] - start[0])
-
-
-def _rate(operand: Any) -> Any:
-    return 0.0 if operand[1] is None else operand[1]
-
-
-_PIECEWISE_SLOPES: dict[str, Callable[..., Any]] = {
-    "min": _extreme(minimum, less),
-    "max": _extreme(maximum, lambda a, b: less(b, a)),
-    "sign": lambda x: None,
-    "step": lambda x, start: None,
-    "smoothstep": _smoothstep_slope,
-    "where": lambda a, b, x, y: _unwrapped(where(less(a[0], b[0]), _rate(x), _rate(y))),
-}
-"""The derivative of every piecewise function, given (value, derivative) of its arguments."""
-
-
-def _binary_slope(operator: str, left: Any, right: Any, value: Any) -> Any:
-    (u, du), (v, dv) = left, right
-    if operator == "+":
-        return _sum(du, dv)
-    if operator == "-":
-        return _sum(du, None if dv is None else -dv)
-    if operator == "*":
-        return _sum(_product(du, v), _product(dv, u))
-    if operator == "/":
-        return _sum(_product(du, 1 / v), _product(dv, -value / v))
-    exponent = v - 1
-    by_base = None if du is None else v * _power(u, exponent) * du
-    return _sum(by_base, None if dv is None else value * _of("log", u) * dv)
-
-
-def _power(base: Any, exponent: Any) -> Any:
-    # x**0 is 1 also where x is a symbol or 0, so that the derivative of x**1 is exact.
-    return 1.0 if isinstance(exponent, float) and exponent == 0 else base**exponent
+    return x if isinstance(x, Dual) else Dual(np.float64(x) if isinstance(x, float) else x, None)
 
 
 def _sum(a: Any, b: Any) -> Any:
@@ -243,8 +144,38 @@ def _sum(a: Any, b: Any) -> Any:
     return a + b
 
 
-def _product(slope: Any, factor: Any) -> Any:
-    return None if slope is None else slope * factor
+def _product(rate: Any, factor: Any) -> Any:
+    return None if rate is None else rate * factor
+
+
+def _function(name: str, x: Dual) -> Dual:
+    rate = None if x.rate is None else slope(name, x.value) * x.rate
+    return Dual(_of(name, x.value), rate)
+
+
+def _chosen(condition: Any, a: Any, b: Any) -> Dual:
+    condition, a, b = _dual(condition), _dual(a), _dual(b)
+    value = _unwrapped(where(condition.value, a.value, b.value))
+    if a.rate is None and b.rate is None:
+        return Dual(value, None)
+    rates = (0.0 if rate is None else rate for rate in (a.rate, b.rate))
+    return Dual(value, _unwrapped(where(condition.value, *rates)))
+
+
+register_symbols(
+    Dual,
+    {
+        **{name: partial(_function, name) for name in FUNCTIONS},
+        # A condition has no derivative; as a Dual it can stand in an array by itself.
+        "less": lambda a, b: Dual(less(_dual(a).value, _dual(b).value), None),
+        "where": _chosen,
+    },
+)
+
+
+def slope(function: str, x: Any) -> Any:
+    """The derivative of a function of the grammar at x: a float, an array or a symbol."""
+    return _SLOPES[function](x)
 
 
 def _of(name: str, x: Any) -> Any:

@@ -262,17 +262,12 @@ class Piecewise:
     count: int | None
 
 
-def clipped_fraction(x: Any, start: Any, end: Any) -> Any:
-    """How far x has come from start to end: 0 before, 1 after."""
-    return clip((x - start) / (end - start), 0.0, 1.0)
-
-
 def _sign(x: Any) -> Any:
     return where(less(x, 0.0), -1.0, where(less(0.0, x), 1.0, 0.0))
 
 
 def _smoothstep(x: Any, start: Any, end: Any) -> Any:
-    s = clipped_fraction(x, start, end)
+    s = clip((x - start) / (end - start), 0.0, 1.0)  # how far x has come
     return s * s * (3 - 2 * s)
 
 
@@ -346,12 +341,11 @@ def _roots(function: str, operands: tuple[_Linear | None, ...]) -> Iterator[floa
             yield (right[0] - left[0]) / (left[1] - right[1])
 
 
-def _power(base: Any, exponent: Any) -> Any:
+def power(base: Any, exponent: Any) -> Any:
     """Raise to a power, also a number to that of a symbol, whose type may have no ``__rpow__``."""
-    if isinstance(base, float) and not isinstance(exponent, float):
-        exponent = np.asarray(exponent)
-        if exponent.dtype == object:
-            return apply("exp", exponent * float(np.log(base)))[()]
+    symbols = isinstance(exponent, np.ndarray) and exponent.dtype == object
+    if isinstance(base, float) and (symbols or not hasattr(exponent, "__rpow__")):
+        return apply("exp", exponent * float(np.log(base)))[()]
     return base**exponent
 
 
@@ -360,7 +354,7 @@ _OPERATORS: dict[str, Callable[[Any, Any], Any]] = {
     "-": operator.sub,
     "*": operator.mul,
     "/": operator.truediv,
-    "**": _power,
+    "**": power,
 }
 
 

@@ -41,7 +41,26 @@ def refusals(
     """
     try:
         yield
-    except (OSError, ValueError) as error:  # of text that is none, and of names with a null byte
-        reason = (getattr(error, "strerror", None) or str(error)).lower()
+    except (OSError, ValueError) as error:  # the latter of bytes, and of names with a null byte
+        said = "it is no text in UTF-8" if isinstance(error, UnicodeError) else str(error)
+        if isinstance(error, OSError):
+            said = error.strerror or str(error)
         advice = Remedy(remedy) if isinstance(remedy, str) else remedy
-        raise kind(f"{subject}: cannot be {done}: {reason}", advice) from error
+        raise kind(f"{subject}: cannot be {done}: {said.lower()}", advice) from error
+
+
+def text_of(
+    path: Path, missing: str, kind: type[EqtError] = EqtError, subject: object = None
+) -> str:
+    """The text of a file that a user names.
+
+    Raises
+    ------
+    EqtError
+        Of this kind, where it cannot be read; `missing` is what to say where there is none.
+    """
+    with refusals(subject or path, "read", kind=kind):
+        try:
+            return path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            raise kind(f"{path}: does not exist; {missing}") from None

@@ -209,6 +209,12 @@ def summary(component: type) -> str:
     return (inspect.getdoc(component) or "").partition("\n")[0]
 
 
+def description(component: type) -> str:
+    """What a component's docstring says before its attributes, as running text."""
+    said = (inspect.getdoc(component) or "").partition("\n\nAttributes\n")[0]
+    return " ".join(said.replace("`", "").split())
+
+
 def meanings(component: type) -> dict[str, str]:
     """What the docstrings of a class and its bases say of each attribute."""
     found: dict[str, str] = {}

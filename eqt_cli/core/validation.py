@@ -248,8 +248,7 @@ def component(
         at_kind.add(f"missing; {expected}" if kind is None else f"{expected}, got {shown(kind)}")
         return None
     with at_kind.catching():
-        found: T | None = validated(registry.get(kind), options, problems, ("kind", *common))
-        return found
+        return validated(registry.get(kind), options, problems, ("kind", *common))
     return None
 
 

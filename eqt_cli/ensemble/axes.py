@@ -113,6 +113,15 @@ class Drawn(Range):
             return min(int(self.high), math.floor(self._between(self.high + 1, share)))
         return super().at(share)
 
+    def share(self, value: float) -> float:
+        """How far along the way a value is, which is within the bounds."""
+        low, high = self.low, self.high
+        if self.integer:
+            value, high = value + 0.5, high + 1
+        if self.scale == "log":
+            return math.log(value / low) / math.log(high / low)
+        return (value - low) / (high - low)
+
 
 Values = Annotated[list[Any], Field(min_length=1)]
 """Values of any kind."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache, partial
 
@@ -134,9 +134,8 @@ def _drawn(
 ) -> dict[str, Array]:
     """The numbers of each run's own vehicle, one row for each run."""
     rows = []
-    for index, run in zip(which.tolist(), runs.tolist(), strict=True):
-        seed, loop = experiments[index].config.ensemble.seed, experiments[index].loops[label]
-        random_of = partial(generator_at, seed, Stream.VEHICLE, run)
+    for experiment, random_of in _by_run(experiments, which, runs):
+        loop = experiment.loops[label]
         rows.append(loop.vehicle.numbers(loop.group, random_of))
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
@@ -149,12 +148,18 @@ def _errors(
     if runs is None:
         exact = np.broadcast_to(G.identity, (len(which), instants, G.size, G.size))
         return exact, np.zeros((len(which), instants, G.dimension))
-    found = []
+    randoms = (random_of for _, random_of in _by_run(experiments, which, runs))
+    found = [vehicle.measurement_errors(G, instants, random_of) for random_of in randoms]
+    return np.array([pose for pose, _ in found]), np.array([velocity for _, velocity in found])
+
+
+def _by_run(
+    experiments: list[Experiment], which: Array, runs: Array
+) -> Iterator[tuple[Experiment, Callable[[str], np.random.Generator]]]:
+    """For each run its experiment, and the random streams of what is drawn for its vehicle."""
     for index, run in zip(which.tolist(), runs.tolist(), strict=True):
         seed = experiments[index].config.ensemble.seed
-        random_of = partial(generator_at, seed, Stream.VEHICLE, run)
-        found.append(vehicle.measurement_errors(G, instants, random_of))
-    return np.array([pose for pose, _ in found]), np.array([velocity for _, velocity in found])
+        yield experiments[index], partial(generator_at, seed, Stream.VEHICLE, run)
 
 
 def _kind(experiment: Experiment, label: str) -> Hashable:

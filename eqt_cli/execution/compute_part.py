@@ -239,20 +239,17 @@ def is_number(quantity: Quantity) -> bool:
     return quantity.per is Per.RUN and quantity.dtype is not None and quantity.dtype.kind == "f"
 
 
-class OutdatedPart(ResultError):
-    """A part of another version of eqt, which did not keep everything that this one keeps."""
-
-
 def read_part(results: ResultFile, quantities: Sequence[Quantity]) -> dict[str, Array]:
     """Every variable that a part holds, by name.
 
     Raises
     ------
-    OutdatedPart
+    ResultError
         If it lacks what every run must have.
     """
-    rows = check_part(results, quantities)
-    numbers = results[NUMBERS]
+    if missing := lacking(results, quantities):
+        raise ResultError(f"{results.path}: does not hold {', '.join(missing)}")
+    rows, numbers = _rows(results), results[NUMBERS]
     return {
         entry.name: numbers[rows.index(entry.name)] if is_number(entry) else results[entry.name]
         for entry in quantities
@@ -260,18 +257,20 @@ def read_part(results: ResultFile, quantities: Sequence[Quantity]) -> dict[str, 
     }
 
 
-def check_part(results: ResultFile, quantities: Sequence[Quantity]) -> list[str]:
-    """The quantities of the rows of numbers; `read_part` says what is raised."""
-    rows = str(results.attributes.get(ROWS, "")).split()
-    lacking = [
+def lacking(results: ResultFile, quantities: Sequence[Quantity]) -> list[str]:
+    """What every run must have and a part does not hold, as it is of another version of eqt."""
+    rows = _rows(results)
+    return [
         entry.name
         for entry in quantities
         if entry.per in (Per.RUN, Per.TRAJECTORY)
         and not (entry.name in rows if is_number(entry) else results.has(entry.name))
     ]
-    if lacking:
-        raise OutdatedPart(f"{results.path}: does not hold {', '.join(lacking)}")
-    return rows
+
+
+def _rows(results: ResultFile) -> list[str]:
+    """The quantities of the rows of numbers."""
+    return str(results.attributes.get(ROWS, "")).split()
 
 
 def _solved(

@@ -105,8 +105,7 @@ def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:
 
 def difference(pose: Array, velocity: Array) -> Array:
     """max over samples of max(‖ΔQ‖_F, ‖ΔV‖), ``(runs,)``."""
-    largest: Array = np.maximum(frobenius(pose), norm(velocity)).max(axis=-1)
-    return largest
+    return np.maximum(frobenius(pose), norm(velocity)).max(axis=-1)
 
 
 def _another_way(experiment: Experiment) -> tuple[Engine, str]:

@@ -77,12 +77,15 @@ class ResultFolder:
             self.path.mkdir(parents=True, exist_ok=True)
             # First, so that what follows is known as eqt's own, whenever this process may die.
             self._write(MANIFEST, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
-            plugins = self._copy_plugins(study)
-            files = self._copy_files(study)
-            resolved = _renamed(study.resolved, files) | {"plugins": plugins}
-            self._write(CONFIG, dump(resolved))
+            self.write_config(study)
             self.parts.folder.mkdir(exist_ok=True)
         return removed
+
+    def write_config(self, study: Study, name: str = CONFIG) -> None:
+        """Write the complete configuration, with what it refers to beside it."""
+        plugins = self._copy_plugins(study)
+        files = self._copy_files(study)
+        self._write(name, dump(_renamed(study.resolved, files) | {"plugins": plugins}))
 
     def tidy(self) -> None:
         """Remove what killed processes left unfinished."""

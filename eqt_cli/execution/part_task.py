@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -14,9 +14,8 @@ from eqt_cli.core.error_origin import blamed
 from eqt_cli.core.errors import ResultError
 from eqt_cli.execution.compute_part import (
     Desired,
-    OutdatedPart,
-    check_part,
     compute_part,
+    lacking,
     lost_part,
     reference_table,
 )
@@ -59,11 +58,10 @@ class PartTask:
         """The number of runs of a part."""
         return len(self.part(item)[1])
 
-    @property
-    def missing(self) -> list[int]:
-        """The parts that are not there yet."""
+    def missing(self, wanted: Iterable[int] | None = None) -> list[int]:
+        """Which of all parts, or of those that are wanted, are not there yet."""
         there = self.files.listed()
-        return [item for item in range(len(self)) if item not in there]
+        return [n for n in (range(len(self)) if wanted is None else wanted) if n not in there]
 
     @blamed()
     def __call__(self, item: int, context: TaskContext) -> int:
@@ -104,12 +102,9 @@ class PartTask:
         index, _ = self.part(item)
         try:
             with open_results(path) as results:
-                check_part(results, Layout(self.study.piece(index)).quantities)
-        except OutdatedPart:
-            return True
+                return bool(lacking(results, Layout(self.study.piece(index)).quantities))
         except ResultError:
             return False  # but damaged: whoever reads all of it finds that too
-        return False
 
     @cached_property
     def shared(self) -> Callable[[int], Desired | None]:

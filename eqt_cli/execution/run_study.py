@@ -149,7 +149,7 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
     if complete := _complete(study, folder):
         return complete
     with locked(out, remark=remark):
-        missing = len(study.plans) - len(folder.parts.listed())
+        missing = len(PartTask(study, folder.parts).missing())
         if missing:
             raise EqtError(
                 f"{out}: {missing} of {len(study.plans)} parts are missing; run every shard to its "
@@ -191,12 +191,11 @@ class _Session:
         )
         if shard or earlier.get("quantities") != manifest["quantities"]:
             self._forget_outdated(self.task, wanted)
-        there = self.files.listed()
-        resumed = sum(self.plan.runs_of(number) for number in wanted if number in there)
+        runs = sum(map(self.task.runs_of, wanted))
+        resumed = runs - sum(map(self.task.runs_of, self.task.missing(wanted)))
         self.resumed(resumed)
         with _timed(self.seconds, "simulation"):
-            self.task.prepare()
-            self._compute(self.task, [number for number in wanted if number not in there])
+            self._compute(self.task, wanted)
         if shard is None:
             with _timed(self.seconds, "writing"):
                 self._pack(manifest["provenance"])
@@ -205,7 +204,6 @@ class _Session:
         if shard is None:
             ending = {"finished": now(), "seconds": self.seconds, "failed": failed}
             self.folder.finish(manifest | ending)
-        runs = sum(self.plan.runs_of(number) for number in wanted)
         return Execution(
             self.folder, False, removed, runs, failed, resumed, shard is None, self.seconds
         )
@@ -243,9 +241,8 @@ class _Session:
         self._tell_versions([earlier], here)
         origin = together(earlier, here)
         with _timed(self.seconds, "simulation"):
-            again.prepare()
             self._forget_outdated(again, range(len(again)))
-            self._compute(again, again.missing)
+            self._compute(again)
         with _timed(self.seconds, "writing"):
             described = json.dumps(origin, ensure_ascii=False)
             still = replace_runs(again, self.folder.results, {"provenance": described})
@@ -254,8 +251,10 @@ class _Session:
         done, total = self.plan.total - failed, self.plan.total
         return Execution(self.folder, False, [], total, still, done, True, self.seconds)
 
-    def _compute(self, task: PartTask, missing: Sequence[int]) -> None:
-        for outcome in self.executor.outcomes(task, missing, self.progress):
+    def _compute(self, task: PartTask, wanted: Iterable[int] | None = None) -> None:
+        """Compute what of a task is missing, or of some of its parts."""
+        task.prepare()
+        for outcome in self.executor.outcomes(task, task.missing(wanted), self.progress):
             if outcome.failed is None:
                 message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
                 self.progress(task.lose(outcome.item, message))
@@ -273,8 +272,7 @@ class _Session:
                 mended.add(broken.path)
                 self._forget_outdated(self.task, range(len(self.plan)))
                 broken.path.unlink(missing_ok=True)
-                self.task.prepare()
-                self._compute(self.task, self.task.missing)
+                self._compute(self.task)
 
     def _tell_versions(self, earlier: Sequence[dict[str, Any]], here: dict[str, Any]) -> None:
         """Say that not all runs are of the same versions, if they are not."""

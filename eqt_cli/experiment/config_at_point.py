@@ -72,7 +72,7 @@ def config_at(source: ConfigSource, point: int) -> ConfigSource:
     """
     name = source.source.name
     if not source.data.get("sweep"):
-        raise EqtError(f"{name}: sweeps nothing, so it has no point to choose; leave it out")
+        raise EqtError(f"{name}: defines no sweep, so it has no points; leave the point out")
     sweep = sweep_of(source)
     if not 0 <= point < len(sweep):
         raise EqtError(f"{name}: has no point {point}; choose one of 0 to {len(sweep) - 1}")

@@ -91,13 +91,14 @@ def _rest(
 def _tracked(
     section: dict[str, Any], G: MatrixLieGroup | None, source: ConfigSource, problems: Problems
 ) -> DesiredTrajectory | None:
-    takes = _taken(section)
-    for key in (key for key in DEFAULTS if key not in takes and key in section):
-        if key not in _options(section):
-            problems.at(key).add(
-                f"follows from a reference of kind {section['kind']}; leave {key} out"
-            )
-            section = {name: value for name, value in section.items() if name != key}
+    name, kind = section.get("kind", "torque"), None
+    with suppress(InputError):
+        kind = references.get(name) if isinstance(name, str) else None
+    takes = tuple(DEFAULTS) if kind is None else kind.starts_from
+    own = [] if kind is None else option_names(kind)
+    for key in (key for key in DEFAULTS if key in section and key not in (*takes, *own)):
+        problems.at(key).add(f"follows from a reference of kind {name}; leave {key} out")
+        section = {name: value for name, value in section.items() if name != key}
     common = {key: section.get(key, DEFAULTS[key]) for key in takes}
     options = {"kind": "torque"} | {k: v for k, v in section.items() if k not in common}
     reference = component(references, options, problems, takes)
@@ -124,25 +125,6 @@ def _tracked(
     described = {"reference": {**as_section(reference), **_as_floats(common)}}
     pose, velocity = reference.initial(G, pose, velocity)
     return DesiredTrajectory(reference, pose, velocity, described, texts)
-
-
-def _kind(section: dict[str, Any]) -> type[Reference] | None:
-    """The kind of reference that a section asks for, if there is one."""
-    kind = section.get("kind", "torque")
-    with suppress(InputError):
-        return references.get(kind) if isinstance(kind, str) else None
-    return None
-
-
-def _taken(section: dict[str, Any]) -> tuple[str, ...]:
-    """The keys that a reference takes beside its own options."""
-    kind = _kind(section)
-    return tuple(DEFAULTS) if kind is None else kind.starts_from
-
-
-def _options(section: dict[str, Any]) -> list[str]:
-    kind = _kind(section)
-    return [] if kind is None else option_names(kind)
 
 
 def check_horizon(

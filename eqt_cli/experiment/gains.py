@@ -52,5 +52,4 @@ def _weight(value: Any, G: MatrixLieGroup) -> Array:
             raise InputError(f"entry {index}: {error}") from error
     from scipy.linalg import block_diag  # slow to import; readers of results do without
 
-    weight: Array = block_diag(*blocks)
-    return weight
+    return block_diag(*blocks)

@@ -250,12 +250,10 @@ class EuclideanGroup(MatrixLieGroup):
         """
         if self.space == 2:
             return _exp_rotation(np.arctan2(direction[..., :1], direction[..., 1:]))
-        from scipy.spatial.transform import (
-            Rotation,
-        )  # slow to import; readers of results do without
+        # Slow to import; readers of results do without.
+        from scipy.spatial.transform import Rotation
 
-        rows = direction.reshape(-1, 4)
-        rotations: Array = Rotation.from_quat(rows).as_matrix()
+        rotations = Rotation.from_quat(direction.reshape(-1, 4)).as_matrix()
         return rotations.reshape(*direction.shape[:-1], 3, 3)
 
     def _columns(self, V: Array) -> Array:

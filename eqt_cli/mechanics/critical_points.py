@@ -77,8 +77,7 @@ class CriticalSet:
                 start = block.stop
             return total
         if self.axes is None or self.axes.shape[1] == 1:
-            squares: Array = ((Q - self.Q) ** 2).sum(axis=(-2, -1))
-            return squares
+            return ((Q - self.Q) ** 2).sum(axis=(-2, -1))
         return self._distance_to_half_turns(Q, self.axes)
 
     def _distance_to_half_turns(self, Q: Array, axes: Array) -> Array:
@@ -181,8 +180,7 @@ def _hessian(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
     pairs = E[:, None] @ E[None]
     twice = Q @ (pairs + pairs.swapaxes(0, 1))
     second = np.einsum("ab,ijab->ij", (Q - G.identity) @ K, twice) / 2
-    eigenvalues: Array = np.linalg.eigvalsh(first + second)
-    return eigenvalues
+    return np.linalg.eigvalsh(first + second)
 
 
 def _with_rotation(G: EuclideanGroup, R: Array, D: Array) -> Array:

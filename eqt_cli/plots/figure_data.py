@@ -176,8 +176,7 @@ class ShownRuns(ShownControllers):
 
     def numbers(self, ensemble: Ensemble, most: int | None = None) -> Array:
         """The numbers of the good runs of a controller, as `values` takes them."""
-        numbers: Array = ensemble.results.stored_runs[ensemble.good][:most]
-        return numbers
+        return ensemble.results.stored_runs[ensemble.good][:most]
 
     def desired(self, signal: str, ensemble: Ensemble) -> Array:
         """A signal of the reference at the sample times, ``(samples, …)``: ``torque`` for τ_d."""
@@ -362,8 +361,7 @@ class ShownSweep:
     def metric(self, name: str) -> Array:
         """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed."""
         self.results.check_metrics([name], who=f"figure '{self.figure}'")
-        values: Array = self.results.metric(name)[:, self.controllers]
-        return values
+        return self.results.metric(name)[:, self.controllers]
 
     def laws(self, shown: int) -> dict[int, str]:
         """The points where a controller, the n-th of those shown, is a law with a name of its own.
@@ -429,17 +427,14 @@ class ShownCertificates:
 
     def notes(self) -> list[str]:
         """What was checked and has no number."""
-        return list(self._notes())
-
-    def _notes(self) -> Iterator[str]:
         open_ends = [str(row.verdict) for row in self._shown if row.verdict not in _DECIDED]
-        if open_ends:
-            yield f"Hollow markers: {', '.join(dict.fromkeys(open_ends))}."
+        notes = [f"Hollow markers: {', '.join(dict.fromkeys(open_ends))}."] if open_ends else []
         if any(row.verdict is Verdict.FAILS for row in self._shown):
-            yield "Crosses: fails."
+            notes.append("Crosses: fails.")
         for row in self._left_out:
             law = f" ({row.controller})" if row.controller else ""
-            yield f"{notation(row.name)}{law}: {row.verdict}."
+            notes.append(f"{notation(row.name)}{law}: {row.verdict}.")
+        return notes
 
 
 def names(results: Sequence[Result]) -> list[str]:

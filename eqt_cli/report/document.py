@@ -25,6 +25,8 @@ from eqt_cli.report.run_curves import curves
 from eqt_cli.report.run_table import columns, run_table
 from eqt_cli.report.summary import accuracy, lead, provenance
 from eqt_cli.results.result import HEADLINE, Result
+from eqt_cli.tuning.folder import TuningFolder
+from eqt_cli.tuning.tables import labels_of, tuning_tables
 
 _NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
 """A number, perhaps with a percent sign, a spread or an interval."""
@@ -85,6 +87,7 @@ def _of_experiment(result: Result) -> dict[str, Any]:
     made = text_tables(comparison, Plain())
     return {
         "best": None,
+        "tuned": [_table(table) for table in _tuned(result)],
         "headline": result.headline(),
         "means": columns(result, [name for name, of in HEADLINE.items() if of is np.mean]),
         "claims": _table(made.get("claims")),
@@ -96,10 +99,19 @@ def _of_experiment(result: Result) -> dict[str, Any]:
     }
 
 
+def _tuned(result: Result) -> list[TextTable]:
+    """What is said of the search, where the result is that of a search's held-out runs."""
+    record = TuningFolder(result.path.parent).record
+    if not (record and "laws" in record and set(labels_of(record)) <= set(result.labels)):
+        return []
+    return tuning_tables(result, record)
+
+
 def _of_sweep(result: Result) -> dict[str, Any]:
     """As of an experiment; a mean over all points means little."""
     absent = ("headline", "means", "claims", "levels", "pairs", "missing", "picker")
-    made = {"best": _table(best_points(result)), "table": point_table(result)}
+    best, table = _table(best_points(result)), point_table(result)
+    made: dict[str, Any] = {"best": best, "table": table, "tuned": []}
     return dict.fromkeys(absent) | made
 
 
@@ -139,7 +151,7 @@ def _table(table: TextTable | None) -> dict[str, Any] | None:
     """A table for the page: minus signs as such, and which columns are numbers."""
     if table is None:
         return None
-    cells = list(zip(*(row for block in table.blocks for row in block.rows), strict=True))
+    cells = list(zip(*table.rows, strict=True))
     return {
         "caption": table.caption,
         "header": table.header,

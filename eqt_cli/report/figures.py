@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.errors import EqtError
-from eqt_cli.core.registry import summary
+from eqt_cli.core.registry import description
 from eqt_cli.plots.base import OfCertificates
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import figure_from
@@ -35,7 +35,7 @@ class Wanted:
     name, options
         As `eqt plot` takes them.
     caption
-        What there is to see; the figure's own summary if empty.
+        What there is to see; what the figure says of itself if empty.
     """
 
     name: str
@@ -70,58 +70,21 @@ DEFAULT = (
         "Figure 3 of the paper. Shaded: from the 10 % to the 90 % quantile over runs.",
     ),
     Wanted("paper", {"log": True}, "The same means; errors and L on a logarithmic scale."),
-    Wanted(
-        "torque",
-        {},
-        "Components of the torque in the body frame: mean over runs, the range from the 10 % to "
-        "the 90 % quantile, and the torque of the reference.",
-    ),
-    Wanted(
-        "distributions",
-        {},
-        "Metrics of single runs. Boxes: from the lower to the upper quartile, with the median; "
-        "whiskers: from the 10 % to the 90 % quantile; diamonds: means; dots: the smallest and the "
-        "largest, or every run where there are few. Runs that had not settled by their end count "
-        "as larger than all others; their number stands beside the box, which then has no mean.",
-    ),
-    Wanted(
-        "phase",
-        {"runs": 10},
-        "Single runs in the phase plane of the error: the norm of the velocity error over that of "
-        "the pose error, from a hollow dot at the start to a filled one at the end. Triangles mark "
-        "half-turns, the critical points of the navigation function other than I.",
-    ),
-    Wanted(
-        "certificates",
-        {},
-        "What was measured for each statement of the paper, over what is allowed: rounding for "
-        "identities, a multiple of the solver's tolerance for trajectories. Left of 1 it holds. "
-        "Convergence in finite time is hollow where runs have not arrived; the table has the "
-        "numbers.",
-    ),
+    Wanted("torque"),
+    Wanted("distributions"),
+    Wanted("phase", {"runs": 10}),
+    Wanted("certificates"),
 )
 """What a report on an experiment shows unless told otherwise."""
 
 SWEPT = (
-    Wanted(
-        "sweep",
-        {"metric": "mean_pose_error"},
-        "Mean pose error over the horizon, mean over the good runs of every point. Over one key: "
-        "curves, shaded from the 10 % to the 90 % quantile over runs. Over two: a map per "
-        "controller.",
-    ),
+    Wanted("sweep"),
     Wanted(
         "sweep",
         {"metric": "effort"},
         "The same for the effort, the integral of the torque squared.",
     ),
-    Wanted(
-        "pareto",
-        {},
-        "Every point by its effort and its mean pose error, means over good runs; the line joins "
-        "the points that no other betters in both; where these are few, their swept values stand "
-        "beside them as far as there is room.",
-    ),
+    Wanted("pareto"),
 )
 """What a report on a sweep shows unless told otherwise."""
 
@@ -163,7 +126,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
 def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> Drawn:
     figure = figure_from(wanted.name, wanted.options)
     text = encode(figure.draw([result], "page", certificates=certificates), "svg")
-    caption = wanted.caption or summary(type(figure))
+    caption = wanted.caption or description(type(figure))
     svg = inlined(text, key, caption)
     if len(svg) > LARGEST:
         raise EqtError(
@@ -205,15 +168,12 @@ def _adapted(name: str, value: str, key: str) -> str:
     if local in ("d", "x", "y", "width", "height", "points"):
         return _NUMBER.sub(lambda match: f"{float(match[0]):.2f}", value)
     if local == "style":
-        return _recoloured(value)
+        return "; ".join(_recoloured(value))
     return value
 
 
-def _recoloured(style: str) -> str:
-    return "; ".join(_declarations(style))
-
-
-def _declarations(style: str) -> Iterator[str]:
+def _recoloured(style: str) -> Iterator[str]:
+    """The declarations of a style, in the colours of the page."""
     for declaration in style.split(";"):
         name, _, value = (part.strip() for part in declaration.partition(":"))
         if value in ("#000000", "black"):

@@ -14,16 +14,14 @@ from eqt_cli.results.result import Result, meaning_of
 MOST_ROWS = 8000
 """Rows that a page holds, controllers times runs; failed runs are among them before good ones."""
 
-OMITTED = ("group_drift", "unstable_distance", "reference_residual")
-"""Diagnostics that `eqt show --table` has; a page is not wide enough for all."""
-
 COLUMNS = tuple(
     quantity.name
     for quantity in QUANTITIES.values()
     if quantity.per is Per.RUN and quantity.stored and quantity.dtype is FLOAT
-    if quantity.name not in OMITTED
+    if not quantity.diagnostic
 )
-"""The numbers that are shown of a run, in the order of the table of quantities."""
+"""The numbers that are shown of a run, in the order of the table of quantities; `eqt show --table`
+has the diagnostics as well, for all of which a page is not wide enough."""
 
 Document = dict[str, Any]
 

@@ -51,8 +51,7 @@ def accuracy(result: Result) -> Iterator[str]:
 def _finite(result: Result, name: str) -> Array:
     """The values of good runs that have one."""
     values = result.metric(name) if name in result.metrics else np.array([])
-    finite: Array = values[np.isfinite(values)]
-    return finite
+    return values[np.isfinite(values)]
 
 
 def provenance(result: Result) -> list[tuple[str, str]]:

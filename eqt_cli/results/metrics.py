@@ -5,6 +5,8 @@ This is the only file that a new one takes. It knows neither files nor controlle
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from eqt_cli.core.arrays import Array
@@ -35,41 +37,35 @@ def _as_it_flies(vehicle: Vehicle) -> bool:
 
 def time_mean(times: Array, values: Array) -> Array:
     """The mean over time of ``(…, samples)``, by the trapezoidal rule."""
-    mean: Array = np.trapezoid(values, times, axis=-1) / (times[-1] - times[0])
-    return mean
+    return np.trapezoid(values, times, axis=-1) / (times[-1] - times[0])
 
 
 def effort(times: Array, torque_norm: Array) -> Array:
     """∫‖τ‖² dt, by Simpson's rule on the samples."""
     from scipy.integrate import simpson  # slow to import, and what reads results does without
 
-    integral: Array = simpson(torque_norm**2, x=times, axis=-1)
-    return integral
+    return simpson(torque_norm**2, x=times, axis=-1)
 
 
 def peak(times: Array, values: Array) -> Array:
     """The largest value at a sample; a larger one between two samples is missed."""
-    largest: Array = values.max(axis=-1)
-    return largest
+    return values.max(axis=-1)
 
 
 def final(times: Array, values: Array) -> Array:
     """The value at the last sample."""
-    last: Array = values[..., -1]
-    return last
+    return values[..., -1]
 
 
 def integral_of_square(times: Array, values: Array) -> Array:
     """∫x² dt, by the trapezoidal rule."""
-    integral: Array = np.trapezoid(values**2, times, axis=-1)
-    return integral
+    return np.trapezoid(values**2, times, axis=-1)
 
 
 def actuator_work(times: Array, torque: Array, velocity: Array) -> Array:
     """∫|⟨τ, V⟩| dt; a pairing is a power on every group, whatever the units of its coordinates."""
     power = np.abs(np.sum(torque * velocity, axis=-1))
-    work: Array = np.trapezoid(power, times, axis=-1)
-    return work
+    return np.trapezoid(power, times, axis=-1)
 
 
 def settling_time(times: Array, error: Array, threshold: float) -> Array:
@@ -104,8 +100,7 @@ def decay_rate(times: Array, lyapunov: Array) -> Array:
             usable, times - (usable * times).sum(axis=-1, keepdims=True) / count[:, None], 0
         )
         slope = (t * logs).sum(axis=-1) / (t * t).sum(axis=-1)
-    rate: Array = np.where(count > 1, -slope / 2, np.nan)
-    return rate
+    return np.where(count > 1, -slope / 2, np.nan)
 
 
 def largest_rise(times: Array, lyapunov: Array) -> Array:
@@ -126,8 +121,7 @@ def energy_residual(times: Array, lyapunov: Array, balance: Array) -> Array:
 def settled(times: Array, error: Array, threshold: float) -> Array:
     """1 where the error ends within the threshold, else 0; the mean is the fraction settled."""
     within = np.isfinite(settling_time(times, error, threshold)).astype(float)
-    found: Array = np.where(np.isfinite(error).all(axis=-1), within, np.nan)
-    return found
+    return np.where(np.isfinite(error).all(axis=-1), within, np.nan)
 
 
 def closing_rms(times: Array, values: Array) -> Array:
@@ -139,112 +133,103 @@ def closing_rms(times: Array, values: Array) -> Array:
 
 # The table ---------------------------------------------------------------------------------------
 
+_less_is_better = partial(Quantity, better="lower")
+
 METRICS = (
-    Quantity(
+    _less_is_better(
         "mean_torque",
         "mean ||tau|| over the horizon",
         signals=("torque_norm",),
         label="mean {}",
-        better="lower",
         stored=False,
         of=time_mean,
         compared=(EARLY, WHOLE),
     ),
-    Quantity(
+    _less_is_better(
         "effort",
         "control effort, integral of ||tau||^2",
         units="({})^2 s",
         signals=("torque_norm",),
         label="effort",
         formula=r"\int {}^2\,\mathrm{d}t",
-        better="lower",
         of=effort,
         compared=(WHOLE,),
     ),
-    Quantity(
+    _less_is_better(
         "peak_torque",
         "largest ||tau|| at the samples",
         signals=("torque_norm",),
         label="largest {}",
-        better="lower",
         of=peak,
         compared=(WHOLE,),
     ),
-    Quantity(
+    _less_is_better(
         "early_torque",
         "mean ||tau|| over the first 5 s",
         signals=("torque_norm",),
         label="mean {}, first 5 s",
-        better="lower",
         of=time_mean,
         window=EARLY,
     ),
-    Quantity(
+    _less_is_better(
         "actuator_work",
         "integral of |<tau, V>|",
         units="J",
         signals=("torque", "velocity"),
         label="actuator work",
         formula=r"\int |\langle \tau, V \rangle|\,\mathrm{d}t",
-        better="lower",
         stored=False,
         of=actuator_work,
         compared=(WHOLE,),
     ),
-    Quantity(
+    _less_is_better(
         "mean_pose_error",
         "mean ||I - Q_E||_F over the horizon",
         signals=("pose_error",),
         label="mean {}",
-        better="lower",
         of=time_mean,
         compared=(WHOLE,),
     ),
-    Quantity(
+    _less_is_better(
         "squared_pose_error",
         "integral of ||I - Q_E||_F^2",
         units="({})^2 s",
         signals=("pose_error",),
         label="squared error",
         formula=r"\int {}^2\,\mathrm{d}t",
-        better="lower",
         stored=False,
         of=integral_of_square,
         compared=(WHOLE,),
     ),
-    Quantity(
+    _less_is_better(
         "final_pose_error",
         "||I - Q_E||_F at the end",
         signals=("pose_error",),
         label="final {}",
-        better="lower",
         of=final,
     ),
-    Quantity(
+    _less_is_better(
         "mean_velocity_error",
         "mean ||V - Vd|| over the horizon",
         signals=("velocity_error",),
         label="mean {}",
-        better="lower",
         stored=False,
         of=time_mean,
         compared=(WHOLE,),
     ),
-    Quantity(
+    _less_is_better(
         "final_velocity_error",
         "||V - Vd|| at the end",
         signals=("velocity_error",),
         label="final {}",
-        better="lower",
         of=final,
     ),
-    Quantity(
+    _less_is_better(
         "settling_time",
         "last time ||I - Q_E||_F leaves the settling threshold",
         units="s",
         signals=("pose_error",),
         label="settling time",
-        better="lower",
         of=settling_time,
         settings={"threshold": "settling_threshold"},
         compared=(WHOLE,),
@@ -262,13 +247,12 @@ METRICS = (
         of=decay_rate,
         compared=(WHOLE,),
     ),
-    Quantity(
+    _less_is_better(
         "lyapunov_rise",
         "largest rise of L above an earlier value, relative to L(0)",
         units="1",
         signals=("lyapunov",),
         label="largest rise of {}, relative to {}(0)",
-        better="lower",
         stored=False,
         of=largest_rise,
     ),
@@ -283,31 +267,28 @@ METRICS = (
         settings={"threshold": "settling_threshold"},
         stored_of=_as_it_flies,
     ),
-    Quantity(
+    _less_is_better(
         "saturated_share",
         "share of the time at which an actuator is at its limit",
         units="1",
         signals=("at_limit",),
         label="share of time at a limit",
-        better="lower",
         of=time_mean,
         stored_of=lambda vehicle: vehicle.limits,
     ),
-    Quantity(
+    _less_is_better(
         "closing_pose_error",
         "root mean square of ||I - Q_E||_F over the last quarter of the time",
         signals=("pose_error",),
         label="closing rms of {}",
-        better="lower",
         of=closing_rms,
         stored_of=_as_it_flies,
     ),
-    Quantity(
+    _less_is_better(
         "closing_torque",
         "root mean square of ||tau|| over the last quarter of the time",
         signals=("torque_norm",),
         label="closing rms of {}",
-        better="lower",
         of=closing_rms,
         stored_of=_as_it_flies,
     ),

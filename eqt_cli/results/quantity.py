@@ -89,6 +89,8 @@ class Quantity:
         The windows over which controllers are compared by it unless a user chooses.
     censored
         NaN in a run that is good says: later than the end of the run.
+    diagnostic
+        It says how good the numbers are, and is left out where there is no room for all.
     stored_of
         The vehicles of whose runs a result file holds it.
     notes
@@ -112,6 +114,7 @@ class Quantity:
     window: Window = WHOLE
     compared: tuple[Window, ...] = ()
     censored: bool = False
+    diagnostic: bool = False
     notes: Mapping[str, Attribute] = field(default_factory=dict)
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -73,7 +72,11 @@ _OF_THE_RUN = (
         "steps", "work of the solver, as its engine counts it", units="1", dtype=np.dtype("i8")
     ),
     Quantity(
-        "group_drift", "largest distance from the group", units="1", label="drift from the group"
+        "group_drift",
+        "largest distance from the group",
+        units="1",
+        label="drift from the group",
+        diagnostic=True,
     ),
     Quantity(
         "energy_residual",
@@ -87,6 +90,7 @@ _OF_THE_RUN = (
         "unstable_distance",
         "smallest ||Q_E - Qc||_F, Qc critical points other than I",
         signals=("pose",),
+        diagnostic=True,
     ),
     Quantity(
         "error_estimate",
@@ -99,6 +103,7 @@ _OF_THE_RUN = (
         "distance of the run's own reference to desired_pose, desired_velocity",
         units="mixed",
         label="residual of the reference",
+        diagnostic=True,
     ),
     Quantity(
         "status",
@@ -124,22 +129,21 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is Per.RUN and q.of and
 
 def quantities(experiment: Experiment) -> list[Quantity]:
     """The variables of a result of an experiment, with their units there, in the file's order."""
-    return list(_stored(experiment))
-
-
-def _stored(experiment: Experiment) -> Iterator[Quantity]:
-    group = experiment.group
+    found, group = [], experiment.group
     vehicle = next(iter(experiment.loops.values())).vehicle
     for quantity in QUANTITIES.values():
         if not (quantity.stored and quantity.stored_of(vehicle)):
             continue
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
         units = quantity.unit(_unit_of_signal(quantity, group))
-        yield replace(quantity, units=units, notes={**quantity.notes, **notes})
+        found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
         if quantity.per is Per.TRAJECTORY:
             signal = _SIGNALS[quantity.name]
-            for part in signal.parts(group):
-                yield replace(quantity.part(part.name), units=signal.unit_in(part))
+            found += [
+                replace(quantity.part(part.name), units=signal.unit_in(part))
+                for part in signal.parts(group)
+            ]
+    return found
 
 
 def _unit_of_signal(quantity: Quantity, group: MatrixLieGroup) -> str:

@@ -198,28 +198,25 @@ class Result(ResultFile):
     @cached_property
     def titles(self) -> list[str]:
         """How the controllers are written: by their laws' titles, or by the labels they have."""
-        try:
-            titles = json.loads(str(self.attributes["titles"]))
-        except KeyError:  # written before there were titles in the file
-            return [law_title(label) for label in self.labels]
-        return [printable(titles.get(label, label)) for label in self.labels]
+        if titles := self._told("titles"):
+            return [printable(titles.get(label, label)) for label in self.labels]
+        return [law_title(label) for label in self.labels]
 
     @cached_property
     def lyapunov_functions(self) -> dict[str, str]:
         """Which function L is, by label; empty where it is the same one for all."""
-        found = self._told_of_L.get("functions", {})
+        found = self._told("lyapunov_functions").get("functions", {})
         return found if len(set(found.values())) > 1 else {}
 
     @cached_property
     def unclaimed(self) -> list[str]:
         """The labels of the laws that do not claim that their L falls."""
-        return list(self._told_of_L.get("unclaimed", []))
+        return list(self._told("lyapunov_functions").get("unclaimed", []))
 
-    @cached_property
-    def _told_of_L(self) -> dict[str, Any]:
-        # The paper's laws, or a file from before laws had their own, say nothing.
-        told: dict[str, Any] = json.loads(str(self.attributes.get("lyapunov_functions", "{}")))
-        return told
+    def _told(self, name: str) -> dict[str, Any]:
+        """What an attribute holds as JSON; nothing in a file from before there was such a one."""
+        found: dict[str, Any] = json.loads(str(self.attributes.get(name, "{}")))
+        return found
 
     @cached_property
     def kinds(self) -> dict[str, str]:
@@ -257,8 +254,7 @@ class Result(ResultFile):
     @property
     def provenance(self) -> dict[str, Any]:
         """Versions, machine and times, as the file has them; nothing where it has none."""
-        found: dict[str, Any] = json.loads(str(self.attributes.get("provenance", "{}")))
-        return found
+        return self._told("provenance")
 
     @property
     def cross_check(self) -> CrossCheck | None:
@@ -313,8 +309,7 @@ class Result(ResultFile):
     @property
     def good(self) -> Array:
         """Which runs ended well, as `status`."""
-        good: Array = self.status == 0
-        return good
+        return self.status == 0
 
     @property
     def failed(self) -> dict[str, int]:
@@ -433,8 +428,7 @@ class Result(ResultFile):
 
     def good_stored(self, controller: int) -> Array:
         """Which of the runs with trajectories are good, ``(stored runs,)``."""
-        good: Array = self.good[controller][self.stored_runs]
-        return good
+        return self.good[controller][self.stored_runs]
 
     def trajectories(self, signal: str, controller: int, most: int | None = None) -> Array:
         """A signal of the good runs of a controller, ``(runs, samples, …)``.
@@ -446,8 +440,7 @@ class Result(ResultFile):
         """
         good = self.good_stored(controller)
         if most is None:
-            found: Array = self.read(signal, controller=controller)[good]
-            return found
+            return self.read(signal, controller=controller)[good]
         first = np.flatnonzero(good)[:most]
         return self.read(signal, controller=controller, **{self.run_dimension: first})
 

@@ -105,5 +105,4 @@ def _at(times: Array, values: Array, t: float) -> Array:
     """Values at one time between two samples."""
     right = int(np.clip(np.searchsorted(times, t), 1, len(times) - 1))
     fraction = (t - times[right - 1]) / (times[right] - times[right - 1])
-    between: Array = (1 - fraction) * values[:, right - 1] + fraction * values[:, right]
-    return between
+    return (1 - fraction) * values[:, right - 1] + fraction * values[:, right]

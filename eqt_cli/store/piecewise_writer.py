@@ -78,8 +78,7 @@ class Assembly:
 
     def shape(self, name: str) -> tuple[int, ...]:
         """The shape of a variable."""
-        found: tuple[int, ...] = self._file[name].shape
-        return found
+        return self._file[name].shape
 
     def put(self, name: str, data: NDArray[Any], positions: tuple[int | slice, ...] = ()) -> None:
         """Write part of a variable: at `positions` along its first axes, all of the others."""

@@ -165,8 +165,7 @@ def attribute(owner: Any, name: str, size: int) -> Attribute:
     if isinstance(value, str):
         value.encode()  # fails where h5py has let bytes through that are no UTF-8
         return value
-    number: int | float = value
-    return number
+    return value
 
 
 def _is_plain(kind: Any, size: int) -> bool:

@@ -268,11 +268,7 @@ def _assembled(table: Table, G: MatrixLieGroup, suffix: str) -> Array:
         if len(wrong):
             row = int(wrong[0])
             raise table.error(row, f"expected a quaternion of norm 1, got norm {norms[row]:.6g}")
-        from scipy.spatial.transform import (
-            Rotation,  # slow to import; readers of results do without
-        )
-
-        rotations = Rotation.from_quat(q).as_matrix()
+        rotations = G.rotation_towards(q)
     moves = table.get(columns[len(turn) :]) if G.columns else np.zeros((len(table), 0))
     columns_of = moves.reshape(len(table), len(G.columns), G.space).swapaxes(-1, -2)
     return G.assemble(rotations, columns_of)

@@ -194,25 +194,11 @@ def _quaternion(value: Any, G: EuclideanGroup, problems: Problems) -> Array | No
         return None
     with problems.catching(order):
         q = vector(numbers, 4, G)
-        return rotation_of(q if order == "xyzw" else np.roll(q, -1))
+        size = float(np.linalg.norm(q))
+        if not abs(size - 1) <= QUATERNION_TOLERANCE:
+            raise InputError(f"expected a quaternion of norm 1, got norm {size:.6g}")
+        return G.rotation_towards(q if order == "xyzw" else np.roll(q, -1))
     return None
-
-
-def rotation_of(quaternion: Array) -> Array:
-    """The rotation matrix of a quaternion (x, y, z, w), which is normalised.
-
-    Raises
-    ------
-    InputError
-        If its norm is too far from 1 to be rounding.
-    """
-    size = float(np.linalg.norm(quaternion))
-    if not abs(size - 1) <= QUATERNION_TOLERANCE:
-        raise InputError(f"expected a quaternion of norm 1, got norm {size:.6g}")
-    from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
-
-    matrix: Array = Rotation.from_quat(quaternion).as_matrix()
-    return matrix
 
 
 def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
@@ -239,5 +225,4 @@ def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
         return None
     from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
 
-    matrix: Array = Rotation.from_euler(sequence, angles).as_matrix().reshape(3, 3)
-    return matrix
+    return Rotation.from_euler(sequence, angles).as_matrix().reshape(3, 3)

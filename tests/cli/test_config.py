@@ -63,7 +63,7 @@ def test_new_refuses(eqt: Eqt, folder: Path, arguments: list[str], said: str) ->
 
 def test_check_says_what_would_run(eqt: Eqt, folder: Path) -> None:
     done = eqt("config", "check", "c.yaml")
-    assert (done.code, done.err) == (0, "c.yaml: fine\n")
+    assert (done.code, done.err) == (0, "c.yaml: valid\n")
     assert done.out == "c: SO3, 2 controllers × 3 runs, 1 s, engine solve_ivp\n"
     assert not (folder / "results").exists()
 

@@ -134,7 +134,7 @@ def test_a_configuration_without_a_sweep_has_no_points(eqt: Eqt) -> None:
     done = eqt("verify", "c.yaml", "--point", 0)
     assert (done.code, done.err) == (
         2,
-        "eqt: c.yaml: sweeps nothing, so it has no point to choose; leave it out\n",
+        "eqt: c.yaml: defines no sweep, so it has no points; leave the point out\n",
     )
 
 

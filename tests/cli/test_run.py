@@ -239,7 +239,7 @@ def test_a_wrong_configuration(eqt: Eqt, folder: Path) -> None:
     [
         (
             ["no.yaml"],
-            "no.yaml: does not exist; give a YAML file, which `eqt config new` writes, or a result",
+            "no.yaml: not found; create a configuration with `eqt config new`, or give a result",
         ),
         (["no.h5"], "no.h5: does not exist; give a result folder or its results.h5"),
         (["."], ".: is a folder without a result; give one of its files: c.yaml"),
@@ -331,7 +331,7 @@ def test_a_check_that_fails_ends_with_4(eqt: Eqt, plugins: None) -> None:
     done = eqt("run", "c.yaml", *WRONG, *CHECKED)
     assert done.code == 4
     assert done.err == (
-        "eqt: the two ways of integrating disagree beyond the bound; tighten solver.rtol, "
+        "eqt: the two integrators differ by more than the bound; tighten solver.rtol, "
         "or look for kinks and discontinuities in the laws\n"
     )
     assert eqt("run", "c.yaml", *WRONG, *CHECKED).code == 4

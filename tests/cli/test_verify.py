@@ -253,7 +253,7 @@ def test_hypotheses_in_doubt_stand_in_the_summary(eqt: Eqt) -> None:
     ]
     legend = done.out.split("\n\n")[3].splitlines()
     assert "violated: the theorems do not cover this experiment." in legend
-    assert "unclaimed: the paper does not say so of this law." in legend
+    assert "unclaimed: the paper does not claim this for the law." in legend
     assert not any(line.startswith("unknown:") for line in legend)
 
 

@@ -655,6 +655,6 @@ def test_message_where_heyoka_is_missing(monkeypatch):
     monkeypatch.setattr(platform, "system", lambda: "Darwin")
     monkeypatch.setattr(platform, "machine", lambda: "arm64")
     assert Taylor.unavailable() == (
-        "engine taylor needs heyoka: pip install 'eqt-cli[taylor]', which exists for Linux on "
-        "x86-64 and arm64 (this is Darwin on arm64); or use engine solve_ivp"
+        "engine taylor needs heyoka: 'pip install heyoka' on Linux, 'conda install -c "
+        "conda-forge heyoka.py' elsewhere (this is Darwin on arm64); or use engine solve_ivp"
     )

@@ -762,7 +762,7 @@ def test_laws_may_have_states_of_different_lengths(make, tmp_path, laws, text):
     """Parts, references and the cross-check take states by name; the first law lends the reference.
 
     The law is EqT's, so both have the same reference to the tolerance of the solver, which the
-    residual shows, and the two ways of integrating agree.
+    residual shows, and the two integrators agree.
     """
     (tmp_path / "remembering.py").write_text(REMEMBERING, encoding="utf-8")
     text = text.replace("controllers: [eqt, gt]", f"plugins: [remembering.py]\ncontrollers: {laws}")

@@ -164,7 +164,7 @@ def test_dask_that_is_missing_is_named(task, monkeypatch):
     with pytest.raises(EqtError) as caught:
         list(dask.Dask(1).outcomes(task, [1], lambda amount: None))
     assert str(caught.value) == (
-        "executor dask needs Dask.distributed: pip install 'eqt-cli[dask]'"
+        "executor dask needs Dask.distributed: pip install 'distributed>=2026.7'"
     )
 
 

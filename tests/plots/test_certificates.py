@@ -4,10 +4,8 @@ import matplotlib
 import pytest
 
 from eqt_cli.analysis.certificates import Row, Verdict
-from eqt_cli.analysis.verification import verify_results
-from eqt_cli.config.source import read_config
+from eqt_cli.analysis.verification import verify_stored
 from eqt_cli.core.errors import EqtError
-from eqt_cli.experiment.build import build
 from eqt_cli.plots.drawing.style import WIDTHS, house_style
 from eqt_cli.plots.figures.certificates import Certificates
 from eqt_cli.plots.render import check
@@ -85,7 +83,7 @@ def test_remarks_say_what_the_markers_mean(so3, opened):
 @pytest.mark.parametrize("result", ["so3", "se3"])
 def test_a_verified_result_fits_the_sheet(result, width, opened, request):
     results = opened(request.getfixturevalue(result))
-    rows = verify_results(build(read_config(results.path)), results, 1).rows
+    rows = verify_stored(results, trust_plugins=False).rows
     drawing = Certificates().draw([results], width, certificates=rows)
     with house_style():
         drawing.set_dpi(matplotlib.rcParams["savefig.dpi"])  # hinting depends on it

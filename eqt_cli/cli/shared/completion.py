@@ -17,8 +17,10 @@ from typing import Any
 
 import typer
 
-from eqt_cli.config.catalogue import KINDS
+from eqt_cli.config.catalogue import KINDS, registry
+from eqt_cli.core.errors import EqtError
 from eqt_cli.core.files import replace_file
+from eqt_cli.core.registry import summary
 
 Completions = list[tuple[str, str]]
 """What may stand there, and what it means."""
@@ -87,7 +89,6 @@ def _starting(incomplete: str, known: dict[str, str]) -> Completions:
 def _written(path: Path | None) -> list[str]:
     """The keys in a file; none where it cannot be read."""
     from eqt_cli.config.yaml_source import load
-    from eqt_cli.core.errors import EqtError
 
     try:
         data = load(Path(path).read_bytes(), "").data if path else {}
@@ -138,10 +139,8 @@ def _state() -> list[int]:
 
 
 def _collected() -> dict[str, Any]:
-    from eqt_cli.config.catalogue import registry
     from eqt_cli.config.json_schema import json_schema
     from eqt_cli.config.key_descriptions import keys_of
-    from eqt_cli.core.registry import summary
     from eqt_cli.core.validation import option_names
 
     return {

@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion
+from eqt_cli.core.errors import EqtError
 
 
 def placed(option: str, texts: Sequence[str] | None) -> dict[str, str]:
@@ -32,8 +33,6 @@ def folder(text: str) -> Path:
         If it is empty.
     """
     if not text.strip():
-        from eqt_cli.core.errors import EqtError
-
         raise EqtError("--out: expected the name of a folder, got ''")
     return Path(text)
 

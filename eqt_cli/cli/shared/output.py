@@ -12,13 +12,10 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from eqt_cli.core.errors import EqtError, EqtWarning, InputProblem
 from eqt_cli.core.printable import printable
-
-if TYPE_CHECKING:
-    from eqt_cli.core.errors import EqtError, EqtWarning, InputProblem
-
 
 _LINES = "\n\t"
 """What texts of several lines are made of, such as the source of a plugin."""

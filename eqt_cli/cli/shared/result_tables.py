@@ -58,7 +58,7 @@ def _accuracy(result: Result) -> Iterator[str]:
 def _disagreement(result: Result) -> Iterator[str]:
     if result.cross_check is not None and not result.cross_check.holds:
         yield (
-            "eqt: the two ways of integrating disagree beyond the bound; tighten solver.rtol, "
+            "eqt: the two integrators differ by more than the bound; tighten solver.rtol, "
             "or look for kinks and discontinuities in the laws"
         )
 

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
+
+from eqt_cli.cli.shared.options import cores
+from eqt_cli.cli.shared.output import print_found, print_json, say, warn
+from eqt_cli.cli.shared.progress import progress
+from eqt_cli.core.errors import EqtError, InterruptedRun
+from eqt_cli.execution.folder_progress import unfinished
 
 if TYPE_CHECKING:
     from eqt_cli.api import LoadedExperiment, StoredResult
@@ -17,7 +24,6 @@ if TYPE_CHECKING:
 
 def shard_from(text: str | None) -> Shard | None:
     """``2/8`` as a shard; None stays None."""
-    from eqt_cli.core.errors import EqtError
     from eqt_cli.execution.run_study import Shard
 
     if text is None:
@@ -33,8 +39,6 @@ def executor_from(
 ) -> Executor:
     """The executor asked for, or the one that suits."""
     from eqt_cli.api import choose_executor
-    from eqt_cli.cli.shared.options import cores
-    from eqt_cli.core.errors import EqtError
 
     if scheduler and name not in (None, "dask"):
         raise EqtError(f"--scheduler: is for --executor dask, got --executor {name}")
@@ -54,8 +58,6 @@ def run_experiment(
 ) -> None:
     """Run, report on stdout, and exit as the outcome demands."""
     from eqt_cli import api
-    from eqt_cli.cli.shared.output import say, warn
-    from eqt_cli.cli.shared.progress import progress
 
     shard = shard_from(shard_text)
     out = out or Path("results") / experiment.name
@@ -85,8 +87,6 @@ def run_experiment(
 
 
 def _interrupted(study: Study, out: Path) -> Exception:
-    from eqt_cli.core.errors import InterruptedRun
-    from eqt_cli.execution.folder_progress import unfinished
 
     begun = unfinished(out)
     done = begun.done if begun else 0
@@ -99,7 +99,6 @@ def _interrupted(study: Study, out: Path) -> Exception:
 
 def report(done: StoredResult, shard: Shard | None = None, *, json: bool) -> None:
     """Print what came out, and exit with 3 or 4 where runs failed or the check did not hold."""
-    from eqt_cli.cli.shared.output import print_found, print_json
     from eqt_cli.results.result import open_result
 
     causes = ["some runs failed"] if done.failed else []
@@ -134,7 +133,6 @@ def report(done: StoredResult, shard: Shard | None = None, *, json: bool) -> Non
 
 
 def _document(done: StoredResult, results: Result, counted: dict[str, Any]) -> dict[str, Any]:
-    from dataclasses import asdict
 
     check, points = results.cross_check, results.dimensions.get("point")
     return {

@@ -7,10 +7,10 @@ import io
 import re
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from eqt_cli.analysis.text_tables import TextTable
+from eqt_cli.analysis.text_tables import TextTable
+from eqt_cli.cli.shared.output import columns, room
 
 _NUMBER = re.compile(r"[-+$]*\d[\d.]*( \\?%)?")
 _WIDTH = 100
@@ -19,13 +19,10 @@ _WIDTH = 100
 
 def as_text(table: TextTable) -> str:
     """For a terminal: caption, columns under their headings, blocks, notes."""
-    from eqt_cli.cli.shared.output import columns, room
-
     titled = any(block.title for block in table.blocks)
     indent = "  " if titled else ""
-    rows = [row for block in table.blocks for row in block.rows]
     width = room()
-    head, lines = columns(table.header, rows, width and width - len(indent))
+    head, lines = columns(table.header, table.rows, width and width - len(indent))
     out = [table.caption, "", *(indent + line for line in head)]
     remaining = (line.replace("\n", "\n" + indent) for line in lines)
     for block in table.blocks:
@@ -39,7 +36,7 @@ def as_text(table: TextTable) -> str:
 
 def as_latex(table: TextTable) -> str:
     """A `tabular` of the package booktabs, with the caption and the notes as comments."""
-    numeric = [_is_numeric(column) for column in zip(*_all_rows(table), strict=True)]
+    numeric = [_is_numeric(column) for column in zip(*table.rows, strict=True)]
     layout = "".join("r" if right else "l" for right in numeric)
     lines = [f"% {table.caption}", rf"\begin{{tabular}}{{{layout}}}", r"\toprule"]
     lines.append(_latex_row([_latex_heading(heading) for heading in table.header]))
@@ -74,10 +71,6 @@ def _latex_row(cells: Iterable[str]) -> str:
 
 def _latex_heading(text: str) -> str:
     return {"d": "$d$", "P(better)": r"$P(\text{better})$"}.get(text, text)
-
-
-def _all_rows(table: TextTable) -> list[list[str]]:
-    return [row for block in table.blocks for row in block.rows]
 
 
 def _is_numeric(column: Iterable[str]) -> bool:

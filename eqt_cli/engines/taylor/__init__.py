@@ -76,9 +76,9 @@ class Taylor(Engine):
         if find_spec("heyoka"):
             return None
         return (
-            "engine taylor needs heyoka: pip install 'eqt-cli[taylor]', which exists for Linux on "
-            f"x86-64 and arm64 (this is {platform.system()} on {platform.machine()}); "
-            "or use engine solve_ivp"
+            "engine taylor needs heyoka: 'pip install heyoka' on Linux, 'conda install -c "
+            "conda-forge heyoka.py' elsewhere "
+            f"(this is {platform.system()} on {platform.machine()}); or use engine solve_ivp"
         )
 
     @property

@@ -21,5 +21,4 @@ class LatinHypercube(Sampled):
         """SciPy's Latin hypercube."""
         from scipy.stats import qmc  # slow to import, and most designs do without
 
-        shares: Array = qmc.LatinHypercube(len(self.axes), rng=generator).random(self.points)
-        return shares
+        return qmc.LatinHypercube(len(self.axes), rng=generator).random(self.points)

@@ -23,5 +23,4 @@ class Sobol(Sampled):
 
         # By powers of 2, for which alone SciPy does not warn; what is too many is cut off.
         sequence = qmc.Sobol(len(self.axes), rng=generator)
-        shares: Array = sequence.random_base2((self.points - 1).bit_length())[: self.points]
-        return shares
+        return sequence.random_base2((self.points - 1).bit_length())[: self.points]

@@ -41,8 +41,7 @@ class Euler(RotationDistribution):
 
     def place_rotation(self, G: EuclideanGroup, numbers: Array) -> Array:
         """The rotations with these angles."""
-        rotations: Array = Rotation.from_euler(self.sequence, numbers).as_matrix()
-        return rotations
+        return Rotation.from_euler(self.sequence, numbers).as_matrix()
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A group without rotations of space, an unknown sequence, bounds in the wrong order."""

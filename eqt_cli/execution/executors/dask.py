@@ -45,7 +45,9 @@ class Dask(Executor):
         if not items:
             return
         if not find_spec("distributed"):
-            raise EqtError("executor dask needs Dask.distributed: pip install 'eqt-cli[dask]'")
+            raise EqtError(
+                "executor dask needs Dask.distributed: pip install 'distributed>=2026.7'"
+            )
         from distributed import KilledWorker, as_completed
 
         payload = pickle.dumps(task)
@@ -125,5 +127,4 @@ def _do(payload: bytes, item: int) -> int:
 @lru_cache(maxsize=4)
 def _task(payload: bytes) -> Task:
     """The work, opened once in each worker."""
-    task: Task = pickle.loads(payload)
-    return task
+    return pickle.loads(payload)

@@ -83,8 +83,7 @@ class Motion:
         """Every place of every body and of the reference, (places, 3), m."""
         bodies = self.body.position.reshape(-1, 3)
         places = np.concatenate([bodies, self.reference.position])
-        finite: Array = places[np.isfinite(places).all(axis=-1)]
-        return finite
+        return places[np.isfinite(places).all(axis=-1)]
 
 
 def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion:

@@ -58,14 +58,12 @@ def corners() -> Array:
 def tips(rotation: Array, position: Array, length: float) -> Array:
     """The ends of the three axes of a frame, in the plane of the picture, (3, 2)."""
     ends = position + length * rotation.T
-    flat: Array = (ends @ camera().T)[:, :2]
-    return flat
+    return (ends @ camera().T)[:, :2]
 
 
 def flat(position: Array) -> Array:
     """A place in the plane of the picture, (..., 2)."""
-    seen: Array = (position @ camera().T)[..., :2]
-    return seen
+    return (position @ camera().T)[..., :2]
 
 
 def block(rotation: Array, position: Array, length: float) -> list[Face]:

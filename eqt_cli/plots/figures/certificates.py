@@ -29,6 +29,7 @@ _NO_LAW, _BEYOND = 0.65, 0.07
 class Certificates(OfCertificates):
     """Certificates: what was measured over what is allowed, a row per statement of the paper.
 
+    Allowed are rounding for identities and a multiple of the solver's tolerance for trajectories.
     What lies left of 1 holds; a filled marker says so, a hollow one that the statement claims
     nothing about the finite time of the runs, a cross that it fails.
     """
@@ -106,7 +107,7 @@ def _name_rows(axes: Axes, found: ShownCertificates, width: Width) -> None:
     kinds = [found.rows(name)[0].kind for name in found.names]
     for height, (kind, following) in enumerate(pairwise(kinds)):
         if kind != following:
-            axes.axhline(height + 0.5, color=ink(), linewidth=0.5)
+            axes.axhline(height + 0.5, label=f"below {kind}", color=ink(), linewidth=0.5)
 
 
 def _name_scale(axes: Axes, least: float, most: float) -> None:
@@ -114,7 +115,7 @@ def _name_scale(axes: Axes, least: float, most: float) -> None:
     axes.set_xlim(least / 2, 3 * most)
     shade: dict[str, Any] = {"color": ink(), "alpha": _BEYOND, "linewidth": 0, "zorder": 0}
     axes.axvspan(1, 3 * most, label="beyond the bound", **shade)
-    axes.axvline(1, color=ink(), linewidth=0.8)
+    axes.axvline(1, label="the bound", color=ink(), linewidth=0.8)
     axes.grid(visible=False, axis="y")
     axes.xaxis.set_major_locator(LogLocator(numticks=6))
     axes.xaxis.set_minor_locator(NullLocator())

@@ -32,7 +32,8 @@ _LONGEST, _ALONG = 40, 25
 class Pareto(OfSweep):
     """Every point of a sweep by two metrics, less being better, and the front that none betters.
 
-    On a page, few points of fronts carry the values of the swept keys.
+    Points are means over good runs; a line joins those that no other betters in both. On a page,
+    few such points carry the values of the swept keys, as far as there is room.
 
     Attributes
     ----------

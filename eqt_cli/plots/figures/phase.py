@@ -51,7 +51,8 @@ _HALF_TURN: dict[str, Any] = {
 class Phase(OfFirstRuns):
     """Phase plane of the error: norm of the velocity error over that of the pose error.
 
-    A panel per controller, and a column per part where parts have units of their own. A triangle
+    Single runs, from a hollow dot at the start to a filled one at the end. A panel per controller,
+    and a column per part where parts have units of their own. A triangle
     marks, where the scale reaches it, the rotation error of the critical points of Υ other than I,
     which are half-turns for every weight: with no velocity error they are unstable equilibria.
 

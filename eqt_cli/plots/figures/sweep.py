@@ -36,6 +36,7 @@ _BESIDE = 0.6
 class SweepFigure(OfSweep):
     """A metric over the swept keys: curves with bands for one key, heat maps for two.
 
+    Means over the good runs of every point; bands reach from the 10 % to the 90 % quantile.
     Where the sweep is over the options of a law, points at which it is a law with a name of its own
     carry that name.
 

@@ -36,7 +36,8 @@ _ANY = 0.7
 class Torque(OverTime):
     """Torque components: their mean over runs, a row per axis and a column per controller.
 
-    The desired torque is drawn in every panel.
+    Components in the body frame, with the range from the 10 % to the 90 % quantile over runs unless
+    told otherwise; the desired torque is drawn in every panel.
 
     Attributes
     ----------
