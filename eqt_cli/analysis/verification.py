@@ -101,6 +101,9 @@ def verify_stored(results: Result, *, trust_plugins: bool, workers: int = 1) -> 
         found = [verifier.of_stored_runs(label, results) for label in experiment.loops]
         if results.has("desired_pose"):
             desired = {name: results[name] for name in ("desired_pose", "desired_velocity")}
+            for name, values in desired.items():
+                if not np.isfinite(values[0]).all():
+                    raise results.refusal(f"its '{name}' is not finite at the start")
         else:  # of a sweep that keeps metrics only
             desired = shared_reference(verifier.study)
         return verifier.verification(found, desired)

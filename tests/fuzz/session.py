@@ -19,10 +19,10 @@ from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from typing import Any
 
-from configurations import configuration
+from mutated_configurations import configuration
+from mutated_results import result
 
 from eqt_cli.cli import main
-from results import result
 
 MOST_SECONDS = 5.0
 MOST_BYTES = 1 << 30

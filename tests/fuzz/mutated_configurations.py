@@ -134,11 +134,15 @@ def _replace(data: Any, rng: random.Random) -> Any:
 def _scale(data: Any, rng: random.Random) -> Any:
     """A number that is off by orders of magnitude, or by its sign."""
     numbers = [
-        path for path in _places(data) if isinstance(_parent(data, path)[path[-1]], int | float)
+        path
+        for path in _places(data)
+        if isinstance(_parent(data, path)[path[-1]], int | float)
+        and abs(_parent(data, path)[path[-1]]) < 1e300
     ]
     if numbers:
         path = rng.choice(numbers)
-        _parent(data, path)[path[-1]] *= rng.choice([-1, 0, 1e-12, 1e12, 1e-200, 1e200, 0.5, 1000])
+        scale = rng.choice([-1, 0, 1e-12, 1e12, 1e-200, 1e200, 0.5, 1000])
+        _parent(data, path)[path[-1]] = float(_parent(data, path)[path[-1]]) * scale
     return data
 
 
