@@ -67,6 +67,9 @@ def _stages(options: argparse.Namespace) -> Iterator[Results]:
     for name in options.case or ["paper", "se3"]:
         _compare(name, options, results)
         yield results
+    if not options.only:
+        _sample(results)
+        yield results
     if not options.no_growth:
         _grow(results)
         yield results
@@ -93,6 +96,15 @@ def _compare(name: str, options: argparse.Namespace, results: Results) -> None:
                 f"{name}  {contender.name:26} {tolerance:.0e}  {found.wall:9.3f} s  "
                 f"error {found.largest_error:.1e}"
             )
+
+
+def _sample(results: Results) -> None:
+    """Laws that are evaluated at instants."""
+    from benchmarks.sampled import sampled
+
+    for found in sampled():
+        results.sampled.append(found)
+        _say(f"every {found.period:g} s  {found.way:22} {found.wall:9.3f} s")
 
 
 def _grow(results: Results) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 from benchmarks.growth import Growth
 from benchmarks.machinery import Machinery
 from benchmarks.measure import Measurement
+from benchmarks.sampled import Sampled
 from benchmarks.whole_command import Command
 
 ACCURATE = 2e-9
@@ -37,6 +38,7 @@ class Results:
     headline: dict[str, float]
     skipped: dict[str, str] = field(default_factory=dict)
     measurements: list[Measurement] = field(default_factory=list)
+    sampled: list[Sampled] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
     machinery: Machinery | None = None
@@ -58,6 +60,8 @@ def as_markdown(results: Results) -> str:
     for case in dict.fromkeys(each.case for each in results.measurements):
         parts += [f"## {TITLES.get(case, case)}", _headlines(results, case)]
         parts += [f"With a largest error of at most {ACCURATE:g}:", _equal_error(results, case)]
+    if results.sampled:
+        parts += ["## A sampled law, the paper's runs, one thread", _sampled(results.sampled)]
     if results.commands:
         parts += ["## The whole command", _commands(results.commands)]
     if results.growth:
@@ -150,6 +154,26 @@ def _equal_error(results: Results, case: str) -> str:
             if each
             else [name, "none measured", "", "", ""]
             for name, each in best.items()
+        ),
+    )
+
+
+def _sampled(found: list[Sampled]) -> str:
+    plain = {each.period: each for each in found if "plain" in each.way}
+    return _table(
+        ["period, s", "", "time, s", "CPU, s", "× plain", "timed runs", "difference"],
+        (
+            [
+                f"{each.period:g}",
+                each.way,
+                f"{each.wall:.3g}",
+                f"{each.cpu:.3g}",
+                f"{plain[each.period].cpu / each.cpu:,.0f}",
+                f"{each.timed_runs} of {each.runs}",
+                f"{each.difference:.1e}",
+            ]
+            for each in found
+            if each.period in plain
         ),
     )
 

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
-from eqt_cli.analysis.comparison.compare import CONFIDENCE, RESAMPLES, SEED
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
 from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
 from eqt_cli.config.source import ConfigSource, overridden, read_config, source_of
-from eqt_cli.core.errors import ComponentError, EqtError, Remedy
+from eqt_cli.core.errors import ComponentError, EqtError, EqtWarning, Remedy
 from eqt_cli.execution.executors import Executor, executors
 from eqt_cli.execution.folder import CONFIG
 from eqt_cli.execution.run_study import (
@@ -36,6 +36,7 @@ from eqt_cli.execution.run_study import (
     warn,
 )
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.horizon import limits_below_reference
 from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import Result, open_result, point_folder
@@ -217,6 +218,9 @@ def run(
         see `StoredResult.failed`.
     """
     loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
+    base = loaded.experiment
+    for known in (*base.remarks, *map(EqtWarning, limits_below_reference(base))):
+        remark(known)
     done = execute(
         loaded.study,
         Path("results") / loaded.name if out is None else Path(out),
@@ -407,9 +411,9 @@ def compare(
     windows: Sequence[str | Window] = (),
     *,
     point: int | None = None,
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
-    seed: int = SEED,
+    confidence: float = Resampling.confidence,
+    resamples: int = Resampling.resamples,
+    seed: int = Resampling.seed,
 ) -> Comparison:
     """Compare the controllers of a result, run by run on the same initial states.
 
@@ -437,14 +441,8 @@ def compare(
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = [_window(window) for window in windows]
     with open_result(_path("result", result), point) as results:
-        return compare_results(
-            results,
-            metrics=metrics,
-            windows=parsed,
-            confidence=confidence,
-            resamples=resamples,
-            seed=seed,
-        )
+        how = Resampling(confidence, resamples, seed)
+        return compare_results(results, metrics=metrics, windows=parsed, how=how)
 
 
 def plot(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -79,6 +79,7 @@ def compare(
 ) -> None:
     """Compare controllers run by run, with intervals, and test what the paper claims."""
     from eqt_cli import api
+    from eqt_cli.analysis.comparison.records import records
 
     if json and format is not Format.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
@@ -99,7 +100,7 @@ def compare(
     if json:
         print_json(_document(comparison, result))
     elif format is Format.CSV:
-        print_text(as_csv(_records(comparison)[table or Table.PAIRS]))
+        print_text(as_csv(records(comparison)[table or Table.PAIRS]))
         if table is None and not quiet:
             say("these are the pairs; --table controllers and --table claims print the others")
     else:
@@ -127,7 +128,6 @@ def _windows(measure: Quantity) -> str:
 
 
 def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None:
-
     for label in labels:
         if label not in comparison.labels:
             hint = suggestion(label, comparison.labels)
@@ -135,18 +135,10 @@ def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None
             raise EqtError(f"--against: no controller '{label}'{hint}")
 
 
-def _records(comparison: Comparison) -> dict[str, list[dict[str, Any]]]:
-    from eqt_cli.analysis.comparison import records
-
-    return {
-        Table.CONTROLLERS: records.controller_records(comparison),
-        Table.PAIRS: records.pair_records(comparison),
-        Table.CLAIMS: records.claim_records(comparison),
-    }
-
-
 def _document(comparison: Comparison, path: Path) -> dict[str, object]:
-    tables = _records(comparison)
+    from eqt_cli.analysis.comparison.records import records
+
+    tables = records(comparison)
     return {
         "path": str(path),
         "title": comparison.title,

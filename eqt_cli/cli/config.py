@@ -16,9 +16,10 @@ from eqt_cli.cli.shared.output import (
     print_text,
     problem_records,
     say,
+    warn,
 )
 from eqt_cli.config import shipped
-from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.core.errors import ConfigError, EqtError, EqtWarning
 from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import Problems
 
@@ -82,7 +83,11 @@ def check(
     """Check a configuration without running it, its reference over the whole horizon."""
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
-    from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
+    from eqt_cli.experiment.horizon import (
+        check_reference,
+        limits_below_reference,
+        reference_over_horizon,
+    )
     from eqt_cli.experiment.read_study import study
 
     source = read_config(config, options.overrides(set_))
@@ -100,11 +105,16 @@ def check(
     if resolved:
         print_found(found.resolved, dump(found.resolved), json=json)
         return
+    experiment = found.base
+    for remark in (
+        *experiment.remarks,
+        *map(EqtWarning, limits_below_reference(experiment, shown)),
+    ):
+        warn(remark)
     if not (quiet or json):
         say(f"{config}: valid")
     if len(found) > MOST_CHECKED and not (quiet or json):
         say(f"{config}: {MOST_CHECKED} of its {len(found)} points were checked; a run checks all")
-    experiment = found.base
     text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")

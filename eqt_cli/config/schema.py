@@ -313,6 +313,9 @@ class Config(Section):
     """The configuration space: SO3, SE3, … (`eqt list groups`)."""
     inertia: InertiaValue
     """Inertia tensor 𝕀: scalar, diagonal, m×m matrix, or varying in time."""
+    rigid: bool | None = None
+    """false: `inertia` is not a rigid body's (added mass, rotors, a mechanism), so that its
+    principal moments may break the triangle inequality without a warning."""
     gains: GainsSection = Field(examples=["{kp: 1, kd: 1}"])
     """Gains of the control laws."""
     reference: dict[str, Any] | None = None

@@ -82,6 +82,10 @@ class Goodarzi2013(Controller):
         moved = dot(self.c2 * without_integral, self._e_R(r))
         return dot(r.body_damping, e) - moved - dot(self.c2 * P, G.vee(r.Q @ G.hat(e)))
 
+    def memory_gradient(self, s: Tracking) -> Mapping[str, Array]:
+        """∂L/∂e_I, which is what the torque sees of the integral, times k_I."""
+        return {"integral": self.ki * self._limited(s)}
+
     def _e_R(self, r: Tracking) -> Array:
         return r.G.vee(r.Q)
 

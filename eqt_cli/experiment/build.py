@@ -20,6 +20,7 @@ from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.error_origin import blamed
+from eqt_cli.core.errors import EqtWarning
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
 from eqt_cli.core.validation import (
@@ -45,10 +46,14 @@ from eqt_cli.experiment.vehicle import resolved as resolved_vehicle
 from eqt_cli.experiment.vehicle import vehicle_from
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.groups.product import ProductGroup
+from eqt_cli.mechanics.rigid_body import not_rigid
 from eqt_cli.mechanics.tracking import Gains
 
 OF_EVERY_LAW = ("label", "gains")
 """The keys of an entry of `controllers` that no law has for itself."""
+
+WORDS = ("name", "rigid")
+"""Keys that change what is said of an experiment, and none of its numbers."""
 
 
 @dataclass(frozen=True)
@@ -98,6 +103,20 @@ class Experiment:
         """The sample times, s."""
         return np.linspace(0.0, self.config.time.duration, self.config.time.samples)
 
+    @cached_property
+    def remarks(self) -> list[EqtWarning]:
+        """What a user should know of it, and no error is."""
+        inertia = next(iter(self.loops.values())).inertia
+        broken = not_rigid(self.group, inertia, self.config.time.duration)
+        if not broken or self.config.rigid is False:
+            return []
+        return [
+            EqtWarning(
+                f"{self.source.place(('inertia',))}: inertia: no rigid body has it; its {broken}; "
+                "correct it, or add `rigid: false` if more moves than one rigid body"
+            )
+        ]
+
     @property
     def plugins(self) -> dict[str, str]:
         """Source text of each plugin, by its path as written in the configuration."""
@@ -106,7 +125,7 @@ class Experiment:
     @property
     def numeric_config(self) -> dict[str, Any]:
         """What of the resolved configuration affects the numbers, plugins by their source."""
-        kept = {key: value for key, value in self.resolved.items() if key != "name"}
+        kept = {key: value for key, value in self.resolved.items() if key not in WORDS}
         sources = [sha256(text.encode()).hexdigest() for text in self.plugins.values()]
         return kept | {"plugins": sources} | digests(self.files)
 

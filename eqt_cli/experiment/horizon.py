@@ -141,3 +141,29 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
         until = f"{shown.times[-1]:.4g} s, which took {MOST_EVALUATIONS} evaluations"
         remarks.append(f"checked to t = {until}")
     return remarks
+
+
+def limits_below_reference(experiment: Experiment, shown: Horizon | None = None) -> list[str]:
+    """Where an actuator gives less than the reference alone takes, in words, with both numbers.
+
+    Numbers that are drawn for each run have their mean.
+    """
+    loop = next(iter(experiment.loops.values()))
+    if not loop.vehicle.limits:
+        return []
+    shown = shown or reference_over_horizon(experiment)
+    torque, found = shown.torque[shown.finite], []
+    for place, actuator, given in loop.vehicle.limiting():
+        sizes = actuator.most(loop.group, torque, given)
+        if sizes is None:
+            continue
+        taken, there = sizes
+        when, axis = np.unravel_index(np.argmax(taken / there), taken.shape)
+        most = float(np.broadcast_to(there, taken.shape)[when, axis])
+        if taken[when, axis] > most:
+            t = shown.times[shown.finite][when]
+            found.append(
+                f"{place}: {actuator.name} gives {most:.4g}, and the reference alone takes "
+                f"{taken[when, axis]:.4g} at t = {t:.4g} s; no law can follow it there"
+            )
+    return found

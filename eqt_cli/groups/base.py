@@ -130,6 +130,14 @@ class MatrixLieGroup(ABC):
         """
         raise ComponentError(f"group '{self.name}' has no half turns")
 
+    def principal_moments(self, inertia: Array) -> tuple[Array, ...]:
+        """Of every rigid body that moves in space, its three moments, rising, kg m².
+
+        About the centre of mass and with all else at rest, ``(..., m, m) -> (..., 3)`` each; other
+        groups than those of rotations and rigid motions of space have none.
+        """
+        return ()
+
     @abstractmethod
     def drift(self, Q: Array) -> Array:
         """How far Q has left the group, as a norm that is 0 on it, ``(..., d, d) -> (...)``."""

@@ -89,6 +89,18 @@ class EuclideanGroup(MatrixLieGroup):
         """SO(n) ⋉ (R^n)^k is the class of Remark 6.3."""
         return True
 
+    def principal_moments(self, inertia: Array) -> tuple[Array, ...]:
+        """Of rotations and rigid motions of space: J − B M⁻¹ Bᵀ of the blocks [[J, B], [Bᵀ, M]]."""
+        if self.rotations != 3 or len(self.columns) > 1:
+            return ()
+        turning, moving = slice(None, self.rotations), slice(self.rotations, None)
+        J, B, M = (
+            inertia[..., rows, columns]
+            for rows, columns in ((turning, turning), (turning, moving), (moving, moving))
+        )
+        about_centre = J - B @ np.linalg.solve(M, transpose(B)) if self.columns else J
+        return (np.linalg.eigvalsh(about_centre),)
+
     def rotation(self, Q: Array) -> Array:
         """The rotation block, ``(..., d, d) -> (..., n, n)``."""
         return Q[..., : self.space, : self.space]

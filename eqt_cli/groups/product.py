@@ -86,6 +86,14 @@ class ProductGroup(MatrixLieGroup):
         """If all factors are: the product of two such groups is one."""
         return _all([factor.compact_times_vector for factor in self.factors])
 
+    def principal_moments(self, inertia: Array) -> tuple[Array, ...]:
+        """Those of all factors."""
+        return tuple(
+            moments
+            for factor, _, own in self._layout()
+            for moments in factor.principal_moments(inertia[..., own, own])
+        )
+
     def inverse(self, Q: Array) -> Array:
         """Block by block."""
         inverse = Q.copy()

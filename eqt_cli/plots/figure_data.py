@@ -322,7 +322,7 @@ def _sample(name: str, ensemble: Ensemble) -> Sample:
 
 
 class ShownSweep:
-    """A sweep's metrics over the good runs of every point.
+    """A sweep's metrics over all runs of every point.
 
     Parameters
     ----------
@@ -352,6 +352,7 @@ class ShownSweep:
             )
         self.controllers = _positions([results], figure, chosen)[0]
         self.titles = [results.titles[position] for position in self.controllers]
+        self._shown: list[str] = []
 
     @property
     def axes(self) -> list[SweptKey]:
@@ -359,9 +360,26 @@ class ShownSweep:
         return self.results.swept_keys
 
     def metric(self, name: str) -> Array:
-        """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed."""
+        """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed.
+
+        The horizon stands for what lies beyond it.
+        """
         self.results.check_metrics([name], who=f"figure '{self.figure}'")
-        return self.results.metric(name)[:, self.controllers]
+        self._shown.append(name)
+        return self.results.counted(name)[:, self.controllers]
+
+    def means(self, name: str) -> Array:
+        """The means over all runs, ``(points, shown controllers)``; NaN where one failed.
+
+        Raises
+        ------
+        EqtError
+            If none of the points has one.
+        """
+        found: Array = np.mean(self.metric(name), axis=-1)
+        if not np.isfinite(found).any():
+            raise self.error(f"finds no point at which every run has a {name}")
+        return found
 
     def laws(self, shown: int) -> dict[int, str]:
         """The points where a controller, the n-th of those shown, is a law with a name of its own.
@@ -375,9 +393,26 @@ class ShownSweep:
         return self.results.point_name(point)
 
     def notes(self) -> list[str]:
-        """What a reader must know about the runs that are not shown."""
-        failed = int(np.count_nonzero(self.results.status[:, self.controllers]))
-        return [f"{failed} runs failed; left out."] if failed else []
+        """What a reader must know about the runs that have no number."""
+        return [*self._failed(), *self._censored()]
+
+    def _failed(self) -> Iterator[str]:
+        failed = self.results.status[:, self.controllers] != 0
+        without = failed.any(axis=-1)
+        if without.any():
+            left_out = f"{np.count_nonzero(without)} of {without.size} means left out"
+            yield f"{np.count_nonzero(failed)} runs failed; {left_out}."
+
+    def _censored(self) -> Iterator[str]:
+        horizon = self.results.horizon
+        for name in dict.fromkeys(self._shown):
+            late = int(np.count_nonzero(self.results.censored(name)[:, self.controllers]))
+            if late and horizon is None:
+                yield f"{name}: {late} runs unsettled at their end; their means left out."
+            elif late:
+                end = f"{horizon:g} s"
+                counted = f"{late} runs unsettled at {end} count as {end}"
+                yield f"{name}: {counted}; means are lower bounds."
 
     def error(self, message: str) -> EqtError:
         """An error of this figure about this result."""

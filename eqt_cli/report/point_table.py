@@ -7,7 +7,7 @@ import numpy as np
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.report.run_table import COLUMNS, MOST_ROWS, Document, columns, plain, unit_of
-from eqt_cli.results.result import Result, mean_over_runs
+from eqt_cli.results.result import Result
 
 BEST = ("mean_pose_error", "early_torque", "effort", "peak_torque")
 """Metrics whose least mean is looked for."""
@@ -16,11 +16,12 @@ BEST = ("mean_pose_error", "early_torque", "effort", "peak_torque")
 def point_table(result: Result) -> Document:
     """As `run_table`, with a row per controller and point: the swept values, and means over runs.
 
-    A run that failed is left out of the means, and its row counts it.
+    A point at which runs failed has no means, and its row counts them; a run that has not settled
+    counts as the horizon.
     """
     keys = result.swept_keys
     names = [name for name in COLUMNS if result.has(name)]
-    means = np.stack([mean_over_runs(result.metric(name)) for name in names], axis=-1)
+    means = np.stack([result.means(name) for name in names], axis=-1)
     failed = np.count_nonzero(result.status, axis=-1)
     points, controllers = failed.shape
     order = [(c, p) for p in range(points) for c in range(controllers)]
@@ -49,7 +50,7 @@ def best_points(result: Result) -> TextTable:
     """For each controller, the point where the mean over runs of a metric is least."""
     blocks = []
     for name in (name for name in BEST if result.has(name)):
-        means = mean_over_runs(result.metric(name))
+        means = result.means(name)
         rows = [
             [title, *_best(result, column)]
             for title, column in zip(result.titles, means.T, strict=True)
@@ -60,7 +61,7 @@ def best_points(result: Result) -> TextTable:
         blocks.append(Block(title, rows))
     return TextTable(
         "best",
-        "Points where the mean over runs is least, of those that were computed",
+        "Points where the mean over runs is least, of those at which no run failed",
         ["controller", "point", *(key.key for key in result.swept_keys), "mean"],
         blocks,
     )

@@ -112,10 +112,12 @@ def largest_rise(times: Array, lyapunov: Array) -> Array:
 
 
 def energy_residual(times: Array, lyapunov: Array, balance: Array) -> Array:
-    """max |L + W − L(0)| / max(L(0), 1 J), from L and L + W."""
-    initial = lyapunov[:, :1]
-    residual: Array = np.abs(balance - initial).max(axis=-1)
-    return residual / np.maximum(initial[:, 0], ENERGY_SCALE)
+    """max |L + W − L(0)| / max(L(0), 1 J), from L and L + W.
+
+    W is 0 at the start, but for a law with memory that jumps there.
+    """
+    residual: Array = np.abs(balance - balance[:, :1]).max(axis=-1)
+    return residual / np.maximum(lyapunov[:, 0], ENERGY_SCALE)
 
 
 def settled(times: Array, error: Array, threshold: float) -> Array:

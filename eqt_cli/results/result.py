@@ -504,6 +504,24 @@ class Result(ResultFile):
         good = self.good if controller is None else self.good[..., controller, :]
         return good & np.isnan(values) & self.quantity(name).censored
 
+    def counted(self, name: str) -> Array:
+        """A stored number of every run, as `metric`, with every run that did not fail counted.
+
+        One whose number lies beyond the horizon counts as the horizon, as it does in comparisons:
+        a mean with such runs is less than the true one, and not the mean of those that arrived.
+        Where the points of a sweep differ in the horizon, it stays NaN.
+        """
+        end = np.nan if self.horizon is None else self.horizon
+        return np.where(self.censored(name), end, self.metric(name))
+
+    def means(self, name: str) -> Array:
+        """The mean of a number over all runs, ``(controllers,)``, at the points of a sweep before.
+
+        NaN where a run failed: those that are left say too little of the point.
+        """
+        found: Array = np.mean(self.counted(name), axis=-1)
+        return found
+
     def check_metrics(self, names: Sequence[str], who: str = "") -> None:
         """Refuse names that are of no stored number per run.
 

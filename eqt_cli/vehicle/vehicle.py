@@ -158,6 +158,13 @@ class Vehicle:
         """Whether an actuator can be at a limit."""
         return any(actuator.limits for actuator in self.actuators)
 
+    def limiting(self) -> Iterator[tuple[str, Actuator, Given]]:
+        """The actuators that can be at a limit, by place, with their numbers."""
+        for index, actuator in enumerate(self.actuators):
+            if actuator.limits:
+                place = f"{ACTUATORS}[{index}]"
+                yield place, actuator, self._given[place]
+
     @cached_property
     def _at_instants(self) -> int:
         """How many actuators act at control instants: those in front of all with a rate."""

@@ -157,3 +157,70 @@ def test_more_keys_than_two_are_refused(swept):
 def test_an_unknown_metric_is_named(swept):
     with pytest.raises(EqtError, match="finds no metric 'efort'; did you mean 'effort'"):
         SweepFigure(metric="efort").draw([swept(ONE)])
+
+
+def altered_sweep(swept, altered, sweep=TWO, **arrays):
+    """A sweep some of whose numbers are replaced."""
+    results = swept(sweep)
+    changed = {name: change(results[name].copy()) for name, change in arrays.items()}
+    return altered(results.path, **changed)
+
+
+def unsettled(settling):
+    """At the first point one run settles, and sooner than any other run; at the others all do."""
+    settling[:] = 0.5
+    settling[0] = np.nan
+    settling[0, :, 0] = 0.1
+    return settling
+
+
+def test_a_point_of_which_one_run_settles_is_not_the_best(swept, altered):
+    results = altered_sweep(swept, altered, settling_time=unsettled)
+    runs, horizon = results.runs, results.horizon
+    drawing = SweepFigure(metric="settling_time").draw([results])
+    cells = np.asarray(drawing.axes[0].collections[0].get_array()).reshape(2, 3)
+    assert cells[0, 0] == pytest.approx((0.1 + (runs - 1) * horizon) / runs)
+    assert cells[0, 0] == cells.max() > 0.5
+    count = 2 * (runs - 1)
+    assert drawing.get_supxlabel().replace("\n", " ") == (
+        f"settling_time: {count} runs unsettled at {horizon:g} s count as {horizon:g} s; means "
+        "are lower bounds."
+    )
+
+
+def test_a_point_at_which_a_run_failed_has_no_mean(swept, altered):
+    def failed(status):
+        status[1, 0, 0] = 1
+        return status
+
+    results = altered_sweep(swept, altered, status=failed)
+    drawing = SweepFigure().draw([results])
+    first, second = (
+        np.ma.filled(axes.collections[0].get_array(), np.nan) for axes in drawing.axes[:2]
+    )
+    assert (np.isnan(first).sum(), np.isnan(second).sum()) == (1, 0)
+    assert drawing.get_supxlabel() == "1 runs failed; 1 of 12 means left out."
+    offsets = Pareto().draw([results]).axes[0].collections[0].get_offsets()
+    assert np.ma.count_masked(np.ma.masked_invalid(offsets)) == 2
+
+
+def test_curves_leave_out_points_at_which_a_run_failed(swept, altered):
+    def failed(status):
+        status[1, 0, 0] = 1
+        return status
+
+    (panel,) = SweepFigure().draw([altered_sweep(swept, altered, ONE, status=failed)]).axes
+    assert [np.isnan(line.get_ydata()).tolist() for line in panel.lines] == [
+        [False, True, False, False],
+        [False] * 4,
+    ]
+
+
+def test_a_sweep_in_which_runs_fail_everywhere_has_no_figure(swept, altered):
+    def failed(status):
+        status[..., 0] = 1
+        return status
+
+    results = altered_sweep(swept, altered, status=failed)
+    with pytest.raises(EqtError, match="finds no point at which every run has a mean_pose_error"):
+        SweepFigure().draw([results])

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from eqt_cli.api import open_results
+from eqt_cli.closed_loop.signals import compute
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.experiment.build import build
 from eqt_cli.groups import group_named
+from eqt_cli.results.metrics import energy_residual
 from eqt_cli.vehicle.sensors.bias import Bias
 from eqt_cli.vehicle.sensors.noise import Noise
 
@@ -240,3 +242,34 @@ def test_shards_give_the_result_of_one_run(tmp_path, invoke):
         assert {"command", "at_limit", "settled", "saturated_share"} <= set(one.names)
         for name in ("pose", "torque", "command", "at_limit", "closing_pose_error"):
             np.testing.assert_array_equal(other[name], one[name])
+
+
+HELD = """actuators:
+  - {kind: quantisation, resolution: 0.05}
+  - {kind: deadband, width: 0.07}
+  - {kind: momentum_limit, momentum: 0.3}
+  - {kind: rate_limit, rate: 2.0}
+"""
+
+
+def test_engines_agree_on_what_acts_at_instants(solved):
+    pytest.importorskip("heyoka")
+    text = LOOP + "time: {duration: 2, samples: 21}\ncontrol: {period: 0.1}\n" + HELD
+    found = [solved(with_engine(text, engine)) for engine in ENGINES]
+    torques = [p.loop.torque(p.loop.tracking(p.times, s.states)) for p, s in found]
+    # A command within 1e-9 of a step or of the width would tell them apart; none is here.
+    np.testing.assert_allclose(*torques, rtol=0, atol=1e-7)
+    assert np.abs(np.cumsum(torques[0][:, :-1], axis=1) * 0.1).max() > 0.2
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_energy_balance_of_a_sampled_law_with_memory(solved, engine):
+    text = NOISY.replace("[eqt]", "[{kind: goodarzi2013, bound: 0.5}]").replace(
+        "duration: 2", "duration: 4"
+    )
+    problem, solution = solved(with_engine(text, engine), label="goodarzi2013")
+    found = compute(problem.batched_loop(extra_axes=1), problem.times, solution.states)
+    L, balance = found["lyapunov"], found["energy_balance"]
+    assert np.abs(L[:, -1] - L[:, 0]).min() > 1e-3
+    # As the certificate allows: 100 rtol.
+    assert energy_residual(problem.times, L, balance).max() < 1e-7

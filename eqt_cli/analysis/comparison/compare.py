@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.claims import AtMost, Less, claim_sets
 from eqt_cli.analysis.comparison.pairs import Level, Pair, statistics
 from eqt_cli.analysis.comparison.verdicts import (
@@ -20,8 +21,6 @@ from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import PerRun, Result
 from eqt_cli.results.time_windows import WHOLE, Window
-
-CONFIDENCE, RESAMPLES, SEED = 0.95, 9999, 0
 
 _Key = tuple[str, Window]
 
@@ -74,9 +73,7 @@ def compare(
     *,
     metrics: Sequence[str] = (),
     windows: Sequence[Window] = (),
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
-    seed: int = SEED,
+    how: Resampling = Resampling(),  # noqa: B008  # it is frozen
 ) -> Comparison:
     """Compare the controllers of a result, run by run on the same initial states.
 
@@ -88,20 +85,19 @@ def compare(
         Names of measures; a choice of all there are if empty. Claims are tested on theirs anyway.
     windows
         Over which measures that have windows are taken; each its own if empty.
-    confidence
-        Of every interval by itself; they do not hold all at once.
-    resamples, seed
-        Of the bootstrap.
+    how
+        The intervals are found; each holds by itself, and not all at once.
 
     Raises
     ------
     EqtError
         If a metric or window does not exist, the result holds too little, or it is a sweep.
     """
-    if not 0 < confidence < 1:
-        raise EqtError(f"confidence {confidence:g}: expected a number between 0 and 1, as 0.95")
-    if resamples < 1:
-        raise EqtError(f"resamples {resamples}: expected at least 1")
+    if not 0 < how.confidence < 1:
+        expected = "expected a number between 0 and 1, as 0.95"
+        raise EqtError(f"confidence {how.confidence:g}: {expected}")
+    if how.resamples < 1:
+        raise EqtError(f"resamples {how.resamples}: expected at least 1")
     result.single("controllers are compared within one experiment")
     chosen = _chosen(result, metrics, windows)
     claimed = _claimed(result)
@@ -109,14 +105,8 @@ def compare(
     for measure, window in [*chosen, *claimed]:
         wanted.setdefault((measure.name, window.within(result.times)), measure)
     samples = {key: result.per_run(measure, key[1]) for key, measure in wanted.items()}
-    levels, pairs, resamples = statistics(
-        list(samples.values()),
-        result.labels,
-        result.good,
-        confidence=confidence,
-        resamples=resamples,
-        seed=seed,
-    )
+    measured = list(samples.values())
+    levels, pairs, resamples = statistics(measured, result.labels, result.good, how)
     shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
     return Comparison(
         title=result.title,
@@ -128,12 +118,12 @@ def compare(
         horizon=float(result.times[-1] - result.times[0]),
         levels=[level for level in levels if _key(level.measured) in shown],
         pairs=[pair for pair in pairs if _key(pair.measured) in shown],
-        judgements=_judgements(result, samples, pairs, confidence),
+        judgements=_judgements(result, samples, pairs, how.confidence),
         lyapunov_functions=result.lyapunov_functions,
         missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
-        confidence=confidence,
+        confidence=how.confidence,
         resamples=resamples,
-        seed=seed,
+        seed=how.seed,
     )
 
 

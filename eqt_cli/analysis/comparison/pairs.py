@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.bootstrap import FEWEST, intervals_of_means
+from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_of_means
 from eqt_cli.analysis.comparison.runs_needed import runs_to_decide
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.result import PerRun
@@ -116,13 +116,7 @@ class Pair:
 
 
 def statistics(
-    measured: Sequence[PerRun],
-    labels: Sequence[str],
-    good: Array,
-    *,
-    confidence: float,
-    resamples: int,
-    seed: int,
+    measured: Sequence[PerRun], labels: Sequence[str], good: Array, how: Resampling
 ) -> tuple[list[Level], list[Pair], int]:
     """Levels of all controllers, differences of all pairs, and how many resamples there were.
 
@@ -136,12 +130,12 @@ def statistics(
         ],
         axis=1,
     )
-    found = intervals_of_means(columns, confidence=confidence, resamples=resamples, seed=seed)
+    found = intervals_of_means(columns, how)
     ends = iter(np.stack([found.mean, found.low, found.high], axis=1).tolist())
     levels, pairs = [], []
     for s in measured:
         levels += [_level(s, c, label, good, next(ends)) for c, label in enumerate(labels)]
-        pairs += [_pair(s, a, b, labels, good, confidence, next(ends)) for a, b in couples]
+        pairs += [_pair(s, a, b, labels, good, how.confidence, next(ends)) for a, b in couples]
     return levels, pairs, found.resamples
 
 

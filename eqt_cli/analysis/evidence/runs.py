@@ -47,6 +47,10 @@ class Runs:
         What the loop holds of which the theorems do not speak, in words.
     energy, theorem
         Which function L is, and where it is shown to fall.
+    pose_error, velocity_error : (runs, samples) or None
+        Over time, of the runs whose trajectories are kept; None where none are.
+    desired_speed
+        The largest ‖V_d‖.
     """
 
     label: str
@@ -64,6 +68,9 @@ class Runs:
     departures: str = ""
     energy: str = Controller.energy
     theorem: str = Controller.theorem
+    pose_error: Array | None = None
+    velocity_error: Array | None = None
+    desired_speed: float = 0.0
 
     @property
     def own_function(self) -> str:
@@ -113,12 +120,15 @@ class Setting:
         The horizon.
     desired_pose, desired_velocity : (samples, …)
         Q_d and V_d along it.
+    rigid
+        Whether the inertia is said to be a rigid body's.
     """
 
     loops: dict[str, ClosedLoop]
     times: Array
     desired_pose: Array
     desired_velocity: Array
+    rigid: bool = True
 
     @property
     def loop(self) -> ClosedLoop:

@@ -17,7 +17,7 @@ from eqt_cli.plots.drawing.layout import add_legend, add_title
 from eqt_cli.plots.drawing.scales import number_values
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
 from eqt_cli.plots.figure_data import ShownSweep
-from eqt_cli.results.result import SweptKey, mean_over_runs
+from eqt_cli.results.result import SweptKey
 
 _LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
@@ -51,8 +51,8 @@ class SweepFigure(OfSweep):
     metric: str = "mean_pose_error"
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """One panel of curves, or a map per controller, of means over the good runs."""
-        values, axes = swept.metric(self.metric), swept.axes
+        """One panel of curves, or a map per controller, of means over the runs."""
+        values, means, axes = swept.metric(self.metric), swept.means(self.metric), swept.axes
         if not 1 <= len(axes) <= 2:
             keys = ", ".join(axis.key for axis in axes) or "none"
             raise swept.error(
@@ -62,7 +62,7 @@ class SweepFigure(OfSweep):
         label = metric_label(swept.results, self.metric, 36)
         if len(axes) == 1:
             return self._curves(swept, axes[0], values, label, width)
-        return self._maps(swept, axes, values, label, width)
+        return self._maps(swept, axes, means, label, width)
 
     def _curves(
         self, swept: ShownSweep, axis: SweptKey, values: Array, label: str, width: Width
@@ -74,12 +74,12 @@ class SweepFigure(OfSweep):
         for k, (position, title) in enumerate(zip(swept.controllers, swept.titles, strict=True)):
             found = values[order, k]
             style = line_style(position)
-            mean = mean_over_runs(found)
+            mean = np.mean(found, axis=-1)
             shape = {"marker": marker(position), **_POINTS}
             lines += panel.plot(axis.values[order], mean, label=title, **shape, **style)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
-            low, high = np.nanquantile(found, BAND, axis=-1)
+            low, high = np.quantile(found, BAND, axis=-1)
             band = band_look(style["color"])
             panel.fill_between(axis.values[order], low, high, label=title, **band)
         panel.margins(x=_MARGIN)
@@ -89,9 +89,8 @@ class SweepFigure(OfSweep):
         return drawing
 
     def _maps(
-        self, swept: ShownSweep, axes: list[SweptKey], values: Array, label: str, width: Width
+        self, swept: ShownSweep, axes: list[SweptKey], means: Array, label: str, width: Width
     ) -> Drawing:
-        means = mean_over_runs(values)
         count = len(swept.titles)
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panels = drawing.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]

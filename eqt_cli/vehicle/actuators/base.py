@@ -46,3 +46,10 @@ class Actuator(VehiclePart):
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
         """Where a command is beyond its limit, ``(...)``; None where it has none."""
         return None
+
+    def most(self, G: MatrixLieGroup, torque: Array, given: Given) -> tuple[Array, Array] | None:
+        """How much of something a torque takes, and how much of it there is, ``(..., k)`` each.
+
+        None where that does not depend on the torque at one time alone.
+        """
+        return None
