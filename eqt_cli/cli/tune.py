@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.output import print_json, warn
+from eqt_cli.cli.shared.output import print_json, print_text, warn
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.cli.shared.run_and_report import executor_from
 from eqt_cli.cli.shared.table_formats import as_text
@@ -104,14 +104,14 @@ def _report(done: Tuning, *, json: bool) -> None:
         print_json({"folder": str(path), **done.record, "failed": failed, "causes": causes})
     else:
         with open_result(path) as result:
-            print("\n\n".join(map(as_text, tuning_tables(result, done.record))))
-        print()
+            print_text("\n\n".join(map(as_text, tuning_tables(result, done.record))))
+        print_text()
         for cause in causes:
-            print(cause)
-        print(f"results  {path}")
+            print_text(cause)
+        print_text(f"results  {path}")
         first = next((each for each in done.record["laws"] if each["winners"]), None)
         if first:
-            print(f"next     eqt run {path / first['winners'][0]['config']}")
+            print_text(f"next     eqt run {path / first['winners'][0]['config']}")
     if lost:
         raise typer.Exit(4)
     if failed:

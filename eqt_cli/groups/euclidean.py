@@ -189,7 +189,9 @@ class EuclideanGroup(MatrixLieGroup):
         X = self.translations(Q)
         twice = W @ X
         X = X - twice / 2 + psi[..., None] * (W @ twice)  # J(ω)⁻¹ x
-        return np.concatenate([turn, transpose(X).reshape(*turn.shape[:-1], -1)], axis=-1)
+        return np.concatenate(
+            [turn, transpose(X).reshape(*turn.shape[:-1], X.shape[-1] * X.shape[-2])], axis=-1
+        )
 
     def log_force(self, x: Array, p: Array) -> Array:
         """J_r⁻ᵀ(x) p with J_r⁻¹ = ad_x/2 + (ad_x/2) coth(ad_x/2), a polynomial in ad_x.
