@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -354,7 +354,16 @@ class Result(ResultFile):
             return SweptKey(
                 key, values, {float(k): str(v) for k, v in zip(values, labels, strict=True)}
             )
-        return SweptKey(key, values.astype(float), {})
+        return SweptKey(key, values.astype(float), {}, key in self._on_log_scales)
+
+    @cached_property
+    def _on_log_scales(self) -> set[str]:
+        """The keys for which a range of the sweep asks for a logarithmic scale."""
+        try:
+            config = yaml.safe_load(str(self.attributes.get("config", "")))
+            return set(_log_keys(config["sweep"]))
+        except (yaml.YAMLError, KeyError, TypeError, RecursionError):
+            return set()
 
     def point_name(self, point: int) -> str:
         """What is swept at a point: ``kp 2, kd 0.5``."""
@@ -449,6 +458,16 @@ class Result(ResultFile):
             if name.startswith(f"{norm}_") and self.is_over_time(name)
         ]
 
+    @cached_property
+    def attitude_errors(self) -> list[str]:
+        """The norms over time that are distances ‖I − R‖_F of rotations, which angles follow from.
+
+        None on a group of a plugin, which need not be loaded here.
+        """
+        parts = () if self.group is None else self.group.parts
+        turns = [f"_{part.name}" if len(parts) > 1 else "" for part in parts if part.turns]
+        return [name for end in turns if self.is_over_time(name := f"pose_error{end}")]
+
     def split(self, norm: str) -> list[str]:
         """The names of a norm's parts where it has some, else its own."""
         return [f"{norm}_{part}" for part in self.parts(norm)] or [norm]
@@ -525,13 +544,19 @@ class Result(ResultFile):
 
     def quantity(self, name: str) -> Quantity:
         """What a variable is: its row of the table, and of what is not there, all the file says."""
-        return quantity_of(name, self.long_name(name) if self.has(name) else "")
+        if not self.has(name):
+            return quantity_of(name)
+        return quantity_of(name, self.long_name(name)).with_choices(self.attributes_of(name))
 
     @cached_property
     def comparable(self) -> dict[str, Quantity]:
         """All numbers per run that this result has or that can be computed from it, by name."""
         found: dict[str, Quantity] = {}
-        for quantity in METRICS:
+        for quantity in (self.quantity(row.name) for row in METRICS):
+            if quantity.of_turns:
+                for part in (name.removeprefix("pose_error") for name in self.attitude_errors):
+                    found[quantity.name + part] = quantity.part(part[1:]) if part else quantity
+                continue
             if self._has_signals(quantity) or self._metrics_like(quantity):
                 found[quantity.name] = quantity
             for part in self.parts(quantity.signals[0]) if quantity.parted else ():
@@ -662,11 +687,14 @@ class SweptKey:
         Numbers; text and matrices are numbered.
     texts
         What the numbers stand for, where the values are no numbers.
+    asks_log
+        Whether the range that they are from asks for a logarithmic scale.
     """
 
     key: str
     values: Array
     texts: dict[float, str]
+    asks_log: bool = False
 
     @property
     def levels(self) -> list[int]:
@@ -676,8 +704,10 @@ class SweptKey:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether the values are spread evenly on a logarithmic scale rather than a linear one."""
+        """Whether the values are spread on a logarithmic scale rather than a linear one."""
         levels = np.unique(self.values)
+        if self.asks_log:
+            return True
         if self.texts or len(levels) < 3 or levels[0] <= 0:
             return False
         return bool(np.ptp(np.diff(np.log(levels))) / np.log(levels[-1] / levels[0]) < 1e-6)
@@ -691,6 +721,18 @@ class SweptKey:
         """The value at a point, as text."""
         value = self.value(point)
         return value if isinstance(value, str) else f"{value:.4g}".replace("-", "−")
+
+
+def _log_keys(section: Any) -> Iterator[str]:
+    """The keys of ranges with ``scale: log``, anywhere in the section of a sweep."""
+    if isinstance(section, list):
+        for entry in section:
+            yield from _log_keys(entry)
+    elif isinstance(section, dict):
+        for key, entry in section.items():
+            if isinstance(entry, dict) and entry.get("scale") == "log":
+                yield str(key)
+            yield from _log_keys(entry)
 
 
 def mean_over_runs(values: Array) -> Array:

@@ -179,11 +179,13 @@ def test_free_rigid_motion_conserves_both_casimirs():
 
 
 def test_constant_reference_keeps_its_velocity(G):
-    """V_d(t) = V_d(0) and Q_d(t) = Q_d(0) exp(t V_d)."""
-    loop = closed_loop(G, controllers.get("eqt")(), ConstantReference())
+    """V_d(t) = V_d(0) and Q_d(t) = Q_d(0) exp(t V_d), which takes no state."""
+    V = np.linspace(0.2, 0.5, G.dimension)
+    loop = closed_loop(G, controllers.get("eqt")(), ConstantReference(velocity=V.tolist()))
+    assert "desired_pose" not in loop.layout.lengths
     s = loop.tracking(TIMES, trajectories(loop))
     assert_constant(s.Vd)
-    expected = s.Qd[:, :1] @ G.exp(TIMES[:, None] * s.Vd[:, :1])
+    expected = np.broadcast_to(G.exp(TIMES[:, None] * V), s.Qd.shape)
     np.testing.assert_allclose(s.Qd, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())
 
 

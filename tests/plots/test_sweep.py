@@ -5,12 +5,15 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.maps import compare_map
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import FEW, number_values
 from eqt_cli.plots.figure_data import ShownSweep
 from eqt_cli.plots.figures.pareto import Pareto, front
 from eqt_cli.plots.figures.sweep import SweepFigure
+from eqt_cli.plots.figures.winners import Winners
 
 ONE = [{"grid": {"gains.kd": [0.25, 0.5, 1, 2]}}]
 TWO = [{"grid": {"gains.kp": [1, 2, 4]}}, {"grid": {"inertia": [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]}}]
@@ -31,7 +34,7 @@ def test_one_key_gives_curves_of_means_with_bands(swept):
     drawing = SweepFigure(metric="effort").draw([results])
     (panel,) = drawing.axes
     assert panel.get_xscale() == "log"
-    assert panel.get_xlabel() == "gains.kd"
+    assert panel.get_xlabel() == r"$k_d$ $(\mathrm{N\,m\,s})$"
     for controller, line in enumerate(panel.lines):
         np.testing.assert_array_equal(line.get_xdata(), [0.25, 0.5, 1, 2])
         expected = results["effort"][:, controller].mean(axis=-1)
@@ -224,3 +227,52 @@ def test_a_sweep_in_which_runs_fail_everywhere_has_no_figure(swept, altered):
     results = altered_sweep(swept, altered, status=failed)
     with pytest.raises(EqtError, match="finds no point at which every run has a mean_pose_error"):
         SweepFigure().draw([results])
+
+
+# Names, marks and winners -------------------------------------------------------------------------
+
+
+def test_scales_have_names_and_units_instead_of_keys(swept):
+    (panel,) = SweepFigure().draw([swept(ONE)]).axes
+    assert panel.get_xlabel() == r"$k_d$ $(\mathrm{N\,m\,s})$"
+
+
+def test_a_range_that_asks_for_a_logarithmic_scale_gets_one(swept):
+    axes = {"gains.kd": {"low": 0.1, "high": 1, "scale": "log"}}
+    (panel,) = SweepFigure().draw([swept([{"lhs": {"points": 3, "axes": axes}}])]).axes
+    assert panel.get_xscale() == "log"
+
+
+def test_the_best_cell_of_a_map_has_a_frame(swept):
+    results = swept(BOTH)
+    panel = SweepFigure().draw([results]).axes[0]
+    means = results["mean_pose_error"][:, 0].mean(axis=-1)
+    rows, columns = {0.5: 0, 1: 1}, {1: 0, 2: 1}
+    kd, kp = (results.coordinate(f"gains.{key}")[means.argmin()] for key in ("kd", "kp"))
+    keys = [axis.key for axis in results.swept_keys]
+    place = {"gains.kd": rows[kd], "gains.kp": columns[kp]}
+    frame = panel.patches[-1].get_bbox()
+    assert [(frame.x0 + frame.x1) / 2, (frame.y0 + frame.y1) / 2] == pytest.approx(
+        [place[key] for key in keys]
+    )
+
+
+def test_cells_with_failed_runs_are_hatched_and_are_not_the_best(swept, altered):
+    results = swept(BOTH)
+    best = int(results["mean_pose_error"][:, 0].mean(axis=-1).argmin())
+    status = np.zeros_like(results["status"])
+    status[best, 0, 0] = 1
+    changed = altered(results.path, status=status)
+    panel = SweepFigure().draw([changed]).axes[0]
+    hatched = [patch for patch in panel.patches if patch.get_hatch()]
+    assert [patch.get_hatch() for patch in hatched] == ["////"]
+    cell, frame = (patch.get_bbox() for patch in (hatched[0], panel.patches[-1]))
+    assert abs(cell.x0 - frame.x0) > 0.5 or abs(cell.y0 - frame.y0) > 0.5
+
+
+def test_winners_are_those_of_the_comparison(swept):
+    results = swept(TWO)
+    found = compare_map(results, "effort", Resampling(confidence=0.9, resamples=999))
+    image = Winners(metric="effort", confidence=0.9).draw([results]).axes[0].collections[0]
+    drawn = np.asarray(image.get_array()).reshape(2, 3)
+    assert drawn.T.ravel().tolist() == [cell.winner + 1 for cell in found.cells]

@@ -11,6 +11,7 @@ T, H = 20.0, 0.5
 TIMES = np.linspace(0, T, 41)
 RAMP = TIMES[None]
 FALLING = np.exp(-2 * TIMES)[None]
+TURNING = np.sqrt(8) * np.sin(np.pi / 4 * RAMP / T)
 
 EXACT = {
     # ∫t dt/T, exact for straight lines by the trapezoidal rule.
@@ -23,6 +24,9 @@ EXACT = {
     "squared_pose_error": ({"pose_error": RAMP}, T**3 / 3 + T * H**2 / 6),
     "peak_torque": ({"torque_norm": 3 * np.sin(np.pi * RAMP / T)}, 3.0),
     "final_pose_error": ({"pose_error": T + 1 - RAMP}, 1.0),
+    # A rotation that turns by 90° in T, as its ‖I − R‖_F.
+    "mean_attitude_error": ({"pose_error": TURNING}, 45.0),
+    "final_attitude_error": ({"pose_error": TURNING}, 90.0),
     "final_velocity_error": ({"velocity_error": T + 2 - RAMP}, 2.0),
     # |⟨τ, V⟩| = |(2, 7)·(−1, 0) − t| = 2 + t, a power that flows back.
     "actuator_work": (

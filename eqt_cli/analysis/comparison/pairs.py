@@ -193,8 +193,12 @@ def _pair(
 
 
 def _differences(s: PerRun, a: int, b: int) -> Array:
-    """First minus second, run by run; 0 where they differ by less than solvers can tell."""
-    first, second = s.values[a], s.values[b]
+    """First minus second, run by run."""
+    return resolved_differences(s.values[a], s.values[b])
+
+
+def resolved_differences(first: Array, second: Array) -> Array:
+    """First minus second; 0 where they differ by less than solvers can tell."""
     equal = np.abs(first - second) <= RESOLUTION * np.maximum(np.abs(first), np.abs(second))
     return np.where(equal, 0.0, first - second)
 
