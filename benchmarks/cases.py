@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -76,10 +77,10 @@ class Case:
         return Motion(np.stack([s.Q for s in parts]), np.stack([s.V for s in parts]), runs)
 
 
-def load(name: str, runs: int | None = None) -> Case:
+def load(name: str, runs: int | None = None, overrides: Sequence[str] = ()) -> Case:
     """A shipped configuration, with another number of runs per controller where one is given."""
-    overrides = [] if runs is None else [f"ensemble.runs={runs}"]
-    experiment = build(read_config(CONFIGS / f"{name}.yaml", overrides))
+    counted = [] if runs is None else [f"ensemble.runs={runs}"]
+    experiment = build(read_config(CONFIGS / f"{name}.yaml", [*overrides, *counted]))
     Q, V = draw_initial_states(
         experiment.group,
         experiment.poses,

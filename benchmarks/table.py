@@ -8,8 +8,10 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from benchmarks.growth import Growth
+from benchmarks.laws import LawTime, per_run_and_state, ratio
 from benchmarks.machinery import Machinery
 from benchmarks.measure import Measurement
+from benchmarks.sampled import Sampled
 from benchmarks.whole_command import Command
 
 ACCURATE = 2e-9
@@ -37,6 +39,8 @@ class Results:
     headline: dict[str, float]
     skipped: dict[str, str] = field(default_factory=dict)
     measurements: list[Measurement] = field(default_factory=list)
+    laws: list[LawTime] = field(default_factory=list)
+    sampled: list[Sampled] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
     machinery: Machinery | None = None
@@ -58,6 +62,10 @@ def as_markdown(results: Results) -> str:
     for case in dict.fromkeys(each.case for each in results.measurements):
         parts += [f"## {TITLES.get(case, case)}", _headlines(results, case)]
         parts += [f"With a largest error of at most {ACCURATE:g}:", _equal_error(results, case)]
+    if results.laws:
+        parts += ["## The laws of other papers, taylor", _laws(results.laws)]
+    if results.sampled:
+        parts += ["## A sampled law, the paper's runs, one thread", _sampled(results.sampled)]
     if results.commands:
         parts += ["## The whole command", _commands(results.commands)]
     if results.growth:
@@ -150,6 +158,52 @@ def _equal_error(results: Results, case: str) -> str:
             if each
             else [name, "none measured", "", "", ""]
             for name, each in best.items()
+        ),
+    )
+
+
+def _laws(laws: list[LawTime]) -> str:
+    """Every law, and the ratio of those of other papers to the paper's."""
+    own = [each for each in laws if each.of_the_paper]
+    others = [each for each in laws if not each.of_the_paper]
+    runs = sum(each.runs for each in others)
+    sentence = (
+        f"CPU time of one thread, compiled before, all laws in turn. The {runs:,} runs of the "
+        f"{len(others)} laws of other papers take {per_run_and_state(others):.2f} µs per run and "
+        f"state, the {sum(each.runs for each in own):,} of the paper's {len(own)} "
+        f"{per_run_and_state(own):.2f} µs: a ratio of {ratio(laws):.2f}."
+    )
+    rows = (
+        [
+            each.law,
+            f"{each.states}",
+            f"{each.comparisons}",
+            f"{each.steps:.0f}",
+            f"{each.microseconds:.2f}",
+            f"{each.microseconds / per_run_and_state(own):.2f}",
+        ]
+        for each in laws
+    )
+    head = ["law", "states", "comparisons", "steps", "µs per run and state", "ratio"]
+    return f"{sentence}\n\n" + _table(head, rows)
+
+
+def _sampled(found: list[Sampled]) -> str:
+    plain = {each.period: each for each in found if "plain" in each.way}
+    return _table(
+        ["period, s", "", "time, s", "CPU, s", "× plain", "timed runs", "difference"],
+        (
+            [
+                f"{each.period:g}",
+                each.way,
+                f"{each.wall:.3g}",
+                f"{each.cpu:.3g}",
+                f"{plain[each.period].cpu / each.cpu:,.0f}",
+                f"{each.timed_runs} of {each.runs}",
+                f"{each.difference:.1e}",
+            ]
+            for each in found
+            if each.period in plain
         ),
     )
 

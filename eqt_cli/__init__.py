@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         open_results,
         plot,
         run,
+        tune,
         verify,
         write_report,
     )
@@ -41,6 +42,7 @@ __all__ = [
     "open_results",
     "plot",
     "run",
+    "tune",
     "verify",
     "write_report",
 ]

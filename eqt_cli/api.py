@@ -18,12 +18,14 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
-from eqt_cli.analysis.comparison.compare import CONFIDENCE, RESAMPLES, SEED
+from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.maps import Map, compare_map
+from eqt_cli.analysis.oracles import oracle_named
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
 from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
 from eqt_cli.config.source import ConfigSource, overridden, read_config, source_of
-from eqt_cli.core.errors import ComponentError, EqtError, Remedy
+from eqt_cli.core.errors import ComponentError, EqtError, EqtWarning, Remedy
 from eqt_cli.execution.executors import Executor, executors
 from eqt_cli.execution.folder import CONFIG
 from eqt_cli.execution.run_study import (
@@ -36,10 +38,14 @@ from eqt_cli.execution.run_study import (
     warn,
 )
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.horizon import limits_below_reference
 from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import Result, open_result, point_folder
 from eqt_cli.store.reserved_names import point_group
+from eqt_cli.tuning.search import Search, search_from
+from eqt_cli.tuning.tune import Told, Tuning, folder_of
+from eqt_cli.tuning.tune import tune as run_search
 
 if TYPE_CHECKING:
     import xarray
@@ -128,6 +134,13 @@ class StoredResult(Execution, os.PathLike[str]):
         return f"<result {self.path}: {self.runs} runs{failed}>"
 
 
+Shown = ResultPath | LoadedExperiment
+"""What figures are drawn of: a result, or an experiment as a YAML file or loaded."""
+
+YAML = (".yaml", ".yml")
+"""How files of configurations end, where results could be meant as well."""
+
+
 def load_experiment(
     config: Configuration,
     overrides: Mapping[str, Any] | None = None,
@@ -163,11 +176,7 @@ def load_experiment(
             f"overrides: expected values by key, as {{'gains.kp': 2}}, got {overrides!r}"
         )
     given = {f"overrides[{k!r}]": f"{k}={_flow(value)}" for k, value in (overrides or {}).items()}
-    if isinstance(config, Mapping):
-        source = _from_mapping(config, given)
-    else:
-        source = read_config(_path("config", config), given)
-    return LoadedExperiment(study(source, trust_plugins=trust_plugins))
+    return LoadedExperiment(study(_source(config, given), trust_plugins=trust_plugins))
 
 
 def run(
@@ -218,6 +227,9 @@ def run(
         see `StoredResult.failed`.
     """
     loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
+    base = loaded.experiment
+    for known in (*base.remarks, *map(EqtWarning, limits_below_reference(base))):
+        remark(known)
     done = execute(
         loaded.study,
         Path("results") / loaded.name if out is None else Path(out),
@@ -230,6 +242,62 @@ def run(
         remark=remark,
     )
     return StoredResult(**vars(done))
+
+
+def tune(
+    search: Search | Configuration,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    force: bool = False,
+    workers: int = 1,
+    progress: Progress = lambda runs: None,
+    executor: Executor | None = None,
+    resumed: Progress = lambda runs: None,
+    remark: Remark = warn,
+    told: Told = lambda law, generation, population: None,
+) -> Tuning:
+    """Search for the best gains of each law, and compare the winners on held-out runs.
+
+    The folder becomes the result of the held-out runs, to be compared, drawn and reported like any
+    other; in ``tuned/`` are the complete configurations of the winners.
+
+    Parameters
+    ----------
+    search
+        A configuration with a section ``tune``, or what `search_from` has made of one.
+    out
+        The folder; ``results/<name>-tuned`` if not given. Generations that it holds are not
+        computed again.
+    force, workers, progress, executor, resumed, remark
+        As of `run`.
+    told
+        Called after every generation, with the law, the number of generations, and the points.
+
+    Returns
+    -------
+    Tuning
+        What was found for each law, and the result of the held-out runs.
+
+    Raises
+    ------
+    ConfigError
+        With every problem of the configuration, each at its place.
+    EqtError
+        If it tunes nothing, or the folder holds something else.
+    """
+    if not isinstance(search, Search):
+        search = search_from(_source(search, {}))
+    chosen = executor or choose_executor(LoadedExperiment(Study(None, search.base)), workers)
+    return run_search(
+        search,
+        folder_of(search) if out is None else Path(out),
+        executor=chosen,
+        force=force,
+        progress=progress,
+        resumed=resumed,
+        remark=remark,
+        told=told,
+    )
 
 
 def choose_executor(
@@ -352,9 +420,9 @@ def compare(
     windows: Sequence[str | Window] = (),
     *,
     point: int | None = None,
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
-    seed: int = SEED,
+    confidence: float = Resampling.confidence,
+    resamples: int = Resampling.resamples,
+    seed: int = Resampling.seed,
 ) -> Comparison:
     """Compare the controllers of a result, run by run on the same initial states.
 
@@ -382,19 +450,44 @@ def compare(
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = [_window(window) for window in windows]
     with open_result(_path("result", result), point) as results:
-        return compare_results(
-            results,
-            metrics=metrics,
-            windows=parsed,
-            confidence=confidence,
-            resamples=resamples,
-            seed=seed,
-        )
+        how = Resampling(confidence, resamples, seed)
+        return compare_results(results, metrics=metrics, windows=parsed, how=how)
+
+
+def compare_sweep(
+    result: ResultPath,
+    metrics: Sequence[str],
+    *,
+    confidence: float = Resampling.confidence,
+    resamples: int = Resampling.resamples,
+    seed: int = Resampling.seed,
+) -> list[Map]:
+    """Compare the controllers at each point of a sweep: which of them wins where.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    metrics
+        Names of stored numbers per run; one map each.
+    confidence, resamples, seed
+        As of `compare`.
+
+    Raises
+    ------
+    EqtError
+        If the result is no sweep, or has no such metric.
+    """
+    with open_result(_path("result", result)) as results:
+        if not results.is_sweep:
+            raise results.error("is a single experiment; `eqt compare` without more compares it")
+        how = Resampling(confidence, resamples, seed)
+        return [compare_map(results, name, how) for name in metrics]
 
 
 def plot(
-    result: ResultPath | Sequence[ResultPath],
-    figure: str | Mapping[str, Mapping[str, Any]] = "paper",
+    result: Shown | Sequence[Shown],
+    figure: str | Mapping[str, Mapping[str, Any]] | None = None,
     out: str | os.PathLike[str] | None = None,
     *,
     formats: Sequence[str] = ("pdf", "svg", "png"),
@@ -412,11 +505,14 @@ def plot(
     Parameters
     ----------
     result
-        The result folder, or the file in it; several to draw them in one figure.
+        The result folder, or the file in it; several to draw them in one figure. Or a YAML
+        configuration or a `LoadedExperiment`, of which the figures that need no run are drawn.
     figure
-        Its name, as ``eqt list figures`` shows them; or several, with the options of each.
+        Its name, as ``eqt list figures`` shows them; or several, with the options of each. If not
+        given, ``paper``, and of a configuration ``reference``.
     out
-        The folder; ``figures`` in that of the first result if not given.
+        The folder; ``figures`` in that of the first result if not given, and ``figures/<name>`` for
+        a configuration.
     formats
         ``pdf``, ``svg``, ``png``, or ``json`` for the numbers.
     width
@@ -452,15 +548,21 @@ def plot(
     from eqt_cli.plots.render import render
     from eqt_cli.plots.save import check_targets
 
-    wanted = {figure: options or {}} if isinstance(figure, str) else figure
     with _opened(result, point) as opened:
+        first = opened[0]
+        figure = figure or ("paper" if isinstance(first, Result) else "reference")
+        wanted = {figure: options or {}} if isinstance(figure, str) else figure
         within = Path("figures") if point is None else point_folder(*_points(point))
-        folder = opened[0].path.parent / within if out is None else Path(out)
+        home = (
+            first.path.parent / within if isinstance(first, Result) else Path("figures", first.name)
+        )
+        folder = home if out is None else Path(out)
         check_targets(folder / f"{name}.{format}" for name in wanted for format in formats)
         rows: list[Row] = []
-        if any(issubclass(figures.get(name), OfCertificates) for name in wanted):
+        of_certificates = any(issubclass(figures.get(name), OfCertificates) for name in wanted)
+        if of_certificates and isinstance(first, Result):
             note("checking the paper's statements on the result takes some seconds")
-            rows = verify_stored(opened[0], trust_plugins=trust_plugins, workers=workers).rows
+            rows = verify_stored(first, trust_plugins=trust_plugins, workers=workers).rows
         look = Style(tuple(style), tex)
         return [
             file
@@ -472,7 +574,7 @@ def plot(
 
 
 def check_figures(
-    result: ResultPath | Sequence[ResultPath],
+    result: Shown | Sequence[Shown],
     figures: Mapping[str, Mapping[str, Any]],
     folder: str | os.PathLike[str],
     *,
@@ -502,17 +604,31 @@ def check_figures(
 
 @contextmanager
 def _opened(
-    result: ResultPath | Sequence[ResultPath], point: int | Sequence[int] | None
-) -> Iterator[list[Result]]:
-    """All chosen points of all results."""
-    paths = [result] if isinstance(result, (str, os.PathLike)) else list(result)
-    if not paths:
+    result: Shown | Sequence[Shown], point: int | Sequence[int] | None
+) -> Iterator[list[Result | Experiment]]:
+    """All chosen points of all results, or of configurations that have not been run."""
+    single = isinstance(result, (str, os.PathLike, LoadedExperiment))
+    given: list[Shown] = [result] if single else list(result)  # type: ignore[list-item, arg-type]
+    if not given:
         raise EqtError("result: expected a result or several, got none")
     points = _points(point) or [None]
     with ExitStack() as stack:
-        yield [
-            stack.enter_context(open_result(Path(path), one)) for path in paths for one in points
-        ]
+        yield [_shown(one, number, stack) for one in given for number in points]
+
+
+def _shown(one: Shown, point: int | None, stack: ExitStack) -> Result | Experiment:
+    if not isinstance(one, LoadedExperiment):
+        if Path(one).suffix not in YAML:
+            return stack.enter_context(open_result(Path(one), point))
+        one = load_experiment(one)
+    return _at_point(one, point)
+
+
+def _at_point(loaded: LoadedExperiment, point: int | None) -> Experiment:
+    """The experiment at a point of a sweep, at the first if none is chosen."""
+    if not 0 <= (point or 0) < len(loaded.study):
+        raise EqtError(f"point: expected one of 0 to {len(loaded.study) - 1}, got {point}")
+    return loaded.study.experiment(point or 0)
 
 
 def _points(point: int | Sequence[int] | None) -> list[Any]:
@@ -669,6 +785,7 @@ def verify(
     trust_plugins: bool = False,
     workers: int = 1,
     progress: Progress = lambda runs: None,
+    oracle: str | Sequence[str] = (),
 ) -> Verification:
     """Check the paper's statements on an experiment or on the runs of a result.
 
@@ -687,6 +804,8 @@ def verify(
         Cores to use.
     progress
         Called with the number of new runs that are done since the last call, in fractions.
+    oracle
+        ``mujoco``, ``pinocchio`` or both: programs whose rigid bodies eqt's is compared with.
 
     Returns
     -------
@@ -698,20 +817,22 @@ def verify(
     EqtError
         If the target cannot be read, or is a sweep's result and no point is given.
     """
+    names = [oracle] if isinstance(oracle, str) else oracle
+    oracles = [oracle_named(name) for name in names]
     if not isinstance(target, (LoadedExperiment, Mapping)):
         path = Path(target)
         if path.suffix == ".h5" or path.is_dir():
             if runs is not None:
                 raise EqtError(f"{path}: a result is verified as it is; leave runs out")
             with open_result(path, point) as opened:
-                return verify_stored(opened, trust_plugins=trust_plugins, workers=workers)
+                return verify_stored(
+                    opened, trust_plugins=trust_plugins, workers=workers, oracles=oracles
+                )
     if not isinstance(target, LoadedExperiment):
         target = load_experiment(target, trust_plugins=trust_plugins)
-    if not 0 <= (point or 0) < len(target.study):
-        raise EqtError(f"point: expected one of 0 to {len(target.study) - 1}, got {point}")
-    experiment = target.study.experiment(point or 0)
+    experiment = _at_point(target, point)
     count = min(runs or RUNS, experiment.config.ensemble.runs)
-    return verify_experiment(experiment, count, progress, workers)
+    return verify_experiment(experiment, count, progress, workers, oracles)
 
 
 def _path(name: str, given: Any) -> Path:
@@ -728,6 +849,12 @@ def _window(given: Any) -> Window:
     if isinstance(given, str):
         return Window.parse(given)
     raise EqtError(f"windows: expected text such as '0:5', or a Window, got {given!r}")
+
+
+def _source(config: Configuration, overrides: Mapping[str, str]) -> ConfigSource:
+    if isinstance(config, Mapping):
+        return _from_mapping(config, overrides)
+    return read_config(_path("config", config), overrides)
 
 
 def _from_mapping(config: Mapping[str, Any], overrides: Mapping[str, str]) -> ConfigSource:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,9 +18,12 @@ from eqt_cli.analysis.certificates import (
     sampled,
     trajectory_rows,
 )
+from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.analysis.oracles import Oracle
+from eqt_cli.analysis.oracles.rows import Start, oracle_rows
 from eqt_cli.closed_loop import ErrorSystem
 from eqt_cli.controllers.eqt import EqT
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.error_origin import blamed
 from eqt_cli.engines import Solution
 from eqt_cli.ensemble.seeds import Stream, generator
@@ -41,6 +44,9 @@ ERROR_SYSTEM_RUNS = 3
 
 JUDGED = ("energy_residual", "group_drift", "final_pose_error", "final_velocity_error")
 """The numbers per run that certificates look at, as a result has them."""
+
+SHOWN = ("lyapunov", "pose_error", "velocity_error")
+"""The signals that certificates look at, where a result has them."""
 
 
 @dataclass(frozen=True)
@@ -74,17 +80,30 @@ def verify_experiment(
     runs: int = RUNS,
     progress: Progress = lambda runs: None,
     workers: int = 1,
+    oracles: Sequence[type[Oracle]] = (),
 ) -> Verification:
-    """Check every certificate, the trajectories on the first `runs` runs of each controller."""
+    """Check every certificate, the trajectories on the first `runs` runs of each controller.
+
+    Parameters
+    ----------
+    oracles
+        Other programs whose rigid bodies eqt's is compared with.
+    """
     with threadpool_limits(1):
-        verifier = _Verifier(experiment, runs, progress, workers)
+        verifier = _Verifier(experiment, runs, progress, workers, oracles)
         desired = shared_reference(verifier.study)
         found = [verifier.of_new_runs(label, desired) for label in experiment.loops]
         return verifier.verification(found, desired)
 
 
 @blamed()
-def verify_stored(results: Result, *, trust_plugins: bool, workers: int = 1) -> Verification:
+def verify_stored(
+    results: Result,
+    *,
+    trust_plugins: bool,
+    workers: int = 1,
+    oracles: Sequence[type[Oracle]] = (),
+) -> Verification:
     """Check every certificate of the experiment, or the point, that a result holds.
 
     Trajectories are those that are stored.
@@ -97,20 +116,31 @@ def verify_stored(results: Result, *, trust_plugins: bool, workers: int = 1) -> 
     experiment = results.experiment(trust_plugins=trust_plugins)
     results.single("one experiment is verified")
     with threadpool_limits(1):
-        verifier = _Verifier(experiment, ERROR_SYSTEM_RUNS, lambda runs: None, workers)
-        found = [verifier.of_stored_runs(label, results) for label in experiment.loops]
+        verifier = _Verifier(experiment, ERROR_SYSTEM_RUNS, lambda runs: None, workers, oracles)
         if results.has("desired_pose"):
             desired = {name: results[name] for name in ("desired_pose", "desired_velocity")}
+            for name, values in desired.items():
+                if not np.isfinite(values[0]).all():
+                    raise results.refusal(f"its '{name}' is not finite at the start")
         else:  # of a sweep that keeps metrics only
             desired = shared_reference(verifier.study)
+        found = [verifier.of_stored_runs(label, results, desired) for label in experiment.loops]
         return verifier.verification(found, desired)
 
 
 class _Verifier:
     """An experiment of which some runs per controller are integrated, as a run would do it."""
 
-    def __init__(self, experiment: Experiment, runs: int, progress: Progress, workers: int) -> None:
+    def __init__(
+        self,
+        experiment: Experiment,
+        runs: int,
+        progress: Progress,
+        workers: int,
+        oracles: Sequence[type[Oracle]],
+    ) -> None:
         self.experiment, self.progress, self.workers = experiment, progress, workers
+        self.oracles = oracles
         self.study = _study(experiment, min(runs, experiment.config.ensemble.runs))
 
     def of_new_runs(self, label: str, reference: Desired) -> Runs:
@@ -118,16 +148,18 @@ class _Verifier:
         batch, solution = self._solved(label)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
             signals, numbers = measured(batch, solution, reference)
-        return self._runs(batch, solution, label, solution.status, numbers | signals)
+        found = numbers | signals
+        return self._runs(batch, solution, label, solution.status, found, reference)
 
-    def of_stored_runs(self, label: str, results: Result) -> Runs:
+    def of_stored_runs(self, label: str, results: Result, reference: Desired) -> Runs:
         """The runs of a result; states, which it does not hold, are those of the study."""
         batch, solution = self._solved(label)
         index = list(self.experiment.loops).index(label)
-        names = [name for name in (*JUDGED, "lyapunov") if name in JUDGED or results.has(name)]
+        names = [*JUDGED, *(name for name in SHOWN if results.has(name))]
         kept = {name: results.read(name, controller=index) for name in names}
+        kept["time"] = results["time"]
         status = results.read("status", controller=index)
-        return self._runs(batch, solution, label, status, kept | {"time": results["time"]})
+        return self._runs(batch, solution, label, status, kept, reference)
 
     def _solved(self, label: str) -> tuple[Batch, Solution]:
         [batch] = batches(self.study, label, np.arange(self.study.plan.runs))
@@ -140,22 +172,35 @@ class _Verifier:
         label: str,
         status: Array,
         found: Mapping[str, Array],
+        reference: Desired,
     ) -> Runs:
-        good, L = status == 0, found.get("lyapunov")
+        good = status == 0
+        over_time = {name: found[name] for name in SHOWN if name in found}
+        kept = {name: values[good[: len(values)]] for name, values in over_time.items()}
         return Runs(
             label=label,
             claims_decrease=batch.problem.loop.claims_decrease,
             rtol=batch.engine.rtol,
             threshold=self.experiment.config.settling_threshold,
             times=found.get("time", batch.problem.times),
-            lyapunov=None if L is None else L[good[: len(L)]],
+            **{"lyapunov": None, **kept},
             **{name: found[name][good] for name in JUDGED},
             error_system=self._error_system(batch, solution),
             failed=int(np.count_nonzero(~good)),
             departures=batch.problem.loop.vehicle.departures,
+            flight=self._flight(batch, solution),
             energy=batch.problem.loop.controller.energy,
             theorem=batch.problem.loop.controller.theorem,
+            desired_speed=float(np.nanmax(norm(reference["desired_velocity"]))),
         )
+
+    def _flight(self, batch: Batch, solution: Solution) -> Flight | None:
+        """The good runs of a loop that is not ideal."""
+        if batch.problem.loop.vehicle.is_ideal:
+            return None
+        good = np.flatnonzero(solution.status == 0)
+        seed = self.experiment.config.ensemble.seed
+        return Flight(batch.problem.select(good), solution.states[good], seed, good)
 
     def _error_system(self, batch: Batch, solution: Solution) -> float | None:
         """The largest difference of E, integrated by itself, to that of the closed loop."""
@@ -195,14 +240,25 @@ class _Verifier:
             )
             for index, (label, loop) in enumerate(loops.items(), start=1)
         ]
+        rigid = self.experiment.config.rigid is not False
         rows = [
             *identity_rows(common, samples),
             *trajectory_rows(runs),
-            *hypothesis_rows(Setting(loops, times, Qd[finite], Vd[finite])),
+            *hypothesis_rows(Setting(loops, times, Qd[finite], Vd[finite], rigid)),
+            *self._of_oracles(),
         ]
         failed = sum(each.failed for each in runs)
         count = sum(each.count for each in runs) + failed
         return Verification(rows, count, failed, self.experiment)
+
+    def _of_oracles(self) -> Iterator[Row]:
+        """What other programs say."""
+        experiment, loops = self.experiment, self.experiment.loops
+        start = Start(experiment.initial_pose, experiment.initial_velocity, experiment.engine)
+        for index, oracle in enumerate(self.oracles, start=len(loops) + 1):
+            seed = experiment.config.ensemble.seed
+            random = generator(seed, Stream.CERTIFICATES, index)
+            yield from oracle_rows(oracle, loops, start, random)
 
 
 def _study(experiment: Experiment, runs: int) -> Study:

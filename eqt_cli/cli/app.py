@@ -20,6 +20,7 @@ from eqt_cli.cli import (
     run,
     show,
     sweep,
+    tune,
     verify,
 )
 from eqt_cli.cli.shared.output import say
@@ -77,6 +78,7 @@ def main(
 
 app.command("run")(run.run)
 app.command("sweep")(sweep.sweep)
+app.command("tune")(tune.tune)
 app.command("pack")(pack.pack)
 app.command("plot")(plot.plot)
 app.command("compare")(compare.compare)

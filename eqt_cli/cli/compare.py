@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.output import print_json, print_records, say
+from eqt_cli.cli.shared.output import print_json, print_records, print_text, say
 from eqt_cli.cli.shared.table_formats import as_csv, as_latex, as_text
 from eqt_cli.core.errors import EqtError, suggestion
 
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
     from eqt_cli.results.quantity import Quantity
     from eqt_cli.results.result import Result
+
+
+MAPPED = "mean_pose_error"
+"""What is compared over a sweep unless a user chooses."""
 
 
 class Format(StrEnum):
@@ -34,6 +39,8 @@ class Table(StrEnum):
     CONTROLLERS = "controllers"
     PAIRS = "pairs"
     CLAIMS = "claims"
+    WINNERS = "winners"
+    POINTS = "points"
 
 
 def compare(
@@ -77,8 +84,12 @@ def compare(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Compare controllers run by run, with intervals, and test what the paper claims."""
+    """Compare controllers run by run, with intervals, and test what the paper claims.
+
+    Of a sweep: which law wins at which point, or one point with --point.
+    """
     from eqt_cli import api
+    from eqt_cli.analysis.comparison.records import records
 
     if json and format is not Format.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
@@ -86,6 +97,22 @@ def compare(
         with api.open_results(result, "arrays", point) as results:
             _print_metrics(results, json)
         return
+    with api.open_results(result, "arrays") as results:
+        of_sweep = results.is_sweep and point is None
+    if of_sweep:
+        _compare_sweep(
+            result,
+            metric or (MAPPED,),
+            bool(window),
+            against or (),
+            table,
+            format,
+            {"confidence": confidence, "resamples": resamples, "seed": seed},
+            json=json,
+        )
+        return
+    if table in (Table.WINNERS, Table.POINTS):
+        raise EqtError(f"--table {table}: is of a sweep as a whole, and this is one experiment")
     comparison = api.compare(
         result,
         metric or (),
@@ -99,11 +126,49 @@ def compare(
     if json:
         print_json(_document(comparison, result))
     elif format is Format.CSV:
-        print(as_csv(_records(comparison)[table or Table.PAIRS]))
+        print_text(as_csv(records(comparison)[table or Table.PAIRS]))
         if table is None and not quiet:
             say("these are the pairs; --table controllers and --table claims print the others")
     else:
         _print_tables(comparison, table, against or (), format, quiet=quiet)
+
+
+def _compare_sweep(
+    path: Path,
+    metrics: Sequence[str],
+    windowed: bool,
+    against: Sequence[str],
+    table: Table | None,
+    format: Format,
+    bootstrap: dict[str, Any],
+    *,
+    json: bool,
+) -> None:
+    """Print which law wins at which point of a sweep."""
+    from eqt_cli import api
+    from eqt_cli.analysis.comparison.map_tables import map_records, map_tables
+    from eqt_cli.analysis.comparison.notation import Latex, Plain
+    from eqt_cli.cli.shared.table_formats import as_csv, as_latex, as_text
+    from eqt_cli.core.errors import EqtError
+
+    if windowed or against or table not in (None, Table.WINNERS, Table.POINTS):
+        raise EqtError(
+            "--window, --against and the tables of pairs and claims are of one experiment; choose "
+            "a point of the sweep with --point, or --table winners or points"
+        )
+    maps = api.compare_sweep(path, metrics, **bootstrap)
+    with api.open_results(path, "arrays") as result:
+        if json or format is Format.CSV:
+            records = [record for found in maps for record in map_records(found, result)]
+            print_json({"path": str(path), "points": records}) if json else print_text(
+                as_csv(records)
+            )
+            return
+        write = Latex() if format is Format.LATEX else Plain()
+        whole = table is Table.POINTS
+        made = [each for found in maps for each in map_tables(found, result, write, whole=whole)]
+    shown = [each for each in made if table is None or each.name == table]
+    print_text("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
 
 
 def _print_metrics(results: Result, json: bool) -> None:
@@ -127,7 +192,6 @@ def _windows(measure: Quantity) -> str:
 
 
 def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None:
-
     for label in labels:
         if label not in comparison.labels:
             hint = suggestion(label, comparison.labels)
@@ -135,18 +199,10 @@ def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None
             raise EqtError(f"--against: no controller '{label}'{hint}")
 
 
-def _records(comparison: Comparison) -> dict[str, list[dict[str, Any]]]:
-    from eqt_cli.analysis.comparison import records
-
-    return {
-        Table.CONTROLLERS: records.controller_records(comparison),
-        Table.PAIRS: records.pair_records(comparison),
-        Table.CLAIMS: records.claim_records(comparison),
-    }
-
-
 def _document(comparison: Comparison, path: Path) -> dict[str, object]:
-    tables = _records(comparison)
+    from eqt_cli.analysis.comparison.records import records
+
+    tables = records(comparison)
     return {
         "path": str(path),
         "title": comparison.title,
@@ -184,7 +240,7 @@ def _print_tables(
     notation = Latex() if format is Format.LATEX else Plain()
     made = text_tables(comparison, notation, chosen)
     shown = [made[name] for name in ([table] if table else made) if name in made]
-    print("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
+    print_text("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
     if quiet:
         return
     for sentence in comparison.missing:

@@ -9,14 +9,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import print_found, print_json, print_records, problem_records, say
+from eqt_cli.cli.shared.output import (
+    print_found,
+    print_json,
+    print_records,
+    print_text,
+    problem_records,
+    say,
+    warn,
+)
 from eqt_cli.config import shipped
-from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.core.errors import ConfigError, EqtError, EqtWarning
 from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import Problems
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
+
+MOST_CHECKED = 300
+"""Points of a sweep, spread over all of them."""
 
 app = typer.Typer(help="Write, check and describe configurations.", no_args_is_help=True)
 
@@ -37,7 +48,7 @@ def new(
     """Write a shipped configuration to a file of your own."""
     text = shipped.text(source)
     if file == Path("-"):
-        print(text, end="")
+        print_text(text.removesuffix("\n"))
         return
     file = file or Path(f"{source}.yaml")
     with refusals(file, "written"):
@@ -47,7 +58,7 @@ def new(
                 stream.write(text)
         except FileExistsError:
             raise EqtError(f"{file}: exists already; give another name, or remove it") from None
-    print(file)
+    print_text(str(file))
     if not quiet:
         say(f"next: eqt run {file}")
 
@@ -72,12 +83,16 @@ def check(
     """Check a configuration without running it, its reference over the whole horizon."""
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
-    from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
+    from eqt_cli.experiment.horizon import (
+        check_reference,
+        limits_below_reference,
+        reference_over_horizon,
+    )
     from eqt_cli.experiment.read_study import study
 
     source = read_config(config, options.overrides(set_))
     try:
-        found = study(source, trust_plugins=trust_plugins)
+        found = study(source, trust_plugins=trust_plugins, most_checked=MOST_CHECKED)
         problems = Problems(source.place)
         shown = reference_over_horizon(found.base)
         jumps = check_reference(shown, most_torque, problems.at("reference"))
@@ -90,9 +105,16 @@ def check(
     if resolved:
         print_found(found.resolved, dump(found.resolved), json=json)
         return
+    experiment = found.base
+    for remark in (
+        *experiment.remarks,
+        *map(EqtWarning, limits_below_reference(experiment, shown)),
+    ):
+        warn(remark)
     if not (quiet or json):
         say(f"{config}: valid")
-    experiment = found.base
+    if len(found) > MOST_CHECKED and not (quiet or json):
+        say(f"{config}: {MOST_CHECKED} of its {len(found)} points were checked; a run checks all")
     text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")

@@ -107,9 +107,20 @@ class ClosedLoop:
 
     def dissipation(self, s: Tracking) -> Array | None:
         """The power −dL/dt that the law takes out of L by itself; None where it is not known."""
-        if self.vehicle.control is not None and s.memory:
-            return None  # L may jump with the memory, at every instant
-        return self.controller.dissipation(s)
+        dissipation = self.controller.dissipation(s)
+        if dissipation is None or not self._holds_memory:
+            return dissipation
+        gradient = self.controller.memory_gradient(s)
+        if gradient is None:
+            return None
+        rates = self.controller.memory_rate(s)
+        # The law counts with a memory that moves; here it does so at instants only.
+        return dissipation + sum(dot(gradient[name], rates[name]) for name in gradient)
+
+    @property
+    def _holds_memory(self) -> bool:
+        """Whether the law has a memory that changes at control instants only."""
+        return self.vehicle.control is not None and bool(self.controller.memory(self.group))
 
     def outflow(self, s: Tracking, acting: Array) -> Array | None:
         """The power −dL/dt under a force that acts, ``(...)``; None where it is not known.
@@ -252,7 +263,7 @@ class ClosedLoop:
         return self.layout.join(rates, state)
 
     def _memory_rate(self, s: Tracking) -> Mapping[str, Array | float]:
-        if self.vehicle.control is not None:  # it changes at instants only
+        if self._holds_memory:
             return dict.fromkeys(s.memory, 0.0)
         return self.controller.memory_rate(s)
 
@@ -270,7 +281,7 @@ class ClosedLoop:
         errors
             E and b of the measurement Q E, V + b: ``(..., d, d)`` and ``(..., m)``.
         """
-        s = self.tracking(t, state)
+        true = s = self.tracking(t, state)
         if errors is not None:
             E, b = errors
             s = dataclasses.replace(s, Q=s.Q @ E, P=s.inertia.momentum(s.V + b))
@@ -279,8 +290,12 @@ class ClosedLoop:
         period, rates = self.vehicle.control.period, self.controller.memory_rate(s)
         memory = {name: values + period * rates[name] for name, values in s.memory.items()}
         vehicle = self.vehicle.after_instant(self.group, asked, s.vehicle)
+        found = self.layout.split(state)
         changed = _named(MEMORY, memory) | _named(VEHICLE, vehicle)
-        return self.layout.join(self.layout.split(state) | changed, state)
+        if memory:  # L jumps with it, and W by as much the other way
+            jump = self.lyapunov(dataclasses.replace(true, memory=memory)) - self.lyapunov(true)
+            changed["work"] = found["work"] - jump[..., None]
+        return self.layout.join(found | changed, state)
 
 
 def _spread(values: Array, batch: tuple[int, ...], axes: int) -> Array:

@@ -9,7 +9,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from eqt_cli.config.key_descriptions import keys_of
-from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement
+from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement, OwnGainsSection, Section
 from eqt_cli.controllers import controllers
 from eqt_cli.core.component import option_of_field
 from eqt_cli.core.problems import parse_key
@@ -28,6 +28,7 @@ from eqt_cli.vehicle.sensors import sensors
 
 KIND = "Which component it is; the others of its keys are options of this one."
 LABEL = {"type": "string", "description": "The name of the law in tables and figures; its kind."}
+GAINS = "Gains of this law, where they are others than those of the section `gains`."
 
 
 def json_schema() -> dict[str, Any]:
@@ -36,7 +37,9 @@ def json_schema() -> dict[str, Any]:
     shared: dict[str, Any] = schema["$defs"]
     top = schema["properties"]
     top["group"]["examples"] = [name for kind in groups.all() for name in kind.examples()]
-    top["controllers"]["items"] = _any_of(controllers, shared, extra={"label": LABEL})
+    shared["OwnGainsSection"] = _section(OwnGainsSection, shared)
+    own = {"$ref": "#/$defs/OwnGainsSection", "description": GAINS}
+    top["controllers"]["items"] = _any_of(controllers, shared, {"label": LABEL, "gains": own})
     initial = shared["InitialSection"]["properties"]
     shared["PoseDistribution"] = _any_of(pose_distributions, shared)
     one = {"$ref": "#/$defs/PoseDistribution"}
@@ -55,6 +58,13 @@ def json_schema() -> dict[str, Any]:
         "title": "eqt experiment",
         **{key: value for key, value in schema.items() if key != "title"},
     }
+
+
+def _section(section: type[Section], shared: dict[str, Any]) -> dict[str, Any]:
+    """The schema of a section that no other one names; what it refers to goes to `shared`."""
+    schema = section.model_json_schema(schema_generator=_Generator)
+    shared |= schema.pop("$defs", {})
+    return dict(schema)
 
 
 def _listed(key: dict[str, Any], registry: Registry[Any], shared: dict[str, Any]) -> None:

@@ -6,14 +6,15 @@ What depends on the group or on a component (shapes, options, definiteness) is c
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAdapter
 
-from eqt_cli.core.option_types import Angle, Count, CountOrNone, Positive, Real
+from eqt_cli.core.option_types import Angle, Count, CountOrNone, Positive, Real, Runs
 from eqt_cli.core.validation import one_of
+from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.groups.angles import distance_of_turn
 from eqt_cli.vehicle.numbers import Matrix as DrawnMatrix
 from eqt_cli.vehicle.numbers import Number
 
@@ -57,7 +58,7 @@ def _distance_of_angle(value: Any) -> Any:
     if not (isinstance(value, str) and value.rstrip().endswith("deg")):
         return value
     angle: float = TypeAdapter(Angle).validate_python(value)
-    return 2 * math.sqrt(2) * math.sin(angle / 2)
+    return distance_of_turn(angle)
 
 
 class Section(BaseModel):
@@ -74,6 +75,15 @@ class GainsSection(Section):
     for a product of groups also a list with one of these per factor."""
     kd: Matrix
     """Rayleigh tensor K_d, positive definite: scalar, diagonal or m×m matrix."""
+
+
+class OwnGainsSection(Section):
+    """Gains of one law, where it has others than the section `gains` says."""
+
+    kp: Weight | None = None
+    """Navigation weight of this law."""
+    kd: Matrix | None = None
+    """Rayleigh tensor of this law."""
 
 
 class InitialSection(Section):
@@ -93,7 +103,7 @@ class InitialSection(Section):
 class EnsembleSection(Section):
     """How many runs, from which seed."""
 
-    runs: Count = 1
+    runs: Runs = 1
     """Runs per controller; as many as `initial.file` has rows, if there is one."""
     seed: int = Field(default=0, ge=0, lt=2**63)
     """Root of all random streams."""
@@ -209,6 +219,82 @@ class SensorsSection(Section):
     """V_m = V + b (`eqt list sensors`)."""
 
 
+class LogRange(Section):
+    """A range on a logarithmic scale, in short."""
+
+    log: list[Positive]
+    """Its ends."""
+
+
+def _tuned_kind(value: Any) -> str | None:
+    ends = value.get("log", [0, 0]) if isinstance(value, dict) else value
+    if not (isinstance(ends, list) and len(ends) == 2):
+        return None
+    return "ends" if ends is value else "log" if "log" in value else "range"
+
+
+TunedAxis = Annotated[
+    Annotated[list[Real], Tag("ends")]
+    | Annotated[LogRange, Tag("log")]
+    | Annotated[Drawn, Tag("range")],
+    one_of(_tuned_kind, "[low, high], {log: [low, high]} or {low: …, high: …, scale: …}"),
+]
+"""Between which values a number is tuned."""
+
+
+class WorstRunSection(Section):
+    """A bound that every run keeps, and not only their mean."""
+
+    max: Real | None = None
+    """No run may have more."""
+    min: Real | None = None
+    """No run may have less."""
+
+
+def _bound_kind(value: Any) -> str | None:
+    return "each" if isinstance(value, dict) else _rank(value)
+
+
+Bound = Annotated[
+    Annotated[Real, Tag("scalar")] | Annotated[WorstRunSection, Tag("each")],
+    one_of(_bound_kind, "a number (of the mean over runs) or {max: …} (of the worst run)"),
+]
+"""What a metric must keep to."""
+
+
+class ConfirmSection(Section):
+    """The runs on which winners are judged; none of them takes part in the search."""
+
+    runs: Count = 500
+    """How many."""
+    seed: int | None = Field(default=None, ge=0, lt=2**63)
+    """Root of their random streams, another than `ensemble.seed`; default: one more than that."""
+
+
+class TuneSection(Section):
+    """What `eqt tune` chooses for each law, by what, and for how long it searches."""
+
+    over: Annotated[dict[str, TunedAxis], Field(min_length=1)]
+    """What is tuned, in `gains` and `controllers`, and between which values: `[low, high]`,
+    `{log: [low, high]}`, or a range as of designs. Keys of an entry of `controllers` are that
+    law's own; keys of `gains` are tuned for every law."""
+    objective: str | None = None
+    """The metric to be made best, in the mean over runs."""
+    objectives: list[str] | None = None
+    """Instead of it two metrics, of which the Pareto front is found."""
+    subject_to: dict[str, Bound] = Field(default_factory=dict)
+    """Bounds of metrics: a number bounds the mean over runs from the side that is worse,
+    `{max: …}` or `{min: …}` the worst run."""
+    budget: Count = 40
+    """Generations; each law has the same number."""
+    population: Annotated[int, Field(ge=5)] = 32
+    """Points of a generation, each with `ensemble.runs` runs."""
+    seed: CountOrNone = 0
+    """Of the search."""
+    confirm: ConfirmSection = Field(default_factory=ConfirmSection)
+    """The held-out runs on which the winners and the starting gains are compared."""
+
+
 class TargetSection(Section):
     """Where `task: stabilise` is to end."""
 
@@ -227,6 +313,9 @@ class Config(Section):
     """The configuration space: SO3, SE3, … (`eqt list groups`)."""
     inertia: InertiaValue
     """Inertia tensor 𝕀: scalar, diagonal, m×m matrix, or varying in time."""
+    rigid: bool | None = None
+    """false: `inertia` is not a rigid body's (added mass, rotors, a mechanism), so that its
+    principal moments may break the triangle inequality without a warning."""
     gains: GainsSection = Field(examples=["{kp: 1, kd: 1}"])
     """Gains of the control laws."""
     reference: dict[str, Any] | None = None
@@ -256,9 +345,16 @@ class Config(Section):
     sweep: list[dict[str, Any]] | None = None
     """Blocks of `grid`, `zip`, `random`, `lhs`, `sobol` or `concat`, which multiply; for
     `eqt sweep`."""
+    tune: TuneSection | None = None
+    """What `eqt tune` searches for; every other command leaves it aside."""
     settling_threshold: Annotated[Positive, BeforeValidator(_distance_of_angle)] = 0.05
     """Pose error ‖I − Q_E‖_F below which a run counts as settled; also the angle of a rotation,
     such as 2 deg, which is the distance 2√2 sin(θ/2)."""
+    early_window: Positive | None = None
+    """How long the early part of a run is, for `early_torque`, s; default: 5, as in the paper."""
+    closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
+    """The share of the time at its end over which `closing_pose_error` and `closing_torque` are
+    taken; default: 0.25."""
     plugins: list[str] = Field(default_factory=list)
     """Python files with components of your own, relative to this file."""
 
@@ -293,6 +389,7 @@ FIXED = {
     "store": "decides what the one result file holds",
     "plugins": "is loaded once",
     "sweep": "is what is being read",
+    "tune": "has points of its own",
     "task": "gives the points laws of different kinds",
 }
 """Sections that all points share, and why."""

@@ -119,6 +119,13 @@ class Controller(Component):
         """The time derivative of every one of the states, which are in `s.memory`."""
         return {}
 
+    def memory_gradient(self, s: Tracking) -> Mapping[str, Array] | None:
+        """∂L/∂z of every one of the states z; None where it is not known.
+
+        With it the energy balance also holds where the states change at instants only.
+        """
+        return None
+
 
 def _is_parameter(value: Any) -> bool:
     return isinstance(value, float | np.ndarray)

@@ -25,7 +25,8 @@ class Goodarzi2013(Controller):
     smooth bound b is eqt's; without it, the integral enters as it is.
 
     L = ½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + k_I Σ b² log cosh(e_I/b), where there is no disturbance,
-    falls near the reference if c₂ is small enough. How small is not computed: nothing is claimed.
+    falls near the reference if c₂ is small enough. The paper's bound on c₂ could not be read, and
+    none is computed: nothing is claimed, whatever c₂.
 
     Attributes
     ----------
@@ -81,6 +82,10 @@ class Goodarzi2013(Controller):
         without_integral = force + self.ki * self._limited(s)
         moved = dot(self.c2 * without_integral, self._e_R(r))
         return dot(r.body_damping, e) - moved - dot(self.c2 * P, G.vee(r.Q @ G.hat(e)))
+
+    def memory_gradient(self, s: Tracking) -> Mapping[str, Array]:
+        """∂L/∂e_I, which is what the torque sees of the integral, times k_I."""
+        return {"integral": self.ki * self._limited(s)}
 
     def _e_R(self, r: Tracking) -> Array:
         return r.G.vee(r.Q)

@@ -186,6 +186,13 @@ def stack(entries: Sequence[Any]) -> Array:
     return out
 
 
+def cross(a: Array, b: Array) -> Array:
+    """a × b of vectors ``(..., 3)``."""
+    ax, ay, az = (a[..., k] for k in range(3))
+    bx, by, bz = (b[..., k] for k in range(3))
+    return stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
 def inverse_spd(matrix: Array) -> Array:
     """The inverse of a symmetric positive definite matrix, ``(..., m, m)``.
 

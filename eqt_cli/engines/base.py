@@ -57,6 +57,16 @@ class Span:
     wanted: Array
     tick: int | None = None
 
+    @cached_property
+    def samples(self) -> int:
+        """How many sample times it has."""
+        return int(np.count_nonzero(self.wanted))
+
+    @cached_property
+    def later(self) -> int:
+        """How many of them are behind its start."""
+        return self.samples - int(self.wanted[0])
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -95,14 +105,18 @@ class Problem:
         ticks = self._control_instants(start, stop)
         known = _nearest(self.loop.instants, np.array([*self.times, *ticks]))
         inner = np.unique([t for t in (*known, *ticks) if start < t < stop])
+        ends = np.array([start, *inner, stop])
+        # A sample at an instant is of the span behind it, and the last one of the last.
+        first = np.append(np.searchsorted(self.times, ends[:-1]), len(self.times))
         found = []
-        for one, other in pairwise([start, *inner.tolist(), stop]):
-            # A sample at an instant is of the span behind it, and the last one of the last.
-            inside = self.times[(self.times >= one) & (self.times < other)]
-            inside = np.append(inside, stop) if other == stop else inside
-            grid = np.unique([one, *inside, other])
-            changes = one != start, other != stop
-            found.append(Span(one, other, changes, grid, np.isin(grid, inside), ticks.get(one)))
+        for index, (one, other) in enumerate(pairwise(ends.tolist())):
+            inside = self.times[first[index] : first[index + 1]]
+            parts = [one], inside[inside > one], [other] if other not in inside[-1:] else []
+            grid = np.concatenate(parts)
+            wanted = np.isin(grid, inside)
+            found.append(
+                Span(one, other, (one != start, other != stop), grid, wanted, ticks.get(one))
+            )
         return found
 
     @property

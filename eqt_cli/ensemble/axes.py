@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Tag
 
-from eqt_cli.core.option_types import Real, number_schema
+from eqt_cli.core.option_types import MOST_POINTS, Real, number_schema
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import one_of
 
@@ -77,7 +77,7 @@ class Spaced(Range):
         How many values.
     """
 
-    points: Annotated[int, Field(ge=2)]
+    points: Annotated[int, Field(ge=2, le=MOST_POINTS)]
 
     @property
     def values(self) -> list[Any]:
@@ -112,6 +112,15 @@ class Drawn(Range):
         if self.integer:
             return min(int(self.high), math.floor(self._between(self.high + 1, share)))
         return super().at(share)
+
+    def share(self, value: float) -> float:
+        """How far along the way a value is, which is within the bounds."""
+        low, high = self.low, self.high
+        if self.integer:
+            value, high = value + 0.5, high + 1
+        if self.scale == "log":
+            return math.log(value / low) / math.log(high / low)
+        return (value - low) / (high - low)
 
 
 Values = Annotated[list[Any], Field(min_length=1)]

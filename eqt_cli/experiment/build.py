@@ -15,14 +15,23 @@ import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.config.plugins import load_plugins
-from eqt_cli.config.schema import Config, GainsSection, InitialSection
+from eqt_cli.config.schema import Config, GainsSection, InitialSection, OwnGainsSection, TuneSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.error_origin import blamed
+from eqt_cli.core.errors import EqtWarning
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
-from eqt_cli.core.validation import as_section, component, fields_of, known_keys, shown, unknown_key
+from eqt_cli.core.validation import (
+    as_section,
+    component,
+    fields_of,
+    known_keys,
+    shown,
+    unknown_key,
+    validated,
+)
 from eqt_cli.engines import Engine
 from eqt_cli.ensemble.factor_poses import FactorPoses
 from eqt_cli.ensemble.poses import PoseDistribution, pose_distributions
@@ -37,6 +46,14 @@ from eqt_cli.experiment.vehicle import resolved as resolved_vehicle
 from eqt_cli.experiment.vehicle import vehicle_from
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.groups.product import ProductGroup
+from eqt_cli.mechanics.rigid_body import not_rigid
+from eqt_cli.mechanics.tracking import Gains
+
+OF_EVERY_LAW = ("label", "gains")
+"""The keys of an entry of `controllers` that no law has for itself."""
+
+WORDS = ("name", "rigid")
+"""Keys that change what is said of an experiment, and none of its numbers."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +103,20 @@ class Experiment:
         """The sample times, s."""
         return np.linspace(0.0, self.config.time.duration, self.config.time.samples)
 
+    @cached_property
+    def remarks(self) -> list[EqtWarning]:
+        """What a user should know of it, and no error is."""
+        inertia = next(iter(self.loops.values())).inertia
+        broken = not_rigid(self.group, inertia, self.config.time.duration)
+        if not broken or self.config.rigid is False:
+            return []
+        return [
+            EqtWarning(
+                f"{self.source.place(('inertia',))}: inertia: no rigid body has it; its {broken}; "
+                "correct it, or add `rigid: false` if more moves than one rigid body"
+            )
+        ]
+
     @property
     def plugins(self) -> dict[str, str]:
         """Source text of each plugin, by its path as written in the configuration."""
@@ -94,7 +125,7 @@ class Experiment:
     @property
     def numeric_config(self) -> dict[str, Any]:
         """What of the resolved configuration affects the numbers, plugins by their source."""
-        kept = {key: value for key, value in self.resolved.items() if key != "name"}
+        kept = {key: value for key, value in self.resolved.items() if key not in WORDS}
         sources = [sha256(text.encode()).hexdigest() for text in self.plugins.values()]
         return kept | {"plugins": sources} | digests(self.files)
 
@@ -112,6 +143,7 @@ def digests(files: dict[str, str]) -> dict[str, Any]:
 
 
 @blamed()
+@np.errstate(all="ignore")  # what overflows is found by the checks, and said by them alone
 def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     """Check a configuration and make an experiment of it.
 
@@ -134,7 +166,8 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     task, initial = sections["task"], sections["initial"]
     group = _group(sections["group"], problems.at("group"))
     laws = _controllers(sections["controllers"] or [], task, group, problems.at("controllers"))
-    desired = inertia = gains = start = solver = None
+    desired = inertia = start = solver = None
+    gains: dict[str, Gains | None] = {}
     if sections["reference"] is not None or source.data.get("reference") is None:
         desired = desired_from(
             task, sections["reference"], sections["target"], group, source, problems
@@ -148,22 +181,26 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     if group:
         section, at_gains = source.data.get("gains"), problems.at("gains")
         known = fields_of(GainsSection, section, at_gains) if isinstance(section, dict) else {}
-        gains = gains_from(known, group, at_gains)
+        shared = gains_from(known, group, at_gains)
+        for label, law in laws.items():
+            at_law = problems.at("controllers", law.index, "gains")
+            gains[label] = gains_from(known | law.gains, group, at_law) if law.gains else shared
     if initial:
         start = _start(initial, group, desired, source, problems.at("initial"))
-    config = _agreeing(source, group, desired, start, problems)
+    config = _agreeing(source, sections["tune"], group, desired, start, problems)
     problems.raise_if_any()
-    assert config and group and desired and inertia and gains and vehicle and start and solver
-    complete = config.model_dump(exclude_none=True, warnings="none") | {
+    assert config and group and desired and inertia and vehicle and start and solver
+    complete = config.model_dump(exclude={"tune"}, exclude_none=True, warnings="none") | {
         **desired.resolved,
-        "controllers": [as_section(law) | {"label": label} for label, law in laws.items()],
+        "controllers": [law.resolved | {"label": label} for label, law in laws.items()],
         "initial": start.resolved,
         "solver": solver.resolved,
         **resolved_vehicle(vehicle, config),
     }
     loops = {
-        label: ClosedLoop(group, inertia, gains, desired.reference, law, vehicle)
-        for label, law in laws.items()
+        label: ClosedLoop(group, inertia, own, desired.reference, laws[label].law, vehicle)
+        for label, own in gains.items()
+        if own is not None
     }
     experiment = Experiment(
         config,
@@ -206,6 +243,7 @@ def _start(
 
 def _agreeing(
     source: ConfigSource,
+    tune: TuneSection | None,
     G: MatrixLieGroup | None,
     desired: DesiredTrajectory | None,
     start: Start | None,
@@ -214,7 +252,8 @@ def _agreeing(
     """The configuration, where its sections agree on how many runs there are, and how long."""
     if problems or not (G and desired and start):
         return None
-    config = Config.model_validate(source.data)
+    # Dataclasses, as ranges are, pass strict validation as such, and not as mappings.
+    config = Config.model_validate(source.data | ({"tune": tune} if tune else {}))
     check_horizon(desired.reference, G, config.time.duration, problems)
     if start.rows is None:
         return config
@@ -251,16 +290,31 @@ def _group(name: str | None, problems: Problems) -> MatrixLieGroup | None:
     return None
 
 
+@dataclass(frozen=True)
+class _Entry:
+    """An entry of `controllers`: the law, where it stands, and gains that are its own."""
+
+    law: Controller
+    index: int
+    gains: dict[str, Any]
+
+    @property
+    def resolved(self) -> dict[str, Any]:
+        return as_section(self.law) | ({"gains": self.gains} if self.gains else {})
+
+
 def _controllers(
     entries: list[Any], task: str | None, G: MatrixLieGroup | None, problems: Problems
-) -> dict[str, Controller]:
+) -> dict[str, _Entry]:
     """The control laws by label."""
-    laws: dict[str, Controller] = {}
+    laws: dict[str, _Entry] = {}
     for index, entry in enumerate(entries):
         here = problems.at(index)
         entry = dict(entry) if isinstance(entry, dict) else entry
         label = entry.pop("label", None) if isinstance(entry, dict) else None
-        law = _fitting(controllers, entry, G, here, ("label",))
+        own = entry.pop("gains", None) if isinstance(entry, dict) else None
+        gains = validated(OwnGainsSection, own, here.at("gains")) if own is not None else None
+        law = _fitting(controllers, entry, G, here, OF_EVERY_LAW)
         if law is None:
             continue
         if task is not None and task not in law.tasks:
@@ -272,7 +326,7 @@ def _controllers(
         elif label in laws:
             here.add(f"label '{label}' is taken by an earlier controller; give this one a `label`")
         else:
-            laws[label] = law
+            laws[label] = _Entry(law, index, gains.model_dump(exclude_none=True) if gains else {})
     return laws
 
 

@@ -13,6 +13,7 @@ from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import component, option_names
+from eqt_cli.experiment.build import OF_EVERY_LAW
 from eqt_cli.experiment.config_at_point import path_of, section_of
 
 if TYPE_CHECKING:
@@ -88,7 +89,7 @@ class _Torques:
 def _law(entry: Any) -> Controller:
     """The law that an entry of the configuration, which is right, asks for."""
     if isinstance(entry, dict):
-        entry = {key: value for key, value in entry.items() if key != "label"}
+        entry = {key: value for key, value in entry.items() if key not in OF_EVERY_LAW}
     law = component(controllers, entry, Problems())
     assert law is not None
     return law

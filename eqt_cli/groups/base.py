@@ -42,6 +42,11 @@ class Part:
     velocity_unit: str
     force_unit: str
 
+    @property
+    def turns(self) -> bool:
+        """Whether it is a rotation."""
+        return self.name.startswith("rotation")
+
 
 class MatrixLieGroup(ABC):
     """A matrix Lie group G of d×d matrices with an m-dimensional Lie algebra g.
@@ -130,6 +135,14 @@ class MatrixLieGroup(ABC):
         """
         raise ComponentError(f"group '{self.name}' has no half turns")
 
+    def principal_moments(self, inertia: Array) -> tuple[Array, ...]:
+        """Of every rigid body that moves in space, its three moments, rising, kg m².
+
+        About the centre of mass and with all else at rest, ``(..., m, m) -> (..., 3)`` each; other
+        groups than those of rotations and rigid motions of space have none.
+        """
+        return ()
+
     @abstractmethod
     def drift(self, Q: Array) -> Array:
         """How far Q has left the group, as a norm that is 0 on it, ``(..., d, d) -> (...)``."""
@@ -180,11 +193,11 @@ class MatrixLieGroup(ABC):
 
     def vee(self, U: Array) -> Array:
         """The coordinates of an algebra element, ``(..., d, d) -> (..., m)``; undoes `hat`."""
-        return U.reshape(*U.shape[:-2], -1) @ self._dual_basis
+        return U.reshape(*U.shape[:-2], self.size**2) @ self._dual_basis
 
     def contract(self, M: Array) -> Array:
         """The covector U ↦ tr(MᵀÛ) of a matrix, ``(..., d, d) -> (..., m)``."""
-        return M.reshape(*M.shape[:-2], -1) @ self._flat_basis.T
+        return M.reshape(*M.shape[:-2], self.size**2) @ self._flat_basis.T
 
     @cached_property
     def structure_constants(self) -> Array:
@@ -250,7 +263,7 @@ class MatrixLieGroup(ABC):
     def pack(self, Q: Array) -> Array:
         """The entries of a pose that can vary, ``(..., d, d) -> (..., pose_length)``."""
         if self.pose_length == self.size**2:
-            return Q.reshape(*Q.shape[:-2], -1)
+            return Q.reshape(*Q.shape[:-2], self.pose_length)  # -1 fails on no poses
         rows, columns = self._free_entries
         return Q[..., rows, columns]
 

@@ -17,6 +17,7 @@ from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.text_tables import TextTable
+from eqt_cli.core.printable import printable
 from eqt_cli.core.version import __version__
 from eqt_cli.report.figures import DEFAULT, SWEPT, Wanted, inline_figures
 from eqt_cli.report.point_table import best_points, point_table
@@ -24,6 +25,8 @@ from eqt_cli.report.run_curves import curves
 from eqt_cli.report.run_table import columns, run_table
 from eqt_cli.report.summary import accuracy, lead, provenance
 from eqt_cli.results.result import HEADLINE, Result
+from eqt_cli.tuning.folder import TuningFolder
+from eqt_cli.tuning.tables import labels_of, tuning_tables
 
 _NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
 """A number, perhaps with a percent sign, a spread or an interval."""
@@ -84,6 +87,7 @@ def _of_experiment(result: Result) -> dict[str, Any]:
     made = text_tables(comparison, Plain())
     return {
         "best": None,
+        "tuned": [_table(table) for table in _tuned(result)],
         "headline": result.headline(),
         "means": columns(result, [name for name, of in HEADLINE.items() if of is np.mean]),
         "claims": _table(made.get("claims")),
@@ -95,29 +99,47 @@ def _of_experiment(result: Result) -> dict[str, Any]:
     }
 
 
+def _tuned(result: Result) -> list[TextTable]:
+    """What is said of the search, where the result is that of a search's held-out runs."""
+    record = TuningFolder(result.path.parent).record
+    if not (record and "laws" in record and set(labels_of(record)) <= set(result.labels)):
+        return []
+    return tuning_tables(result, record)
+
+
 def _of_sweep(result: Result) -> dict[str, Any]:
     """As of an experiment; a mean over all points means little."""
     absent = ("headline", "means", "claims", "levels", "pairs", "missing", "picker")
-    made = {"best": _table(best_points(result)), "table": point_table(result)}
+    best, table = _table(best_points(result)), point_table(result)
+    made: dict[str, Any] = {"best": best, "table": table, "tuned": []}
     return dict.fromkeys(absent) | made
 
 
 def environment() -> Environment:
-    """Where templates are found, and how they are filled in: everything is escaped."""
+    """Where templates are found, and how they are filled in: everything is escaped.
+
+    Markup of HTML, and what no page can show, such as an order of reading that is turned around.
+    """
     made = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=_finalized,
     )
     made.filters["typeset"] = _typeset
     return made
 
 
+def _finalized(value: Any) -> Any:
+    is_text = isinstance(value, str) and not isinstance(value, Markup)
+    return printable(value, "\n\t") if is_text else value
+
+
 def _typeset(text: str) -> Markup:
     """The paper's symbols with their subscripts; all else is only escaped."""
-    escaped = str(escape(text))
+    escaped = str(escape(printable(text)))
     for symbol in ("Q_E", "Q_d", "V_d", "P_d", "K_d", "τ_d", "τ_ff", "𝕀_t"):
         letter, index = symbol.split("_")
         escaped = re.sub(rf"\b{symbol}\b", f"{letter}<sub>{index}</sub>", escaped)

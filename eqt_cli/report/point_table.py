@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.report.run_table import COLUMNS, MOST_ROWS, Document, columns, plain, unit_of
-from eqt_cli.results.result import Result, mean_over_runs
+from eqt_cli.results.result import Result
 
 BEST = ("mean_pose_error", "early_torque", "effort", "peak_torque")
 """Metrics whose least mean is looked for."""
@@ -16,11 +18,14 @@ BEST = ("mean_pose_error", "early_torque", "effort", "peak_torque")
 def point_table(result: Result) -> Document:
     """As `run_table`, with a row per controller and point: the swept values, and means over runs.
 
-    A run that failed is left out of the means, and its row counts it.
+    A point at which runs failed has no means, and its row counts them; a run that has not settled
+    counts as the horizon.
     """
     keys = result.swept_keys
     names = [name for name in COLUMNS if result.has(name)]
-    means = np.stack([mean_over_runs(result.metric(name)) for name in names], axis=-1)
+    means = np.stack([result.means(name) for name in names], axis=-1)
+    counts = [name for name in names if result.quantity(name).counts]
+    means = np.concatenate([means, *(_ends(result, name) for name in counts)], axis=-1)
     failed = np.count_nonzero(result.status, axis=-1)
     points, controllers = failed.shape
     order = [(c, p) for p in range(points) for c in range(controllers)]
@@ -28,7 +33,8 @@ def point_table(result: Result) -> Document:
     return {
         "item": "point",
         "columns": [{"metric": "", "name": key.key, "unit": "", "given": True} for key in keys]
-        + columns(result, names),
+        + columns(result, names)
+        + [column for name in counts for column in _columns_of_ends(result, name)],
         "controllers": result.labels,
         "rows": [
             [
@@ -49,7 +55,7 @@ def best_points(result: Result) -> TextTable:
     """For each controller, the point where the mean over runs of a metric is least."""
     blocks = []
     for name in (name for name in BEST if result.has(name)):
-        means = mean_over_runs(result.metric(name))
+        means = result.means(name)
         rows = [
             [title, *_best(result, column)]
             for title, column in zip(result.titles, means.T, strict=True)
@@ -58,12 +64,40 @@ def best_points(result: Result) -> TextTable:
         unit = unit_of(result, name).replace("^2", "²")
         title = result.quantity(name).described + (f", {unit}" if unit else "")
         blocks.append(Block(title, rows))
+    if result.has("settled"):
+        blocks.append(Block("settled, the largest share, with its 95 % interval", _most(result)))
     return TextTable(
         "best",
-        "Points where the mean over runs is least, of those that were computed",
+        "Points where the mean over runs is least, of those at which no run failed",
         ["controller", "point", *(key.key for key in result.swept_keys), "mean"],
         blocks,
     )
+
+
+def _most(result: Result) -> list[list[str]]:
+    """For each controller, the point where most runs settle."""
+    found = shares(result.metric("settled"))
+    rows = []
+    for title, column in zip(result.titles, np.moveaxis(found, 1, 0), strict=True):
+        if np.isfinite(column).any():
+            point = int(np.nanargmax(column[:, 0]))
+            value = Plain().interval(*column[point].tolist())
+            rows.append([title, *_best(result, -column[:, 0])[:-1], value])
+    return rows
+
+
+def _ends(result: Result, name: str) -> Array:
+    """The ends of the intervals of a share, ``(points, controllers, 2)``."""
+    return shares(result.metric(name))[..., 1:]
+
+
+def _columns_of_ends(result: Result, name: str) -> list[Document]:
+    """Their heads."""
+    called = result.quantity(name).described
+    return [
+        {"metric": f"{name}_{end}", "name": f"{called}, {end} end of its interval", "unit": ""}
+        for end in ("low", "high")
+    ]
 
 
 def _best(result: Result, means: Array) -> list[str]:

@@ -20,20 +20,17 @@ def lead(result: Result) -> str:
         points = f"{result.points} points over {keys}, each with "
     lasting = f" of {horizon:g} s" if horizon else ""
     controllers = f"{len(labels)} controllers" if len(labels) > 1 else "one controller"
+    loop = f" {result.loop_in_words}" if result.loop_in_words and not result.is_sweep else ""
     return (
         f"{points}{result.runs} runs{lasting} for each of {controllers} ({', '.join(labels)}) on "
-        f"{result.group_name or 'a group'}; the same initial states for all of them."
+        f"{result.group_name or 'a group'}; the same initial states for all of them.{loop}"
     )
 
 
 def accuracy(result: Result) -> Iterator[str]:
     """Sentences on how far the numbers can be trusted."""
-    residuals, estimates = _finite(result, "energy_residual"), _finite(result, "error_estimate")
-    if residuals.size:
-        yield (
-            f"Energy balance: |L(t) + ∫damping − L(0)| stays below {residuals.max():.0e} of L(0) "
-            "in every run."
-        )
+    yield from _energy(result)
+    estimates = _finite(result, "error_estimate")
     if estimates.size:
         yield (
             "Global error, estimated run by run from a tighter solve: largest "
@@ -46,6 +43,31 @@ def accuracy(result: Result) -> Iterator[str]:
             f"difference {check.difference:.1e}, {'within' if check.holds else 'BEYOND'} the bound "
             f"of {check.bound:.0e}."
         )
+
+
+def _energy(result: Result) -> Iterator[str]:
+    """How well the energy balance is kept, of the laws that claim one."""
+    if "energy_residual" not in result.metrics:
+        return
+    residuals = {
+        title: result.metric("energy_residual", c)[result.good[..., c, :]]
+        for c, title in enumerate(result.titles)
+    }
+    kept = {title: found[np.isfinite(found)] for title, found in residuals.items()}
+    balanced = [title for title, found in kept.items() if found.size]
+    if not balanced:
+        return
+    largest = max(kept[title].max() for title in balanced)
+    others = [title for title, found in residuals.items() if found.size and not kept[title].size]
+    whose = f" of {_listed(balanced)}; none is claimed of {_listed(others)}" if others else ""
+    yield (
+        f"Energy balance: |L(t) + ∫dissipation − L(0)| stays below {largest:.0e} of L(0) "
+        f"in every run{whose}."
+    )
+
+
+def _listed(words: list[str]) -> str:
+    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
 def _finite(result: Result, name: str) -> Array:

@@ -42,14 +42,14 @@ class Blank:
 
 
 class Assembly:
-    """An unfinished result file.
+    """An unfinished result file, with every dimension, coordinate and variable.
 
     Parameters
     ----------
     file
-        The open HDF5 file, or a group of it, which holds its variables already.
-    compression
-        Of groups to come.
+        The open HDF5 file, or a group of it.
+    sizes, coordinates, variables, compression
+        As of `assemble`; the compression is also that of groups to come.
 
     Attributes
     ----------
@@ -57,9 +57,28 @@ class Assembly:
         What is written replaces what was written before, text by empty text too.
     """
 
-    def __init__(self, file: Any, compression: Literal["gzip"] | None = None) -> None:
-        self._file, self._compression = file, compression
+    def __init__(
+        self,
+        file: Any,
+        sizes: Mapping[str, int],
+        coordinates: Mapping[str, Variable],
+        variables: Mapping[str, Blank | Variable],
+        compression: Literal["gzip"] | None,
+    ) -> None:
+        self._file, self._sizes, self._compression = file, sizes, compression
         self.replaces = False
+        for dim, size in sizes.items():
+            if dim in coordinates:
+                self._add(dim, coordinates[dim]).make_scale(dim)
+            else:
+                # Never written, so that it takes no room: only its length counts.
+                blank = file.create_dataset(dim, shape=(size,), dtype=">f4")
+                blank.make_scale(f"{PLACEHOLDER}{size:10d}")
+        extra = {name: variable for name, variable in coordinates.items() if name not in sizes}
+        for name, variable in extra.items():
+            self._attach(self._add(name, variable), variable.dims, {})
+        for name, entry in variables.items():
+            self._attach(self._add(name, entry, compression), entry.dims, extra)
 
     def group(
         self,
@@ -73,8 +92,7 @@ class Assembly:
         creation.set_obj_track_times(False)
         creation.set_link_creation_order(h5py.h5p.CRT_ORDER_TRACKED | h5py.h5p.CRT_ORDER_INDEXED)
         group = h5py.Group(h5py.h5g.create(self._file.id, name.encode(), gcpl=creation))
-        _lay_out(group, sizes, coordinates, variables, self._compression)
-        return Assembly(group, self._compression)
+        return Assembly(group, sizes, coordinates, variables, self._compression)
 
     def shape(self, name: str) -> tuple[int, ...]:
         """The shape of a variable."""
@@ -91,6 +109,34 @@ class Assembly:
     def describe(self, attributes: Mapping[str, Attribute]) -> None:
         """Add attributes of the file, or of the group."""
         self._file.attrs.update(attributes)
+
+    def _add(
+        self, name: str, entry: Blank | Variable, compression: Literal["gzip"] | None = None
+    ) -> Any:
+        """Create one dataset, with the data of a variable."""
+        shape = tuple(self._sizes[dim] for dim in entry.dims)
+        options: dict[str, Any] = {}
+        if entry.dtype is None:  # never compressed: that would reach only the references to strings
+            dtype = h5py.string_dtype("utf-8")
+        else:
+            dtype = entry.dtype.newbyteorder("<")
+            if compression and shape and 0 not in shape:
+                options = _compressed(shape, dtype)
+        dataset = self._file.create_dataset(name, shape=shape, dtype=dtype, **options)
+        if entry.dtype is None and 0 not in shape:
+            dataset[(0,) * len(shape)] = ""  # so that the dataset takes its room
+        dataset.attrs.update(entry.attributes)
+        if isinstance(entry, Variable):
+            self.put(name, entry.data.astype(object) if entry.dtype is None else entry.data)
+        return dataset
+
+    def _attach(self, dataset: Any, dims: tuple[str, ...], extra: Mapping[str, Variable]) -> None:
+        """Name the dimensions of a dataset, and the further coordinates along them."""
+        for axis, dim in enumerate(dims):
+            dataset.dims[axis].attach_scale(self._file[dim])
+        described = [name for name, variable in extra.items() if set(variable.dims) <= set(dims)]
+        if described:
+            dataset.attrs[COORDINATES] = " ".join(described)
 
 
 @contextmanager
@@ -129,66 +175,7 @@ def assemble(
     """
     with created(path, tag) as file:
         file.attrs[FORMAT_ATTRIBUTE] = FORMAT
-        _lay_out(file, sizes, coordinates, variables, compression)
-        yield Assembly(file, compression)
-
-
-def _lay_out(
-    owner: Any,
-    sizes: Mapping[str, int],
-    coordinates: Mapping[str, Variable],
-    variables: Mapping[str, Blank | Variable],
-    compression: Literal["gzip"] | None,
-) -> None:
-    """Add every dimension, coordinate and variable."""
-    for dim, size in sizes.items():
-        if dim in coordinates:
-            _add(owner, dim, coordinates[dim], sizes, None).make_scale(dim)
-        else:
-            # Never written, so that it takes no room: only its length counts.
-            owner.create_dataset(dim, shape=(size,), dtype=">f4").make_scale(
-                f"{PLACEHOLDER}{size:10d}"
-            )
-    extra = {name: variable for name, variable in coordinates.items() if name not in sizes}
-    for name, variable in extra.items():
-        _attach(owner, _add(owner, name, variable, sizes, None), variable.dims, {})
-    for name, entry in variables.items():
-        _attach(owner, _add(owner, name, entry, sizes, compression), entry.dims, extra)
-
-
-def _add(
-    owner: Any,
-    name: str,
-    entry: Blank | Variable,
-    sizes: Mapping[str, int],
-    compression: Literal["gzip"] | None,
-) -> Any:
-    """Create one dataset, with the data of a variable."""
-    shape = tuple(sizes[dim] for dim in entry.dims)
-    options: dict[str, Any] = {}
-    if entry.dtype is None:  # never compressed: that would reach only the references to strings
-        dtype = h5py.string_dtype("utf-8")
-    else:
-        dtype = entry.dtype.newbyteorder("<")
-        if compression and shape and 0 not in shape:
-            options = _compressed(shape, dtype)
-    dataset = owner.create_dataset(name, shape=shape, dtype=dtype, **options)
-    if entry.dtype is None and 0 not in shape:
-        dataset[(0,) * len(shape)] = ""  # so that the dataset takes its room
-    dataset.attrs.update(entry.attributes)
-    if isinstance(entry, Variable):
-        data = entry.data.astype(object) if entry.dtype is None else entry.data
-        Assembly(owner).put(name, data)
-    return dataset
-
-
-def _attach(owner: Any, dataset: Any, dims: tuple[str, ...], extra: Mapping[str, Variable]) -> None:
-    """Name the dimensions of a dataset, and the further coordinates along them."""
-    for axis, dim in enumerate(dims):
-        dataset.dims[axis].attach_scale(owner[dim])
-    described = [name for name, variable in extra.items() if set(variable.dims) <= set(dims)]
-    if described:
-        dataset.attrs[COORDINATES] = " ".join(described)
+        yield Assembly(file, sizes, coordinates, variables, compression)
 
 
 def _compressed(shape: tuple[int, ...], dtype: np.dtype[Any]) -> dict[str, Any]:

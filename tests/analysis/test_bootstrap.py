@@ -5,14 +5,13 @@ import pytest
 from scipy import stats
 
 from eqt_cli.analysis.comparison import bootstrap
-from eqt_cli.analysis.comparison.bootstrap import FEWEST, intervals_of_means
+from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_of_means
 from eqt_cli.analysis.comparison.runs_needed import POWER, runs_to_decide, runs_without_exception
 
 
 def intervals(columns, confidence=0.95, resamples=9999, seed=0):
-    return intervals_of_means(
-        np.asarray(columns, float), confidence=confidence, resamples=resamples, seed=seed
-    )
+    how = Resampling(confidence, resamples, seed)
+    return intervals_of_means(np.asarray(columns, float), how)
 
 
 def skewed(runs, columns, seed=1):

@@ -19,6 +19,7 @@ from eqt_cli.analysis.certificates import (
     sampled,
     trajectory_rows,
 )
+from eqt_cli.analysis.evidence.runs import STATES_PER_RTOL
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.layout import StateLayout
 from eqt_cli.controllers import Controller, controllers
@@ -37,6 +38,7 @@ WEIGHTS = "weights (g, c, n, q) of the law"
 SMALL = "stiffness and damping of small errors"
 TIMES = np.linspace(0.0, 10.0, 101)
 RTOL = 1e-9
+DECAYING = np.array([2.0, 3.0])[:, None] * np.exp(-0.5 * TIMES)
 
 
 def positive_definite(n, seed):
@@ -63,19 +65,22 @@ def identities(loop, seed=0, **options):
 
 
 def runs(**changes):
-    L = np.array([2.0, 3.0])[:, None] * np.exp(-0.5 * TIMES)
+    shown = DECAYING[:, : len(changes.get("times", TIMES))]
     known = {
         "label": "eqt",
         "claims_decrease": True,
         "rtol": RTOL,
         "threshold": 0.05,
         "times": TIMES,
-        "lyapunov": L,
+        "lyapunov": shown,
         "energy_residual": np.array([1e-10, 2e-10]),
         "group_drift": np.array([1e-10, 2e-10]),
         "final_pose_error": np.array([0.01, 0.02]),
         "final_velocity_error": np.array([0.03, 0.01]),
         "error_system": 1e-8,
+        "pose_error": shown,
+        "velocity_error": shown,
+        "desired_speed": 1.0,
     }
     return Runs(**known | changes)
 
@@ -196,6 +201,15 @@ def test_every_shipped_law_is_compared_with_its_literal_form_on_every_group(G, n
     loop = closed_loop(G, fitting(name, G))
     asked = [found for found in certificates.all() if issubclass(found, LiteralForm)]
     assert any(found().applies(loop) for found in asked)
+
+
+@pytest.mark.parametrize("name", controllers.names())
+def test_every_shipped_law_has_its_rows_for_a_varying_inertia_too(name):
+    G = group_named("SO3")
+    asked = [found for found in certificates.all() if issubclass(found, LiteralForm)]
+    for inertia in varying_inertias(G):
+        loop = closed_loop(G, fitting(name, G), inertia=inertia)
+        assert any(found().applies(loop) for found in asked)
 
 
 def changed(name, **numbers):
@@ -392,25 +406,133 @@ def test_small_rises_of_L_are_measured_against_a_joule():
     assert trajectory("decrease of L", **rising).verdict == "holds"
 
 
+def ending(*levels, stays=()):
+    """Errors over time that decay to these parts of 2, or stay there from a third of the time."""
+    rate = -np.log(np.array(levels)) / TIMES[-1]
+    errors = 2 * np.exp(-rate[:, None] * TIMES)
+    for run in stays:
+        errors[run] = np.maximum(2 * np.exp(-3 * rate[run] * TIMES), 2 * levels[run])
+    return errors
+
+
+def pose_errors(*levels, stays=()):
+    errors = ending(*levels, stays=stays)
+    return {"pose_error": errors, "final_pose_error": errors[:, -1]}
+
+
+def velocity_errors(*levels, stays=(), scale=1.0):
+    errors = scale * ending(*levels, stays=stays)
+    return {"velocity_error": errors, "final_velocity_error": errors[:, -1]}
+
+
 def test_runs_under_way_are_counted_and_their_decay_is_measured():
-    row = trajectory("Q → Q_d", final_pose_error=np.array([0.01, 0.3]))
-    assert (row.verdict, row.measured, row.bound) == ("undecided", 0.3, 0.05)
+    row = trajectory("Q → Q_d", **pose_errors(0.005, 0.15))
+    assert (row.verdict, row.measured, row.bound) == ("undecided", pytest.approx(0.3), 0.05)
     assert row.remark == "1 of 2 runs not there at 10 s; L decays at 0.5 1/s (median)"
+
+
+def test_a_pose_error_that_stays_below_the_threshold_is_an_offset():
+    row = trajectory("Q → Q_d", **pose_errors(0.001, 0.01, stays=[1]))
+    assert row.verdict == "undecided"
+    assert row.remark.startswith(
+        "1 of 2 runs not there at 10 s; an error of 0.02 stays in 1 of 2 runs"
+    )
+
+
+def test_a_pose_error_below_the_threshold_that_has_hardly_decayed_is_under_way():
+    errors = 0.04 * np.exp(-0.1 * TIMES)[None]
+    row = trajectory("Q → Q_d", pose_error=errors, final_pose_error=errors[:, -1])
+    assert (row.verdict, "stays" in row.remark) == ("undecided", False)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1e3])
+def test_velocities_are_judged_by_their_own_size(scale):
+    """A satellite's rates are below 0.05 at all times, and an unstable loop's may be large."""
+    there = trajectory("P → P_d", **velocity_errors(0.001, 0.002, scale=scale))
+    late = trajectory("P → P_d", **velocity_errors(0.001, 0.2, scale=scale))
+    assert (there.verdict, late.verdict) == ("holds", "undecided")
+    assert (late.measured, late.bound) == (pytest.approx(0.2), 0.05)
+
+
+def test_a_slow_oscillation_is_no_offset():
+    """Its mean over a quarter of the horizon does not fall for a while."""
+    errors = (2 * np.exp(-0.02 * TIMES) * (1.1 + np.cos(0.9 * TIMES)))[None]
+    row = trajectory("Q → Q_d", pose_error=errors, final_pose_error=errors[:, -1])
+    assert (row.verdict, "stays" in row.remark) == ("undecided", False)
+
+
+def test_noise_does_not_hide_an_offset():
+    noise = np.random.default_rng(1).uniform(-1e-3, 1e-3, (1, 101))
+    errors = np.maximum(2 * np.exp(-2 * TIMES), 0.02) + noise
+    assert "an error of 0.02 stays" in trajectory("Q → Q_d", pose_error=errors).remark
+
+
+def test_a_velocity_error_that_stays_is_an_offset():
+    row = trajectory("P → P_d", **velocity_errors(0.001, 0.01, stays=[1], scale=0.1))
+    assert (row.verdict, row.measured) == ("undecided", pytest.approx(0.01))
+    assert "an error of 0.002 stays in 1 of 2 runs" in row.remark
+
+
+def test_what_stays_at_the_error_of_the_solver_is_there():
+    still = np.full((1, 101), 0.5 * STATES_PER_RTOL * RTOL)
+    assert trajectory("Q → Q_d", pose_error=still, final_pose_error=still[:, -1]).verdict == "holds"
+    moving = {"velocity_error": 40 * still, "final_velocity_error": 40 * still[:, -1]}
+    assert trajectory("P → P_d", **moving, desired_speed=100.0).verdict == "holds"
+    assert trajectory("P → P_d", **moving, desired_speed=1.0).verdict == "undecided"
+
+
+def test_a_run_that_never_leaves_its_reference_is_there():
+    still = np.zeros((1, 101))
+    changes = {"velocity_error": still, "final_velocity_error": still[:, -1]}
+    assert trajectory("P → P_d", **changes, desired_speed=0.0).verdict == "holds"
+
+
+def test_the_offset_of_a_loop_that_no_theorem_covers_is_named():
+    row = trajectory(
+        "Q → Q_d", **pose_errors(0.01, 0.01, stays=[0, 1]), departures="a constant force"
+    )
+    assert row.verdict == "not covered"
+    assert "a constant force; 2 of 2 runs not there" in row.remark
+    assert "an error of 0.02 stays in 2 of 2 runs" in row.remark
+
+
+def test_an_offset_is_seen_with_two_samples_only():
+    errors = np.array([[0.02, 0.02]])
+    row = trajectory(
+        "Q → Q_d",
+        times=np.array([0.0, 10.0]),
+        lyapunov=errors,
+        pose_error=errors,
+        final_pose_error=errors[:, -1],
+    )
+    assert (row.verdict, "stays" in row.remark) == ("undecided", True)
 
 
 def test_a_run_that_is_not_there_and_whose_error_grows_speaks_against_convergence():
     growing = np.exp(0.1 * TIMES)[None]
-    row = trajectory("P → P_d", final_velocity_error=np.array([0.3]), lyapunov=growing)
+    row = trajectory("P → P_d", **velocity_errors(0.3), lyapunov=growing)
     assert row.verdict == "FAILS"
 
 
-def test_convergence_without_trajectories_has_no_decay_rate():
-    row = trajectory("Q → Q_d", final_pose_error=np.array([0.3]), lyapunov=None)
-    assert (row.verdict, row.remark) == ("undecided", "1 of 1 runs not there at 10 s")
+@pytest.mark.parametrize(
+    ("final", "counted"), [(0.3, "1 of 1 runs not there at 10 s; "), (0.01, "")]
+)
+def test_convergence_without_trajectories_is_undecided(final, counted):
+    none = {"lyapunov": None, "pose_error": None}
+    row = trajectory("Q → Q_d", final_pose_error=np.array([final]), **none)
+    assert (row.verdict, row.remark) == (
+        "undecided",
+        f"{counted}the result holds no trajectories",
+    )
+
+
+def test_velocities_without_trajectories_have_no_bound():
+    row = trajectory("P → P_d", lyapunov=None, velocity_error=None)
+    assert (row.verdict, row.measured, row.bound) == ("undecided", 0.03, None)
 
 
 def test_an_end_that_is_not_a_number_is_not_there():
-    assert trajectory("Q → Q_d", final_pose_error=np.array([np.nan])).verdict == "undecided"
+    assert trajectory("Q → Q_d", final_pose_error=np.array([np.nan, 0.0])).verdict == "undecided"
 
 
 @pytest.mark.parametrize("claims", [False, None])
@@ -418,7 +540,7 @@ def test_nothing_is_held_against_a_law_that_claims_nothing(claims):
     rising = np.array([[1.0, 2.0, 3.0]])
     changes = {"claims_decrease": claims, "lyapunov": rising, "times": np.arange(3.0)}
     assert trajectory("decrease of L", **changes).verdict == "unclaimed"
-    late = {"final_pose_error": np.array([1.0])}
+    late = {"final_pose_error": np.array([1.0]), "pose_error": rising}
     assert trajectory("Q → Q_d", **changes, **late).verdict == "unclaimed"
 
 
@@ -438,6 +560,8 @@ def test_without_a_good_run_nothing_is_decided():
         [
             runs(
                 lyapunov=np.zeros((0, 101)),
+                pose_error=np.zeros((0, 101)),
+                velocity_error=np.zeros((0, 101)),
                 energy_residual=none,
                 group_drift=none,
                 final_pose_error=none,
@@ -452,6 +576,24 @@ def test_without_a_good_run_nothing_is_decided():
 
 
 # Hypotheses ---------------------------------------------------------------------------------------
+
+
+def test_a_body_that_cannot_be_rigid_is_a_hypothesis_violated():
+    loop = closed_loop(group_named("SO3"), inertia=constant_inertia(np.diag([1.0, 1.0, 3.0])))
+    row = hypothesis("𝕀 is a rigid body's", loop)
+    assert (row.verdict, row.remark[-21:]) == ("violated", "inequality: 1 + 1 < 3")
+
+
+def test_what_is_not_said_to_be_rigid_has_no_such_row():
+    loop = closed_loop(group_named("SO3"), inertia=constant_inertia(np.diag([1.0, 1.0, 3.0])))
+    with pytest.raises(KeyError):
+        hypothesis("𝕀 is a rigid body's", loop, rigid=False)
+    with pytest.raises(KeyError):
+        hypothesis("𝕀 is a rigid body's", closed_loop(group_named("SE2")))
+
+
+def constant_inertia(matrix):
+    return Inertia(matrix, np.linalg.inv(matrix))
 
 
 def weighted(K, name="SO3"):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison import Window, compare
-from eqt_cli.analysis.comparison.records import claim_records
+from eqt_cli.analysis.comparison.records import records
 from eqt_cli.core.errors import EqtError
 from eqt_cli.results.metrics import decay_rate, largest_rise
 
@@ -39,6 +39,21 @@ def test_effect_sizes(torques):
     differences = -0.5 - 0.01 * NOISE**2
     assert pair.cohen_d == pytest.approx(differences.mean() / differences.std(ddof=1), rel=1e-9)
     assert pair.first_better == 1.0
+
+
+def test_pairs_with_different_lyapunov_functions_are_not_compared_by_them(make_result):
+    levels = make_result.constant(*(np.full(RUNS, level) for level in (1.0, 2.0, 3.0)))
+    signals = {"lyapunov": np.exp(-levels * make_result.times), "torque_norm": levels}
+    results = make_result(["eqt", "gt", "lee2010"], signals)
+    results.lyapunov_functions = {"eqt": "L₁", "gt": "L₁", "lee2010": "L₂"}
+    pairs = compare(results, metrics=["decay_rate", "mean_torque"]).pairs
+    compared = {(pair.first, pair.second, pair.measured.quantity.name) for pair in pairs}
+    assert compared == {
+        ("eqt", "gt", "decay_rate"),
+        ("eqt", "gt", "mean_torque"),
+        ("eqt", "lee2010", "mean_torque"),
+        ("gt", "lee2010", "mean_torque"),
+    }
 
 
 def test_ties_count_half(make_result):
@@ -181,7 +196,9 @@ def test_norms_with_mixed_units_are_compared_by_their_parts(make_result):
         ("mean_torque_rotation", "N m"),
         ("mean_torque_translation", "N"),
     ]
-    assert [(r["metric"], r["verdict"]) for r in claim_records(comparison) if "held" not in r] == [
+    assert [
+        (r["metric"], r["verdict"]) for r in records(comparison)["claims"] if "held" not in r
+    ] == [
         ("mean_torque_rotation", "supported"),
         ("mean_torque_translation", "supported"),
     ]
@@ -191,7 +208,7 @@ def test_claims_about_attitude_leave_translations_out(make_result):
     values = make_result.constant(1 + NOISE**2, 2 + NOISE**2)
     names = ("pose_error", "pose_error_rotation", "pose_error_translation")
     results = make_result(["gt", "eqt"], dict.fromkeys(names, values) | {"lyapunov": values})
-    claimed = [r["metric"] for r in claim_records(compare(results)) if "held" not in r]
+    claimed = [r["metric"] for r in records(compare(results))["claims"] if "held" not in r]
     assert claimed == ["mean_pose_error_rotation"]
 
 
@@ -202,7 +219,7 @@ def test_verdict_is_where_the_interval_lies(make_result, shift, verdict):
     eqt = NOISE - NOISE.mean() + 4 + shift
     values = make_result.constant(eqt, np.full(RUNS, 4.0))
     results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
-    (claim,) = (r for r in claim_records(compare(results)) if r["metric"] == "mean_torque")
+    (claim,) = (r for r in records(compare(results))["claims"] if r["metric"] == "mean_torque")
     assert claim["claim"].startswith("the EqT control requires less control action")
     assert claim["verdict"] == verdict
 
@@ -210,7 +227,7 @@ def test_verdict_is_where_the_interval_lies(make_result, shift, verdict):
 def test_too_few_pairs_decide_nothing(make_result):
     values = make_result.constant([1.0, 2, 3, 4], [2.0, 3.5, 4, 5])
     results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
-    (claim,) = (r for r in claim_records(compare(results)) if r["metric"] == "mean_torque")
+    (claim,) = (r for r in records(compare(results))["claims"] if r["metric"] == "mean_torque")
     assert (claim["verdict"], claim["runs_to_decide"]) == ("undecided", None)
     assert np.isnan(claim["low"])
 
@@ -218,7 +235,7 @@ def test_too_few_pairs_decide_nothing(make_result):
 def test_claims_turn_pairs_as_they_need_them(make_result):
     values = make_result.constant(NOISE**2 + 2, NOISE**2 + 1)
     results = make_result(["gt", "eqt"], {"torque_norm": values, "lyapunov": values})
-    (claim,) = (r for r in claim_records(compare(results)) if r["metric"] == "mean_torque")
+    (claim,) = (r for r in records(compare(results))["claims"] if r["metric"] == "mean_torque")
     assert (claim["first"], claim["second"]) == ("eqt", "gt")
     assert claim["difference"] == pytest.approx(-1, rel=1e-12)
     assert claim["low"] <= claim["difference"] <= claim["high"]
@@ -228,7 +245,7 @@ def test_claims_go_by_kind_and_not_by_label(make_result):
     values = make_result.constant(NOISE**2 + 1, NOISE**2 + 2)
     signals = {"torque_norm": values, "lyapunov": values}
     results = make_result(["mine", "gt"], signals, kinds=["eqt", "gt"])
-    assert [r["first"] for r in claim_records(compare(results)) if "held" not in r] == ["mine"]
+    assert [r["first"] for r in records(compare(results))["claims"] if "held" not in r] == ["mine"]
 
 
 def test_no_claims_about_other_controllers(make_result):
@@ -247,7 +264,7 @@ def test_claims_on_every_run(make_result, runs, rising, verdict):
     falling = np.exp(-make_result.times)
     values = np.tile(falling, (1, runs, 1))
     values[0, :rising, 5] = 1.1
-    (claim,) = claim_records(compare(make_result(["eqt"], {"lyapunov": values})))
+    (claim,) = records(compare(make_result(["eqt"], {"lyapunov": values})))["claims"]
     assert (claim["verdict"], claim["held"]) == (verdict, runs - rising)
 
 

@@ -38,6 +38,14 @@ ensemble: {runs: 7, seed: 1}
 time: {duration: 0.5, samples: 6}
 solver: {rtol: 1.0e-6, block: 3, cross_check: 2}
 """
+FLIGHT = """\
+plant: {inertia: {relative: {uniform: [-0.1, 0.1]}}}
+actuators: [{kind: limit, limit: {uniform: [0.8, 1.2]}}, {kind: lag, time_constant: 0.1}]
+control: {period: 0.1, delay: 1}
+sensors:
+  pose: [{kind: noise, std: 0.01}]
+  velocity: [{kind: bias, value: {normal: [0, 0.1]}, walk: 0.01}]
+"""
 SWEEP = """\
 sweep:
   - grid: {gains.kp: [1, 2, 4]}
@@ -412,7 +420,7 @@ def execute_without(name, *arguments, **options):
     with pytest.MonkeyPatch.context() as patch:
         known = result_layout.quantities
         patch.setattr(
-            result_layout, "quantities", lambda base: [q for q in known(base) if q.name != name]
+            result_layout, "quantities", lambda *of: [q for q in known(*of) if q.name != name]
         )
         execute(*arguments, **options)
 
@@ -456,7 +464,7 @@ def test_runs_of_a_lost_part_are_rows_with_a_status(make, tmp_path):
         assert np.isnan(results["effort"][1, :3]).all()
 
 
-@pytest.mark.parametrize("text", [CONFIG, CONFIG + SWEEP])
+@pytest.mark.parametrize("text", [CONFIG, CONFIG + SWEEP, CONFIG + FLIGHT])
 def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, tmp_path, text):
     execute(make(text), tmp_path / "whole")
     out = tmp_path / "out"
@@ -488,6 +496,25 @@ def test_rerun_failed_integrates_failed_runs_alone(make, tmp_path):
     assert not np.array_equal(before["effort"], after["effort"])
     # Both are within a few times the tolerance of the same solution.
     np.testing.assert_allclose(before["effort"], after["effort"], rtol=1e-4)
+
+
+def test_a_run_with_noise_is_the_same_alone_by_taylor(make, tmp_path):
+    """Neither its neighbours in a batch nor the law that waits for all of them changes it."""
+    pytest.importorskip("heyoka")
+    out = tmp_path / "out"
+    text = (CONFIG + FLIGHT).replace(
+        "rtol: 1.0e-6, block: 3, cross_check: 2", "engine: taylor, cross_check: 0, max_error: 1e-30"
+    )
+    assert execute(make(text), out).failed == 14
+    before = contents(out)
+    execute(make(text), out, rerun_failed=True)
+    assert_same(contents(out), before)
+
+
+def test_processes_give_the_same_bits_of_noisy_runs(make, tmp_path):
+    for name, executor in (("one", None), ("two", Local(2))):
+        execute(make(CONFIG + FLIGHT), tmp_path / name, executor=executor)
+    assert_same(contents(tmp_path / "two"), contents(tmp_path / "one"))
 
 
 def test_shards_and_pack_give_the_same_bits(make, whole, tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -22,3 +23,33 @@ TURNING = "['cos(500*t)', '-sin(500*t)', 0], ['sin(500*t)', 'cos(500*t)', 0], [0
 )
 def test_nearly_singular_is_not_singular(experiment: Build, inertia: str) -> None:
     assert experiment(inertia=inertia).name == "c"
+
+
+HEAVY = "[1, 1, 3]"
+"""The moments of no rigid body."""
+
+
+def test_an_inertia_that_no_rigid_body_has_is_remarked(experiment: Build) -> None:
+    [remark] = experiment(inertia=HEAVY).remarks
+    assert str(remark) == (
+        "c.yaml:2:1: inertia: no rigid body has it; its principal moments 1, 1 and 3 kg m² break "
+        "the triangle inequality: 1 + 1 < 3; correct it, or add `rigid: false` if more moves than "
+        "one rigid body"
+    )
+
+
+def test_it_is_not_remarked_of_what_is_said_not_to_be_rigid(experiment: Build) -> None:
+    assert experiment("rigid=false", inertia=HEAVY).remarks == []
+    assert experiment().remarks == []
+
+
+def test_the_remark_is_no_number_of_the_experiment(experiment: Build) -> None:
+    assert experiment("rigid=false").digest == experiment().digest
+
+
+@pytest.mark.parametrize("command", [["config", "check"], ["run"]], ids=" ".join)
+def test_commands_warn_and_go_on(command: list[str], experiment: Build, invoke: Any) -> None:
+    experiment(inertia=HEAVY)  # writes c.yaml
+    assert "break the triangle inequality: 1 + 1 < 3" in invoke(*command, "c.yaml").stderr
+    silenced = invoke(*command, "c.yaml", "--set", "rigid=false")
+    assert "triangle" not in silenced.stderr

@@ -125,7 +125,7 @@ def kinds(place: dict[str, Any]) -> dict[str, set[str]]:
 @pytest.mark.parametrize(
     ("registry", "path", "common"),
     [
-        (controllers, ["properties", "controllers", "items"], {"label"}),
+        (controllers, ["properties", "controllers", "items"], {"label", "gains"}),
         (references, ["properties", "reference"], set()),  # each says what it starts from
         (pose_distributions, ["$defs", "PoseDistribution"], set()),
         (

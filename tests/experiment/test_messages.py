@@ -82,7 +82,7 @@ def names(registry: Registry[Any]) -> str:
         (
             "controllers",
             "[{kind: eqt, gyroscopic: 1}]",
-            "c.yaml:5:27: controllers[0].gyroscopic: unknown key; known here: kind, label",
+            "c.yaml:5:27: controllers[0].gyroscopic: unknown key; known here: kind, label, gains",
         ),
         (
             "reference",

@@ -33,6 +33,19 @@ solver: {rtol: 1.0e-6, block: 2, cross_check: 1, error_estimate: false}
 """
 # Parts of 50 runs: 8 of them, of some tenths of a second each.
 RUN = CONFIG + "ensemble: {runs: 200, seed: 1}\n"
+# As it flies: every run has its own vehicle and noise.
+FLIGHT = """
+plant:
+  inertia: {relative: {uniform: [-0.1, 0.1]}}
+  forces: [{kind: gust, std: 0.1, time_constant: 1}]
+actuators: [{kind: limit, limit: {uniform: [0.8, 1.2]}}, {kind: lag, time_constant: 0.1}]
+control: {period: 0.1, delay: 1}
+sensors:
+  pose: [{kind: noise, std: 0.01}]
+  velocity: [{kind: noise, density: 0.01}, {kind: bias, value: {normal: [0, 0.1]}, walk: 0.01}]
+"""
+FLYING = RUN + FLIGHT
+FLYING_COMPILED = FLYING.replace("rtol: 1.0e-6, block: 2", "engine: taylor, rtol: 1.0e-6")
 SWEEP = (
     CONFIG
     + "ensemble: {runs: 15, seed: 1}\n"

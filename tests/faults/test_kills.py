@@ -10,15 +10,35 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
-from faults_harness import RUN, SWEEP, Session, assert_equal, check_left_over, contents, parts
+from faults_harness import (
+    FLYING,
+    FLYING_COMPILED,
+    RUN,
+    SWEEP,
+    Session,
+    assert_equal,
+    check_left_over,
+    contents,
+    parts,
+)
 
 FULL = os.environ.get("EQT_FAULTS") == "full"
 MOST_SESSIONS = 60
 MOST_WORKER_KILLS = 2
 """In one session: a part whose worker is lost three times is given up, which is another test."""
 
-# command, options, who is killed, how often
+CONFIGURATIONS = {
+    "run": RUN,
+    "sweep": SWEEP,
+    "flight": FLYING,
+    "compiled flight": FLYING_COMPILED,
+}
+
+# configuration, options, who is killed, how often
 SCENARIOS = [
+    ("flight", ["--executor", "serial"], "coordinator", 10),
+    ("flight", ["--executor", "local", "--workers", "2"], "worker", 10),
+    ("compiled flight", ["--executor", "local", "--workers", "2"], "coordinator", 10),
     ("run", ["--executor", "serial"], "coordinator", 8),
     ("sweep", ["--executor", "serial"], "coordinator", 8),
     ("run", ["--executor", "local", "--workers", "2"], "coordinator", 6),
@@ -41,34 +61,38 @@ def reference(tmp_path_factory):
     """Results and durations of uninterrupted runs, each computed once."""
     known = {}
 
-    def find(command):
-        if command not in known:
-            folder = tmp_path_factory.mktemp(command)
+    def find(which):
+        if which not in known:
+            folder = tmp_path_factory.mktemp("reference")
             config = folder / "config.yaml"
-            config.write_text(RUN if command == "run" else SWEEP, encoding="utf-8")
+            config.write_text(CONFIGURATIONS[which], encoding="utf-8")
             out = folder / "out"
-            session = Session(command, config, out, ["--executor", "serial"])
+            session = Session(_command(which), config, out, ["--executor", "serial"])
             session.wait_for_start()
             started = time.monotonic()
             session.finish()
-            known[command] = config, contents(out / "results.h5"), time.monotonic() - started
-        return known[command]
+            known[which] = config, contents(out / "results.h5"), time.monotonic() - started
+        return known[which]
 
     return find
 
 
+def _command(which):
+    return "sweep" if which == "sweep" else "run"
+
+
 @pytest.mark.parametrize(
-    ("command", "options", "victim", "kills"),
+    ("which", "options", "victim", "kills"),
     SCENARIOS,
-    ids=[f"{command}-{options[1]}-{victim}" for command, options, victim, _ in SCENARIOS],
+    ids=[f"{which}-{options[1]}-{victim}" for which, options, victim, _ in SCENARIOS],
 )
-def test_kills_lose_nothing_and_change_nothing(
-    reference, tmp_path, command, options, victim, kills
-):
+def test_kills_lose_nothing_and_change_nothing(reference, tmp_path, which, options, victim, kills):
     if "dask" in options and not find_spec("distributed"):
         pytest.skip("needs the extra dask")
-    config, expected, duration = reference(command)
-    rng = random.Random(f"{command} {options} {victim}")
+    if "compiled" in which:
+        pytest.importorskip("heyoka")
+    config, expected, duration = reference(which)
+    command, rng = _command(which), random.Random(f"{which} {options} {victim}")
     wanted = kills if FULL else max(1, kills // 5)
     strike = _strike_coordinator if victim == "coordinator" else _strike_workers
     done = finished = 0

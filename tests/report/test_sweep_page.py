@@ -42,14 +42,35 @@ def test_every_point_of_every_controller_is_in_the_table(results):
     assert row[3 + place] == float(f"{results['effort'][1, 1].mean():.6g}")
 
 
-def test_failed_runs_are_counted_and_left_out_of_means(results, monkeypatch):
+def test_a_point_at_which_runs_failed_counts_them_and_has_no_means(results, monkeypatch):
     status = results["status"]
     status[2, 0, :2] = 1
     monkeypatch.setattr(results, "status", status)
     (row,) = (row for row in point_table(results)["rows"] if row[:2] == [0, 2])
     place = [column["name"] for column in point_table(results)["columns"]].index("largest ‖τ‖")
     assert row[2] == "2 of 5 failed"
-    assert row[3 + place] == float(f"{results['peak_torque'][2, 0, 2:].mean():.6g}")
+    assert row[3 + place] is None
+
+
+def test_a_point_of_which_few_runs_settle_is_judged_by_all(results, monkeypatch):
+    settling = np.full_like(results["settling_time"], np.nan)
+    settling[..., 0] = 0.5
+    read = results.read
+    monkeypatch.setattr(
+        results,
+        "read",
+        lambda name, **at: settling if name == "settling_time" else read(name, **at),
+    )
+    expected = (0.5 + (results.runs - 1) * results.horizon) / results.runs
+    assert results.means("settling_time") == pytest.approx(np.full((6, 4), expected))
+
+
+def test_the_best_point_is_one_at_which_no_run_failed(results, monkeypatch):
+    status, best = results["status"], int(np.argmin(results["effort"].mean(axis=-1)[:, 0]))
+    status[best, 0, 0] = 1
+    monkeypatch.setattr(results, "status", status)
+    (block,) = (b for b in best_points(results).blocks if b.title.startswith("effort"))
+    assert block.rows[0][1] != str(best)
 
 
 def test_the_best_point_has_the_least_mean(results):

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 from eqt_cli.api import open_results
+from eqt_cli.closed_loop.signals import compute
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.experiment.build import build
 from eqt_cli.groups import group_named
+from eqt_cli.results.metrics import energy_residual
 from eqt_cli.vehicle.sensors.bias import Bias
 from eqt_cli.vehicle.sensors.noise import Noise
 
@@ -167,13 +169,20 @@ def test_blocks_of_solve_ivp_are_what_they_were_together(solved):
     np.testing.assert_array_equal(second.states, together.states[4:8])
 
 
-def test_the_law_is_told_what_is_measured(solved):
+@pytest.mark.parametrize(
+    ("kind", "offset"), [("velocity", [0.1, 0.0, 0.0]), ("pose", [0.0, 0.3, -0.2])]
+)
+def test_the_law_is_told_what_is_measured(solved, kind, offset):
     text = with_engine(LOOP + "time: {duration: 1, samples: 2}\n", "solve_ivp")
-    sensors = "sensors: {velocity: [{kind: bias, value: [0.1, 0, 0]}]}\n"
+    sensors = f"sensors: {{{kind}: [{{kind: bias, value: {offset}}}]}}\n"
     problem, solution = solved(f"{text}control: {{period: 1}}\n{sensors}")
     s = problem.loop.tracking(problem.times, solution.states)
     Q, V, Qd, Vd = (part[:, 0] for part in (s.Q, s.V, s.Qd, s.Vd))
-    told = problem.loop.initial_state(Q, V + np.array([0.1, 0, 0]), Qd, Vd)
+    if kind == "pose":
+        Q = Q @ SO3.exp(np.array(offset))
+    else:
+        V = V + np.array(offset)
+    told = problem.loop.initial_state(Q, V, Qd, Vd)
     expected = problem.loop.controller.torque(problem.loop.tracking(0.0, told))
     np.testing.assert_allclose(problem.loop.command(s)[:, 0], expected, rtol=0, atol=1e-13)
 
@@ -208,6 +217,24 @@ def test_the_law_is_told_what_is_measured(solved):
             "sensors.velocity[0].std: expected no negative standard deviation, got -0.1",
         ),
         (
+            "control: {period: 0.1}\nsensors: {pose: [{kind: noise, std: {normal: [-0.1, 0.01]}}]}",
+            "sensors.pose[0].std: expected no negative standard deviation, got -0.1",
+        ),
+        (
+            "control: {period: 0.1}\n"
+            "sensors: {pose: [{kind: bias, walk: [0, 0, {uniform: [-1, 1]}]}]}",
+            "sensors.pose[0].walk: expected no negative standard deviation, got -1",
+        ),
+        (
+            "control: {period: 1.0e-7}",
+            "control.period: expected at least 1e-06 s, for at most 1,000,000 instants in 1 s; "
+            "got 1e-07",
+        ),
+        (
+            "closing_window: 2",
+            "closing_window: expected a number of at most 1, got 2",
+        ),
+        (
             "control: {period: 0.1}\nsensors: {velocity: [noise]}",
             "sensors.velocity[0]: expected std or density, got neither",
         ),
@@ -240,3 +267,34 @@ def test_shards_give_the_result_of_one_run(tmp_path, invoke):
         assert {"command", "at_limit", "settled", "saturated_share"} <= set(one.names)
         for name in ("pose", "torque", "command", "at_limit", "closing_pose_error"):
             np.testing.assert_array_equal(other[name], one[name])
+
+
+HELD = """actuators:
+  - {kind: quantisation, resolution: 0.05}
+  - {kind: deadband, width: 0.07}
+  - {kind: momentum_limit, momentum: 0.3}
+  - {kind: rate_limit, rate: 2.0}
+"""
+
+
+def test_engines_agree_on_what_acts_at_instants(solved):
+    pytest.importorskip("heyoka")
+    text = LOOP + "time: {duration: 2, samples: 21}\ncontrol: {period: 0.1}\n" + HELD
+    found = [solved(with_engine(text, engine)) for engine in ENGINES]
+    torques = [p.loop.torque(p.loop.tracking(p.times, s.states)) for p, s in found]
+    # A command within 1e-9 of a step or of the width would tell them apart; none is here.
+    np.testing.assert_allclose(*torques, rtol=0, atol=1e-7)
+    assert np.abs(np.cumsum(torques[0][:, :-1], axis=1) * 0.1).max() > 0.2
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_energy_balance_of_a_sampled_law_with_memory(solved, engine):
+    text = NOISY.replace("[eqt]", "[{kind: goodarzi2013, bound: 0.5}]").replace(
+        "duration: 2", "duration: 4"
+    )
+    problem, solution = solved(with_engine(text, engine), label="goodarzi2013")
+    found = compute(problem.batched_loop(extra_axes=1), problem.times, solution.states)
+    L, balance = found["lyapunov"], found["energy_balance"]
+    assert np.abs(L[:, -1] - L[:, 0]).min() > 1e-3
+    # As the certificate allows: 100 rtol.
+    assert energy_residual(problem.times, L, balance).max() < 1e-7

@@ -11,7 +11,10 @@ from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.vehicle.actuators.lag import Lag
 from eqt_cli.vehicle.actuators.limit import Limit
+from eqt_cli.vehicle.actuators.momentum_limit import MomentumLimit
+from eqt_cli.vehicle.actuators.quantisation import Quantisation
 from eqt_cli.vehicle.forces.drag import Drag
+from eqt_cli.vehicle.forces.gravity_gradient import GravityGradient
 from eqt_cli.vehicle.forces.gust import SINES, Gust
 from eqt_cli.vehicle.forces.restoring import Restoring
 from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia
@@ -80,6 +83,44 @@ def test_a_limit_cuts_along_each_axis_or_keeps_the_direction():
     np.testing.assert_allclose(cut, command / np.linalg.norm(command), atol=ROUNDING)
 
 
+def test_quantisation_gives_the_nearest_multiple():
+    part, none = Quantisation(resolution=[0.1, 0.25, 1.0]), np.zeros((1, 0))
+    command = np.array([[0.26, -0.4, 1234.4]])
+    found = part.output(SO3, command, none, part.numbers(SO3, None))
+    np.testing.assert_allclose(found, [[0.3, -0.5, 1234.0]], rtol=2 * ROUNDING)
+
+
+def test_wheels_take_up_what_they_can():
+    part, command = MomentumLimit(momentum=1.0), np.array([[0.4, -3.0, 0.0]])
+    given, x, taken = part.numbers(SO3, None), np.zeros((1, 6)), []
+    for _ in range(8):
+        x = part.step(SO3, command, x, given, period=0.5)
+        taken.append(part.output(SO3, command, x, given)[0])
+    # 5 periods of 0.4 · 0.5 are 1; the second axis is full after one period of 2.
+    expected = [[0.4, -2.0, 0.0], *[[0.4, 0.0, 0.0]] * 4, *[[0.0, 0.0, 0.0]] * 3]
+    np.testing.assert_allclose(taken, expected, rtol=0, atol=10 * ROUNDING)
+    assert part.at_limit(SO3, command, x, given).all()
+
+
+@pytest.mark.parametrize("G", [SO3, SE3], ids=lambda G: G.name)
+def test_gravity_gradient_is_the_torque_of_point_masses(G):
+    """Two masses on a rod, and gravity μ r / |r|³ on each: the torque to first order in 1/|r|."""
+    ends, mass, orbit, n = np.array([[0.3, 0.4, 1.2], [-0.3, -0.4, -1.2]]), 2.0, 1e6, 0.02
+    inertia = mass * sum(np.eye(3) * (r @ r) - np.outer(r, r) for r in ends)
+    force, t = GravityGradient(rate=n, inertia=inertia.tolist()), 17.0
+    Q = G.exp(np.array([[0.3, -0.2, 0.5, 0, 0, 0]])[:, : G.dimension])
+    R, centre = Q[0, :3, :3], orbit * np.array([np.cos(n * t), np.sin(n * t), 0.0])
+    expected = np.zeros(3)
+    for r in ends:
+        place = centre + R @ r
+        pull = -(n**2) * orbit**3 * mass * place / np.linalg.norm(place) ** 3
+        expected += np.cross(r, R.T @ pull)
+    found = acting(force, G, Q, np.zeros((1, G.dimension)), t)[0]
+    # The next order is 1.3/1e6 of it; forces of 800 N on arms of a metre cancel but for 1e-3.
+    np.testing.assert_allclose(found[:3], expected, rtol=1e-5, atol=1e-10)
+    assert not found[3:].any()
+
+
 def test_a_lag_follows_its_command():
     lag = Lag(time_constant=0.5)
     rate = lag.state_rate(SO3, np.ones((1, 3)), np.full((1, 3), 0.25), lag.numbers(SO3, None))
@@ -126,7 +167,7 @@ def test_numbers_that_must_be_positive_are_drawn_until_they_are():
         (
             "actuators: [{kind: limiter}]",
             "actuators[0].kind: unknown actuator 'limiter'; did you mean 'limit'? "
-            "known: deadband, lag, limit, rate_limit",
+            "known: deadband, lag, limit, momentum_limit, quantisation, rate_limit",
         ),
         (
             "actuators: [{kind: limit, limit: {uniform: [2, 1]}}]",
@@ -161,3 +202,31 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
     with pytest.raises(EqtError) as caught:
         build(read_config(path))
     assert str(caught.value).split(": ", 1)[1] == message
+
+
+@pytest.mark.parametrize(
+    ("limit", "warning"),
+    [
+        (
+            "limit: [1, 0.2, 1]",
+            "actuators[0]: limit gives 0.2, and the reference alone takes 0.3 at t = 1 s; "
+            "no law can follow it there",
+        ),
+        (
+            "limit: 0.4, norm: true",
+            "actuators[0]: limit gives 0.4, and the reference alone takes 0.5 at t = 1 s; "
+            "no law can follow it there",
+        ),
+        ("limit: [0.5, 0.3, 1]", None),
+    ],
+)
+def test_a_limit_below_what_the_reference_takes_is_warned_of(tmp_path, invoke, limit, warning):
+    path = tmp_path / "c.yaml"
+    text = CONFIG.replace("torque: [0, 0, 0]", "torque: [0.4*t, -0.3*t, 0]")
+    path.write_text(
+        text.format(f"actuators: [{{kind: limit, {limit}}}]\nensemble: {{runs: 1}}"),
+        encoding="utf-8",
+    )
+    for arguments in (("config", "check", path), ("run", path, "--out", tmp_path / "out")):
+        said = invoke(*arguments).stderr.splitlines()
+        assert [line for line in said if "actuators" in line] == [f"eqt: {warning}"] * bool(warning)

@@ -15,6 +15,7 @@ from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.mechanics.critical_points import CriticalSet, critical_sets
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.navigation import hessian_at_identity
+from eqt_cli.mechanics.rigid_body import not_rigid
 
 INSTANTS = 1001
 """How many instants of the horizon a varying inertia is looked at."""
@@ -115,6 +116,20 @@ class InertiaBounds(Hypothesis):
         _, verdict = _over_horizon(np.maximum(rates, eigenvalues.max(axis=-1)))
         remark = f"{eigenvalues.min():.3g} ≤ 𝕀 ≤ {eigenvalues.max():.3g} on the horizon"
         return [self.row(verdict, float(rates.max()), remark=remark)]
+
+
+class RigidBody(Hypothesis):
+    """The inertia can be a rigid body's, which no theorem asks for; a row where it cannot."""
+
+    name: ClassVar[str] = "𝕀 is a rigid body's"
+    statement: ClassVar[str] = "triangle inequality"
+    section: ClassVar[float] = 3.21
+
+    def check(self, setting: Setting) -> list[Row]:
+        """The principal moments that break the inequality."""
+        loop = setting.loop
+        broken = not_rigid(loop.group, loop.inertia, float(setting.times[-1]))
+        return [self.row(Verdict.VIOLATED, remark=broken)] if broken and setting.rigid else []
 
 
 class PoseBounded(Hypothesis):

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
+from eqt_cli.analysis.evidence.approach import LEFT, Approach, approach
 from eqt_cli.analysis.evidence.runs import ENERGY_PER_RTOL, STATES_PER_RTOL, Runs, largest
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.metrics import ENERGY_SCALE
@@ -107,53 +108,91 @@ class LyapunovDecrease(LyapunovCheck):
 
 
 class Convergence(LyapunovCheck):
-    """An error that tends to 0: within the settling threshold at the horizon, or still under way.
+    """An error that tends to 0: it has decayed at the horizon, or is still under way, or stays.
 
     A finite horizon cannot refute a limit; only a growing L does.
     """
 
-    def arrived(self, runs: Runs, final: Array) -> Row:
-        """Count the runs that are not there yet, and say how fast L decays."""
+    def arrived(self, runs: Runs, final: Array, near: Array, found: Approach | None) -> Row:
+        """Count the runs that are not there yet, and say how fast L decays, and what stays.
+
+        Parameters
+        ----------
+        final
+            What is measured of every run.
+        near
+            Which runs are within the bound.
+        found
+            How the errors end of the runs whose trajectories are kept.
+        """
         label = runs.label
         if not len(final):
             return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=label)
-        late = int(np.count_nonzero(~(final <= runs.threshold)))
+        arrived = near.copy()
+        if found is not None:
+            arrived[: len(found.arrived)] &= found.arrived
+        late = int(np.count_nonzero(~arrived))
         rate, span = runs.decay_rate(), float(runs.times[-1] - runs.times[0])
         claimed = runs.claims_decrease and np.isfinite(rate)
-        decay = f"L decays at {rate:.2g} 1/s (median)" if claimed else ""
-        counted = f"{late} of {len(final)} runs not there at {runs.times[-1]:g} s" if late else ""
-        remark = "; ".join(part for part in (counted, decay, runs.remark) if part)
+        remark = _joined(
+            f"{late} of {len(final)} runs not there at {runs.times[-1]:g} s" if late else "",
+            found.offsets if found else "the result holds no trajectories",
+            f"L decays at {rate:.2g} 1/s (median)" if claimed else "",
+            runs.remark,
+        )
         if runs.departures:
-            verdict, remark = (
-                Verdict.NOT_COVERED,
-                "; ".join(filter(None, (runs.departures, remark))),
-            )
-        elif not late:
+            verdict, remark = Verdict.NOT_COVERED, _joined(runs.departures, remark)
+        elif not late and found is not None:
             verdict = Verdict.HOLDS
         elif not runs.claims_decrease:
             verdict = Verdict.UNCLAIMED
         else:
             verdict = Verdict.FAILS if rate * span / 2 < -GROWTH else Verdict.UNDECIDED
-        return self.row(verdict, largest(final), runs.threshold, remark, label)
+        return self.row(verdict, largest(final), self.bound(runs), remark, label)
+
+    @abstractmethod
+    def bound(self, runs: Runs) -> float | None:
+        """What the measured error must not exceed; None where there is no scale for it."""
 
 
 class PoseConvergence(Convergence):
-    """‖I − Q_E‖_F at the horizon."""
+    """‖I − Q_E‖_F at the horizon: below the settling threshold, and little of what it was."""
 
     name: ClassVar[str] = "Q → Q_d"
     section: ClassVar[float] = 6.32
 
     def judge(self, runs: Runs) -> Row:
         """The final pose errors."""
-        return self.arrived(runs, runs.final_pose_error)
+        final, errors = runs.final_pose_error, runs.pose_error
+        found = None if errors is None else approach(runs.times, errors, runs.rtol, 1.0)
+        return self.arrived(runs, final, final <= runs.threshold, found)
+
+    def bound(self, runs: Runs) -> float | None:
+        """The settling threshold."""
+        return runs.threshold
 
 
 class MomentumConvergence(Convergence):
-    """‖V − V_d‖ at the horizon, which vanishes with P − P_d = 𝕀(V − V_d)."""
+    """‖V − V_d‖ at the horizon, as a part of its largest value in the run.
+
+    It vanishes with P − P_d = 𝕀(V − V_d), and has the scale of the run, whatever its units.
+    """
 
     name: ClassVar[str] = "P → P_d"
     section: ClassVar[float] = 6.33
 
     def judge(self, runs: Runs) -> Row:
-        """The final velocity errors."""
-        return self.arrived(runs, runs.final_velocity_error)
+        """The velocity errors."""
+        final, errors = runs.final_velocity_error, runs.velocity_error
+        if errors is None:
+            return self.arrived(runs, final, np.isfinite(final), None)
+        found = approach(runs.times, errors, runs.rtol, runs.desired_speed)
+        return self.arrived(runs, found.left, found.arrived, found)
+
+    def bound(self, runs: Runs) -> float | None:
+        """The part that may be left."""
+        return None if runs.velocity_error is None else LEFT
+
+
+def _joined(*remarks: str) -> str:
+    return "; ".join(filter(None, remarks))

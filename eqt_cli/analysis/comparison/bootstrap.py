@@ -28,6 +28,25 @@ _CHUNK = 4_000_000
 
 
 @dataclass(frozen=True)
+class Resampling:
+    """How intervals are found.
+
+    Attributes
+    ----------
+    confidence
+        The share of repeated experiments whose interval would hold the true mean, such as 0.95.
+    resamples
+        How often runs are drawn, with replacement; limited by `MOST_DRAWS`.
+    seed
+        Of NumPy's PCG64DXSM.
+    """
+
+    confidence: float = 0.95
+    resamples: int = 9999
+    seed: int = 0
+
+
+@dataclass(frozen=True)
 class Intervals:
     """Means of columns with their intervals; NaN where a column has fewer than `FEWEST` values.
 
@@ -44,9 +63,7 @@ class Intervals:
     resamples: int
 
 
-def intervals_of_means(
-    columns: Array, *, confidence: float, resamples: int, seed: int
-) -> Intervals:
+def intervals_of_means(columns: Array, how: Resampling) -> Intervals:
     """Expanded BCa intervals of the mean of every column.
 
     Bias-corrected and accelerated (Efron 1987), with the normal quantiles z replaced by
@@ -58,15 +75,9 @@ def intervals_of_means(
     ----------
     columns : (runs, columns)
         One row per run; NaN where a column has no value.
-    confidence
-        The share of repeated experiments whose interval would hold the true mean, such as 0.95.
-    resamples
-        How often runs are drawn, with replacement; limited by `MOST_DRAWS`.
-    seed
-        Of NumPy's PCG64DXSM.
     """
     runs = len(columns)
-    resamples = min(resamples, max(FEWEST_RESAMPLES, MOST_DRAWS // max(runs, 1)))
+    resamples = min(how.resamples, max(FEWEST_RESAMPLES, MOST_DRAWS // max(runs, 1)))
     valid = np.isfinite(columns)
     count = valid.sum(axis=0)
     filled = np.where(valid, columns, 0.0)
@@ -81,8 +92,8 @@ def intervals_of_means(
     varying = np.flatnonzero((count >= FEWEST) & (spread > 0))
     if varying.size:
         # Deviations rather than values, for the accuracy of sums.
-        drawn = _resampled_means(deviations[:, varying], valid[:, varying], resamples, seed)
-        offsets = _bca(deviations[:, varying], count[varying], drawn, confidence)
+        drawn = _resampled_means(deviations[:, varying], valid[:, varying], resamples, how.seed)
+        offsets = _bca(deviations[:, varying], count[varying], drawn, how.confidence)
         low[varying] += offsets[0]
         high[varying] += offsets[1]
     return Intervals(mean, low, high, resamples)

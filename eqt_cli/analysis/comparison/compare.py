@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.claims import AtMost, Less, claim_sets
 from eqt_cli.analysis.comparison.pairs import Level, Pair, statistics
 from eqt_cli.analysis.comparison.verdicts import (
@@ -16,12 +17,10 @@ from eqt_cli.analysis.comparison.verdicts import (
     measured_by,
 )
 from eqt_cli.core.errors import EqtError
-from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import PerRun, Result
 from eqt_cli.results.time_windows import WHOLE, Window
-
-CONFIDENCE, RESAMPLES, SEED = 0.95, 9999, 0
 
 _Key = tuple[str, Window]
 
@@ -46,6 +45,8 @@ class Comparison:
         One row per claim and measure; empty where no claim applies.
     lyapunov_functions
         Which function L is, by label; empty where it is the same one for all.
+    not_matched
+        Labels of laws with gains of their own.
     missing
         What could not be computed, and why.
     confidence, resamples, seed
@@ -63,6 +64,7 @@ class Comparison:
     pairs: list[Pair]
     judgements: list[Judgement]
     lyapunov_functions: dict[str, str]
+    not_matched: list[str]
     missing: list[str]
     confidence: float
     resamples: int
@@ -74,9 +76,7 @@ def compare(
     *,
     metrics: Sequence[str] = (),
     windows: Sequence[Window] = (),
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
-    seed: int = SEED,
+    how: Resampling = Resampling(),  # noqa: B008  # it is frozen
 ) -> Comparison:
     """Compare the controllers of a result, run by run on the same initial states.
 
@@ -88,20 +88,19 @@ def compare(
         Names of measures; a choice of all there are if empty. Claims are tested on theirs anyway.
     windows
         Over which measures that have windows are taken; each its own if empty.
-    confidence
-        Of every interval by itself; they do not hold all at once.
-    resamples, seed
-        Of the bootstrap.
+    how
+        The intervals are found; each holds by itself, and not all at once.
 
     Raises
     ------
     EqtError
         If a metric or window does not exist, the result holds too little, or it is a sweep.
     """
-    if not 0 < confidence < 1:
-        raise EqtError(f"confidence {confidence:g}: expected a number between 0 and 1, as 0.95")
-    if resamples < 1:
-        raise EqtError(f"resamples {resamples}: expected at least 1")
+    if not 0 < how.confidence < 1:
+        expected = "expected a number between 0 and 1, as 0.95"
+        raise EqtError(f"confidence {how.confidence:g}: {expected}")
+    if how.resamples < 1:
+        raise EqtError(f"resamples {how.resamples}: expected at least 1")
     result.single("controllers are compared within one experiment")
     chosen = _chosen(result, metrics, windows)
     claimed = _claimed(result)
@@ -109,14 +108,8 @@ def compare(
     for measure, window in [*chosen, *claimed]:
         wanted.setdefault((measure.name, window.within(result.times)), measure)
     samples = {key: result.per_run(measure, key[1]) for key, measure in wanted.items()}
-    levels, pairs, resamples = statistics(
-        list(samples.values()),
-        result.labels,
-        result.good,
-        confidence=confidence,
-        resamples=resamples,
-        seed=seed,
-    )
+    measured = list(samples.values())
+    levels, pairs, resamples = statistics(measured, result.labels, result.good, how)
     shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
     return Comparison(
         title=result.title,
@@ -127,14 +120,22 @@ def compare(
         failed=result.failed,
         horizon=float(result.times[-1] - result.times[0]),
         levels=[level for level in levels if _key(level.measured) in shown],
-        pairs=[pair for pair in pairs if _key(pair.measured) in shown],
-        judgements=_judgements(result, samples, pairs, confidence),
+        pairs=[p for p in pairs if _key(p.measured) in shown and _same_measure(result, p)],
+        judgements=_judgements(result, samples, pairs, how.confidence),
         lyapunov_functions=result.lyapunov_functions,
+        not_matched=result.not_matched,
         missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
-        confidence=confidence,
+        confidence=how.confidence,
         resamples=resamples,
-        seed=seed,
+        seed=how.seed,
     )
+
+
+def _same_measure(result: Result, pair: Pair) -> bool:
+    """Whether the two are measured by the same number: laws may have an L of their own."""
+    functions = result.lyapunov_functions
+    same = functions.get(pair.first) == functions.get(pair.second)
+    return same or "lyapunov" not in pair.measured.quantity.signals
 
 
 def _key(measured: PerRun) -> _Key:
@@ -160,11 +161,12 @@ def _chosen(
 
 def _defaults(result: Result) -> list[tuple[Quantity, Window]]:
     """What is compared unless a user chooses; parts instead of norms with mixed units."""
+    early = result.quantity("early_torque").window
     return [
         (quantity, window)
         for base in METRICS
         for quantity in result.by_parts(base.name)
-        for window in base.compared
+        for window in (early if window == EARLY else window for window in base.compared)
         if result.covers(quantity, window)
     ]
 

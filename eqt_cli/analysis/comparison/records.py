@@ -12,19 +12,16 @@ from eqt_cli.results.result import PerRun
 Record = dict[str, Any]
 
 
-def controller_records(comparison: Comparison) -> list[Record]:
-    """One record per measure and controller."""
-    return [_level(level) for level in comparison.levels]
+def records(comparison: Comparison) -> dict[str, list[Record]]:
+    """Every table by name: a record per measure and controller, or pair, or claim.
 
-
-def pair_records(comparison: Comparison) -> list[Record]:
-    """One record per measure and pair of controllers; differences are first minus second."""
-    return [_pair(pair) for pair in comparison.pairs]
-
-
-def claim_records(comparison: Comparison) -> list[Record]:
-    """One record per claim and measure."""
-    return [_judgement(judgement) for judgement in comparison.judgements]
+    Differences are first minus second.
+    """
+    return {
+        "controllers": [_level(level) for level in comparison.levels],
+        "pairs": [_pair(pair) for pair in comparison.pairs],
+        "claims": [_judgement(judgement) for judgement in comparison.judgements],
+    }
 
 
 def _what(measured: PerRun) -> Record:
@@ -53,6 +50,7 @@ def _pair(pair: Pair) -> Record:
         **_what(pair.measured),
         **_fields(pair, "first", "second", "pairs", "failed", "undefined", "censored"),
         **_fields(pair, "difference", "low", "high", "relative", "cohen_d", "first_better"),
+        **({} if pair.p_value is None else {"p_value": pair.p_value}),
         "runs_to_decide": pair.runs_to_decide,
     }
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
@@ -45,8 +46,14 @@ class Runs:
         How many runs have no end.
     departures
         What the loop holds of which the theorems do not speak, in words.
+    flight
+        Runs of a loop that is not ideal, as they were integrated.
     energy, theorem
         Which function L is, and where it is shown to fall.
+    pose_error, velocity_error : (runs, samples) or None
+        Over time, of the runs whose trajectories are kept; None where none are.
+    desired_speed
+        The largest ‖V_d‖.
     """
 
     label: str
@@ -62,8 +69,12 @@ class Runs:
     error_system: float | None
     failed: int = 0
     departures: str = ""
+    flight: Flight | None = None
     energy: str = Controller.energy
     theorem: str = Controller.theorem
+    pose_error: Array | None = None
+    velocity_error: Array | None = None
+    desired_speed: float = 0.0
 
     @property
     def own_function(self) -> str:
@@ -113,12 +124,15 @@ class Setting:
         The horizon.
     desired_pose, desired_velocity : (samples, …)
         Q_d and V_d along it.
+    rigid
+        Whether the inertia is said to be a rigid body's.
     """
 
     loops: dict[str, ClosedLoop]
     times: Array
     desired_pose: Array
     desired_velocity: Array
+    rigid: bool = True
 
     @property
     def loop(self) -> ClosedLoop:

@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from eqt_cli.cli.shared.output import duration
+from eqt_cli.cli.shared.output import duration, say
 
 SHOW_AFTER = 1.0
 """s; shorter work shows nothing."""
@@ -21,10 +21,17 @@ GUESS_AFTER = 0.02
 
 
 class Meter:
-    """Counts runs; without more, it shows nothing."""
+    """Counts runs; without more, it shows nothing.
+
+    Attributes
+    ----------
+    note
+        What else is told beside the numbers, such as the best that was found so far.
+    """
 
     def __init__(self, total: int, what: str = "runs") -> None:
         self.total, self.what, self.done, self.found = total, what, 0.0, 0.0
+        self.note = ""
         self.started = time.monotonic()
 
     def __call__(self, runs: float) -> None:
@@ -90,10 +97,11 @@ class _Bar(Meter):
             BarColumn(),
             TextColumn("{task.fields[rate]}"),
             TextColumn("{task.fields[left]}"),
+            TextColumn("{task.fields[note]}"),
             console=Console(stderr=True),
             transient=True,
         )
-        self.task = self.bar.add_task(what, total=total, rate="", left="")
+        self.task = self.bar.add_task(what, total=total, rate="", left="", note="")
         self.shown = False
 
     def show(self) -> None:
@@ -101,7 +109,9 @@ class _Bar(Meter):
         if not self.shown and time.monotonic() > self.started + SHOW_AFTER:
             self.bar.start()
             self.shown = True
-        self.bar.update(self.task, completed=self.done, rate=self.speed, left=self.left)
+        self.bar.update(
+            self.task, completed=self.done, rate=self.speed, left=self.left, note=self.note
+        )
 
 
 class _Lines(Meter):
@@ -115,5 +125,5 @@ class _Lines(Meter):
         if now < self.next_line or self.done < self.found + 1:
             return
         self.next_line = now + LINE_EVERY
-        told = [f"{self.done:.0f}/{self.total} {self.what}", self.speed, self.left]
-        print(", ".join(filter(None, told)), file=sys.stderr, flush=True)
+        told = [f"{self.done:.0f}/{self.total} {self.what}", self.speed, self.left, self.note]
+        say(", ".join(filter(None, told)))

@@ -29,7 +29,15 @@ from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
 from eqt_cli.core.errors import EqtError, TraceError
 from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
-from eqt_cli.engines.base import Engine, Problem, Progress, SampledFunction, Solution, Status
+from eqt_cli.engines.base import (
+    Engine,
+    Problem,
+    Progress,
+    SampledFunction,
+    Solution,
+    Span,
+    Status,
+)
 from eqt_cli.engines.taylor.evaluation import CompiledFunction, compiled_function
 from eqt_cli.engines.taylor.switching import AtOnce, Comparisons, Crossing, Switchboard, recording
 
@@ -119,25 +127,26 @@ class Taylor(Engine):
         parameters = _parameter_rows(problem)
         solution = Solution.unfilled(problem)
         lanes = compiled.integrator.batch_size
-        batches = iter(range(0, problem.runs, lanes))
+        groups = iter(_groups(problem, lanes, workers))
         lock = threading.Lock()
+
+        def report(runs: float) -> None:
+            with lock:
+                progress(runs)
 
         def work() -> None:
             own = copy.deepcopy(compiled)
             while True:
                 with lock:
-                    start = next(batches, None)
-                if start is None:
+                    runs = next(groups, None)
+                if runs is None:
                     return
-                runs = np.arange(start, min(start + lanes, problem.runs))
-                self._solve_batch(own, problem, parameters, runs, solution)
-                with lock:
-                    progress(len(runs))
+                self._solve_group(own, problem, parameters, runs, solution, report)
 
         if workers == 1:
             work()
         else:
-            _in_threads(work, min(workers, -(-problem.runs // lanes)), batches, lock)
+            _in_threads(work, min(workers, -(-problem.runs // lanes)), groups, lock)
         return solution
 
     def evaluate(
@@ -147,82 +156,71 @@ class Taylor(Engine):
         compiled = _compiled_samples(function, problem.loop) if self.code == "full" else None
         if compiled is None:
             return super().evaluate(function, problem, states)
-        held = [np.asarray(entry) for entry in problem.loop.held(problem.times).values()]
-        samples = len(problem.times)
-        rows = [np.empty((samples, 0)), *(entry.reshape(samples, -1) for entry in held)]
-        return compiled.at_samples(
-            problem.times, states, _parameter_rows(problem), np.concatenate(rows, axis=1)
-        )
+        held = _held_rows(problem.loop, problem.times)
+        return compiled.at_samples(problem.times, states, _parameter_rows(problem), held)
 
     def _compile(self, loop: ClosedLoop) -> _Compiled:
         """An integrator for the structure of a loop, whatever its parameters."""
         return _compiled(trace(loop), self.step_tolerance, self.code != "full")
 
-    def _solve_batch(
+    def _solve_group(
         self,
         compiled: _Compiled,
         problem: Problem,
         parameters: Array,
         runs: Array,
         solution: Solution,
+        progress: Progress,
     ) -> None:
-        """Integrate up to as many runs as there are lanes, the last one in all lanes left over."""
-        integrator = compiled.integrator
-        lanes = integrator.batch_size
-        padded = np.append(runs, np.full(lanes - len(runs), runs[-1]))
-        integrator.state[:] = problem.states[padded].T
-        rows = parameters[padded].T
-        states, ends, steps = self._propagate(compiled, problem, rows, padded)
-        good = np.isfinite(states[-1]).all() and all(_is_success(end) for end in ends)
-        if not good and len(set(padded)) > 1:
-            # heyoka stops all lanes when one fails; alone, each run ends in its own way.
-            for run in runs:
-                self._solve_batch(compiled, problem, parameters, np.array([run]), solution)
-            return
-        count = len(runs)
-        here = slice(runs[0], runs[0] + count)
-        solution.states[here] = states[:, :, :count].transpose(2, 0, 1)
-        solution.steps[here] = steps[:count]
-        if not good:
-            self._note_failure(integrator, problem, solution, runs[0], ends[0])
+        """Integrate runs from one known instant to the next, all of them before any goes on.
 
-    def _propagate(
-        self, compiled: _Compiled, problem: Problem, parameters: Array, runs: Array
-    ) -> tuple[Array, list[Any], Array]:
-        """From one known instant to the next, where the integrator begins anew.
-
-        Returns
-        -------
-        states : (samples, n, lanes)
-        ends
-            The outcome in each lane.
-        steps : (lanes,)
+        So a sampled law is evaluated for all at once. As many runs as there are lanes make a
+        batch; the last run fills the lanes that are left over.
         """
-        integrator = compiled.integrator
-        lanes, found = integrator.batch_size, []
-        steps = np.zeros(lanes, dtype=int)
-        for span, held in zip(problem.spans, _held_rows(problem), strict=True):
-            left = self.max_steps - int(steps.max())
-            if left <= 0:
-                ends = [_heyoka().taylor_outcome.step_limit] * lanes
-                break
-            integrator.set_time(span.start)
+        lanes, count = compiled.integrator.batch_size, len(runs)
+        padded = np.append(runs, np.full(-count % lanes, runs[-1]))
+        states, own = problem.states[padded].T, parameters[padded].T
+        steps, first = np.zeros(len(padded), dtype=int), 0
+        going = [slice(start, start + lanes) for start in range(0, len(padded), lanes)]
+        failed, success = [], _heyoka().taylor_outcome.time_limit
+        starts = np.array([span.start for span in problem.spans])
+        for span, held in zip(problem.spans, _held_rows(problem.loop, starts), strict=True):
+            is_last = span is problem.spans[-1]
+            numbers = _with_same(own, held)
             if span.tick is not None:
-                errors = problem.errors_at(span.tick, runs)
-                compiled.pass_instant(span.start, parameters, held, errors)
-            compiled.set_parameters(parameters, held)
-            grid = np.repeat(span.grid[:, None], lanes, axis=1)
-            _, states = integrator.propagate_grid(grid, max_steps=left, **compiled.watch)
-            found.append(states if span.wanted.all() else states[span.wanted])
-            steps += [end[3] for end in integrator.propagate_res]
-            ends = [end[0] for end in integrator.propagate_res]
-            if not all(map(_is_success, ends)):
-                break
-        if len(found) == 1 and len(found[0]) == len(problem.times):
-            return found[0], ends, steps
-        missing = len(problem.times) - sum(map(len, found))
-        never = np.full((missing, len(integrator.state), lanes), np.nan)
-        return np.concatenate([*found, never]), ends, steps
+                errors = problem.errors_at(span.tick, padded)
+                states = compiled.at_instant(span.start, states, numbers, errors)
+            samples = slice(first, first + span.samples)
+            first = samples.stop
+            if span.wanted[0] and not span.later:
+                solution.states[runs, samples.start] = states[:, :count].T
+            for batch in list(going):
+                rows, left = runs[batch], self.max_steps - int(steps[batch].max())
+                ends, states[:, batch], found = compiled.go(
+                    span, states[:, batch], numbers[:, batch], left
+                )
+                if span.later:
+                    here = slice(rows[0], rows[-1] + 1)
+                    solution.states[here, samples] = found[:, :, : len(rows)].transpose(2, 0, 1)
+                steps[batch] += [end[3] for end in ends]
+                bad = next((end[0] for end in ends if end[0] != success), None)
+                if is_last and not np.isfinite(states[:, batch]).all():
+                    bad = bad or success
+                if bad is None:
+                    continue
+                if count == 1:
+                    solution.states[runs, first:] = np.nan
+                    solution.steps[runs] = steps[:1]
+                    self._note_failure(compiled.integrator, problem, solution, int(runs[0]), bad)
+                    return
+                going.remove(batch)
+                failed.append(batch)
+            progress(count / len(problem.spans))
+        solution.steps[runs] = steps[:count]
+        # heyoka stops all lanes when one fails; alone, each run ends in its own way.
+        for run in np.concatenate([runs[batch] for batch in failed]) if failed else ():
+            alone = np.array([run])
+            self._solve_group(compiled, problem, parameters, alone, solution, lambda runs: None)
 
     def _note_failure(
         self, integrator: Any, problem: Problem, solution: Solution, run: int, end: Any
@@ -378,12 +376,11 @@ def _error_symbols(loop: ClosedLoop, first: int) -> tuple[Array, Array] | None:
     return symbols[: d * d].reshape(1, d, d), symbols[d * d :].reshape(1, m)
 
 
-def _held_rows(problem: Problem) -> Array:
-    """What the loop holds in each span, a row each."""
-    starts = np.array([span.start for span in problem.spans])
-    held = [np.asarray(value) for value in problem.loop.held(starts).values()]
-    rows = [value.reshape(len(starts), -1) for value in held]
-    return np.concatenate([np.empty((len(starts), 0)), *rows], axis=1)
+def _held_rows(loop: ClosedLoop, times: Array) -> Array:
+    """What the loop holds from each of these times to the next instant, a row each."""
+    held = [np.asarray(value) for value in loop.held(times).values()]
+    rows = [value.reshape(len(times), -1) for value in held]
+    return np.concatenate([np.empty((len(times), 0)), *rows], axis=1)
 
 
 def _parameter_rows(problem: Problem) -> Array:
@@ -405,36 +402,67 @@ class _Compiled:
     board: Switchboard | None
     after_instant: Any = None
 
-    @property
-    def watch(self) -> dict[str, Any]:
-        """What is to be called after every step, as an argument."""
-        return {} if self.board is None else {"callback": self.board.check}
-
-    def _row(self, values: Array, held: Array) -> Array:
-        """The numbers in every lane; `held` are the same in all."""
-        if not len(held):
-            return values
-        return np.concatenate([values, np.repeat(held[:, None], values.shape[1], axis=1)])
-
-    def pass_instant(
-        self, t: float, values: Array, held: Array, errors: tuple[Array, Array] | None
-    ) -> None:
-        """Evaluate a sampled law at the states of all lanes, by these parameters."""
-        integrator, rows = self.integrator, self._row(values, held)
+    def at_instant(
+        self, t: float, states: Array, numbers: Array, errors: tuple[Array, Array] | None
+    ) -> Array:
+        """The states after a control instant, ``(n, runs)``, of any number of full batches."""
+        runs = states.shape[1]
         if errors is not None:
-            lanes = values.shape[1]
-            rows = np.concatenate([rows, *(part.reshape(lanes, -1).T for part in errors)])
-        used = np.ascontiguousarray(rows[: self.after_instant.nparams])
-        integrator.state[:] = self.after_instant(
-            np.ascontiguousarray(integrator.state), pars=used, time=np.full(values.shape[1], t)
+            numbers = np.concatenate([numbers, *(part.reshape(runs, -1).T for part in errors)])
+        used = np.ascontiguousarray(numbers[: self.after_instant.nparams])
+        after: Array = self.after_instant(
+            np.ascontiguousarray(states), pars=used, time=np.full(runs, t)
         )
+        return after
 
-    def set_parameters(self, values: Array, held: Array) -> None:
-        """The parameters of the law in every lane, ``(parameters, lanes)``; the state is set.
+    def go(
+        self, span: Span, states: Array, numbers: Array, most_steps: int
+    ) -> tuple[list[Any], Array, Array]:
+        """Integrate a batch through a span, by the numbers of the law in every lane.
 
-        `held` follow, which are the same in every lane.
+        Comparisons are looked at after every step only where looking at the end has found that a
+        switch was missed: it takes as long as the step itself.
+
+        Returns
+        -------
+        ends
+            How each lane has ended.
+        states : (n, lanes)
+            At the end.
+        samples : (samples, n, lanes)
+            All of the span where any is behind its start; else none.
         """
-        used, values = self.integrator.pars, self._row(values, held)
+        outcomes = _heyoka().taylor_outcome
+        if most_steps <= 0:
+            lost = np.full((span.samples, *states.shape), np.nan)
+            return [(outcomes.step_limit, 0.0, 0.0, 0)] * states.shape[1], states, lost
+        found = self._propagate(span, states, numbers, most_steps)
+        expected = (outcomes.time_limit, outcomes.step_limit)
+        if self.board is None or (
+            all(end[0] in expected for end in found[0]) and self.board.is_right(self.integrator)
+        ):
+            return found
+        return self._propagate(span, states, numbers, most_steps, callback=self.board.check)
+
+    def _propagate(
+        self, span: Span, states: Array, numbers: Array, most_steps: int, **watch: Any
+    ) -> tuple[list[Any], Array, Array]:
+        """As `go`; what is to be called after every step may be given."""
+        integrator, lanes = self.integrator, states.shape[1]
+        integrator.set_time(span.start)
+        integrator.state[:] = states
+        self._set_parameters(numbers)
+        if span.tick is not None and not span.later:  # without dense output, three times as fast
+            integrator.propagate_until(span.stop, max_steps=most_steps, **watch)
+            return integrator.propagate_res, integrator.state, integrator.state[:0]
+        grid = np.repeat(span.grid[:, None], lanes, axis=1)
+        _, found = integrator.propagate_grid(grid, max_steps=most_steps, **watch)
+        wanted = found if span.wanted.all() else found[span.wanted]
+        return integrator.propagate_res, integrator.state, wanted
+
+    def _set_parameters(self, values: Array) -> None:
+        """The numbers of the law in every lane, ``(numbers, lanes)``; the state is set."""
+        used = self.integrator.pars
         if self.board is None:
             used[:] = values[: len(used)]  # heyoka has none behind the last one that occurs
         else:
@@ -467,7 +495,22 @@ def _compiled(traced: Traced, tol: float, compact: bool) -> _Compiled:
     return _Compiled(integrator, board, instant)
 
 
-def _in_threads(work: Any, threads: int, batches: Iterator[int], lock: threading.Lock) -> None:
+def _groups(problem: Problem, lanes: int, threads: int) -> list[Array]:
+    """The runs that go together: a batch, or a thread's share where the law waits for instants."""
+    runs = np.arange(problem.runs)
+    batches = -(-problem.runs // lanes)
+    size = lanes if len(problem.spans) == 1 else lanes * -(-batches // threads)
+    return [runs[start : start + size] for start in range(0, problem.runs, size)]
+
+
+def _with_same(values: Array, same: Array) -> Array:
+    """Rows of numbers of every run, and behind them those that are the same in all."""
+    if not len(same):
+        return values
+    return np.concatenate([values, np.repeat(same[:, None], values.shape[1], axis=1)])
+
+
+def _in_threads(work: Any, threads: int, groups: Iterator[Array], lock: threading.Lock) -> None:
     with ThreadPoolExecutor(threads) as pool:
         futures = [pool.submit(work) for _ in range(threads)]
         try:
@@ -475,7 +518,7 @@ def _in_threads(work: Any, threads: int, batches: Iterator[int], lock: threading
                 future.result()
         except BaseException:
             with lock:
-                for _ in batches:  # nothing further is begun; what is under way ends
+                for _ in groups:  # nothing further is begun; what is under way ends
                     pass
             raise
 

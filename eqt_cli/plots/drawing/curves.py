@@ -10,7 +10,7 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from eqt_cli.analysis.comparison.bootstrap import intervals_of_means
+from eqt_cli.analysis.comparison.bootstrap import Resampling, intervals_of_means
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.style import Look, ink, line_style
 from eqt_cli.plots.figure_data import Ensemble
@@ -18,7 +18,7 @@ from eqt_cli.plots.figure_data import Ensemble
 BAND = (0.1, 0.9)
 """The quantiles over runs between which a band lies."""
 
-CONFIDENCE, RESAMPLES, SEED = 0.95, 2000, 0
+RESAMPLING = Resampling(confidence=0.95, resamples=2000)
 """Of bands that say how well a mean is known."""
 
 THIN = 0.35
@@ -48,7 +48,7 @@ def draw_band(
     if bands == "quantiles":
         low, high = np.quantile(values, BAND, axis=0)
     elif bands == "bootstrap":
-        found = intervals_of_means(values, confidence=CONFIDENCE, resamples=RESAMPLES, seed=SEED)
+        found = intervals_of_means(values, RESAMPLING)
         low, high = found.low, found.high
     else:
         return

@@ -17,7 +17,6 @@ from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import scale_log
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
 from eqt_cli.plots.figure_data import ShownSweep
-from eqt_cli.results.result import mean_over_runs
 
 _HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4}
 _PALE = 0.45
@@ -50,8 +49,8 @@ class Pareto(OfSweep):
     log: bool = False
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
-        """The means over the good runs of every point, and their front, for every controller."""
-        cost, error = (mean_over_runs(swept.metric(name)) for name in (self.cost, self.error))
+        """The means over the runs of every point, and their front, for every controller."""
+        cost, error = map(swept.means, (self.cost, self.error))
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panel = drawing.add_subplot()
         lines, fronts = [], []

@@ -50,3 +50,11 @@ class Limit(Actuator):
         if self.norm:
             return np.array(norm(command / limit) > 1.0)
         return np.array((np.abs(command) > limit).any(axis=-1))
+
+    def most(self, G: MatrixLieGroup, torque: Array, given: Given) -> tuple[Array, Array] | None:
+        """Sizes along the axes, or the norm in the unit of the largest limit; and the limits."""
+        limit = given["limit"]
+        if not self.norm:
+            return np.abs(torque), limit
+        largest = limit.max(axis=-1, keepdims=True)
+        return norm(torque / limit)[..., None] * largest, largest

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array, stack
+from eqt_cli.core.arrays import Array, cross, stack
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
@@ -66,7 +66,7 @@ class Restoring(Force):
         assert isinstance(G, EuclideanGroup)
         up = (G.rotation(Q) * given["up"][..., :, None]).sum(axis=-2)  # Rᵀ up
         lift, weight = given["buoyancy"] * up, given["weight"] * up
-        torque = _cross(given["centre_of_buoyancy"], lift) - _cross(given["centre_of_mass"], weight)
+        torque = cross(given["centre_of_buoyancy"], lift) - cross(given["centre_of_mass"], weight)
         force = lift - weight
         return stack([*(torque[..., k] for k in range(3)), *(force[..., k] for k in range(3))])
 
@@ -89,9 +89,3 @@ class Restoring(Force):
                 check_numbers(value, problems.at(name))
         if self.up is not None and not any(drawn(self.up, None)):
             problems.at("up").add("expected a direction, got 0")
-
-
-def _cross(a: Array, b: Array) -> Array:
-    ax, ay, az = (a[..., k] for k in range(3))
-    bx, by, bz = (b[..., k] for k in range(3))
-    return stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])

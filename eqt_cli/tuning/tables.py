@@ -1,0 +1,149 @@
+"""What a tuning found, as tables of text: from its record and its held-out runs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.analysis.comparison import Comparison, compare
+from eqt_cli.analysis.comparison.notation import Plain, fixed
+from eqt_cli.analysis.comparison.pairs import Pair
+from eqt_cli.analysis.comparison.tables import text_tables
+from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.core.problems import parse_key
+from eqt_cli.results.result import Result, mean_over_runs
+from eqt_cli.tuning.scores import excess, run_values
+from eqt_cli.tuning.search import SETTLED, Constraint
+
+Record = Mapping[str, Any]
+
+
+def labels_of(record: Record) -> list[str]:
+    """The labels of all winners and starting gains; none of a search that is under way."""
+    laws = record.get("laws", [])
+    return [
+        label for law in laws for label in (*(x["label"] for x in law["winners"]), law["start"])
+    ]
+
+
+def tuning_tables(result: Result, record: Record) -> list[TextTable]:
+    """Winners against the starting gains, what they were bound to, and winners in pairs.
+
+    Parameters
+    ----------
+    result
+        The held-out runs, open.
+    record
+        Of the search, as its folder has it.
+    """
+    comparison = compared(result, record)
+    write = Plain()
+    made = [_winners(result, record, comparison, write), _bounds(result, record, write)]
+    tuned = [winner["label"] for law in record["laws"] for winner in law["winners"]]
+    several = len(record["objectives"]) > 1  # whose winners are compared as fronts
+    between = [p for p in comparison.pairs if {p.first, p.second} <= set(tuned) and not several]
+    pairs = text_tables(replace(comparison, pairs=between, levels=[], judgements=[]), write)
+    return [table for table in [*made, *pairs.values()] if table.blocks]
+
+
+def compared(result: Result, record: Record) -> Comparison:
+    """The comparison by the objectives, and by what was bounded."""
+    names = [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
+    known = [name for name in dict.fromkeys(names) if name in result.metrics or name != SETTLED]
+    return compare(result, metrics=known)
+
+
+def _winners(result: Result, record: Record, comparison: Comparison, write: Plain) -> TextTable:
+    blocks = []
+    for name in record["objectives"]:
+        levels = {x.controller: x for x in comparison.levels if x.measured.quantity.name == name}
+        pairs = {
+            (pair.first, pair.second): pair
+            for pair in comparison.pairs
+            if pair.measured.quantity.name == name
+        }
+        rows = []
+        for law in record["laws"]:
+            start = levels[law["start"]]
+            before = write.spread(start.mean, start.low, start.high)
+            for winner in law["winners"]:
+                found = levels[winner["label"]]
+                after = write.spread(found.mean, found.low, found.high)
+                change = relative(pairs[winner["label"], law["start"]])
+                rows.append([winner["label"], values_text(winner["values"]), before, after, change])
+            if not law["winners"]:
+                rows.append([law["label"], "no feasible point", before, "-", "-"])
+        measured = next(iter(levels.values())).measured
+        unit = write.unit(measured.unit)
+        title = write.name(measured.quantity) + (f" in {unit}" if unit else "")
+        blocks.append(Block(title, rows))
+    searched = (
+        f"{record['generations']} generations of {record['population']} points, "
+        f"each of {record['runs']} run{'s' if record['runs'] > 1 else ''}, for every law"
+    )
+    return TextTable(
+        "tuned",
+        f"Tuned laws against their starting gains: means over {result.runs} held-out "
+        f"run{'s' if result.runs > 1 else ''} ± half the 95 % interval",
+        ["law", "tuned", "start", "found", "change"],
+        blocks,
+        [f"Searched: {searched}.", *_counted(result)],
+    )
+
+
+def _counted(result: Result) -> Iterator[str]:
+    """How many of the held-out runs failed, or had not settled by their end."""
+    unsettled = result.censored("settling_time").sum(axis=-1)
+    for what, counts in (("failed", result.failed.values()), ("unsettled at the end", unsettled)):
+        listed = [f"{x} {n}" for x, n in zip(result.labels, counts, strict=True) if n]
+        if listed:
+            yield f"Runs {what}, of {result.runs}: {'; '.join(listed)}."
+
+
+def _bounds(result: Result, record: Record, write: Plain) -> TextTable:
+    """What the winners were bound to, on the held-out runs."""
+    rows = []
+    for entry in record["constraints"]:
+        bound = Constraint(**entry)
+        values = run_values(result, bound.metric)
+        over = excess(bound, values)
+        worst = np.nanmax if bound.above else np.nanmin
+        found = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)
+        beyond = values > bound.bound if bound.above else values < bound.bound
+        for law in record["laws"]:
+            for label in [winner["label"] for winner in law["winners"]] or [law["start"]]:
+                k = result.labels.index(label)
+                rows.append(
+                    [
+                        label,
+                        str(bound),
+                        fixed(float(found[k]), 3),
+                        str(int(beyond[k].sum())),
+                        "holds" if over[k] == 0 else f"violated by {100 * over[k]:.2g} %",
+                    ]
+                )
+    return TextTable(
+        "bounds",
+        "What was asked for, on the held-out runs",
+        ["law", "asked", "found", "runs beyond", "verdict"],
+        [Block("", rows)] if rows else [],
+    )
+
+
+def relative(pair: Pair) -> str:
+    """A difference as a share of the second mean, with its interval."""
+    shares = [100 * x / abs(pair.mean_second) for x in (pair.difference, pair.low, pair.high)]
+    mean, low, high = (f"{share:+.1f}" for share in shares)
+    return f"{mean} % [{low}, {high}]" if math.isfinite(pair.low) else f"{mean} %"
+
+
+def values_text(values: Mapping[str, float]) -> str:
+    """Values by key, the keys as short as they are told apart: ``kp 2.1, kd 0.5``."""
+    short = {key: str(parse_key(key)[-1]) for key in values}
+    if len(set(short.values())) < len(short):
+        short = {key: key for key in values}
+    return ", ".join(f"{short[key]} {value:.4g}" for key, value in values.items())

@@ -1,0 +1,265 @@
+"""The search: generation after generation for each law, and then the held-out runs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.core.arrays import Array
+from eqt_cli.execution.executors import Executor
+from eqt_cli.execution.folder import ResultFolder
+from eqt_cli.execution.lock import LOCK, locked
+from eqt_cli.execution.run_study import Execution, Progress, Remark, execute
+from eqt_cli.experiment.read_study import study
+from eqt_cli.results.result import open_result
+from eqt_cli.store.reserved_names import FILE_NAME
+from eqt_cli.tuning.evolution import Population, first_points, generator, selected, trials
+from eqt_cli.tuning.folder import TuningFolder, winner_files
+from eqt_cli.tuning.ranking import Scores
+from eqt_cli.tuning.scores import scores
+from eqt_cli.tuning.search import LawSearch, Search, started
+
+Told = Callable[[LawSearch, int, Population], None]
+"""Told after every generation of a law: its number, and what is left of the points."""
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What a search found for a law.
+
+    Attributes
+    ----------
+    law
+        Which, over which values.
+    population
+        The points of the last generation.
+    winners
+        Which of them are the best: one, or a front; none where no point is feasible.
+    """
+
+    law: LawSearch
+    population: Population
+    winners: tuple[int, ...]
+
+    def values(self, point: int) -> dict[str, float]:
+        """The values at a point, by key."""
+        return self.law.values(self.population.shares[point].tolist())
+
+    @property
+    def chosen(self) -> list[dict[str, float]]:
+        """The values of the winners."""
+        return [self.values(point) for point in self.winners]
+
+    @property
+    def least_violation(self) -> float:
+        """Of any point of the last generation; 0 where one is feasible."""
+        return float(self.population.scores.violation.min())
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """A search that has come to its end.
+
+    Attributes
+    ----------
+    search
+        What for.
+    laws
+        What was found for each.
+    confirmed
+        The result with winners and starting gains on held-out runs.
+    record
+        The same as plain data, as the folder has it.
+    """
+
+    search: Search
+    laws: list[Tuned]
+    confirmed: Execution
+    record: dict[str, Any]
+
+
+def folder_of(search: Search) -> Path:
+    """Where a search keeps its results unless it is told."""
+    return Path("results") / f"{search.name}-tuned"
+
+
+def tune(
+    search: Search,
+    out: Path,
+    *,
+    executor: Executor,
+    force: bool = False,
+    progress: Progress = lambda runs: None,
+    resumed: Progress = lambda runs: None,
+    remark: Remark,
+    told: Told = lambda law, generation, population: None,
+) -> Tuning:
+    """Search for the best gains of each law, and run the winners on held-out initial states.
+
+    Parameters
+    ----------
+    out
+        The folder; generations that are there are not computed again.
+    executor, progress, resumed, remark
+        As of `execute`.
+    force
+        Start over.
+    told
+        What is told of the search.
+
+    Raises
+    ------
+    EqtError
+        If the folder holds something else, is in use, or cannot be written.
+    """
+    folder = TuningFolder(out)
+    folder.claim(search, force)
+    with locked(out, name=f"{LOCK}-tuning", remark=remark):
+        do = _Computing(search, folder, executor, progress, resumed, remark)
+        found = [_tuned(search, law, do, folder, told) for law in search.laws]
+        confirmed = do.confirm({each.law.label: each.chosen for each in found})
+        record = _record(search, found)
+        folder.write_record(record)
+    return Tuning(search, found, confirmed, record)
+
+
+def _tuned(
+    search: Search, law: LawSearch, do: _Computing, folder: TuningFolder, told: Told
+) -> Tuned:
+    """All generations of one law; the winners so far are kept after each."""
+    section = search.section
+    random = generator(section.seed, law.label, 0)
+    shares = first_points(section.population, len(law.axes), law.start, random)
+    population = Population(shares, do.generation(law, 0, shares))
+    for number in range(section.budget):
+        if number:
+            shares = trials(population, generator(section.seed, law.label, number))
+            tried = Population(shares, do.generation(law, number, shares))
+            population = selected(population, tried)
+        found = Tuned(law, population, _winners(search, population))
+        studies = [study(law.at(values), trust_plugins=True) for values in found.chosen]
+        folder.write_winners(law, studies, search.seeks_front)
+        told(law, number + 1, population)
+    return found
+
+
+def _winners(search: Search, population: Population) -> tuple[int, ...]:
+    if search.seeks_front:
+        return tuple(population.front.tolist())
+    best = population.best
+    return (best,) if population.scores.feasible[best] else ()
+
+
+@dataclass(frozen=True)
+class _Computing:
+    """Has points computed, or finds that they were."""
+
+    search: Search
+    folder: TuningFolder
+    executor: Executor
+    progress: Progress
+    resumed: Progress
+    remark: Remark
+
+    def generation(self, law: LawSearch, number: int, shares: Array) -> Scores:
+        """The scores of the points of a generation, which is an ordinary sweep."""
+        points = [law.values(row) for row in shares.tolist()]
+        columns = {key: [point[key] for point in points] for key in law.axes}
+        out = self.folder.generation(law, number)
+        if _holds(out, columns):
+            self.resumed(len(points) * self.search.base.config.ensemble.runs)
+        else:
+            self._execute(_swept(law, columns), out)
+        with open_result(out) as result:
+            return scores(result, self.search.objectives, self.search.constraints)
+
+    def confirm(self, chosen: dict[str, list[dict[str, float]]]) -> Execution:
+        """Winners and starting gains on held-out runs, in the folder itself."""
+        return self._execute(self.search.confirmation(chosen), self.folder.path)
+
+    def _execute(self, source: ConfigSource, out: Path) -> Execution:
+        found = study(source, trust_plugins=True)
+        there = ResultFolder(out).manifest
+        done = execute(
+            found,
+            out,
+            executor=self.executor,
+            force=there is not None and there["digest"] != found.digest,  # of fewer generations
+            progress=self.progress,
+            resumed=self.resumed,
+            remark=self.remark,
+        )
+        if done.was_complete:
+            self.resumed(done.runs)
+        return done
+
+
+def _swept(law: LawSearch, columns: dict[str, list[float]]) -> ConfigSource:
+    """A sweep over listed points, which keeps metrics only and is not judged run by run."""
+    data = law.source.data
+    solver = dict(data.get("solver") or {})
+    if "max_error" not in solver:
+        solver.setdefault("error_estimate", False)
+    own = {
+        "sweep": [{"zip": columns}],
+        "store": {"trajectories": "none"},
+        "solver": solver | {"cross_check": 0},
+    }
+    return replace(law.source, data=data | own)
+
+
+def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
+    """Whether a folder holds the finished sweep over these points."""
+    if not (out / FILE_NAME).exists():
+        return False
+    with open_result(out) as result:
+        return all(
+            np.array_equal(result.coordinate(key.replace("[", ".").replace("]", "")), values)
+            for key, values in columns.items()
+        )
+
+
+def _record(search: Search, found: Sequence[Tuned]) -> dict[str, Any]:
+    """What the folder says of the search when it is done."""
+    section = search.section
+    return {
+        "name": search.name,
+        "digest": search.digest,
+        "objectives": list(search.objectives),
+        "constraints": [asdict(bound) for bound in search.constraints],
+        "generations": section.budget,
+        "population": section.population,
+        "runs": search.base.config.ensemble.runs,
+        "seed": section.seed,
+        "laws": [_law_record(search, each) for each in found],
+    }
+
+
+def _law_record(search: Search, found: Tuned) -> dict[str, Any]:
+    scored = found.population.scores
+    return {
+        "label": found.law.label,
+        "over": {key: [axis.low, axis.high] for key, axis in found.law.axes.items()},
+        "start": started(found.law.label),
+        "least_violation": found.least_violation,
+        "winners": [
+            {
+                "label": label,
+                "config": name,
+                "values": found.values(point),
+                "objectives": scored.objectives[point].tolist(),
+                "unsettled": int(scored.unsettled[point]),
+            }
+            for point, label, name in zip(
+                found.winners,
+                search.labels(found.law, len(found.winners)),
+                winner_files(found.law, len(found.winners), search.seeks_front),
+                strict=True,
+            )
+        ],
+    }

@@ -1,0 +1,53 @@
+"""Wheels, which can take up only so much momentum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, clip
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.numbers import Numbers
+
+
+@dataclass(frozen=True)
+class MomentumLimit(Actuator):
+    """The integral of the torque stays within a limit: what would lead out of it is cut off.
+
+    A command is held for a period, so that the integral is known at its end. The momentum of the
+    wheels is not part of the plant's: gyroscopic torques of the wheels are left out.
+
+    Attributes
+    ----------
+    momentum
+        The largest integral along each axis, in the unit of the torque times s, or a list of m.
+    """
+
+    name: ClassVar[str] = "momentum_limit"
+    departs: ClassVar[str] = "momentum of wheels limited"
+    vectors: ClassVar[tuple[str, ...]] = ("momentum",)
+    positive: ClassVar[tuple[str, ...]] = ("momentum",)
+    limits: ClassVar[bool] = True
+    sampled: ClassVar[bool] = True
+
+    momentum: Numbers
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """What it gives, and the momentum at the end of the period, along every axis."""
+        return 2 * G.dimension
+
+    def step(
+        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, period: float
+    ) -> Array:
+        """As near to the command as the momentum at the end of the period allows."""
+        most, h = given["momentum"], x[..., G.dimension :]
+        torque = clip(command, (-most - h) / period, (most - h) / period)
+        return np.concatenate([torque, h + period * torque], axis=-1)
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """What it gives."""
+        return x[..., : G.dimension]

@@ -1,0 +1,46 @@
+"""An actuator that knows only multiples of a step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.numbers import Numbers
+
+SHIFT = 1.5 * 2.0**52
+"""At this size doubles are whole numbers: to add it rounds to the nearest, half to even."""
+
+
+@dataclass(frozen=True)
+class Quantisation(Actuator):
+    """The nearest multiple of a step along each axis, for up to 2⁵¹ steps.
+
+    Attributes
+    ----------
+    resolution
+        The step along each axis, or a list of m.
+    """
+
+    name: ClassVar[str] = "quantisation"
+    departs: ClassVar[str] = "torque in steps"
+    vectors: ClassVar[tuple[str, ...]] = ("resolution",)
+    positive: ClassVar[tuple[str, ...]] = ("resolution",)
+    sampled: ClassVar[bool] = True
+
+    resolution: Numbers
+
+    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
+        """The step, and the numbers that round, which a compiler must not cancel."""
+        rounding = {"up": np.array([SHIFT]), "down": np.array([SHIFT])}
+        return super().numbers(G, random) | rounding
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """The step times the rounded number of steps."""
+        rounded: Array = (command / given["resolution"] + given["up"]) - given["down"]
+        return given["resolution"] * rounded

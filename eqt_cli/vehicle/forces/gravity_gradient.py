@@ -1,0 +1,75 @@
+"""Gravity that differs over a satellite: it turns the long axis towards the planet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, apply_matrix, cos, cross, sin, stack
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.forces.base import Force
+from eqt_cli.vehicle.numbers import Matrix, Number, check_numbers, drawn
+from eqt_cli.written.poses import square
+
+
+@dataclass(frozen=True)
+class GravityGradient(Force):
+    """3n² c × 𝕁c on a circular orbit; c is the direction of the planet in the body frame.
+
+    The orbit is in the xy plane of the spatial frame, with the planet at t = 0 along -x. Only for
+    SO3 and SE3. Source: Hughes, Spacecraft Attitude Dynamics (1986), section 8.1.
+
+    Attributes
+    ----------
+    rate
+        n, the rate of the orbit, rad/s.
+    inertia
+        𝕁 about the centre of mass, kg m²: a list (its diagonal) or three rows.
+    """
+
+    name: ClassVar[str] = "gravity_gradient"
+    departs: ClassVar[str] = "gravity gradient"
+
+    rate: Number
+    inertia: Matrix
+
+    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
+        """The rate and the tensor."""
+        part: Any = self.of_run(random)
+        tensor = square(part.inertia, 3, G)
+        return {"rate": np.array([part.rate], dtype=float), "inertia": tensor}
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """One for all: every option is a number."""
+        return type(self), self.frame
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+        """The torque."""
+        rate = given["rate"][..., 0]
+        assert isinstance(G, EuclideanGroup)
+        angle = rate * t
+        planet = stack([-cos(angle), -sin(angle), 0 * angle])
+        c = (G.rotation(Q) * planet[..., :, None]).sum(axis=-2)  # Rᵀ of the direction in space
+        factor = (3 * rate * rate)[..., None]
+        torque = factor * cross(c, apply_matrix(given["inertia"], c))
+        coordinates = [torque[..., k] for k in range(3)]
+        return stack(coordinates + [0 * coordinates[0]] * (G.dimension - 3))
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Another group than SO3 and SE3, a wrong number of entries."""
+        if not (isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) < 2):
+            problems.add(f"gravity_gradient is for SO3 and SE3; got {G.name}")
+        if self.frame != "body":
+            problems.at("frame").add("gravity_gradient has its planet in space already")
+        check_numbers(self.rate, problems.at("rate"))
+        here = problems.at("inertia")
+        check_numbers(self.inertia, here)
+        if not here:
+            with here.catching():
+                square(drawn(self.inertia, None), 3, G)

@@ -1,0 +1,91 @@
+"""`eqt tune` as users see it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+TUNE = """\
+tune:
+  over: {gains.kp: {log: [0.1, 10]}, gains.kd: {log: [0.1, 10]}}
+  objective: mean_pose_error
+  subject_to: {effort: {max: %s}}
+  budget: 2
+  population: 5
+  confirm: {runs: 6}
+"""
+
+Eqt = Callable[..., Any]
+
+
+@pytest.fixture
+def config(folder: Path) -> Path:
+    path = folder / "t.yaml"
+    path.write_text((folder / "c.yaml").read_text() + TUNE % "1000", encoding="utf-8")
+    return path
+
+
+def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt: Eqt, config: Path) -> None:
+    done = eqt("tune", config)
+    assert (done.code, done.err) == (0, "")
+    for line in (
+        "Tuned laws against their starting gains: means over 6 held-out runs ± half the 95 %",
+        "Searched: 2 generations of 5 points, each of 3 runs, for every law.",
+        "What was asked for, on the held-out runs",
+        "Paired differences on the same initial states",
+        "eqt − gt",
+        "results  results/t-tuned",
+        "next     eqt run results/t-tuned/tuned/eqt.yaml",
+    ):
+        assert line in done.out
+    assert eqt("run", "results/t-tuned/tuned/eqt.yaml").code == 0
+    assert eqt("compare", "results/t-tuned").code == 0
+    assert "Tuned laws on held-out runs" in _report(eqt)
+
+
+def _report(eqt: Eqt) -> str:
+    assert eqt("report", "results/t-tuned").code == 0
+    return Path("results/t-tuned/report.html").read_text(encoding="utf-8")
+
+
+def test_as_json(eqt: Eqt, config: Path) -> None:
+    done = eqt("tune", config, "--json", "--out", "out")
+    found = json.loads(done.out)
+    assert [law["label"] for law in found["laws"]] == ["eqt", "gt"]
+    assert found["causes"] == []
+
+
+def test_a_bound_that_no_point_keeps_ends_with_4_and_the_least_violation(
+    eqt: Eqt, config: Path
+) -> None:
+    config.write_text(config.read_text().replace("1000", "1.0e-9"), encoding="utf-8")
+    done = eqt("tune", config)
+    assert done.code == 4
+    assert "no feasible point of eqt: the least violation is" in done.out
+    assert "no feasible point of gt: the least violation is" in done.out
+    assert not Path("results/t-tuned/tuned").exists()
+
+
+def test_an_interruption_says_the_best_so_far(
+    eqt: Eqt, config: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(*_: Any) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("eqt_cli.tuning.tune._Computing.confirm", stopped)
+    done = eqt("tune", config)
+    assert done.code == 130
+    assert "interrupted; what was found is kept in results/t-tuned: run the same" in done.err
+    assert "best so far, eqt: mean_pose_error" in done.err
+    assert Path("results/t-tuned/tuned/gt.yaml").exists()
+
+
+def test_a_folder_with_another_result_is_left_alone(eqt: Eqt, config: Path) -> None:
+    assert eqt("run", "c.yaml", "--out", "out").code == 0
+    done = eqt("tune", config, "--out", "out")
+    assert done.code == 2
+    assert "out: holds a result that eqt tune did not write" in done.err

@@ -1,0 +1,33 @@
+"""A small experiment whose laws are tuned within a second."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+SMALL: dict[str, Any] = {
+    "name": "small",
+    "group": "SO3",
+    "inertia": [2, 1, 3],
+    "gains": {"kp": 1.0, "kd": 0.5},
+    "reference": {"torque": ["cos(t)", "sin(t)", "0"]},
+    "controllers": ["eqt", {"kind": "family", "gyroscopic": 1.0}],
+    "initial": {"pose": "haar", "velocity": "normal"},
+    "ensemble": {"runs": 2, "seed": 1},
+    "time": {"duration": 1.0, "samples": 11},
+    "solver": {"rtol": 1.0e-6, "cross_check": 0},
+    "tune": {
+        "over": {"gains.kp": {"log": [0.1, 10]}, "controllers[1].gyroscopic": [0, 2]},
+        "objective": "mean_pose_error",
+        "budget": 2,
+        "population": 5,
+        "confirm": {"runs": 6, "seed": 9},
+    },
+}
+
+
+@pytest.fixture
+def small() -> dict[str, Any]:
+    """The configuration, to be changed."""
+    return {**SMALL, "tune": dict(SMALL["tune"])}

@@ -1,0 +1,138 @@
+"""What the section `tune` is read as, and what is said where it is wrong."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from eqt_cli import api
+from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.tuning.search import Search, search_from
+
+
+def read(config: dict[str, Any]) -> Search:
+    return search_from(api._source(config, {}))
+
+
+def test_keys_of_a_controller_are_its_own_and_those_of_gains_everybodys(
+    small: dict[str, Any],
+) -> None:
+    eqt, family = read(small).laws
+    assert list(eqt.axes) == ["gains.kp"]
+    assert list(family.axes) == ["gains.kp", "controllers[0].gyroscopic"]
+
+
+def test_gains_of_a_law_are_its_own_start_and_its_own_range(small: dict[str, Any]) -> None:
+    small["controllers"] = ["eqt", {"kind": "gt", "gains": {"kp": 2.0}}]
+    small["tune"]["over"] = {"controllers[1].gains.kp": [1, 3], "gains.kp": [0.5, 1.5]}
+    eqt, gt = read(small).laws
+    assert gt.source.data["gains"] == {"kp": 2.0, "kd": 0.5}
+    assert gt.values([0.5]) == {"gains.kp": 2.0}
+    assert eqt.values([0.5]) == {"gains.kp": 1.0}
+    assert (eqt.start, gt.start) == ((0.5,), (0.5,))
+
+
+def test_a_start_outside_of_the_ranges_is_no_point_of_the_search(small: dict[str, Any]) -> None:
+    small["tune"]["over"] = {"gains.kp": [2, 3]}
+    assert [law.start for law in read(small).laws] == [None, None]
+
+
+def test_whole_numbers_are_tuned_as_such(small: dict[str, Any]) -> None:
+    small["tune"]["over"] = {"gains.kp": {"low": 1, "high": 4, "integer": True}}
+    law = read(small).laws[0]
+    assert [law.values([share])["gains.kp"] for share in (0, 0.3, 0.6, 1)] == [1, 2, 3, 4]
+    assert law.start is not None
+    assert law.values(law.start)["gains.kp"] == 1
+
+
+def test_only_the_number_of_generations_may_change_between_sessions(small: dict[str, Any]) -> None:
+    digest = read(small).digest
+    small["tune"]["budget"] = 7
+    assert read(small).digest == digest
+    small["tune"]["seed"] = 7
+    assert read(small).digest != digest
+
+
+def test_no_other_command_minds_the_section(small: dict[str, Any]) -> None:
+    without = {key: value for key, value in small.items() if key != "tune"}
+    one, other = (api.load_experiment(config).study for config in (small, without))
+    assert one.digest == other.digest
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        (
+            {"over": {"time.duration": [1, 2]}},
+            "tune.over.time.duration: expected a key of gains or controllers, which a law may "
+            "choose; all else is the task",
+        ),
+        (
+            {"over": {"gains.kp": [1, 2], "controllers[2].gyroscopic": [1, 2]}},
+            "tune.over.controllers[2].gyroscopic: expected an option of one of the 2 controllers, "
+            "as controllers[0].gains.kp",
+        ),
+        (
+            {"over": {"gains.kp": [2, 1]}},
+            "tune.over.gains.kp: expected more than low = 2, got 1",
+        ),
+        (
+            {"over": {"gains.kp": [1, 2, 3]}},
+            "tune.over.gains.kp: expected [low, high], {log: [low, high]} or "
+            "{low: …, high: …, scale: …}, got [1, 2, 3]",
+        ),
+        (
+            {"over": {"controllers[1].gyroscopic": [0, 1]}},
+            "tune.over: has nothing to tune of controller 'eqt'",
+        ),
+        (
+            {"over": {"gains.kp": [-1, 1]}},
+            "tune.over: at the lower ends, controller 'eqt': gains.kp: expected a weight whose",
+        ),
+        (
+            {"objective": "mean_pose_eror"},
+            "tune.objective: no metric 'mean_pose_eror' is stored of every run; did you mean "
+            "'mean_pose_error'?",
+        ),
+        (
+            {"objectives": ["effort", "mean_pose_error"]},
+            "tune: expected either `objective`, a metric, or `objectives`, two of them",
+        ),
+        (
+            {"objective": None, "objectives": ["effort"]},
+            'tune.objectives: expected two different metrics, got ["effort"]',
+        ),
+        (
+            {"subject_to": {"effort": {}}},
+            "tune.subject_to.effort: expected `max` or `min`, got neither",
+        ),
+        (
+            {"confirm": {"seed": 1}},
+            "tune.confirm.seed: expected another seed than ensemble.seed, got 1; winners are "
+            "judged on runs that did not choose them",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_at_its_place(
+    small: dict[str, Any], changed: dict[str, Any], message: str
+) -> None:
+    small["tune"] |= changed
+    with pytest.raises(ConfigError) as error:
+        read(small)
+    assert message.replace('["effort"]', "['effort']") in str(error.value)
+
+
+def test_a_configuration_without_the_section_is_told_what_to_add(small: dict[str, Any]) -> None:
+    del small["tune"]
+    with pytest.raises(EqtError, match="says nothing of what to tune; add a section, as tune:"):
+        read(small)
+
+
+def test_a_bound_of_the_mean_is_on_the_side_that_is_worse(small: dict[str, Any]) -> None:
+    small["tune"]["subject_to"] = {"effort": 3, "settled": 0.9, "peak_torque": {"max": 2}}
+    assert [str(bound) for bound in read(small).constraints] == [
+        "effort ≤ 3 in the mean",
+        "settled ≥ 0.9 in the mean",
+        "peak_torque ≤ 2 in every run",
+    ]

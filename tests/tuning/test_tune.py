@@ -1,0 +1,167 @@
+"""Searches over real runs: what they find, what they keep, how they go on."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from eqt_cli import api
+from eqt_cli.config import shipped
+from eqt_cli.results.result import Result, open_result
+from eqt_cli.tuning.scores import scores
+from eqt_cli.tuning.search import Constraint
+
+
+def read(folder: Path) -> dict[str, Any]:
+    return dict(json.loads((folder / "tuning.json").read_text()))
+
+
+def test_the_shipped_problem_is_solved_to_a_hundredth(tmp_path: Path) -> None:
+    """As derived in its file: the first overshoot touches the threshold, at the stiffest spring."""
+    config = yaml.safe_load(shipped.text("tune_so2"))
+    config["time"] = {"duration": 8.0, "samples": 801}
+    config["solver"] = {"rtol": 1e-8, "method": "DOP853"}
+    (winner,) = api.tune(config, tmp_path / "so2").record["laws"][0]["winners"]
+    zeta = math.log(20) / math.hypot(math.pi, math.log(20))
+    assert winner["values"]["gains.kp"] == pytest.approx(0.5, rel=0.01)
+    assert winner["values"]["gains.kd"] == pytest.approx(2 * zeta, rel=0.01)
+    root = math.sqrt(1 - zeta**2)
+    grid = np.linspace(0, 4, 400_001)  # where the way down first meets the threshold
+    x = np.exp(-zeta * grid) * (np.cos(root * grid) + zeta / root * np.sin(root * grid))
+    assert winner["objectives"][0] == pytest.approx(grid[np.argmax(x < 0.05)], rel=0.01)
+
+
+def test_a_search_leaves_winners_ready_to_run_and_held_out_runs(
+    small: dict[str, Any], tmp_path: Path
+) -> None:
+    done = api.tune(small, tmp_path / "t")
+    for law in done.record["laws"]:
+        (winner,) = law["winners"]
+        loaded = api.load_experiment(tmp_path / "t" / winner["config"])
+        assert loaded.controllers == [law["label"]]
+        given = loaded.config["gains"]["kp"]
+        assert given == winner["values"]["gains.kp"]
+    with open_result(tmp_path / "t") as result:
+        assert result.labels == ["eqt", "family", "eqt, start", "family, start"]
+        assert result.runs == 6
+        assert result.source.data["ensemble"]["seed"] == 9
+    found = done.laws[0]
+    at_start = found.law.values([*(found.law.start or ())])["gains.kp"]
+    assert at_start == pytest.approx(1.0)
+
+
+def test_a_winner_is_no_worse_than_the_start_on_the_runs_of_the_search(
+    small: dict[str, Any], tmp_path: Path
+) -> None:
+    done = api.tune(small, tmp_path / "t")
+    for found in done.laws:
+        with open_result(tmp_path / "t/generations" / found.law.slug / "000") as first:
+            start = first.metric("mean_pose_error")[0, 0].mean()
+        assert found.population.scores.objectives[found.winners[0], 0] <= start
+
+
+def test_a_second_session_computes_nothing_and_finds_the_same(
+    small: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    done = api.tune(small, tmp_path / "t")
+    monkeypatch.setattr("eqt_cli.execution.run_study._Session.run", None)
+    assert api.tune(small, tmp_path / "t").record == done.record
+
+
+def test_more_generations_go_on_where_fewer_ended(small: dict[str, Any], tmp_path: Path) -> None:
+    api.tune(small, tmp_path / "t")
+    small["tune"]["budget"] = 3
+    done = api.tune(small, tmp_path / "t")
+    assert done.record == api.tune(small, tmp_path / "other").record
+    with open_result(tmp_path / "t") as one, open_result(tmp_path / "other") as other:
+        assert np.array_equal(one["mean_pose_error"], other["mean_pose_error"])
+
+
+def test_another_search_is_not_mixed_into_the_folder(small: dict[str, Any], tmp_path: Path) -> None:
+    api.tune(small, tmp_path / "t")
+    small["tune"]["seed"] = 5
+    with pytest.raises(api.EqtError, match="holds another tuning"):
+        api.tune(small, tmp_path / "t")
+    assert api.tune(small, tmp_path / "t", force=True).record["seed"] == 5
+
+
+def test_the_winners_of_a_front_are_numbered_and_none_betters_another(
+    small: dict[str, Any], tmp_path: Path
+) -> None:
+    del small["tune"]["objective"]
+    small["tune"]["objectives"] = ["effort", "mean_pose_error"]
+    done = api.tune(small, tmp_path / "t")
+    for law in done.record["laws"]:
+        found = np.array([winner["objectives"] for winner in law["winners"]])
+        assert len(found) > 1
+        assert (np.diff(found[:, 0]) > 0).all()
+        assert (np.diff(found[:, 1]) < 0).all()
+        files = {path.name for path in (tmp_path / "t/tuned" / law["label"]).iterdir()}
+        assert files - {"stored_plugins"} == {f"{k + 1}.yaml" for k in range(len(found))}
+
+
+class _Stored(Result):
+    """A result made up of numbers: one law, two points, four runs."""
+
+    horizon = 10.0
+
+    def __init__(self, error: list[list[float]], settling: list[list[float]], bad: int) -> None:
+        self.numbers = {"mean_pose_error": np.array(error), "settling_time": np.array(settling)}
+        self.status = np.zeros((2, 1, 4), dtype=int)
+        self.status[0, 0, :bad] = 1
+        self.metrics = list(self.numbers)
+
+    def has(self, name: str) -> bool:
+        return False
+
+    def metric(self, name: str, controller: int | None = None) -> Any:
+        return np.where(self.status == 0, self.numbers[name][:, None], np.nan)
+
+
+def test_failed_runs_violate_and_unsettled_ones_count() -> None:
+    nan = math.nan
+    stored = _Stored([[1, 1, 1, 1], [2, 2, 2, 6]], [[nan, 1, 1, 1], [1, 2, nan, nan]], bad=1)
+    found = scores(stored, ["mean_pose_error"], [])
+    assert found.violation.tolist() == [0.25, 0]
+    assert found.failed.tolist() == [1, 0]
+    assert found.unsettled.tolist() == [0, 2]
+    assert found.objectives[:, 0].tolist() == [1, 3]
+
+
+def test_a_run_that_does_not_settle_counts_with_the_horizon() -> None:
+    stored = _Stored([[1] * 4] * 2, [[1, 2, 3, 4], [2, 2, math.nan, 6]], bad=0)
+    found = scores(stored, ["settling_time"], [])
+    assert found.objectives[:, 0].tolist() == [2.5, 5]
+
+
+@pytest.mark.parametrize(
+    ("bound", "violation"),
+    [
+        (Constraint("mean_pose_error", 2.0, above=True, every_run=False), [0, 0.5]),
+        (Constraint("mean_pose_error", 2.0, above=True, every_run=True), [0, 2.0]),
+        (Constraint("settled", 0.8, above=False, every_run=False), [0, 0.375]),
+    ],
+)
+def test_how_much_a_bound_is_violated(bound: Constraint, violation: list[float]) -> None:
+    stored = _Stored([[1] * 4, [2, 2, 2, 6]], [[1] * 4, [1, 2, math.nan, math.nan]], bad=0)
+    found = scores(stored, ["mean_pose_error"], [bound])
+    assert found.violation == pytest.approx(violation)
+
+
+def test_what_was_found_is_kept_when_the_search_is_interrupted(
+    small: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stopped(law: Any, generation: int, population: Any) -> None:
+        if law.label == "family":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        api.tune(small, tmp_path / "t", told=stopped)
+    assert {path.stem for path in (tmp_path / "t/tuned").glob("*.yaml")} == {"eqt", "family"}
+    assert api.tune(small, tmp_path / "t").record == api.tune(small, tmp_path / "u").record
