@@ -17,6 +17,7 @@ from eqt_cli.core.errors import EqtError, suggestion
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
+    from eqt_cli.analysis.comparison.bootstrap import Resampling
     from eqt_cli.results.quantity import Quantity
     from eqt_cli.results.result import Result
 
@@ -39,6 +40,7 @@ class Table(StrEnum):
     CONTROLLERS = "controllers"
     PAIRS = "pairs"
     CLAIMS = "claims"
+    FRONTS = "fronts"
     WINNERS = "winners"
     POINTS = "points"
 
@@ -89,6 +91,7 @@ def compare(
     Of a sweep: which law wins at which point, or one point with --point.
     """
     from eqt_cli import api
+    from eqt_cli.analysis.comparison.bootstrap import Resampling
     from eqt_cli.analysis.comparison.records import records
 
     if json and format is not Format.TEXT:
@@ -113,6 +116,13 @@ def compare(
         return
     if table in (Table.WINNERS, Table.POINTS):
         raise EqtError(f"--table {table}: is of a sweep as a whole, and this is one experiment")
+    chosen = metric or window or against or table not in (None, Table.FRONTS) or point is not None
+    if not chosen and _print_fronts(
+        result, Resampling(confidence, resamples, seed), format, json=json
+    ):
+        return
+    if table is Table.FRONTS:
+        raise EqtError("--table fronts: is of `eqt tune` with two `objectives`, and this is not")
     comparison = api.compare(
         result,
         metric or (),
@@ -248,6 +258,31 @@ def _print_tables(
         say(f"nothing to show: {_why_empty(comparison)}")
     elif table is None and len(comparison.labels) > 2 and not against and format is Format.TEXT:
         say("next: --table pairs shows every pair, --list what else there is to compare")
+
+
+def _print_fronts(path: Path, how: Resampling, format: Format, *, json: bool) -> bool:
+    """Print laws at equal cost; False where the result is not of a search with two objectives."""
+    from dataclasses import asdict
+
+    from eqt_cli import api
+    from eqt_cli.analysis.comparison.notation import Latex, Plain
+    from eqt_cli.tuning.folder import record_beside
+    from eqt_cli.tuning.fronts import at_equal_cost, equal_cost_table, fronts
+
+    with api.open_results(path, "arrays") as result:
+        record = record_beside(result)
+        if record is None or len(record["objectives"]) < 2:
+            return False
+        write = Latex() if format is Format.LATEX else Plain()
+        table = equal_cost_table(result, record, write, how)
+        found = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
+    if json:
+        print_json({"path": str(path), "objectives": record["objectives"], "fronts": found})
+    elif format is Format.CSV:
+        print(as_csv([{k: v for k, v in row.items() if k != "errors"} for row in found]))
+    else:
+        print((as_latex if format is Format.LATEX else as_text)(table))
+    return True
 
 
 def _why_empty(comparison: Comparison) -> str:

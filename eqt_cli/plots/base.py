@@ -11,7 +11,13 @@ from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.component import Component
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
-from eqt_cli.plots.figure_data import ShownCertificates, ShownMetrics, ShownRuns, ShownSweep
+from eqt_cli.plots.figure_data import (
+    ShownCertificates,
+    ShownFronts,
+    ShownMetrics,
+    ShownRuns,
+    ShownSweep,
+)
 from eqt_cli.results.result import Result
 
 if TYPE_CHECKING:
@@ -160,6 +166,17 @@ class OfCertificates(Figure[ShownCertificates]):
         if len(results) > 1:
             raise results[1].error(f"figure '{self.name}' shows one result at a time")
         return ShownCertificates(results[0], certificates, self.name, self.controllers)
+
+
+@dataclass(frozen=True)
+class OfTuning(Figure[ShownFronts]):
+    """A figure of what a search found, on its held-out runs."""
+
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownFronts:
+        """The fronts of the laws."""
+        if len(results) > 1:
+            raise results[1].error(f"figure '{self.name}' shows one search at a time")
+        return ShownFronts(results[0], self.name, self.controllers)
 
 
 # Beside the base class, so that a plugin that imports one is known to the other.

@@ -22,7 +22,8 @@ from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity_table import quantities
 
 MOST_TRAJECTORIES = 50
-"""Of each law, that the confirmation keeps unless the configuration says how many."""
+"""Of each law, that the confirmation keeps unless the configuration says how many; a front has
+too many laws, and keeps none."""
 
 SETTLED = "settled"
 """A metric that every result can tell, though results of ideal vehicles do not store it."""
@@ -158,7 +159,8 @@ class Search:
         data = self.base.source.data
         ensemble = {"runs": self.section.confirm.runs, "seed": self.confirm_seed}
         store = dict(data.get("store") or {})
-        store.setdefault("trajectories", min(MOST_TRAJECTORIES, ensemble["runs"]))
+        few = min(MOST_TRAJECTORIES, ensemble["runs"])
+        store.setdefault("trajectories", "none" if self.seeks_front else few)
         own = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
         return replace(self.base.source, data=_without_search(data) | own)
 
