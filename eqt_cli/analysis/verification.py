@@ -18,6 +18,7 @@ from eqt_cli.analysis.certificates import (
     sampled,
     trajectory_rows,
 )
+from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.closed_loop import ErrorSystem
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array, norm
@@ -161,10 +162,19 @@ class _Verifier:
             error_system=self._error_system(batch, solution),
             failed=int(np.count_nonzero(~good)),
             departures=batch.problem.loop.vehicle.departures,
+            flight=self._flight(batch, solution),
             energy=batch.problem.loop.controller.energy,
             theorem=batch.problem.loop.controller.theorem,
             desired_speed=float(np.nanmax(norm(reference["desired_velocity"]))),
         )
+
+    def _flight(self, batch: Batch, solution: Solution) -> Flight | None:
+        """The good runs of a loop that is not ideal."""
+        if batch.problem.loop.vehicle.is_ideal:
+            return None
+        good = np.flatnonzero(solution.status == 0)
+        seed = self.experiment.config.ensemble.seed
+        return Flight(batch.problem.select(good), solution.states[good], seed, good)
 
     def _error_system(self, batch: Batch, solution: Solution) -> float | None:
         """The largest difference of E, integrated by itself, to that of the closed loop."""

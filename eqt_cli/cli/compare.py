@@ -6,7 +6,7 @@ import textwrap
 from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -80,6 +80,12 @@ def compare(
         int, typer.Option("--resamples", metavar="N", help="Of the bootstrap.")
     ] = 9999,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap.")] = 0,
+    robust: Annotated[
+        bool, options.flag("--robust", help="Of a sweep: how far each law carries.")
+    ] = False,
+    share: Annotated[
+        float, typer.Option("--share", help="Of runs that must settle, for --robust.")
+    ] = 0.9,
     list_: Annotated[
         bool, options.flag("--list", help="List what this result can be compared by.")
     ] = False,
@@ -100,29 +106,16 @@ def compare(
         with api.open_results(result, "arrays", point) as results:
             _print_metrics(results, json)
         return
-    with api.open_results(result, "arrays") as results:
-        of_sweep = results.is_sweep and point is None
-    if of_sweep:
-        _compare_sweep(
-            result,
-            metric or (MAPPED,),
-            bool(window),
-            against or (),
-            table,
-            format,
-            {"confidence": confidence, "resamples": resamples, "seed": seed},
-            json=json,
-        )
+    how = Resampling(confidence, resamples, seed)
+    if robust:
+        _print_robustness(result, share, confidence, format, json=json)
         return
-    if table in (Table.WINNERS, Table.POINTS):
-        raise EqtError(f"--table {table}: is of a sweep as a whole, and this is one experiment")
-    chosen = metric or window or against or table not in (None, Table.FRONTS) or point is not None
-    if not chosen and _print_fronts(
-        result, Resampling(confidence, resamples, seed), format, json=json
+    narrowed = bool(window or against)
+    if point is None and _print_whole(
+        result, metric or (), table, format, how, narrowed=narrowed, json=json
     ):
         return
-    if table is Table.FRONTS:
-        raise EqtError("--table fronts: is of `eqt tune` with two `objectives`, and this is not")
+    _require_table_of_experiment(table)
     comparison = api.compare(
         result,
         metric or (),
@@ -143,15 +136,44 @@ def compare(
         _print_tables(comparison, table, against or (), format, quiet=quiet)
 
 
+def _print_whole(
+    path: Path,
+    metrics: Sequence[str],
+    table: Table | None,
+    format: Format,
+    how: Resampling,
+    *,
+    narrowed: bool,
+    json: bool,
+) -> bool:
+    """Print what there is of a sweep or of fronts as a whole; False of any other result."""
+    from eqt_cli import api
+
+    with api.open_results(path, "arrays") as result:
+        is_sweep = result.is_sweep
+    if is_sweep:
+        _compare_sweep(path, metrics or (MAPPED,), table, format, how, narrowed=narrowed, json=json)
+        return True
+    if metrics or narrowed or table not in (None, Table.FRONTS):
+        return False
+    return _print_fronts(path, how, format, json=json)
+
+
+def _require_table_of_experiment(table: Table | None) -> None:
+    if table in (Table.WINNERS, Table.POINTS):
+        raise EqtError(f"--table {table}: is of a sweep as a whole, and this is one experiment")
+    if table is Table.FRONTS:
+        raise EqtError("--table fronts: is of `eqt tune` with two `objectives`, and this is not")
+
+
 def _compare_sweep(
     path: Path,
     metrics: Sequence[str],
-    windowed: bool,
-    against: Sequence[str],
     table: Table | None,
     format: Format,
-    bootstrap: dict[str, Any],
+    how: Resampling,
     *,
+    narrowed: bool,
     json: bool,
 ) -> None:
     """Print which law wins at which point of a sweep."""
@@ -162,12 +184,12 @@ def _compare_sweep(
     from eqt_cli.cli.shared.table_formats import as_csv, as_latex, as_text
     from eqt_cli.core.errors import EqtError
 
-    if windowed or against or table not in (None, Table.WINNERS, Table.POINTS):
+    if narrowed or table not in (None, Table.WINNERS, Table.POINTS):
         raise EqtError(
             "--window, --against and the tables of pairs and claims are of one experiment; choose "
             "a point of the sweep with --point, or --table winners or points"
         )
-    maps = api.compare_sweep(path, metrics, **bootstrap)
+    maps = api.compare_sweep(path, metrics, **vars(how))
     with api.open_results(path, "arrays") as result:
         if json or format is Format.CSV:
             records = [record for found in maps for record in map_records(found, result)]
@@ -258,6 +280,27 @@ def _print_tables(
         say(f"nothing to show: {_why_empty(comparison)}")
     elif table is None and len(comparison.labels) > 2 and not against and format is Format.TEXT:
         say("next: --table pairs shows every pair, --list what else there is to compare")
+
+
+def _print_robustness(
+    path: Path, share: float, confidence: float, format: Format, *, json: bool
+) -> None:
+    """Print how far each law of a sweep carries along the swept number."""
+    from eqt_cli import api
+    from eqt_cli.analysis.comparison.notation import Latex, Plain
+    from eqt_cli.analysis.comparison.robustness import robustness_table
+
+    with api.open_results(path, "arrays") as result:
+        if not result.is_sweep:
+            raise EqtError(f"--robust: asks a sweep, and {path} is a single experiment")
+        write = Latex() if format is Format.LATEX else Plain()
+        table, rows = robustness_table(result, share, confidence, write)
+    if json:
+        print_json({"path": str(path), "share": share, "tested": rows})
+    elif format is Format.CSV:
+        print(as_csv(rows))
+    else:
+        print((as_latex if format is Format.LATEX else as_text)(table))
 
 
 def _print_fronts(path: Path, how: Resampling, format: Format, *, json: bool) -> bool:

@@ -6,9 +6,15 @@ no group and no pose.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
-from eqt_cli.core.arrays import sqrt
+import numpy as np
+
+from eqt_cli.core.arrays import Array, sqrt
+
+FARTHEST = 2 * math.sqrt(2)
+"""‖I − R‖_F of a half-turn, in the plane and in space."""
 
 HALVINGS = 4
 """So many halvings leave at most π/32, whose series end soon."""
@@ -18,6 +24,17 @@ _ARCSINE = (1.0, 1 / 6, 3 / 40, 5 / 112, 35 / 1152, 63 / 2816, 231 / 13312)
 
 _COTANGENT = (1 / 3, 1 / 45, 2 / 945, 1 / 4725, 2 / 93555, 1382 / 638512875)
 """Of (1 − x cot x) / x² in x² ≤ (π/32)²; what is left out is below 1e-17."""
+
+
+def distance_of_turn(angle: float) -> float:
+    """‖I − R‖_F = 2√2 sin(θ/2) of a rotation by an angle, rad."""
+    return FARTHEST * math.sin(angle / 2)
+
+
+def turn_of_distance(distance: Array) -> Array:
+    """The angle, rad, of rotations with these ‖I − R‖_F; undoes `distance_of_turn`."""
+    angle: Array = 2 * np.arcsin(np.minimum(distance / FARTHEST, 1.0))
+    return angle
 
 
 def ratio_to_sine(c: Any) -> Any:

@@ -12,8 +12,12 @@ from eqt_cli.analysis.certificates import Row, Verdict
 from eqt_cli.closed_loop.signals import MIXED
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.core.problems import Problems
+from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.plots.drawing.labels import notation
+from eqt_cli.groups.angles import turn_of_distance
+from eqt_cli.plots.drawing.labels import in_words, notation, signal_label
 from eqt_cli.plots.drawing.style import Look
 from eqt_cli.results.result import Result, SweptKey, law_title
 from eqt_cli.tuning.folder import record_beside
@@ -28,6 +32,9 @@ DEFAULT_METRICS = (
     "settling_time",
 )
 """The metrics that are shown unless told otherwise, those of them that all results hold."""
+
+MOST_REMARKS = 3
+"""Lines about one reference, below its figure."""
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
 _DECIDED = (Verdict.HOLDS, Verdict.FAILS)
@@ -175,6 +182,25 @@ class ShownRuns(ShownControllers):
         """
         self._check_stored(ensemble.results, signal)
         return ensemble.results.trajectories(signal, ensemble.controller, most)
+
+    def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
+        """`values` of a norm; those that are distances of rotations as angles, if in `degrees`."""
+        values = self.values(signal, ensemble)
+        if degrees and signal in self.results[0].attitude_errors:
+            return np.degrees(turn_of_distance(values))
+        return values
+
+    def error_label(self, signal: str, *, degrees: bool) -> str:
+        """The label of an axis along which `errors` are drawn."""
+        if degrees and signal in self.results[0].attitude_errors:
+            return in_words("attitude error", "deg")
+        return signal_label(self.results[0], signal)
+
+    def require_attitude(self, *, degrees: bool) -> None:
+        """Refuse to show in degrees what is no angle."""
+        if degrees and not self.results[0].attitude_errors:
+            group = self.results[0].group_name
+            raise self.error(f"finds no attitude error on {group} to show in degrees")
 
     def numbers(self, ensemble: Ensemble, most: int | None = None) -> Array:
         """The numbers of the good runs of a controller, as `values` takes them."""
@@ -483,6 +509,61 @@ class ShownCertificates:
             law = f" ({row.controller})" if row.controller else ""
             notes.append(f"{notation(row.name)}{law}: {row.verdict}.")
         return notes
+
+
+class ShownReference:
+    """The desired motion of an experiment, from a result or before anything is run.
+
+    Parameters
+    ----------
+    source
+        The open result, or the experiment.
+    figure, chosen
+        As for `ShownControllers`; the reference is the same for all controllers.
+
+    Attributes
+    ----------
+    group
+        G.
+    times : (n,)
+        s.
+    pose : (n, d, d)
+        Q_d.
+    velocity, torque : (n, m)
+        V_d and τ_d, body frame.
+
+    Raises
+    ------
+    EqtError
+        If the result is a sweep's, lacks the reference or is on a group that is not known.
+    """
+
+    def __init__(
+        self, source: Result | Experiment, figure: str, chosen: Sequence[str] = ()
+    ) -> None:
+        self._remarks: list[str] = []
+        if isinstance(source, Experiment):
+            found = reference_over_horizon(source)
+            self.group, self.times = source.group, found.times
+            self.pose, self.velocity, self.torque = found.pose, found.velocity, found.torque
+            problems = Problems(lambda path: "")
+            jumps = check_reference(found, None, problems)
+            self._remarks += [problem.message for problem in problems] + jumps
+            return
+        source.single(f"figure '{figure}' shows single experiments")
+        _positions([source], figure, chosen)
+        needed = ("desired_pose", "desired_velocity", "desired_torque")
+        source.check_stored(*needed, who=f"figure '{figure}' needs")
+        if source.group is None:
+            raise _error(source, figure, f"does not know group '{source.group_name}' of a plugin")
+        self.group, self.times = source.group, source.times
+        self.pose, self.velocity, self.torque = (source[name] for name in needed)
+
+    def notes(self) -> list[str]:
+        """Where the reference leaves the real numbers, and where it jumps; the first places."""
+        shown = [f"The reference: {remark}." for remark in self._remarks[:MOST_REMARKS]]
+        left = len(self._remarks) - len(shown)
+        return [*shown, f"And {left} more jumps."] if left else shown
 
 
 class ShownFronts:

@@ -15,6 +15,7 @@ from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.table import Variable
 
 if TYPE_CHECKING:
+    from eqt_cli.config.schema import Config
     from eqt_cli.experiment.build import Experiment
 
 STATUS_MEANINGS = "; ".join(f"{status.value} {status.name.lower()}" for status in Status)
@@ -127,6 +128,12 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is Per.RUN and q.of and
 """What is computed from the signals of a run and stored."""
 
 
+def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
+    """The row of a table as the keys of a configuration make it."""
+    values = {name: getattr(config, key) for name, key in quantity.choices.items()}
+    return quantity.with_choices(values)
+
+
 def quantities(experiment: Experiment) -> list[Quantity]:
     """The variables of a result of an experiment, with their units there, in the file's order."""
     found, group = [], experiment.group
@@ -134,6 +141,7 @@ def quantities(experiment: Experiment) -> list[Quantity]:
     for quantity in QUANTITIES.values():
         if not (quantity.stored and quantity.stored_of(vehicle)):
             continue
+        quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
         units = quantity.unit(_unit_of_signal(quantity, group))
         found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))

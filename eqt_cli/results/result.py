@@ -458,6 +458,16 @@ class Result(ResultFile):
             if name.startswith(f"{norm}_") and self.is_over_time(name)
         ]
 
+    @cached_property
+    def attitude_errors(self) -> list[str]:
+        """The norms over time that are distances ‖I − R‖_F of rotations, which angles follow from.
+
+        None on a group of a plugin, which need not be loaded here.
+        """
+        parts = () if self.group is None else self.group.parts
+        turns = [f"_{part.name}" if len(parts) > 1 else "" for part in parts if part.turns]
+        return [name for end in turns if self.is_over_time(name := f"pose_error{end}")]
+
     def split(self, norm: str) -> list[str]:
         """The names of a norm's parts where it has some, else its own."""
         return [f"{norm}_{part}" for part in self.parts(norm)] or [norm]
@@ -534,13 +544,19 @@ class Result(ResultFile):
 
     def quantity(self, name: str) -> Quantity:
         """What a variable is: its row of the table, and of what is not there, all the file says."""
-        return quantity_of(name, self.long_name(name) if self.has(name) else "")
+        if not self.has(name):
+            return quantity_of(name)
+        return quantity_of(name, self.long_name(name)).with_choices(self.attributes_of(name))
 
     @cached_property
     def comparable(self) -> dict[str, Quantity]:
         """All numbers per run that this result has or that can be computed from it, by name."""
         found: dict[str, Quantity] = {}
-        for quantity in METRICS:
+        for quantity in (self.quantity(row.name) for row in METRICS):
+            if quantity.of_turns:
+                for part in (name.removeprefix("pose_error") for name in self.attitude_errors):
+                    found[quantity.name + part] = quantity.part(part[1:]) if part else quantity
+                continue
             if self._has_signals(quantity) or self._metrics_like(quantity):
                 found[quantity.name] = quantity
             for part in self.parts(quantity.signals[0]) if quantity.parted else ():

@@ -129,9 +129,11 @@ class Search:
 
     @property
     def all_runs(self) -> int:
-        """Over all laws and generations, and those of the confirmation with one winner a law."""
-        each = self.section.population * self.base.config.ensemble.runs
-        return len(self.laws) * (self.section.budget * each + 2 * self.section.confirm.runs)
+        """Over all laws and generations, and those of the confirmation at the most."""
+        section = self.section
+        each = section.budget * section.population * self.base.config.ensemble.runs
+        winners = section.population if self.seeks_front else 1
+        return len(self.laws) * (each + (winners + 1) * section.confirm.runs)
 
     @cached_property
     def digest(self) -> str:

@@ -173,6 +173,10 @@ class TrajectoryCheck(Certificate):
 
     kind: ClassVar[Kind] = "trajectory"
 
+    def applies(self, runs: Runs) -> bool:
+        """Whether it says anything about these runs."""
+        return True
+
     @abstractmethod
     def check(self, runs: Runs) -> Row:
         """What the runs say."""

@@ -17,7 +17,7 @@ from eqt_cli.analysis.comparison.verdicts import (
     measured_by,
 )
 from eqt_cli.core.errors import EqtError
-from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import PerRun, Result
 from eqt_cli.results.time_windows import WHOLE, Window
@@ -150,11 +150,12 @@ def _chosen(
 
 def _defaults(result: Result) -> list[tuple[Quantity, Window]]:
     """What is compared unless a user chooses; parts instead of norms with mixed units."""
+    early = result.quantity("early_torque").window
     return [
         (quantity, window)
         for base in METRICS
         for quantity in result.by_parts(base.name)
-        for window in base.compared
+        for window in (early if window == EARLY else window for window in base.compared)
         if result.covers(quantity, window)
     ]
 

@@ -13,7 +13,7 @@ LEFT = 0.05
 """Of the largest error of a run, what may be left at its end."""
 
 STALLED = 0.9
-"""An error of which so much is left after a quarter of the horizon no longer decays."""
+"""An error whose mean over a quarter of the horizon is so much of that before no longer decays."""
 
 SMALLEST_SCALE = 1e-6
 """Of the size of the motion; where nothing moves at all, errors are rounding."""
@@ -26,9 +26,9 @@ class Approach:
     Attributes
     ----------
     left : (runs,)
-        The largest error over the last quarter of the horizon, of the largest over all of it.
+        The error at the horizon, as a part of the largest of the run.
     level : (runs,)
-        That error itself.
+        The mean error over the last quarter of the horizon.
     arrived : (runs,)
         It is at the solver's own error, or at most `LEFT` is left and it still decays.
     stays : (runs,)
@@ -59,9 +59,8 @@ def approach(times: Array, errors: Array, rtol: float, size: float) -> Approach:
     before = ~late & (times >= times[-1] - duration / 2)
     if not before.any():
         before = ~late
-    level, earlier = errors[:, late].max(axis=1), errors[:, before].max(axis=1)
-    largest = errors.max(axis=1)
+    level, largest = errors[:, late].mean(axis=1), errors.max(axis=1)
     solved = level <= STATES_PER_RTOL * rtol * np.maximum(largest, max(size, SMALLEST_SCALE))
-    decays = level <= STALLED * earlier
-    left = level / np.where(largest > 0, largest, 1.0)
+    decays = level <= STALLED * errors[:, before].mean(axis=1)
+    left = errors[:, -1] / np.where(largest > 0, largest, 1.0)
     return Approach(left, level, solved | (decays & (left <= LEFT)), ~(solved | decays))

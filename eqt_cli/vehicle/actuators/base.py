@@ -25,6 +25,9 @@ class Actuator(VehiclePart):
     sampled: ClassVar[bool] = False
     """Whether it acts at control instants only, on a command that is held."""
 
+    has_closed_form: ClassVar[bool] = False
+    """Whether `after` says where a held command leads its states."""
+
     def states(self, G: MatrixLieGroup) -> int:
         """How many states it has."""
         return 0
@@ -35,6 +38,12 @@ class Actuator(VehiclePart):
 
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
         """The time derivative of its states."""
+        return x
+
+    def after(
+        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, duration: Array
+    ) -> Array:
+        """Its states after a command was held for so long, where it has a closed form."""
         return x
 
     def step(

@@ -38,12 +38,16 @@ class Noise(Sensor):
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
     ) -> Array:
         """std · N(0, 1)^m, or density/√period · N(0, 1)^m."""
-        part: Any = self.of_run(random)
-        if part.std is not None:
-            deviation = vector(part.std, G.dimension, G)
-        else:
-            deviation = vector(part.density or 0.0, G.dimension, G) / np.sqrt(period)
+        deviation = self.of_run(random).white_deviation(G, period)
         return deviation * random.standard_normal((instants, G.dimension))
+
+    def white_deviation(self, G: MatrixLieGroup, period: float) -> Array:
+        """std, or density/√period."""
+        part: Any = self
+        if part.std is not None:
+            return vector(part.std, G.dimension, G)
+        deviation: Array = vector(part.density or 0.0, G.dimension, G) / np.sqrt(period)
+        return deviation
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Both or none of the two, a negative deviation, a wrong length."""
