@@ -215,9 +215,8 @@ def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampli
     )
     note = (
         "Between two neighbours on a front, costs and errors are mixed. Intervals are of paired "
-        "differences, and hold one by one."
+        "differences and hold one by one; how near the search came to a front is not in them."
     )
     header = ["laws, the better first", "cost", "error", "error of the other", "less by"]
-    return TextTable(
-        "fronts", caption, header, [Block("", rows)] if rows else [], [write.text(note)]
-    )
+    notes = [write.text(text) for text in (*sentences(result, record, how), note)]
+    return TextTable("fronts", caption, header, [Block("", rows)] if rows else [], notes)

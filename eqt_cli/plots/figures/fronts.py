@@ -34,12 +34,12 @@ class Fronts(OfTuning):
     Attributes
     ----------
     log
-        Logarithmic scales.
+        Logarithmic scales, where all numbers are positive.
     """
 
     name: ClassVar[str] = "fronts"
 
-    log: bool = False
+    log: bool = True
 
     def compose(self, shown: ShownFronts, width: Width) -> Drawing:
         """One panel; colours and markers are those of the laws in all other figures."""
@@ -67,7 +67,8 @@ class Fronts(OfTuning):
             start = shown.start(front)
             panel.plot(*start, "x", color=look["color"], label=f"{front.law}, start")
             seen += points
-        if self.log:
+        panel.margins(0.03)
+        if self.log and all((values > 0).all() for values in seen):
             scale_log(panel, "x", np.concatenate(seen[0::2]))
             scale_log(panel, "y", np.concatenate(seen[1::2]))
         panel.set_xlabel(metric_label(shown.results, shown.objectives[0], 36))
