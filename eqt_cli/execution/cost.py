@@ -131,7 +131,7 @@ def _of_a_part(study: Study) -> int:
     sizes = {"axis": G.dimension, "row": G.size, "col": G.size}
     signals = sum(
         prod(sizes.get(dim, 1) for dim in entry.dims)
-        for entry in quantities(base)
+        for entry in quantities(base, study.vehicles)
         if entry.per is Per.TRAJECTORY
     )
     runs = len(plan.part(0))

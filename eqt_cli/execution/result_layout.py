@@ -68,7 +68,8 @@ class Layout:
 
     def __init__(self, study: Study) -> None:
         self.study = study
-        self.quantities = [entry for entry in quantities(study.base) if self._is_kept(entry)]
+        found = quantities(study.base, study.vehicles)
+        self.quantities = [entry for entry in found if self._is_kept(entry)]
         self.varies = {Per.INITIAL: study.initial_varies, Per.DESIRED: study.desired_varies}
 
     def _is_kept(self, quantity: Quantity) -> bool:

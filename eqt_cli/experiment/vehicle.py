@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -30,9 +31,19 @@ from eqt_cli.vehicle.inertia import (
 from eqt_cli.vehicle.numbers import Drawn, check_numbers, drawn
 from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors import sensors
+from eqt_cli.vehicle.vehicle import CONTROL
 
 SECTIONS = ("plant", "actuators", "control", "sensors")
 """The sections that say what is between the laws and the motion."""
+
+
+def decides_parts(key: str, values: Iterable[Any]) -> bool:
+    """Whether values of a key in these sections may differ in parts, or in how many states it has.
+
+    Plain numbers do not, but for the delay, each period of which is a command on its way.
+    """
+    numbers = all(isinstance(value, int | float) for value in values)
+    return not numbers or key == f"{CONTROL}.delay"
 
 
 def vehicle_from(

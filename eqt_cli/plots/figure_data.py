@@ -183,6 +183,19 @@ class ShownRuns(ShownControllers):
         self._check_stored(ensemble.results, signal)
         return ensemble.results.trajectories(signal, ensemble.controller, most)
 
+    def of_run(self, signal: str, ensemble: Ensemble, run: int) -> Array:
+        """One signal of one run of a controller, ``(samples, …)``.
+
+        Raises
+        ------
+        EqtError
+            If the run failed, or the result does not hold its trajectory.
+        """
+        found: Array = ensemble.results.trajectory(signal, run)[ensemble.controller]
+        if not ensemble.results.good[ensemble.controller, run]:
+            raise self.error(f"cannot show run {run} of {ensemble.label}, which failed")
+        return found
+
     def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
         """`values` of a norm; those that are distances of rotations as angles, if in `degrees`."""
         values = self.values(signal, ensemble)
@@ -234,8 +247,18 @@ class ShownRuns(ShownControllers):
         return list(zip(axes, units, strict=True))
 
     def notes(self) -> list[str]:
-        """As `ShownControllers.notes`, after how many runs have trajectories."""
-        return [*self._thinned(), *super().notes()]
+        """As `ShownControllers.notes`, after what flies and how many runs have trajectories."""
+        return [*self._loops(), *self._thinned(), *super().notes()]
+
+    def _loops(self) -> Iterator[str]:
+        """What the loops have that the paper's has not."""
+        found = {
+            name: one.loop_in_words
+            for one, name in zip(self.results, names(self.results), strict=True)
+        }
+        for name, words in found.items():
+            if words:
+                yield f"{name}: {words}" if len(self.results) > 1 else words
 
     def _thinned(self) -> Iterator[str]:
         for one, name in zip(self.results, names(self.results), strict=True):
@@ -373,7 +396,7 @@ class ShownSweep:
     """
 
     def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
-        self.results, self.figure = results, figure
+        self.results, self.figure, self._shares = results, figure, False
         if not results.is_sweep:
             raise self.error(
                 "shows sweeps, and this is a single experiment; see `eqt sweep --help`"
@@ -440,7 +463,8 @@ class ShownSweep:
         without = failed.any(axis=-1)
         if without.any():
             left_out = f"{np.count_nonzero(without)} of {without.size} means left out"
-            yield f"{np.count_nonzero(failed)} runs failed; {left_out}."
+            count = f"{np.count_nonzero(failed)} runs failed"
+            yield f"{count}; {'they count as not settled' if self._shares else left_out}."
 
     def _censored(self) -> Iterator[str]:
         horizon = self.results.horizon
@@ -452,6 +476,23 @@ class ShownSweep:
                 end = f"{horizon:g} s"
                 counted = f"{late} runs unsettled at {end} count as {end}"
                 yield f"{name}: {counted}; means are lower bounds."
+
+    def settled(self, by: float) -> Array:
+        """Which runs have settled by a time, or by their end if it is 0; no failed run has.
+
+        Raises
+        ------
+        EqtError
+            If runs do not last that long, or the result does not tell.
+        """
+        horizon = self.results.horizon
+        if horizon is not None and by > horizon:
+            raise self.error(f"option 'by': the runs last {horizon:g} s, got {by:g}")
+        self.results.check_metrics(["settling_time"], who=f"figure '{self.figure}'")
+        self._shares = True
+        times = self.results.metric("settling_time")[:, self.controllers]
+        found: Array = times <= (by or np.inf)  # NaN, of a run that has not settled, is not
+        return found
 
     def error(self, message: str) -> EqtError:
         """An error of this figure about this result."""

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import yaml
 
+from eqt_cli.config.signal_path import loop_in_words
 from eqt_cli.config.source import ConfigSource, source_of
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.controllers import controllers
@@ -217,6 +218,14 @@ class Result(ResultFile):
             return {str(entry["label"]): str(entry["kind"]) for entry in entries}
         except (yaml.YAMLError, KeyError, TypeError, RecursionError, ValueError):
             return {label: label for label in self.labels}
+
+    @cached_property
+    def loop_in_words(self) -> str:
+        """What the loop has that the paper's has not, in a sentence; nothing for the paper's."""
+        try:
+            return loop_in_words(yaml.safe_load(str(self.attributes.get("config", ""))) or {})
+        except (yaml.YAMLError, KeyError, TypeError, AttributeError, RecursionError, ValueError):
+            return ""
 
     @property
     def source(self) -> ConfigSource:
@@ -495,10 +504,20 @@ class Result(ResultFile):
             If there is none of that name.
         """
         self.check_metrics([name])
-        chosen: dict[str, int] = {} if controller is None else {"controller": controller}
         good = self.good if controller is None else self.good[..., controller, :]
-        values = self.read(name, **chosen).astype(float)
-        return np.where(good, values, np.nan)
+        return np.where(good, self._number(name, controller), np.nan)
+
+    def _number(self, name: str, controller: int | None = None) -> Array:
+        """A number of every run as it is stored, or as another one tells it."""
+        chosen: dict[str, int] = {} if controller is None else {"controller": controller}
+        if name in self.metrics:
+            found: Array = self.read(name, **chosen).astype(float)
+            return found
+        return np.isfinite(self.read(self.quantity(name).told_by, **chosen)).astype(float)
+
+    def _is_told(self, name: str) -> bool:
+        """Whether a number per run that is not stored follows from one that is."""
+        return name not in self.metrics and self.quantity(name).told_by in self.metrics
 
     def censored(self, name: str, controller: int | None = None) -> Array:
         """Which good runs have no such number because it lies beyond the horizon, as `metric`."""
@@ -538,7 +557,7 @@ class Result(ResultFile):
             That says which there are.
         """
         for name in names:
-            if name not in self.metrics:
+            if name not in self.metrics and not self._is_told(name):
                 hint = suggestion(name, self.metrics) or f"; there are: {', '.join(self.metrics)}"
                 raise self.error(f"{f'{who} ' if who else ''}finds no metric '{name}'{hint}")
 
@@ -557,7 +576,8 @@ class Result(ResultFile):
                 for part in (name.removeprefix("pose_error") for name in self.attitude_errors):
                     found[quantity.name + part] = quantity.part(part[1:]) if part else quantity
                 continue
-            if self._has_signals(quantity) or self._metrics_like(quantity):
+            told = self._is_told(quantity.name)
+            if told or self._has_signals(quantity) or self._metrics_like(quantity):
                 found[quantity.name] = quantity
             for part in self.parts(quantity.signals[0]) if quantity.parted else ():
                 found[f"{quantity.name}_{part}"] = quantity.part(part)
@@ -616,6 +636,9 @@ class Result(ResultFile):
         elif self._has_signals(quantity):
             runs, unit = self.stored_runs, quantity.unit(self.units(quantity.signals[0]))
             columns = [self._computed(quantity, window, c) for c in range(len(self.labels))]
+        elif self._is_told(quantity.name):
+            runs, unit = np.arange(self.runs), quantity.units
+            columns = [self._number(quantity.name, c) for c in range(len(self.labels))]
         else:
             raise self._not_stored(quantity, window)
         values = np.full((len(self.labels), self.runs), np.nan)

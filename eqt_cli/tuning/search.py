@@ -25,9 +25,6 @@ MOST_TRAJECTORIES = 50
 """Of each law, that the confirmation keeps unless the configuration says how many; a front has
 too many laws, and keeps none."""
 
-SETTLED = "settled"
-"""A metric that every result can tell, though results of ideal vehicles do not store it."""
-
 
 @dataclass(frozen=True)
 class Constraint:
@@ -274,7 +271,7 @@ def _objectives(section: TuneSection, base: Experiment, problems: Problems) -> t
 def _require_metric(name: str, base: Experiment) -> None:
     """Raise an `InputError` if generations do not store a metric of this name."""
     stored = {quantity.name for quantity in quantities(base)}
-    known = [q.name for q in METRICS if q.name in stored or q.name == SETTLED]
+    known = [q.name for q in METRICS if q.name in stored or q.told_by in stored]
     if name not in known:
         hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
         raise InputError(f"no metric '{name}' is stored of every run{hint}")

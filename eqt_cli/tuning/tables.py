@@ -18,8 +18,8 @@ from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.problems import parse_key
 from eqt_cli.results.result import Result, mean_over_runs
 from eqt_cli.tuning.fronts import equal_cost_table
-from eqt_cli.tuning.scores import excess, run_values
-from eqt_cli.tuning.search import SETTLED, Constraint
+from eqt_cli.tuning.scores import excess
+from eqt_cli.tuning.search import Constraint
 
 Record = Mapping[str, Any]
 
@@ -78,8 +78,7 @@ def _front_points(result: Result, record: Record, how: Resampling) -> TextTable:
 def compared(result: Result, record: Record) -> Comparison:
     """The comparison by the objectives, and by what was bounded."""
     names = [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
-    known = [name for name in dict.fromkeys(names) if name in result.metrics or name != SETTLED]
-    return compare(result, metrics=known)
+    return compare(result, metrics=list(dict.fromkeys(names)))
 
 
 def _winners(result: Result, record: Record, comparison: Comparison, write: Plain) -> TextTable:
@@ -140,7 +139,7 @@ def _bounds(result: Result, record: Record, write: Plain) -> TextTable:
     rows = []
     for entry in record["constraints"]:
         bound = Constraint(**entry)
-        values = run_values(result, bound.metric)
+        values = result.counted(bound.metric)
         over = excess(bound, values)
         worst = np.nanmax if bound.above else np.nanmin
         found = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)

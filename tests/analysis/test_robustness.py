@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison.notation import Plain
-from eqt_cli.analysis.comparison.robustness import reaches, robustness_table, wilson_low
+from eqt_cli.analysis.comparison.robustness import reaches, robustness_table
 from eqt_cli.core.errors import EqtError
 from eqt_cli.results.result import Result, SweptKey
 
@@ -22,24 +22,18 @@ class Stored(Result):
 
     def __init__(self, settled: Any, *keys: SweptKey) -> None:
         counts = np.array(settled)[..., None]
-        self.times_of_settling = np.where(np.arange(RUNS) < counts, 1.0, np.nan)
+        self.settled = (np.arange(RUNS) < counts).astype(float)
         self.labels = [f"law {k}" for k in range(counts.shape[1])]
         self.dimensions = {"run": RUNS, "point": len(counts)}
         self.swept_keys = list(keys)
 
     def metric(self, name: str, controller: int | None = None) -> Any:
-        assert name == "settling_time"
-        return self.times_of_settling
+        assert name == "settled"
+        return self.settled
 
 
 def key(name: str, values: list[float]) -> SweptKey:
     return SweptKey(name, np.array(values, dtype=float), {})
-
-
-def test_the_lower_end_is_that_of_wilson() -> None:
-    z, n, p = 1.959963984540054, 100, 0.97
-    centre, root = p + z**2 / (2 * n), np.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
-    assert wilson_low(97, 100, 0.95) == pytest.approx((centre - z * root) / (1 + z**2 / n))
 
 
 def test_a_law_carries_up_to_the_last_value_before_the_first_that_fails() -> None:

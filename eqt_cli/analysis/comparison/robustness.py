@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.shares import share
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
@@ -93,7 +94,7 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
     if not 0 < wanted < 1:
         raise EqtError(f"share {wanted:g}: expected a number between 0 and 1, as 0.9")
     across, other = _keys(result)
-    settled = np.isfinite(result.metric("settling_time"))
+    settled = result.metric("settled") > 0  # NaN, of a run that failed, is not
     found = []
     for level in np.unique(other.values) if other else [0.0]:
         points = np.flatnonzero(other.values == level) if other else np.arange(result.points)
@@ -104,7 +105,7 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
         name = other.at(int(points[0])) if other else ""
         for law, label in enumerate(result.labels):
             tested = [
-                Tested(value, n, result.runs, wilson_low(n, result.runs, confidence))
+                Tested(value, n, result.runs, share(n, result.runs, confidence).low)
                 for value, n in zip(values.tolist(), counts[:, law].tolist(), strict=True)
             ]
             holds = np.array([each.low >= wanted for each in tested])
@@ -122,13 +123,6 @@ def _keys(result: Result) -> tuple[SweptKey, SweptKey | None]:
             f"robustness is asked over a swept number and at most one key more, here are: {listed}"
         )
     return numbers[0], next((key for key in keys if key is not numbers[0]), None)
-
-
-def wilson_low(count: int, runs: int, confidence: float) -> float:
-    """The lower end of the interval of Wilson (1927) of a share of runs."""
-    from scipy.stats import binomtest  # slow to import, and most tables do without
-
-    return float(binomtest(count, runs).proportion_ci(confidence, method="wilson").low)
 
 
 def _around(values: Array, holds: Array, start: int) -> tuple[float | None, float | None]:
@@ -153,7 +147,7 @@ def robustness_table(
         row = [write.text(each.law), *(_end(each, above, write) for above in (False, True))]
         blocks.setdefault(each.other, []).append(row)
     runs = result.runs
-    most = wilson_low(runs, runs, confidence)
+    most = share(runs, runs, confidence).low
     notes = [
         "A law carries as far as every tested value has a share of settled runs whose "
         f"{100 * confidence:g} % Wilson interval begins at {wanted:g} or above. A failed run has "
