@@ -10,6 +10,7 @@ from __future__ import annotations
 import gc
 import hashlib
 import importlib.machinery
+import inspect
 import json
 import os
 import resource
@@ -31,8 +32,11 @@ from mutants.mutations import Mutant, mutated
 SLOW = 5.0
 """s of processor time; tests that take longer are left out."""
 
-BUDGET = 60.0
+BUDGET = 20.0
 """s of processor time in tests of a mutant that nothing tells, measured without the fault."""
+
+WAIT = 900
+"""s after which a trial that does nothing ends."""
 
 ROOT = Path(__file__).parent.parent
 KNOWN = ROOT / "build" / "mutants"
@@ -68,7 +72,7 @@ class Trials:
         self.items = {item.nodeid: item for item in session.items}
         self.tests = _what_tests_call(session)
         self.functions = _functions()
-        running: dict[int, tuple[Mutant, int, float]] = {}
+        running: dict[int, tuple[Mutant, int]] = {}
         for mutant in self.mutants:
             chosen = self.chosen(mutant)
             if not chosen:
@@ -82,19 +86,19 @@ class Trials:
                 os.close(read)
                 _quietly(partial(self.trial, mutant, chosen, write))
             os.close(write)
-            running[pid] = mutant, read, time.monotonic()
+            running[pid] = mutant, read
         while running:
             self._wait(running)
         return True
 
-    def _wait(self, running: dict[int, tuple[Mutant, int, float]]) -> None:
+    def _wait(self, running: dict[int, tuple[Mutant, int]]) -> None:
         pid, status = os.wait()
-        mutant, read, _ = running.pop(pid)
+        mutant, read = running.pop(pid)
         with os.fdopen(read) as pipe:
             told = pipe.read()
         if os.WIFSIGNALED(status):
             ended = os.WTERMSIG(status)
-            by_limit = ended in (signal.SIGXCPU, signal.SIGKILL)
+            by_limit = ended in (signal.SIGXCPU, signal.SIGKILL, signal.SIGALRM)
             self.done(mutant, TIMEOUT if by_limit else KILLED, told or f"signal {ended}")
         else:
             self.done(mutant, KILLED if os.WEXITSTATUS(status) else SURVIVED, told)
@@ -132,6 +136,7 @@ class Trials:
         expected = sum(self.tests[nodeid]["seconds"] for nodeid in chosen)
         limit = int(20 + 5 * expected)
         resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
+        signal.alarm(WAIT)  # what waits forever takes no processor time
         if self.reads(mutant):
             os.set_inheritable(write, True)
             arguments = [mutant.path, str(mutant.line), mutant.key, str(write), *chosen]
@@ -185,36 +190,36 @@ def _watch(called: set[tuple[str, str]]) -> Any:
 
 
 def _what_tests_call(session: pytest.Session) -> dict[str, dict[str, Any]]:
-    """Seconds and called functions of every test; kept, until the file of the test changes."""
+    """Seconds and called functions of every test; kept, until the text of the test changes."""
     KNOWN.mkdir(parents=True, exist_ok=True)
     by_file: dict[Path, list[pytest.Item]] = {}
     for item in session.items:
         by_file.setdefault(item.path, []).append(item)
     found: dict[str, dict[str, Any]] = {}
     for file, items in by_file.items():
-        digest = hashlib.sha256(file.read_bytes()).hexdigest()[:16]
         kept = KNOWN / f"{file.relative_to(ROOT).with_suffix('').as_posix().replace('/', '-')}.json"
         known = json.loads(kept.read_text()) if kept.exists() else {}
-        if known.get("digest") != digest:
-            print(f"watching {file.relative_to(ROOT)}", flush=True)
+        new = [item for item in items if known.get(item.nodeid, {}).get("text") != _text(item)]
+        if new:
+            print(f"watching {len(new)} tests of {file.relative_to(ROOT)}", flush=True)
             pid = os.fork()
             if not pid:
-                _quietly(
-                    lambda items=items, kept=kept, digest=digest: _watched(items, kept, digest)
-                )
+                _quietly(partial(_watched, new, known, kept))
             if os.waitpid(pid, 0)[1]:
                 raise pytest.UsageError(f"without a fault, tests of {file} fail")
             known = json.loads(kept.read_text())
-        found |= known["tests"]
-    return {nodeid: known for nodeid, known in found.items() if nodeid in {*_nodeids(session)}}
+        found |= {item.nodeid: known[item.nodeid] for item in items}
+    return found
 
 
-def _nodeids(session: pytest.Session) -> list[str]:
-    return [item.nodeid for item in session.items]
+def _text(item: pytest.Item) -> str:
+    """A digest of the test's own text."""
+    function = inspect.unwrap(getattr(item, "obj", None) or len)
+    inner = getattr(getattr(function, "hypothesis", None), "inner_test", function)
+    return hashlib.sha256(inspect.getsource(inner).encode()).hexdigest()[:16]
 
 
-def _watched(items: list[pytest.Item], kept: Path, digest: str) -> int:
-    tests = {}
+def _watched(items: list[pytest.Item], known: dict[str, Any], kept: Path) -> int:
     for item, following in zip(items, [*items[1:], None], strict=True):
         called: set[tuple[str, str]] = set()
         start = time.process_time()
@@ -228,8 +233,9 @@ def _watched(items: list[pytest.Item], kept: Path, digest: str) -> int:
         calls: dict[str, list[str]] = {}
         for path, function in sorted(called):
             calls.setdefault(path, []).append(function)
-        tests[item.nodeid] = {"seconds": time.process_time() - start, "calls": calls}
-    kept.write_text(json.dumps({"digest": digest, "tests": tests}))
+        seconds = time.process_time() - start
+        known[item.nodeid] = {"text": _text(item), "seconds": seconds, "calls": calls}
+    kept.write_text(json.dumps(known))
     return 0
 
 

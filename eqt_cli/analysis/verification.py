@@ -119,6 +119,9 @@ def verify_stored(
         verifier = _Verifier(experiment, ERROR_SYSTEM_RUNS, lambda runs: None, workers, oracles)
         if results.has("desired_pose"):
             desired = {name: results[name] for name in ("desired_pose", "desired_velocity")}
+            for name, values in desired.items():
+                if not np.isfinite(values[0]).all():
+                    raise results.refusal(f"its '{name}' is not finite at the start")
         else:  # of a sweep that keeps metrics only
             desired = shared_reference(verifier.study)
         found = [verifier.of_stored_runs(label, results, desired) for label in experiment.loops]

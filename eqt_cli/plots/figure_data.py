@@ -67,6 +67,16 @@ class Ensemble:
     good: Array
 
     @property
+    def law(self) -> str:
+        """The controller's label in its own result."""
+        return self.results.labels[self.controller]
+
+    @property
+    def has_function(self) -> bool:
+        """Whether its L is to be drawn: it claims that it falls, or no law here does."""
+        return self.law not in self.results.without_function
+
+    @property
     def failed(self) -> int:
         """How many runs are left out because they failed."""
         return int(self.good.size - np.count_nonzero(self.good))
@@ -88,6 +98,8 @@ class ShownControllers:
     ----------
     ensembles : list of Ensemble
         The controllers.
+    remarks
+        What a figure adds to the notes while it is drawn.
 
     Raises
     ------
@@ -98,6 +110,7 @@ class ShownControllers:
 
     def __init__(self, results: Sequence[Result], figure: str, chosen: Sequence[str] = ()) -> None:
         self.results, self.figure = results, figure
+        self.remarks: list[str] = []
         for one in results:
             one.single(f"figure '{figure}' shows single experiments")
             if one.group_name != results[0].group_name:
@@ -120,12 +133,15 @@ class ShownControllers:
         return self.results[0].units(name)
 
     def notes(self) -> list[str]:
-        """What a reader must know about the runs that are not shown."""
-        return [
+        """What a reader must know: runs that are not shown, and laws that are not matched."""
+        failed = [
             f"{e.title}: {e.failed} of {e.good.size} runs failed; left out."
             for e in self.ensembles
             if e.failed
         ]
+        own = [e.title for e in self.shown if e.law in e.results.not_matched]
+        matched = [f"Not matched, with gains of their own: {', '.join(own)}."] if own else []
+        return failed + matched + self.remarks
 
     def error(self, message: str) -> EqtError:
         """An error of this figure about the results."""
@@ -156,6 +172,14 @@ class ShownRuns(ShownControllers):
         ]
         if not self.shown:
             raise self.error("has nothing to show: every run whose trajectory is stored failed")
+
+    def with_function(self) -> list[Ensemble]:
+        """The controllers whose L is drawn; a remark names the others."""
+        others = [e.title for e in self.shown if not e.has_function]
+        if others:
+            named = ", ".join(others)
+            self.remarks.append(f"Without L, since the law does not claim that it falls: {named}.")
+        return [e for e in self.shown if e.has_function]
 
     @property
     def span(self) -> tuple[float, float]:
@@ -548,7 +572,8 @@ class ShownCertificates:
             notes.append("Crosses: fails.")
         for row in self._left_out:
             law = f" ({row.controller})" if row.controller else ""
-            notes.append(f"{notation(row.name)}{law}: {row.verdict}.")
+            why = f", {row.remark}" if row.remark else ""
+            notes.append(f"{notation(row.name)}{law}: {row.verdict}{why}.")
         return notes
 
 

@@ -454,6 +454,19 @@ def test_velocities_are_judged_by_their_own_size(scale):
     assert (late.measured, late.bound) == (pytest.approx(0.2), 0.05)
 
 
+def test_a_slow_oscillation_is_no_offset():
+    """Its mean over a quarter of the horizon does not fall for a while."""
+    errors = (2 * np.exp(-0.02 * TIMES) * (1.1 + np.cos(0.9 * TIMES)))[None]
+    row = trajectory("Q → Q_d", pose_error=errors, final_pose_error=errors[:, -1])
+    assert (row.verdict, "stays" in row.remark) == ("undecided", False)
+
+
+def test_noise_does_not_hide_an_offset():
+    noise = np.random.default_rng(1).uniform(-1e-3, 1e-3, (1, 101))
+    errors = np.maximum(2 * np.exp(-2 * TIMES), 0.02) + noise
+    assert "an error of 0.02 stays" in trajectory("Q → Q_d", pose_error=errors).remark
+
+
 def test_a_velocity_error_that_stays_is_an_offset():
     row = trajectory("P → P_d", **velocity_errors(0.001, 0.01, stays=[1], scale=0.1))
     assert (row.verdict, row.measured) == ("undecided", pytest.approx(0.01))

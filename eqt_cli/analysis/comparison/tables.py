@@ -55,6 +55,8 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
             notes.append(f"{name}: good runs without a value: {', '.join(undefined)}.")
     if any("lyapunov" in level.measured.quantity.signals for level in comparison.levels):
         notes += _functions(comparison)
+    if comparison.not_matched:
+        notes.append(f"Not matched, with gains of their own: {', '.join(comparison.not_matched)}.")
     failed = [f"{label} {count}" for label, count in comparison.failed.items() if count]
     if failed:
         notes.append(f"Failed runs, left out: {', '.join(failed)}.")
