@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,6 +18,7 @@ from eqt_cli.core.errors import EqtError, suggestion
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
     from eqt_cli.analysis.comparison.bootstrap import Resampling
+    from eqt_cli.analysis.text_tables import TextTable
     from eqt_cli.results.quantity import Quantity
     from eqt_cli.results.result import Result
 
@@ -180,8 +181,6 @@ def _compare_sweep(
     from eqt_cli import api
     from eqt_cli.analysis.comparison.map_tables import map_records, map_tables
     from eqt_cli.analysis.comparison.notation import Latex, Plain
-    from eqt_cli.cli.shared.table_formats import as_csv, as_latex, as_text
-    from eqt_cli.core.errors import EqtError
 
     if narrowed or table not in (None, Table.WINNERS, Table.POINTS):
         raise EqtError(
@@ -190,17 +189,12 @@ def _compare_sweep(
         )
     maps = api.compare_sweep(path, metrics, **vars(how))
     with api.open_results(path, "arrays") as result:
-        if json or format is Format.CSV:
-            records = [record for found in maps for record in map_records(found, result)]
-            print_json({"path": str(path), "points": records}) if json else print_text(
-                as_csv(records)
-            )
-            return
+        records = [record for found in maps for record in map_records(found, result)]
         write = Latex() if format is Format.LATEX else Plain()
         whole = table is Table.POINTS
         made = [each for found in maps for each in map_tables(found, result, write, whole=whole)]
     shown = [each for each in made if table is None or each.name == table]
-    print_text("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
+    _print_as(format, {"path": str(path), "points": records}, records, shown, json=json)
 
 
 def _print_metrics(results: Result, json: bool) -> None:
@@ -296,12 +290,7 @@ def _print_robustness(
             raise EqtError(f"--robust: asks a sweep, and {path} is a single experiment")
         write = Latex() if format is Format.LATEX else Plain()
         table, rows = robustness_table(result, share, confidence, write)
-    if json:
-        print_json({"path": str(path), "share": share, "tested": rows})
-    elif format is Format.CSV:
-        print(as_csv(rows))
-    else:
-        print((as_latex if format is Format.LATEX else as_text)(table))
+    _print_as(format, {"path": str(path), "share": share, "tested": rows}, rows, [table], json=json)
 
 
 def _print_fronts(path: Path, how: Resampling, format: Format, *, json: bool) -> bool:
@@ -320,13 +309,27 @@ def _print_fronts(path: Path, how: Resampling, format: Format, *, json: bool) ->
         write = Latex() if format is Format.LATEX else Plain()
         table = equal_cost_table(result, record, write, how)
         found = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
-    if json:
-        print_json({"path": str(path), "objectives": record["objectives"], "fronts": found})
-    elif format is Format.CSV:
-        print(as_csv([{k: v for k, v in row.items() if k != "errors"} for row in found]))
-    else:
-        print((as_latex if format is Format.LATEX else as_text)(table))
+    document = {"path": str(path), "objectives": record["objectives"], "fronts": found}
+    _print_as(format, document, found, [table], json=json)
     return True
+
+
+def _print_as(
+    format: Format,
+    document: dict[str, Any],
+    rows: Sequence[Mapping[str, Any]],
+    tables: Sequence[TextTable],
+    *,
+    json: bool,
+) -> None:
+    """One finding in the form that is asked for."""
+    if json:
+        print_json(document)
+    elif format is Format.CSV:
+        print_text(as_csv(rows))
+    else:
+        write = as_latex if format is Format.LATEX else as_text
+        print_text("\n\n".join(map(write, tables)))
 
 
 def _why_empty(comparison: Comparison) -> str:

@@ -91,8 +91,8 @@ class AtEqualCost:
         Their labels.
     cost
         The mean cost of both.
-    errors
-        The mean errors, the better one first.
+    error, other_error
+        The mean errors of both.
     relative, low, high
         How much less the error of the better is, as a share of the other's, with an interval.
     """
@@ -100,7 +100,8 @@ class AtEqualCost:
     better: str
     worse: str
     cost: float
-    errors: tuple[float, float]
+    error: float
+    other_error: float
     relative: float
     low: float
     high: float
@@ -163,7 +164,7 @@ def _compared(
     else:
         laws, means = laws[::-1], means[::-1]
     shares = (x / abs(means[1]) for x in (mean, low, high))
-    return AtEqualCost(*laws, cost, means, *shares)
+    return AtEqualCost(*laws, cost, *means, *shares)
 
 
 def sentences(result: Result, record: Record, how: Resampling) -> list[str]:
@@ -201,7 +202,7 @@ def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampli
         [
             write.text(f"{pair.better}, {pair.worse}"),
             f"{abs(pair.cost):.4g}",
-            *(f"{abs(x):.4g}" for x in pair.errors),
+            *(f"{abs(x):.4g}" for x in (pair.error, pair.other_error)),
             write.text(
                 f"{100 * pair.relative:.1f} % [{100 * pair.low:.1f}, {100 * pair.high:.1f}]"
             ),
