@@ -37,6 +37,7 @@ def tune(
     from eqt_cli.cli.shared.run_and_report import executor_from
     from eqt_cli.config.source import read_config
     from eqt_cli.core.errors import InterruptedRun
+    from eqt_cli.core.interruptions import exit_code
     from eqt_cli.experiment.study import Study
     from eqt_cli.tuning.search import search_from
     from eqt_cli.tuning.tune import folder_of
@@ -64,11 +65,12 @@ def tune(
                 remark=warn,
                 told=told,
             )
-    except KeyboardInterrupt:
-        kept = "".join(f"\n  best so far, {label}: {text}" for label, text in best.items())
+    except KeyboardInterrupt as error:
         raise InterruptedRun(
             f"interrupted; what was found is kept in {out}: run the same command again to "
-            f"continue, or with --force to start over{kept}"
+            "continue, or with --force to start over",
+            exit_code(error),
+            [f"  best so far, {label}: {text}" for label, text in best.items()],
         ) from None
     _report(done, json=json)
 
