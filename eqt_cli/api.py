@@ -19,6 +19,8 @@ from eqt_cli.analysis.certificates import Row
 from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
 from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.maps import Map, compare_map
+from eqt_cli.analysis.oracles import oracle_named
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
 from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
@@ -130,6 +132,13 @@ class StoredResult(Execution, os.PathLike[str]):
     def __repr__(self) -> str:
         failed = f", {self.failed} failed" if self.failed else ""
         return f"<result {self.path}: {self.runs} runs{failed}>"
+
+
+Shown = ResultPath | LoadedExperiment
+"""What figures are drawn of: a result, or an experiment as a YAML file or loaded."""
+
+YAML = (".yaml", ".yml")
+"""How files of configurations end, where results could be meant as well."""
 
 
 def load_experiment(
@@ -445,9 +454,40 @@ def compare(
         return compare_results(results, metrics=metrics, windows=parsed, how=how)
 
 
+def compare_sweep(
+    result: ResultPath,
+    metrics: Sequence[str],
+    *,
+    confidence: float = Resampling.confidence,
+    resamples: int = Resampling.resamples,
+    seed: int = Resampling.seed,
+) -> list[Map]:
+    """Compare the controllers at each point of a sweep: which of them wins where.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    metrics
+        Names of stored numbers per run; one map each.
+    confidence, resamples, seed
+        As of `compare`.
+
+    Raises
+    ------
+    EqtError
+        If the result is no sweep, or has no such metric.
+    """
+    with open_result(_path("result", result)) as results:
+        if not results.is_sweep:
+            raise results.error("is a single experiment; `eqt compare` without more compares it")
+        how = Resampling(confidence, resamples, seed)
+        return [compare_map(results, name, how) for name in metrics]
+
+
 def plot(
-    result: ResultPath | Sequence[ResultPath],
-    figure: str | Mapping[str, Mapping[str, Any]] = "paper",
+    result: Shown | Sequence[Shown],
+    figure: str | Mapping[str, Mapping[str, Any]] | None = None,
     out: str | os.PathLike[str] | None = None,
     *,
     formats: Sequence[str] = ("pdf", "svg", "png"),
@@ -465,11 +505,14 @@ def plot(
     Parameters
     ----------
     result
-        The result folder, or the file in it; several to draw them in one figure.
+        The result folder, or the file in it; several to draw them in one figure. Or a YAML
+        configuration or a `LoadedExperiment`, of which the figures that need no run are drawn.
     figure
-        Its name, as ``eqt list figures`` shows them; or several, with the options of each.
+        Its name, as ``eqt list figures`` shows them; or several, with the options of each. If not
+        given, ``paper``, and of a configuration ``reference``.
     out
-        The folder; ``figures`` in that of the first result if not given.
+        The folder; ``figures`` in that of the first result if not given, and ``figures/<name>`` for
+        a configuration.
     formats
         ``pdf``, ``svg``, ``png``, or ``json`` for the numbers.
     width
@@ -505,15 +548,21 @@ def plot(
     from eqt_cli.plots.render import render
     from eqt_cli.plots.save import check_targets
 
-    wanted = {figure: options or {}} if isinstance(figure, str) else figure
     with _opened(result, point) as opened:
+        first = opened[0]
+        figure = figure or ("paper" if isinstance(first, Result) else "reference")
+        wanted = {figure: options or {}} if isinstance(figure, str) else figure
         within = Path("figures") if point is None else point_folder(*_points(point))
-        folder = opened[0].path.parent / within if out is None else Path(out)
+        home = (
+            first.path.parent / within if isinstance(first, Result) else Path("figures", first.name)
+        )
+        folder = home if out is None else Path(out)
         check_targets(folder / f"{name}.{format}" for name in wanted for format in formats)
         rows: list[Row] = []
-        if any(issubclass(figures.get(name), OfCertificates) for name in wanted):
+        of_certificates = any(issubclass(figures.get(name), OfCertificates) for name in wanted)
+        if of_certificates and isinstance(first, Result):
             note("checking the paper's statements on the result takes some seconds")
-            rows = verify_stored(opened[0], trust_plugins=trust_plugins, workers=workers).rows
+            rows = verify_stored(first, trust_plugins=trust_plugins, workers=workers).rows
         look = Style(tuple(style), tex)
         return [
             file
@@ -525,7 +574,7 @@ def plot(
 
 
 def check_figures(
-    result: ResultPath | Sequence[ResultPath],
+    result: Shown | Sequence[Shown],
     figures: Mapping[str, Mapping[str, Any]],
     folder: str | os.PathLike[str],
     *,
@@ -555,17 +604,31 @@ def check_figures(
 
 @contextmanager
 def _opened(
-    result: ResultPath | Sequence[ResultPath], point: int | Sequence[int] | None
-) -> Iterator[list[Result]]:
-    """All chosen points of all results."""
-    paths = [result] if isinstance(result, (str, os.PathLike)) else list(result)
-    if not paths:
+    result: Shown | Sequence[Shown], point: int | Sequence[int] | None
+) -> Iterator[list[Result | Experiment]]:
+    """All chosen points of all results, or of configurations that have not been run."""
+    single = isinstance(result, (str, os.PathLike, LoadedExperiment))
+    given: list[Shown] = [result] if single else list(result)  # type: ignore[list-item, arg-type]
+    if not given:
         raise EqtError("result: expected a result or several, got none")
     points = _points(point) or [None]
     with ExitStack() as stack:
-        yield [
-            stack.enter_context(open_result(Path(path), one)) for path in paths for one in points
-        ]
+        yield [_shown(one, number, stack) for one in given for number in points]
+
+
+def _shown(one: Shown, point: int | None, stack: ExitStack) -> Result | Experiment:
+    if not isinstance(one, LoadedExperiment):
+        if Path(one).suffix not in YAML:
+            return stack.enter_context(open_result(Path(one), point))
+        one = load_experiment(one)
+    return _at_point(one, point)
+
+
+def _at_point(loaded: LoadedExperiment, point: int | None) -> Experiment:
+    """The experiment at a point of a sweep, at the first if none is chosen."""
+    if not 0 <= (point or 0) < len(loaded.study):
+        raise EqtError(f"point: expected one of 0 to {len(loaded.study) - 1}, got {point}")
+    return loaded.study.experiment(point or 0)
 
 
 def _points(point: int | Sequence[int] | None) -> list[Any]:
@@ -722,6 +785,7 @@ def verify(
     trust_plugins: bool = False,
     workers: int = 1,
     progress: Progress = lambda runs: None,
+    oracle: str | Sequence[str] = (),
 ) -> Verification:
     """Check the paper's statements on an experiment or on the runs of a result.
 
@@ -740,6 +804,8 @@ def verify(
         Cores to use.
     progress
         Called with the number of new runs that are done since the last call, in fractions.
+    oracle
+        ``mujoco``, ``pinocchio`` or both: programs whose rigid bodies eqt's is compared with.
 
     Returns
     -------
@@ -751,20 +817,22 @@ def verify(
     EqtError
         If the target cannot be read, or is a sweep's result and no point is given.
     """
+    names = [oracle] if isinstance(oracle, str) else oracle
+    oracles = [oracle_named(name) for name in names]
     if not isinstance(target, (LoadedExperiment, Mapping)):
         path = Path(target)
         if path.suffix == ".h5" or path.is_dir():
             if runs is not None:
                 raise EqtError(f"{path}: a result is verified as it is; leave runs out")
             with open_result(path, point) as opened:
-                return verify_stored(opened, trust_plugins=trust_plugins, workers=workers)
+                return verify_stored(
+                    opened, trust_plugins=trust_plugins, workers=workers, oracles=oracles
+                )
     if not isinstance(target, LoadedExperiment):
         target = load_experiment(target, trust_plugins=trust_plugins)
-    if not 0 <= (point or 0) < len(target.study):
-        raise EqtError(f"point: expected one of 0 to {len(target.study) - 1}, got {point}")
-    experiment = target.study.experiment(point or 0)
+    experiment = _at_point(target, point)
     count = min(runs or RUNS, experiment.config.ensemble.runs)
-    return verify_experiment(experiment, count, progress, workers)
+    return verify_experiment(experiment, count, progress, workers, oracles)
 
 
 def _path(name: str, given: Any) -> Path:

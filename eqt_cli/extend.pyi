@@ -77,6 +77,7 @@ from eqt_cli.mechanics.tracking import Tracking as Tracking
 from eqt_cli.plots.base import Figure as Figure
 from eqt_cli.plots.base import OfCertificates as OfCertificates
 from eqt_cli.plots.base import OfMetrics as OfMetrics
+from eqt_cli.plots.base import OfReference as OfReference
 from eqt_cli.plots.base import OfSweep as OfSweep
 from eqt_cli.plots.base import OverTime as OverTime
 from eqt_cli.plots.drawing.curves import draw_band as draw_band
@@ -100,6 +101,7 @@ from eqt_cli.plots.drawing.style import line_style as line_style
 from eqt_cli.plots.drawing.style import marker as marker
 from eqt_cli.plots.figure_data import ShownCertificates as ShownCertificates
 from eqt_cli.plots.figure_data import ShownMetrics as ShownMetrics
+from eqt_cli.plots.figure_data import ShownReference as ShownReference
 from eqt_cli.plots.figure_data import ShownRuns as ShownRuns
 from eqt_cli.plots.figure_data import ShownSweep as ShownSweep
 from eqt_cli.references.base import ClosedReference as ClosedReference

@@ -51,8 +51,8 @@ numbers_of_paper() {
 # picture FILE FIGURE [OPTION...]: draw a figure as docs/figures/FILE.png.
 picture() {
 	if [ "$task" = draw ]; then
-		"$eqt" plot "$result" --figure "$2" "${@:3}" --format png --out "$result/figures" --quiet
-		shrunk "$result/figures/$2.png" "$place/$1.png"
+		"$eqt" plot "$result" --figure "$2" "${@:3}" --format png --out "$built/$name/figures" --quiet
+		shrunk "$built/$name/figures/$2.png" "$place/$1.png"
 	fi
 }
 
@@ -66,6 +66,25 @@ shrunk() {
 		picture.quantize(64, dither=Image.Dither.NONE).save(sys.argv[2], optimize=True)
 	END
 }
+
+# followed KIND REFERENCE: the reference of this kind, which needs no run and no engine.
+followed() {
+	name=reference_$1
+	result=configs/paper.yaml
+	local changes=(--set "reference=$2" --set time.duration=20)
+	numbers reference "${changes[@]}" --degrees
+	picture "$name" reference "${changes[@]}" --degrees
+}
+
+echo "What can be followed"
+followed torque '{kind: torque, torque: ["cos(t)", "sin(t)", "cos(t)*sin(t)"]}'
+followed constant '{kind: constant, velocity: [0, 0.1, 0.3]}'
+followed rates '{kind: rates, rates: [0.3*cos(t), 0, 0.1]}'
+followed path '{kind: path, pose: {euler: {sequence: ZYX, angles: [30 deg, 0, 0]}}, factors: [
+	{axis: wz, by: 0.3*sin(t)}, {axis: [1, 1, 0], by: "0.5*smoothstep(t, 2, 6)"}]}'
+followed slew '{kind: slew, to: {rotvec: [0, 0, 90 deg]}, start: 1.0, duration: 15.0}'
+followed waypoints '{kind: waypoints, points: [{t: 0, pose: identity},
+	{t: 8, pose: {rotvec: [0, 0, 90 deg]}}, {t: 20, pose: {quaternion: {wxyz: [0.5, 0.5, 0.5, 0.5]}}}]}'
 
 echo "The paper's figures by engine solve_ivp"
 experiment paper configs/paper.yaml
@@ -119,6 +138,16 @@ experiment attitude_manifold configs/paper.yaml --engine taylor \
 	--set time.duration=40 --set time.samples=801
 numbers paper
 picture attitude_manifold runs
+
+echo "sweep_lag"
+sweep sweep_lag configs/sweep_lag.yaml --engine taylor
+numbers envelope
+picture sweep_lag envelope
+
+echo "satellite_wheels"
+experiment satellite_wheels configs/satellite_wheels.yaml --engine taylor --set ensemble.runs=2
+numbers commands --option run=1
+picture commands commands --option run=1
 
 echo "sweep_family"
 sweep sweep_family configs/sweep_family.yaml --engine taylor

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import textwrap
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,6 +19,10 @@ if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
     from eqt_cli.results.quantity import Quantity
     from eqt_cli.results.result import Result
+
+
+MAPPED = "mean_pose_error"
+"""What is compared over a sweep unless a user chooses."""
 
 
 class Format(StrEnum):
@@ -34,6 +39,8 @@ class Table(StrEnum):
     CONTROLLERS = "controllers"
     PAIRS = "pairs"
     CLAIMS = "claims"
+    WINNERS = "winners"
+    POINTS = "points"
 
 
 def compare(
@@ -77,7 +84,10 @@ def compare(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Compare controllers run by run, with intervals, and test what the paper claims."""
+    """Compare controllers run by run, with intervals, and test what the paper claims.
+
+    Of a sweep: which law wins at which point, or one point with --point.
+    """
     from eqt_cli import api
     from eqt_cli.analysis.comparison.records import records
 
@@ -87,6 +97,22 @@ def compare(
         with api.open_results(result, "arrays", point) as results:
             _print_metrics(results, json)
         return
+    with api.open_results(result, "arrays") as results:
+        of_sweep = results.is_sweep and point is None
+    if of_sweep:
+        _compare_sweep(
+            result,
+            metric or (MAPPED,),
+            bool(window),
+            against or (),
+            table,
+            format,
+            {"confidence": confidence, "resamples": resamples, "seed": seed},
+            json=json,
+        )
+        return
+    if table in (Table.WINNERS, Table.POINTS):
+        raise EqtError(f"--table {table}: is of a sweep as a whole, and this is one experiment")
     comparison = api.compare(
         result,
         metric or (),
@@ -105,6 +131,44 @@ def compare(
             say("these are the pairs; --table controllers and --table claims print the others")
     else:
         _print_tables(comparison, table, against or (), format, quiet=quiet)
+
+
+def _compare_sweep(
+    path: Path,
+    metrics: Sequence[str],
+    windowed: bool,
+    against: Sequence[str],
+    table: Table | None,
+    format: Format,
+    bootstrap: dict[str, Any],
+    *,
+    json: bool,
+) -> None:
+    """Print which law wins at which point of a sweep."""
+    from eqt_cli import api
+    from eqt_cli.analysis.comparison.map_tables import map_records, map_tables
+    from eqt_cli.analysis.comparison.notation import Latex, Plain
+    from eqt_cli.cli.shared.table_formats import as_csv, as_latex, as_text
+    from eqt_cli.core.errors import EqtError
+
+    if windowed or against or table not in (None, Table.WINNERS, Table.POINTS):
+        raise EqtError(
+            "--window, --against and the tables of pairs and claims are of one experiment; choose "
+            "a point of the sweep with --point, or --table winners or points"
+        )
+    maps = api.compare_sweep(path, metrics, **bootstrap)
+    with api.open_results(path, "arrays") as result:
+        if json or format is Format.CSV:
+            records = [record for found in maps for record in map_records(found, result)]
+            print_json({"path": str(path), "points": records}) if json else print_text(
+                as_csv(records)
+            )
+            return
+        write = Latex() if format is Format.LATEX else Plain()
+        whole = table is Table.POINTS
+        made = [each for found in maps for each in map_tables(found, result, write, whole=whole)]
+    shown = [each for each in made if table is None or each.name == table]
+    print_text("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
 
 
 def _print_metrics(results: Result, json: bool) -> None:

@@ -1,4 +1,4 @@
-"""`eqt plot`: draw figures of a result."""
+"""`eqt plot`: draw figures of a result, or of a configuration before it is run."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.store.reserved_names import FILE_NAME
 
 if TYPE_CHECKING:
+    from eqt_cli.api import Shown
     from eqt_cli.plots.kept_numbers import Check
 
 
@@ -23,12 +24,15 @@ def plot(
         list[Path],
         typer.Argument(
             metavar="RESULT",
-            help="Result folder, or its results.h5; several are drawn in one figure.",
+            help="Result folder, or its results.h5; several are drawn in one figure. Or a CONFIG, "
+            "whose reference is drawn.",
         ),
     ],
     figure: Annotated[
-        list[str] | None, options.figure("Figure to draw, may be repeated; default: paper.")
+        list[str] | None,
+        options.figure("Figure to draw, may be repeated; default: paper; of a CONFIG: reference."),
     ] = None,
+    set_: options.Set = None,
     option: Annotated[
         list[str] | None,
         typer.Option(
@@ -53,6 +57,9 @@ def plot(
             "--width", completion.words("column", "page"), "column (3.5 in) or page (7.16 in)."
         ),
     ] = "column",
+    degrees: Annotated[
+        bool, options.flag("--degrees", help="Show attitudes and their errors in degrees.")
+    ] = False,
     style: Annotated[
         list[str] | None,
         typer.Option(
@@ -66,7 +73,7 @@ def plot(
     ] = False,
     out: Annotated[
         Path | None,
-        options.out("Folder of the figures; default: RESULT/figures. Several results need it."),
+        options.out("Folder of the figures; default: RESULT/figures, or figures/NAME of a CONFIG."),
     ] = None,
     check: Annotated[
         Path | None,
@@ -88,21 +95,25 @@ def plot(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Draw figures of results as PDF, SVG and PNG, or compare their numbers with kept ones."""
+    """Draw figures of results, or the reference of a configuration, as PDF, SVG and PNG.
+
+    With --check, compare the numbers behind them with kept ones instead.
+    """
     from eqt_cli import api
     from eqt_cli.plots.render import FORMATS
 
     if len(result) > 1 and out is None and check is None:
         raise EqtError("several results have no common folder; say with --out DIR where to draw")
-    names = figure or (["paper"] if point else _default(result[0], quiet=quiet or json))
-    figures = _options(names, option or ())
+    names = figure or _default(result[0], point, quiet=quiet or json)
+    shown = _with_overrides(result, set_)
+    figures = _options(names, option or (), degrees=degrees)
     if check is not None:
         if format_ or out or style or tex:
             raise EqtError("--check draws nothing; leave --format, --style, --tex and --out out")
-        _print_checks(api.check_figures(result, figures, check, point=point), result, json)
+        _print_checks(api.check_figures(shown, figures, check, point=point), result, json)
         return
     files = api.plot(
-        result,
+        shown,
         figures,
         out,
         formats=format_ or FORMATS,
@@ -118,11 +129,26 @@ def plot(
     print_found({"figures": list(map(str, files))}, text, json=json)
 
 
+def _with_overrides(given: list[Path], set_: list[str] | None) -> list[Shown]:
+    """What is drawn; configurations with what ``--set`` changes of them."""
+    from eqt_cli.api import YAML, LoadedExperiment
+    from eqt_cli.config.source import read_config
+    from eqt_cli.experiment.read_study import study
+
+    if not set_:
+        return list(given)
+    for path in given:
+        if path.suffix not in YAML:
+            raise EqtError(f"--set changes configurations, and {path} is a result")
+    overrides = options.overrides(set_)
+    return [LoadedExperiment(study(read_config(path, overrides))) for path in given]
+
+
 def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool) -> None:
     """Say where figures differ from what is kept, and exit with 4 if any does."""
     from eqt_cli.plots.kept_numbers import TOLERANCE
 
-    checked = [str(one if one.suffix == ".h5" else one / FILE_NAME) for one in results]
+    checked = [str(one if one.is_file() else one / FILE_NAME) for one in results]
     found = {name: asdict(one) for name, one in checks.items()}
     lines = []
     for name, one in checks.items():
@@ -137,10 +163,15 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
         raise typer.Exit(4)
 
 
-def _default(result: Path, *, quiet: bool) -> list[str]:
+def _default(result: Path, point: Sequence[int] | None, *, quiet: bool) -> list[str]:
     """The figures to draw where none is asked for."""
+    from eqt_cli.api import YAML
     from eqt_cli.results.result import open_result
 
+    if result.suffix in YAML:
+        return ["reference"]
+    if point:
+        return ["paper"]
     with open_result(result) as results:
         if not results.is_sweep:
             return ["paper"]
@@ -156,13 +187,22 @@ def _default(result: Path, *, quiet: bool) -> list[str]:
     return ["pareto"]
 
 
-def _options(names: Sequence[str], given: Sequence[str]) -> dict[str, dict[str, Any]]:
+def _options(
+    names: Sequence[str], given: Sequence[str], *, degrees: bool
+) -> dict[str, dict[str, Any]]:
     """What ``KEY=VALUE`` and ``FIGURE.KEY=VALUE`` set of each figure."""
     from eqt_cli.config.yaml_source import parse_value
     from eqt_cli.plots.render import options_of
 
     known = {name: options_of(name) for name in names}
     found: dict[str, dict[str, Any]] = {name: {} for name in names}
+    if degrees:
+        angular = [name for name in known if "degrees" in known[name]]
+        if not angular:
+            raise EqtError(
+                f"--degrees: none of {', '.join(known)} shows angles in degrees on request"
+            )
+        found |= {name: {"degrees": True} for name in angular}
     for index, text in enumerate(given):
         place = f"--option[{index}]"
         left, equals, right = text.partition("=")

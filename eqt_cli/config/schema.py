@@ -6,7 +6,6 @@ What depends on the group or on a component (shapes, options, definiteness) is c
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -15,6 +14,7 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAda
 from eqt_cli.core.option_types import Angle, Count, CountOrNone, Positive, Real, Runs
 from eqt_cli.core.validation import one_of
 from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.groups.angles import distance_of_turn
 from eqt_cli.vehicle.numbers import Matrix as DrawnMatrix
 from eqt_cli.vehicle.numbers import Number
 
@@ -58,7 +58,7 @@ def _distance_of_angle(value: Any) -> Any:
     if not (isinstance(value, str) and value.rstrip().endswith("deg")):
         return value
     angle: float = TypeAdapter(Angle).validate_python(value)
-    return 2 * math.sqrt(2) * math.sin(angle / 2)
+    return distance_of_turn(angle)
 
 
 class Section(BaseModel):
@@ -350,6 +350,11 @@ class Config(Section):
     settling_threshold: Annotated[Positive, BeforeValidator(_distance_of_angle)] = 0.05
     """Pose error ‖I − Q_E‖_F below which a run counts as settled; also the angle of a rotation,
     such as 2 deg, which is the distance 2√2 sin(θ/2)."""
+    early_window: Positive | None = None
+    """How long the early part of a run is, for `early_torque`, s; default: 5, as in the paper."""
+    closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
+    """The share of the time at its end over which `closing_pose_error` and `closing_torque` are
+    taken; default: 0.25."""
     plugins: list[str] = Field(default_factory=list)
     """Python files with components of your own, relative to this file."""
 

@@ -167,9 +167,10 @@ def _kind(experiment: Experiment, label: str) -> Hashable:
     loop = experiment.loops[label]
     blank = loop.with_parameters({k: np.zeros_like(v) for k, v in loop.parameters.items()})
     structure = repr((blank.inertia, blank.gains, blank.reference))
-    threshold = experiment.config.settling_threshold
+    config = experiment.config
+    judged = config.settling_threshold, config.early_window, config.closing_window
     parts = loop.controller.structure, loop.vehicle.structure
-    return structure, parts, json.dumps(experiment.solver.resolved), threshold
+    return structure, parts, json.dumps(experiment.solver.resolved), judged
 
 
 def _distinct(points: Array) -> list[int]:

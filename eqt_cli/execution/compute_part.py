@@ -19,7 +19,7 @@ from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.critical_points import distance_to_unstable
 from eqt_cli.results.quantity import Per, Quantity
-from eqt_cli.results.quantity_table import DESIRED, MEASURED
+from eqt_cli.results.quantity_table import DESIRED, MEASURED, with_keys_of
 from eqt_cli.store.reader import ResultFile
 from eqt_cli.store.table import Table, Variable
 
@@ -302,7 +302,7 @@ def measured(
             metric.window,
             **{name: getattr(config, key) for name, key in metric.settings.items()},
         )
-        for metric in MEASURED
+        for metric in (with_keys_of(config, metric) for metric in MEASURED)
     }
     metrics |= {
         "group_drift": loop.group.drift(signals["pose"]).max(axis=-1),

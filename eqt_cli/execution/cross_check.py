@@ -22,6 +22,11 @@ BOUND_PER_RTOL = 1000.0
 """Allowed difference per unit of `rtol`: what the trajectories themselves amplify (up to 70 times
 in the paper's ensemble, near the unstable equilibria) with room to spare."""
 
+MOST_SPANS = 200
+"""From one known instant to the next, that an engine in Python redoes. Each takes it a step of its
+own at least, some milliseconds: all of a motion through thousands of waypoints would take minutes,
+and show no other fault than its beginning."""
+
 
 @lru_cache(maxsize=8)
 def chosen_entries(study: Study) -> Array:
@@ -49,10 +54,12 @@ def cross_check(study: Study, found: Mapping[str, Sequence[Array]]) -> CrossChec
     groups = _by_kind(study, chosen, found)
     _, method = _another_way(study.base)
     try:
-        differences = _differences(groups, _another_way)
+        differences, until = _differences(groups, _another_way)
     except TraceError:  # the results do not depend on what another engine cannot compile
         _, method = _tighter(study.base)
-        differences = _differences(groups, _tighter)
+        differences, until = _differences(groups, _tighter)
+    if until < study.base.times[-1]:
+        method = f"{method} over the first {until:.3g} s"
     largest = float(differences.max()) if len(differences) else float("nan")
     bound = BOUND_PER_RTOL * study.base.engine.rtol
     return CrossCheck(method, len(chosen), largest, bound)
@@ -69,20 +76,31 @@ def together(checks: Sequence[CrossCheck | None]) -> CrossCheck | None:
 
 def _differences(
     groups: list[list[tuple[Batch, Array]]], way: Callable[[Experiment], tuple[Engine, str]]
-) -> Array:
-    """How far another way comes from each of the runs that did not fail."""
-    found = []
+) -> tuple[Array, float]:
+    """How far another way comes from each of the runs that did not fail, and until when it goes."""
+    found, until = [], np.inf
     for group in groups:
-        problem = Problem.joined([batch.problem for batch, _ in group])
-        states = np.concatenate([states for _, states in group])
         engine, _ = way(group[0][0].experiment)
+        problem = Problem.joined([batch.problem for batch, _ in group])
+        if not engine.threads:
+            problem = _beginning(problem)
+        until = min(until, float(problem.times[-1]))
+        states = np.concatenate([states for _, states in group])[:, : len(problem.times)]
         again = engine.solve(problem, lambda runs: None)
         loop = problem.batched_loop(extra_axes=1)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
             distances = distance(loop, problem.times, states, again.states)
         good = np.isfinite(states).all(axis=(1, 2))
         found.append(np.nan_to_num(distances[good], nan=np.inf))
-    return np.concatenate(found)
+    return np.concatenate(found), until
+
+
+def _beginning(problem: Problem) -> Problem:
+    """As many of its samples as `MOST_SPANS` reach, and no fewer than two."""
+    if len(problem.spans) <= MOST_SPANS:
+        return problem
+    reached = np.searchsorted(problem.times, problem.spans[MOST_SPANS].start, side="right")
+    return replace(problem, times=problem.times[: max(int(reached), 2)])
 
 
 def _by_kind(

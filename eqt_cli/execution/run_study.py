@@ -313,7 +313,7 @@ class _Session:
             "runs": study.base.config.ensemble.runs,
             "controllers": list(study.base.loops),
             "plan": self.plan.data,
-            "quantities": [entry.name for entry in quantities(study.base)],
+            "quantities": [entry.name for entry in quantities(study.base, study.vehicles)],
             "config": study.numeric_config,
             "provenance": origin,
             "begun": earlier["begun"] if same and "begun" in earlier else now(),

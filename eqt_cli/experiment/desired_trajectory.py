@@ -85,7 +85,8 @@ def _rest(
     if G is None or pose is None:
         return None
     section = {"target": {"pose": _as_floats(target.pose)}}
-    return DesiredTrajectory(ConstantReference(), pose, np.zeros(G.dimension), section)
+    rest = ConstantReference(pose=target.pose)
+    return DesiredTrajectory(rest, pose, np.zeros(G.dimension), section)
 
 
 def _tracked(
@@ -122,7 +123,9 @@ def _tracked(
                 velocity = vector(numbers, G.dimension, G)
     if reference is None or problems:
         return None
-    described = {"reference": {**as_section(reference), **_as_floats(common)}}
+    described = as_section(reference) | common
+    poses = {key: _as_floats(described[key]) for key in DEFAULTS if key in described}
+    described = {"reference": described | poses}
     pose, velocity = reference.initial(G, pose, velocity)
     return DesiredTrajectory(reference, pose, velocity, described, texts)
 

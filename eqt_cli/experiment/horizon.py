@@ -101,6 +101,8 @@ def reference_over_horizon(experiment: Experiment) -> Horizon:
         s = loop.tracking(times, states)
         torque = s.tau_d + 0 * s.P
         shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, torque, [], spent)
+        if not len(instants):
+            return shown
         where = np.searchsorted(times, instants)
         sides = [
             loop.tracking(np.nextafter(instants, towards), states[where])

@@ -97,7 +97,7 @@ def study(
     found = Study(sweep, base)
     if found.is_ragged and len(found) > MOST_GROUPS:
         raise EqtError(
-            f"{source.place(('sweep',))}: {len(found)} points that differ in group or sample times "
+            f"{source.place(('sweep',))}: {len(found)} points that differ in group, times or parts "
             f"are too many for one file; sweep at most {MOST_GROUPS}, or these keys one after the "
             "other"
         )

@@ -42,6 +42,11 @@ class Part:
     velocity_unit: str
     force_unit: str
 
+    @property
+    def turns(self) -> bool:
+        """Whether it is a rotation."""
+        return self.name.startswith("rotation")
+
 
 class MatrixLieGroup(ABC):
     """A matrix Lie group G of d×d matrices with an m-dimensional Lie algebra g.

@@ -5,13 +5,21 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar, cast
 
 from eqt_cli.analysis.certificates import Row
 from eqt_cli.core.component import Component
+from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
-from eqt_cli.plots.figure_data import ShownCertificates, ShownMetrics, ShownRuns, ShownSweep
+from eqt_cli.experiment.build import Experiment
+from eqt_cli.plots.figure_data import (
+    ShownCertificates,
+    ShownMetrics,
+    ShownReference,
+    ShownRuns,
+    ShownSweep,
+)
 from eqt_cli.results.result import Result
 
 if TYPE_CHECKING:
@@ -42,11 +50,14 @@ class Figure(Component, Generic[S]):
         Labels of the controllers to show; all if empty.
     """
 
+    needs_runs: ClassVar[bool] = True
+    """Whether it shows results, and not an experiment that has not been run."""
+
     controllers: Sequence[str] = ()
 
     def draw(
         self,
-        results: Sequence[Result],
+        results: Sequence[Result | Experiment],
         width: Width = "column",
         *,
         style: Style | None = None,
@@ -57,7 +68,7 @@ class Figure(Component, Generic[S]):
         Parameters
         ----------
         results
-            Open; they may be closed afterwards.
+            Open; they may be closed afterwards. A figure that needs no runs takes an experiment.
         width
             One ``column`` of a journal (3.5 in) or the ``page`` (7.16 in).
         style
@@ -77,7 +88,9 @@ class Figure(Component, Generic[S]):
         problems = Problems(lambda path: f"figure '{self.name}'")
         self.check(problems)
         problems.raise_if_any()
-        shown = self.subject(results, certificates)
+        if self.needs_runs:
+            self._require_results(results)
+        shown = self.subject(cast(Sequence[Result], results), certificates)
         with house_style(style or HOUSE):
             drawing = self.compose(shown, width)
             add_remarks(drawing, shown.notes())
@@ -86,6 +99,15 @@ class Figure(Component, Generic[S]):
 
     def check(self, problems: Problems) -> None:
         """Note what of the options will not do, as far as their types cannot say it."""
+
+    def _require_results(self, results: Sequence[Result | Experiment]) -> None:
+        for one in results:
+            if isinstance(one, Experiment):
+                others = [name for name in figures.names() if not figures.get(name).needs_runs]
+                raise EqtError(
+                    f"{one.source.path}: figure '{self.name}' shows results, and this is a "
+                    f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
+                )
 
     @abstractmethod
     def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> S:
@@ -160,6 +182,21 @@ class OfCertificates(Figure[ShownCertificates]):
         if len(results) > 1:
             raise results[1].error(f"figure '{self.name}' shows one result at a time")
         return ShownCertificates(results[0], certificates, self.name, self.controllers)
+
+
+@dataclass(frozen=True)
+class OfReference(Figure[ShownReference]):
+    """A figure of the desired motion, of one result or of an experiment before it is run."""
+
+    needs_runs: ClassVar[bool] = False
+
+    def subject(
+        self, results: Sequence[Result | Experiment], certificates: Sequence[Row]
+    ) -> ShownReference:
+        """The reference over the whole horizon."""
+        if len(results) > 1:
+            raise EqtError(f"figure '{self.name}' shows one reference at a time")
+        return ShownReference(results[0], self.name, self.controllers)
 
 
 # Beside the base class, so that a plugin that imports one is known to the other.

@@ -11,6 +11,7 @@ from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import summary
 from eqt_cli.core.validation import option_names, validated
+from eqt_cli.experiment.build import Experiment
 from eqt_cli.plots import kept_numbers
 from eqt_cli.plots.base import Figure, OfCertificates
 from eqt_cli.plots.curve_data import curves
@@ -29,7 +30,7 @@ NUMBERS: Literal["json"] = "json"
 
 
 def render(
-    results: Sequence[Result],
+    results: Sequence[Result | Experiment],
     figure_name: str,
     folder: Path,
     formats: Sequence[str] = FORMATS,
@@ -46,7 +47,7 @@ def render(
     Parameters
     ----------
     results
-        Open; one, or several to show side by side.
+        Open; one, or several to show side by side. Or an experiment, for figures that need no run.
     figure_name
         One of `eqt_cli.plots.figures`.
     width
@@ -75,8 +76,8 @@ def render(
     drawing = figure.draw(
         results, _one_of("width", width, list(WIDTHS)), style=style, certificates=certificates
     )
-    title = f"{', '.join(names(results))}: {figure.name}"
-    digests = ", ".join(str(one.attributes.get("digest", "")) for one in results)
+    title = f"{', '.join(_names(results))}: {figure.name}"
+    digests = ", ".join(map(_digest, results))
     description = f"{summary(type(figure))} Experiment {digests}"
     files = {
         folder / f"{figure.name}.{format}": kept_numbers.to_json(curves(drawing))
@@ -89,7 +90,7 @@ def render(
 
 
 def check(
-    results: Sequence[Result],
+    results: Sequence[Result | Experiment],
     figure_name: str,
     folder: Path,
     options: Mapping[str, Any] | None = None,
@@ -110,6 +111,15 @@ def check(
         )
     expected = kept_numbers.read(folder / f"{figure.name}.{NUMBERS}")
     return kept_numbers.compare(curves(figure.draw(results)), expected)
+
+
+def _names(shown: Sequence[Result | Experiment]) -> list[str]:
+    results = [one for one in shown if isinstance(one, Result)]
+    return names(results) + [one.name for one in shown if isinstance(one, Experiment)]
+
+
+def _digest(one: Result | Experiment) -> str:
+    return one.digest if isinstance(one, Experiment) else str(one.attributes.get("digest", ""))
 
 
 def options_of(name: str) -> list[str]:

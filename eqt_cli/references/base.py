@@ -119,7 +119,7 @@ class Reference(Component):
         """Note what of its options does not fit the group."""
 
 
-class _Moving(Reference):
+class MovingReference(Reference):
     """A reference whose V_d and V̇_d are given, so that τ_d follows from them."""
 
     def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
@@ -135,7 +135,7 @@ class _Moving(Reference):
 
 
 @dataclass(frozen=True)
-class ReferenceByRates(_Moving):
+class ReferenceByRates(MovingReference):
     """A reference whose velocity is given; its pose is integrated from Q_d(0)."""
 
     starts_from: ClassVar[tuple[str, ...]] = ("pose",)
@@ -156,7 +156,7 @@ class ReferenceByRates(_Moving):
 
 
 @dataclass(frozen=True)
-class ClosedReference(_Moving):
+class ClosedReference(MovingReference):
     """A reference in closed form: evaluated, not integrated, and no part of a state."""
 
     starts_from: ClassVar[tuple[str, ...]] = ()
@@ -181,8 +181,7 @@ class ClosedReference(_Moving):
         kept = vars(self).setdefault("_prepared", {})
         if (G.name, name) not in kept:
             kept[G.name, name] = make(G)
-        found: T = kept[G.name, name]
-        return found
+        return kept[G.name, name]
 
 
 @dataclass(frozen=True)

@@ -5,23 +5,45 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from eqt_cli.core.arrays import Array
+import numpy as np
+
+from eqt_cli.core.errors import InputError
+from eqt_cli.core.option_types import Real
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.references.base import Reference
+from eqt_cli.mechanics.motions import Pieces
+from eqt_cli.references.base import PiecewiseReference
+from eqt_cli.written.poses import pose_from, vector
 
 
 @dataclass(frozen=True)
-class ConstantReference(Reference):
-    """A constant body velocity V_d(t) = V_d(0); the torque that holds it follows.
+class ConstantReference(PiecewiseReference):
+    """A constant body velocity: Q_d(t) = Q_0 exp(t V_d). At V_d = 0 the pose stands still.
 
-    With V_d(0) = 0 the desired pose stands still.
+    Attributes
+    ----------
+    pose
+        Q_0 = Q_d(0).
+    velocity
+        V_d, body frame: a number for all coordinates, or m numbers.
     """
 
     name: ClassVar[str] = "constant"
     keeps_velocity: ClassVar[bool] = True
 
-    def driving_torque(self, G: MatrixLieGroup, inertia: Inertia, t: Any, Pd: Array) -> Array:
-        """τ_d = 𝕀̇V_d − ad*_{V_d} P_d, with which V_d stays in Hampsey et al. (2025), eq. (5)."""
-        Vd = inertia.velocity(Pd)
-        return inertia.rate_force(Vd) - G.ad_star(Vd, Pd)
+    pose: Any = "identity"
+    velocity: Real | list[Real] = 0.0
+
+    def pieces(self, G: MatrixLieGroup) -> Pieces:
+        """One piece, along one factor with a(t) = t."""
+        pose = pose_from(self.pose, G, Problems())
+        if pose is None:
+            raise InputError(f"expected a pose of {G.name}, got {self.pose}")
+        V = vector(self.velocity, G.dimension, G)
+        return Pieces(np.zeros(1), pose[None], V[None, None], np.array([[[0.0, 1.0]]]))
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """A pose or a velocity that will not do."""
+        pose_from(self.pose, G, problems.at("pose"))
+        with problems.catching("velocity"):
+            vector(self.velocity, G.dimension, G)

@@ -5,11 +5,14 @@ This is the only file that a new one takes. It knows neither files nor controlle
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.groups.angles import turn_of_distance
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.time_windows import WHOLE, Window
 from eqt_cli.vehicle import Vehicle
@@ -55,6 +58,16 @@ def peak(times: Array, values: Array) -> Array:
 def final(times: Array, values: Array) -> Array:
     """The value at the last sample."""
     return values[..., -1]
+
+
+def mean_turn(times: Array, distances: Array) -> Array:
+    """The mean angle over time, in degrees."""
+    return time_mean(times, np.degrees(turn_of_distance(distances)))
+
+
+def final_turn(times: Array, distances: Array) -> Array:
+    """The angle at the last sample, in degrees."""
+    return final(times, np.degrees(turn_of_distance(distances)))
 
 
 def integral_of_square(times: Array, values: Array) -> Array:
@@ -126,11 +139,36 @@ def settled(times: Array, error: Array, threshold: float) -> Array:
     return np.where(np.isfinite(error).all(axis=-1), within, np.nan)
 
 
-def closing_rms(times: Array, values: Array) -> Array:
-    """The root of the mean square over the last quarter of the time, of offsets and of noise."""
-    late = times >= times[-1] - CLOSING * (times[-1] - times[0])
+def closing_rms(times: Array, values: Array, share: float = CLOSING) -> Array:
+    """The root of the mean square over the last part of the time, of offsets and of noise."""
+    late = times >= times[-1] - share * (times[-1] - times[0])
     mean: Array = time_mean(times[late], values[..., late] ** 2)
     return np.sqrt(mean)
+
+
+# What keys of a configuration make of rows -------------------------------------------------------
+
+
+def _early(window_s: float = EARLY.stop) -> dict[str, Any]:
+    return {
+        "window": Window(0.0, window_s),
+        "long_name": f"mean ||tau|| over the first {window_s:g} s",
+        "label": f"mean {{}}, first {window_s:g} s",
+    }
+
+
+def _closing(what: str) -> Callable[..., dict[str, Any]]:
+    def chosen(share_of_time: float = CLOSING) -> dict[str, Any]:
+        usual = share_of_time == CLOSING
+        words = "the last quarter" if usual else f"the last {100 * share_of_time:g} %"
+        return {
+            "of": closing_rms if usual else partial(closing_rms, share=min(share_of_time, 1.0)),
+            "long_name": f"root mean square of {what} over {words} of the time",
+            "label": "closing rms of {}" + ("" if usual else f", last {100 * share_of_time:g} %"),
+            "notes": {"share_of_time": share_of_time},
+        }
+
+    return chosen
 
 
 # The table ---------------------------------------------------------------------------------------
@@ -167,11 +205,11 @@ METRICS = (
     ),
     _less_is_better(
         "early_torque",
-        "mean ||tau|| over the first 5 s",
         signals=("torque_norm",),
-        label="mean {}, first 5 s",
         of=time_mean,
-        window=EARLY,
+        choices={"window_s": "early_window"},
+        chosen=_early,
+        **_early(),
     ),
     _less_is_better(
         "actuator_work",
@@ -209,6 +247,26 @@ METRICS = (
         signals=("pose_error",),
         label="final {}",
         of=final,
+    ),
+    _less_is_better(
+        "mean_attitude_error",
+        "mean angle of the attitude error over the horizon",
+        units="deg",
+        signals=("pose_error",),
+        label="mean attitude error",
+        stored=False,
+        of=mean_turn,
+        of_turns=True,
+    ),
+    _less_is_better(
+        "final_attitude_error",
+        "angle of the attitude error at the end",
+        units="deg",
+        signals=("pose_error",),
+        label="final attitude error",
+        stored=False,
+        of=final_turn,
+        of_turns=True,
     ),
     _less_is_better(
         "mean_velocity_error",
@@ -267,6 +325,9 @@ METRICS = (
         better="higher",
         of=settled,
         settings={"threshold": "settling_threshold"},
+        compared=(WHOLE,),
+        counts=True,
+        told_by="settling_time",
         stored_of=_as_it_flies,
     ),
     _less_is_better(
@@ -276,23 +337,26 @@ METRICS = (
         signals=("at_limit",),
         label="share of time at a limit",
         of=time_mean,
+        compared=(WHOLE,),
         stored_of=lambda vehicle: vehicle.limits,
     ),
     _less_is_better(
         "closing_pose_error",
-        "root mean square of ||I - Q_E||_F over the last quarter of the time",
         signals=("pose_error",),
-        label="closing rms of {}",
-        of=closing_rms,
+        compared=(WHOLE,),
         stored_of=_as_it_flies,
+        choices={"share_of_time": "closing_window"},
+        chosen=_closing("||I - Q_E||_F"),
+        **_closing("||I - Q_E||_F")(),
     ),
     _less_is_better(
         "closing_torque",
-        "root mean square of ||tau|| over the last quarter of the time",
         signals=("torque_norm",),
-        label="closing rms of {}",
-        of=closing_rms,
+        compared=(WHOLE,),
         stored_of=_as_it_flies,
+        choices={"share_of_time": "closing_window"},
+        chosen=_closing("||tau||"),
+        **_closing("||tau||")(),
     ),
 )
 """What controllers are compared by, in the order of tables; those `stored` are in result files."""

@@ -83,12 +83,22 @@ class Quantity:
         window; None where the run itself hands it over.
     settings
         Keys of the configuration that `of` takes, by the names of arguments and of attributes.
+    choices
+        Keys of the configuration that change the row itself, by names of attributes in a file.
+    chosen
+        The fields that they change.
     window
         Over which it is taken; where that is the whole run, it can be taken over any other as well.
     compared
         The windows over which controllers are compared by it unless a user chooses.
     censored
         NaN in a run that is good says: later than the end of the run.
+    counts
+        Its values are 0 or 1, and their mean is a share of the runs.
+    told_by
+        Where a file does not hold it: another number per run, which has a value where this is 1.
+    of_turns
+        It is there only where the norm is a distance ‖I − R‖_F of rotations.
     diagnostic
         It says how good the numbers are, and is left out where there is no room for all.
     stored_of
@@ -111,12 +121,29 @@ class Quantity:
     stored: bool = True
     of: Callable[..., Array] | None = None
     settings: Mapping[str, str] = field(default_factory=dict)
+    choices: Mapping[str, str] = field(default_factory=dict)
+    chosen: Callable[..., Mapping[str, Any]] = dict
     window: Window = WHOLE
     compared: tuple[Window, ...] = ()
     censored: bool = False
+    counts: bool = False
+    told_by: str = ""
+    of_turns: bool = False
     diagnostic: bool = False
     notes: Mapping[str, Attribute] = field(default_factory=dict)
     stored_of: Callable[[Vehicle], bool] = lambda vehicle: True
+
+    def with_choices(self, values: Mapping[str, Any]) -> Quantity:
+        """The row that values, of a configuration or a file, make of it; None leaves the default.
+
+        What is no number that a configuration takes is ignored.
+        """
+        known = {
+            name: float(values[name])
+            for name in self.choices
+            if isinstance(values.get(name), int | float | np.number) and 0 < values[name] < np.inf
+        }
+        return replace(self, **self.chosen(**known)) if known else self
 
     @property
     def windowed(self) -> bool:

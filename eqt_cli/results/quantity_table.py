@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,8 +14,10 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.results.metrics import METRICS, energy_residual
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.table import Variable
+from eqt_cli.vehicle import Vehicle
 
 if TYPE_CHECKING:
+    from eqt_cli.config.schema import Config
     from eqt_cli.experiment.build import Experiment
 
 STATUS_MEANINGS = "; ".join(f"{status.value} {status.name.lower()}" for status in Status)
@@ -127,13 +130,27 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is Per.RUN and q.of and
 """What is computed from the signals of a run and stored."""
 
 
-def quantities(experiment: Experiment) -> list[Quantity]:
-    """The variables of a result of an experiment, with their units there, in the file's order."""
+def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
+    """The row of a table as the keys of a configuration make it."""
+    values = {name: getattr(config, key) for name, key in quantity.choices.items()}
+    return quantity.with_choices(values)
+
+
+def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list[Quantity]:
+    """The variables of a result of an experiment, with their units there, in the file's order.
+
+    Parameters
+    ----------
+    vehicles
+        Those of all points of a sweep; what is stored of one is stored of all. The experiment's
+        own if empty.
+    """
     found, group = [], experiment.group
-    vehicle = next(iter(experiment.loops.values())).vehicle
+    vehicles = vehicles or [next(iter(experiment.loops.values())).vehicle]
     for quantity in QUANTITIES.values():
-        if not (quantity.stored and quantity.stored_of(vehicle)):
+        if not (quantity.stored and any(map(quantity.stored_of, vehicles))):
             continue
+        quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
         units = quantity.unit(_unit_of_signal(quantity, group))
         found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import yaml
 
+from eqt_cli.config.signal_path import loop_in_words
 from eqt_cli.config.source import ConfigSource, source_of
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.controllers import controllers
@@ -213,6 +214,17 @@ class Result(ResultFile):
         """The labels of the laws that do not claim that their L falls."""
         return list(self._told("lyapunov_functions").get("unclaimed", []))
 
+    @cached_property
+    def without_function(self) -> list[str]:
+        """The labels of laws that claim no decrease, beside laws that do so of their own L."""
+        all_are = len(self.unclaimed) == len(self.labels)
+        return self.unclaimed if self.lyapunov_functions and not all_are else []
+
+    @cached_property
+    def not_matched(self) -> list[str]:
+        """The labels of laws whose stiffness and damping are not those of the gains."""
+        return list(self._told("matching").get("not_matched", []))
+
     def _told(self, name: str) -> dict[str, Any]:
         """What an attribute holds as JSON; nothing in a file from before there was such a one."""
         found: dict[str, Any] = json.loads(str(self.attributes.get(name, "{}")))
@@ -228,6 +240,14 @@ class Result(ResultFile):
             return {str(entry["label"]): str(entry["kind"]) for entry in entries}
         except (yaml.YAMLError, KeyError, TypeError, RecursionError, ValueError):
             return {label: label for label in self.labels}
+
+    @cached_property
+    def loop_in_words(self) -> str:
+        """What the loop has that the paper's has not, in a sentence; nothing for the paper's."""
+        try:
+            return loop_in_words(yaml.safe_load(str(self.attributes.get("config", ""))) or {})
+        except (yaml.YAMLError, KeyError, TypeError, AttributeError, RecursionError, ValueError):
+            return ""
 
     @property
     def source(self) -> ConfigSource:
@@ -371,7 +391,16 @@ class Result(ResultFile):
                 values,
                 {float(k): printable(str(v)) for k, v in zip(values, labels, strict=True)},
             )
-        return SweptKey(key, values.astype(float), {})
+        return SweptKey(key, values.astype(float), {}, key in self._on_log_scales)
+
+    @cached_property
+    def _on_log_scales(self) -> set[str]:
+        """The keys for which a range of the sweep asks for a logarithmic scale."""
+        try:
+            config = yaml.safe_load(str(self.attributes.get("config", "")))
+            return set(_log_keys(config["sweep"]))
+        except (yaml.YAMLError, KeyError, TypeError, RecursionError):
+            return set()
 
     def point_name(self, point: int) -> str:
         """What is swept at a point: ``kp 2, kd 0.5``."""
@@ -466,6 +495,16 @@ class Result(ResultFile):
             if name.startswith(f"{norm}_") and self.is_over_time(name)
         ]
 
+    @cached_property
+    def attitude_errors(self) -> list[str]:
+        """The norms over time that are distances ‖I − R‖_F of rotations, which angles follow from.
+
+        None on a group of a plugin, which need not be loaded here.
+        """
+        parts = () if self.group is None else self.group.parts
+        turns = [f"_{part.name}" if len(parts) > 1 else "" for part in parts if part.turns]
+        return [name for end in turns if self.is_over_time(name := f"pose_error{end}")]
+
     def split(self, norm: str) -> list[str]:
         """The names of a norm's parts where it has some, else its own."""
         return [f"{norm}_{part}" for part in self.parts(norm)] or [norm]
@@ -493,10 +532,20 @@ class Result(ResultFile):
             If there is none of that name.
         """
         self.check_metrics([name])
-        chosen: dict[str, int] = {} if controller is None else {"controller": controller}
         good = self.good if controller is None else self.good[..., controller, :]
-        values = self.read(name, **chosen).astype(float)
-        return np.where(good, values, np.nan)
+        return np.where(good, self._number(name, controller), np.nan)
+
+    def _number(self, name: str, controller: int | None = None) -> Array:
+        """A number of every run as it is stored, or as another one tells it."""
+        chosen: dict[str, int] = {} if controller is None else {"controller": controller}
+        if name in self.metrics:
+            found: Array = self.read(name, **chosen).astype(float)
+            return found
+        return np.isfinite(self.read(self.quantity(name).told_by, **chosen)).astype(float)
+
+    def _is_told(self, name: str) -> bool:
+        """Whether a number per run that is not stored follows from one that is."""
+        return name not in self.metrics and self.quantity(name).told_by in self.metrics
 
     def censored(self, name: str, controller: int | None = None) -> Array:
         """Which good runs have no such number because it lies beyond the horizon, as `metric`."""
@@ -536,20 +585,27 @@ class Result(ResultFile):
             That says which there are.
         """
         for name in names:
-            if name not in self.metrics:
+            if name not in self.metrics and not self._is_told(name):
                 hint = suggestion(name, self.metrics) or f"; there are: {', '.join(self.metrics)}"
                 raise self.error(f"{f'{who} ' if who else ''}finds no metric '{name}'{hint}")
 
     def quantity(self, name: str) -> Quantity:
         """What a variable is: its row of the table, and of what is not there, all the file says."""
-        return quantity_of(name, self.long_name(name) if self.has(name) else "")
+        if not self.has(name):
+            return quantity_of(name)
+        return quantity_of(name, self.long_name(name)).with_choices(self.attributes_of(name))
 
     @cached_property
     def comparable(self) -> dict[str, Quantity]:
         """All numbers per run that this result has or that can be computed from it, by name."""
         found: dict[str, Quantity] = {}
-        for quantity in METRICS:
-            if self._has_signals(quantity) or self._metrics_like(quantity):
+        for quantity in (self.quantity(row.name) for row in METRICS):
+            if quantity.of_turns:
+                for part in (name.removeprefix("pose_error") for name in self.attitude_errors):
+                    found[quantity.name + part] = quantity.part(part[1:]) if part else quantity
+                continue
+            told = self._is_told(quantity.name)
+            if told or self._has_signals(quantity) or self._metrics_like(quantity):
                 found[quantity.name] = quantity
             for part in self.parts(quantity.signals[0]) if quantity.parted else ():
                 found[f"{quantity.name}_{part}"] = quantity.part(part)
@@ -608,6 +664,9 @@ class Result(ResultFile):
         elif self._has_signals(quantity):
             runs, unit = self.stored_runs, quantity.unit(self.units(quantity.signals[0]))
             columns = [self._computed(quantity, window, c) for c in range(len(self.labels))]
+        elif self._is_told(quantity.name):
+            runs, unit = np.arange(self.runs), quantity.units
+            columns = [self._number(quantity.name, c) for c in range(len(self.labels))]
         else:
             raise self._not_stored(quantity, window)
         values = np.full((len(self.labels), self.runs), np.nan)
@@ -679,11 +738,14 @@ class SweptKey:
         Numbers; text and matrices are numbered.
     texts
         What the numbers stand for, where the values are no numbers.
+    asks_log
+        Whether the range that they are from asks for a logarithmic scale.
     """
 
     key: str
     values: Array
     texts: dict[float, str]
+    asks_log: bool = False
 
     @property
     def levels(self) -> list[int]:
@@ -693,8 +755,10 @@ class SweptKey:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether the values are spread evenly on a logarithmic scale rather than a linear one."""
+        """Whether the values are spread on a logarithmic scale rather than a linear one."""
         levels = np.unique(self.values)
+        if self.asks_log:
+            return True
         if self.texts or len(levels) < 3 or levels[0] <= 0:
             return False
         return bool(np.ptp(np.diff(np.log(levels))) / np.log(levels[-1] / levels[0]) < 1e-6)
@@ -708,6 +772,18 @@ class SweptKey:
         """The value at a point, as text."""
         value = self.value(point)
         return value if isinstance(value, str) else f"{value:.4g}".replace("-", "−")
+
+
+def _log_keys(section: Any) -> Iterator[str]:
+    """The keys of ranges with ``scale: log``, anywhere in the section of a sweep."""
+    if isinstance(section, list):
+        for entry in section:
+            yield from _log_keys(entry)
+    elif isinstance(section, dict):
+        for key, entry in section.items():
+            if isinstance(entry, dict) and entry.get("scale") == "log":
+                yield str(key)
+            yield from _log_keys(entry)
 
 
 def mean_over_runs(values: Array) -> Array:

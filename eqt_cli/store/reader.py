@@ -278,6 +278,10 @@ class ResultFile:
         """What a variable or coordinate is, in words; its name if the file says none."""
         return str(self._entry(name).attributes.get("long_name", name))
 
+    def attributes_of(self, name: str) -> Mapping[str, Attribute]:
+        """All that the file says of a variable or coordinate."""
+        return self._entry(name).attributes
+
     def _entry(self, name: str) -> safety.Entry:
         if name not in self._entries:
             raise ResultError(

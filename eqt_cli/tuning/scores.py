@@ -13,9 +13,7 @@ from eqt_cli.tuning.ranking import Scores
 from eqt_cli.tuning.search import SETTLED, Constraint
 
 
-def scores(
-    result: Result, horizon: float, objectives: Sequence[str], constraints: Sequence[Constraint]
-) -> Scores:
+def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Constraint]) -> Scores:
     """The scores of all points of a sweep with one law.
 
     A run that failed, or has no value, is no part of a mean; its share of all runs violates the
@@ -23,7 +21,7 @@ def scores(
     """
     good = result.good[:, 0]
     values = {
-        name: run_values(result, name, horizon)[:, 0]
+        name: run_values(result, name)[:, 0]
         for name in {*objectives, *(bound.metric for bound in constraints)}
     }
     missing = ~good
@@ -37,12 +35,12 @@ def scores(
     return Scores(found, violation, (~good).sum(axis=1), (good & np.isnan(settling)).sum(axis=1))
 
 
-def run_values(result: Result, name: str, horizon: float) -> Array:
+def run_values(result: Result, name: str) -> Array:
     """A metric of every run; the horizon where it lies beyond, NaN where a run has none."""
     if name == SETTLED and name not in result.metrics:
         unsettled = result.censored("settling_time")
         return np.where(result.good, np.where(unsettled, 0.0, 1.0), np.nan)
-    return np.where(result.censored(name), horizon, result.metric(name))
+    return result.counted(name)
 
 
 def excess(bound: Constraint, values: Array) -> Array:

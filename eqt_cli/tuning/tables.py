@@ -107,10 +107,9 @@ def _counted(result: Result) -> Iterator[str]:
 def _bounds(result: Result, record: Record, write: Plain) -> TextTable:
     """What the winners were bound to, on the held-out runs."""
     rows = []
-    horizon = result.horizon or 0.0
     for entry in record["constraints"]:
         bound = Constraint(**entry)
-        values = run_values(result, bound.metric, horizon)
+        values = run_values(result, bound.metric)
         over = excess(bound, values)
         worst = np.nanmax if bound.above else np.nanmin
         found = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)

@@ -176,8 +176,7 @@ class _Computing:
         else:
             self._execute(_swept(law, columns), out)
         with open_result(out) as result:
-            horizon = self.search.base.config.time.duration
-            return scores(result, horizon, self.search.objectives, self.search.constraints)
+            return scores(result, self.search.objectives, self.search.constraints)
 
     def confirm(self, chosen: dict[str, list[dict[str, float]]]) -> Execution:
         """Winners and starting gains on held-out runs, in the folder itself."""

@@ -120,6 +120,11 @@ class Vehicle:
         """Whether what the law is told has errors."""
         return bool(self.pose_sensors or self.velocity_sensors)
 
+    def sensors(self) -> dict[str, Sensor]:
+        """Every sensor by its place in a configuration."""
+        pairs = (POSE, self.pose_sensors), (VELOCITY, self.velocity_sensors)
+        return {f"{name}[{k}]": part for name, parts in pairs for k, part in enumerate(parts)}
+
     def measurement_errors(
         self, G: MatrixLieGroup, instants: int, random_of: RandomOf
     ) -> tuple[Array, Array]:
@@ -173,6 +178,28 @@ class Vehicle:
         moving = (k for k, actuator in enumerate(self.actuators) if actuator.moves)
         return next(moving, len(self.actuators))
 
+    @property
+    def first_moving(self) -> Actuator | None:
+        """The first actuator with a rate, which a sampled law gives a command that is held."""
+        rest = self.actuators[self._at_instants :]
+        return rest[0] if rest and rest[0].moves else None
+
+    def first_moving_after(
+        self,
+        G: MatrixLieGroup,
+        states: Mapping[str, Array],
+        later: Mapping[str, Array],
+        duration: Array,
+    ) -> tuple[Array, Array]:
+        """Its states after a time without an instant, by its closed form and as they are later."""
+        place, actuator, given = next(self._chain(self._at_instants))
+        held = self._held(G, states)
+        return actuator.after(G, held, states[place], given, duration), later[place]
+
+    def _held(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
+        """The command that is held, as the actuators at instants have left it."""
+        return states[HELD] if self._at_instants else states[COMMANDS][..., : G.dimension]
+
     def states(self, G: MatrixLieGroup) -> dict[str, int]:
         """What has states besides the plant, and how many."""
         counted = {
@@ -204,7 +231,7 @@ class Vehicle:
         """
         rates = {place: 0.0 * values for place, values in states.items()}
         if self.control is not None:
-            command = states[HELD] if self._at_instants else states[COMMANDS][..., : G.dimension]
+            command = self._held(G, states)
         for place, actuator, given in self._chain(self._at_instants):
             x = states.get(place, command[..., :0])
             if place in states:

@@ -174,3 +174,18 @@ def test_csv_is_of_one_table_and_says_so(eqt, folder):
     )
     assert eqt("compare", "results/c", "--format", "csv", "-q").err == ""
     assert eqt("compare", "results/c", "-q").err == ""
+
+
+def test_a_sweep_is_compared_point_by_point(eqt, folder):
+    sweep = ["--grid", "gains.kp=1,2", "--set", "ensemble.runs=6", "--out", "s", "-q"]
+    assert eqt("sweep", "c.yaml", *sweep).code == 0
+    done = eqt("compare", "s", "--metric", "effort")
+    assert done.code == 0
+    assert "at 2 points of 6 runs each" in done.out
+    assert "Paired t-tests, 2 in all, adjusted after Benjamini and" in done.out
+    found = json.loads(eqt("compare", "s", "--metric", "effort", "--json").out)["points"]
+    assert [(row["point"], row["gains.kp"]) for row in found] == [(0, 1), (1, 2)]
+    assert "at 2 points" not in eqt("compare", "s", "--table", "points").out
+    done = eqt("compare", "s", "--table", "pairs")
+    assert done.code == 2
+    assert "are of one experiment; choose a point of the sweep with --point" in done.err

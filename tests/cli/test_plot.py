@@ -81,7 +81,10 @@ def test_options_go_to_the_figures_that_have_them(eqt: Eqt, result: str) -> None
     ("option", "said"),
     [
         ("lgo=true", "none of paper, torque has an option 'lgo'; did you mean 'log'?"),
-        ("x=1", "none of paper, torque has an option 'x'; they have: controllers, log, bands"),
+        (
+            "x=1",
+            "none of paper, torque has an option 'x'; they have: controllers, log, bands, degrees",
+        ),
         ("papr.log=true", "figure 'papr' is not drawn; did you mean 'paper'?"),
         ("sweep.metric=effort", "figure 'sweep' is not drawn; drawn are: paper, torque"),
         ("log", "expected KEY=VALUE, got 'log'"),

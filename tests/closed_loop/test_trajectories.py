@@ -179,11 +179,13 @@ def test_free_rigid_motion_conserves_both_casimirs():
 
 
 def test_constant_reference_keeps_its_velocity(G):
-    """V_d(t) = V_d(0) and Q_d(t) = Q_d(0) exp(t V_d)."""
-    loop = closed_loop(G, controllers.get("eqt")(), ConstantReference())
+    """V_d(t) = V_d(0) and Q_d(t) = Q_d(0) exp(t V_d), which takes no state."""
+    V = np.linspace(0.2, 0.5, G.dimension)
+    loop = closed_loop(G, controllers.get("eqt")(), ConstantReference(velocity=V.tolist()))
+    assert "desired_pose" not in loop.layout.lengths
     s = loop.tracking(TIMES, trajectories(loop))
     assert_constant(s.Vd)
-    expected = s.Qd[:, :1] @ G.exp(TIMES[:, None] * s.Vd[:, :1])
+    expected = np.broadcast_to(G.exp(TIMES[:, None] * V), s.Qd.shape)
     np.testing.assert_allclose(s.Qd, expected, rtol=0, atol=TOLERANCE * np.abs(expected).max())
 
 
@@ -293,3 +295,17 @@ def test_parts_of_a_norm_make_up_the_whole():
     for norm in ("pose_error", "velocity_error", "torque_norm"):
         parts = [found[f"{norm}_{part}"] for part in ("rotation", "velocity", "position")]
         np.testing.assert_allclose(np.sqrt(sum(part**2 for part in parts)), found[norm], rtol=1e-12)
+
+
+def test_the_energy_balance_is_L_and_the_work_taken_out_of_it():
+    loop = closed_loop(group_named("SO3"), controllers.get("eqt")())
+    states = np.random.default_rng(2).standard_normal((2, 5, loop.layout.length))
+    found = compute(loop, TIMES[:5], states)
+    assert np.array_equal(found["energy_balance"], found["lyapunov"] + loop.work(states))
+    assert np.abs(loop.work(states)).min() > 1e-3
+
+
+def test_a_law_that_says_nothing_of_its_dissipation_has_no_energy_balance():
+    loop = closed_loop(group_named("SO3"), Feedforward())
+    states = np.random.default_rng(2).standard_normal((2, 5, loop.layout.length))
+    assert np.isnan(compute(loop, TIMES[:5], states)["energy_balance"]).all()

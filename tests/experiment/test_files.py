@@ -7,6 +7,7 @@ from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError
 from eqt_cli.execution.run_study import execute
 from eqt_cli.experiment.build import build
+from eqt_cli.experiment.horizon import reference_over_horizon
 from eqt_cli.experiment.read_study import study
 from eqt_cli.store.reader import open_results
 
@@ -83,3 +84,31 @@ def test_runs_start_where_those_of_a_result_did(config, tmp_path):
 )
 def test_what_is_wrong(config, override, message):
     assert any(message in found for found in messages(config, override))
+
+
+def test_a_file_that_is_too_large_is_not_read(config):
+    with (config.parent / "huge.csv").open("wb") as file:
+        file.truncate(2 * 2**30)  # a sparse file, which takes no space
+    (found,) = messages(config, "reference.file=huge.csv")
+    assert found == f"{config.parent / 'huge.csv'}: holds 2,048 MiB; expected at most 64"
+
+
+@pytest.mark.parametrize(
+    "reference",
+    ["{kind: constant, velocity: 0.1}", "{kind: slew, to: {rotvec: 1}, duration: 9, start: -1}"],
+)
+def test_a_reference_without_instants_within_the_horizon(config, reference):
+    found = reference_over_horizon(build(read_config(config, [f"reference={reference}"])))
+    assert found.finite.all()
+    assert found.jumps == []
+
+
+def test_the_cross_check_of_many_knots_is_of_the_beginning(config, monkeypatch):
+    pytest.importorskip("heyoka")
+    monkeypatch.setattr("eqt_cli.execution.cross_check.MOST_SPANS", 1)
+    overrides = ["solver.cross_check=1", "solver.engine=taylor", "initial={}"]
+    done = execute(study(read_config(config, overrides)), config.parent / "checked").folder
+    with open_results(done.results) as results:
+        check = results.attributes
+        assert str(check["cross_check_method"]).endswith(" over the first 1 s")
+        assert check["cross_check_difference"] < check["cross_check_bound"]

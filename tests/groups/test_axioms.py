@@ -12,6 +12,8 @@ from hypothesis import strategies as st
 
 from eqt_cli.core.arrays import apply_matrix, dot, transpose
 from eqt_cli.groups import group_named
+from eqt_cli.groups.product import ProductGroup
+from eqt_cli.groups.so3 import SO3
 
 EXAMPLES = settings(max_examples=8)
 
@@ -432,3 +434,20 @@ def test_coordinates_are_rotation_then_columns(name, matrix):
 def test_remark_6_3_class_of_the_group(name, compact):
     G = group_named(name)
     assert (G.compact, G.compact_times_vector) == (compact, True)
+
+
+class OfUnknownClass(SO3):
+    name = "unknown"
+    compact = None
+    compact_times_vector = None
+
+
+@pytest.mark.parametrize(
+    ("other", "compact", "class_known"),
+    [("SO3", None, None), ("R3", False, None)],
+)
+def test_a_product_is_of_unknown_class_where_a_factor_is(other, compact, class_known):
+    """Unless one factor settles it: a product with an unbounded factor is not compact."""
+    for factors in ((OfUnknownClass(), group_named(other)), (group_named(other), OfUnknownClass())):
+        G = ProductGroup(*factors)
+        assert (G.compact, G.compact_times_vector) == (compact, class_known)

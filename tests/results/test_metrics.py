@@ -11,6 +11,7 @@ T, H = 20.0, 0.5
 TIMES = np.linspace(0, T, 41)
 RAMP = TIMES[None]
 FALLING = np.exp(-2 * TIMES)[None]
+TURNING = np.sqrt(8) * np.sin(np.pi / 4 * RAMP / T)
 
 EXACT = {
     # ∫t dt/T, exact for straight lines by the trapezoidal rule.
@@ -23,6 +24,9 @@ EXACT = {
     "squared_pose_error": ({"pose_error": RAMP}, T**3 / 3 + T * H**2 / 6),
     "peak_torque": ({"torque_norm": 3 * np.sin(np.pi * RAMP / T)}, 3.0),
     "final_pose_error": ({"pose_error": T + 1 - RAMP}, 1.0),
+    # A rotation that turns by 90° in T, as its ‖I − R‖_F.
+    "mean_attitude_error": ({"pose_error": TURNING}, 45.0),
+    "final_attitude_error": ({"pose_error": TURNING}, 90.0),
     "final_velocity_error": ({"velocity_error": T + 2 - RAMP}, 2.0),
     # |⟨τ, V⟩| = |(2, 7)·(−1, 0) − t| = 2 + t, a power that flows back.
     "actuator_work": (
@@ -32,8 +36,8 @@ EXACT = {
         },
         2 * T + T**2 / 2,
     ),
-    # 1 − t/T comes below 0.05 at 0.95 T, between two samples.
-    "settling_time": ({"pose_error": 1 - RAMP / T}, 0.95 * T),
+    # 1 − (t + 0.2)/T comes below 0.05 at 0.95 T − 0.2, between the samples at 18.5 and 19.
+    "settling_time": ({"pose_error": 1 - (RAMP + 0.2) / T}, 0.95 * T - 0.2),
     "decay_rate": ({"lyapunov": FALLING}, 1.0),
     # L falls to 1 at 10 s, and then rises to 3 of the 5 that it began with.
     "lyapunov_rise": ({"lyapunov": np.interp(TIMES, [0, 10, 20], [5.0, 1.0, 3.0])[None]}, 2 / 5),
@@ -115,3 +119,68 @@ def test_settling_is_the_last_time_through_the_threshold(error, expected):
 def test_energy_is_relative_to_no_less_than_1_joule():
     signals = {"lyapunov": 0.01 * FALLING, "energy_balance": 0.01 + 0.002 * RAMP / T}
     assert measured("energy_residual", signals) == pytest.approx([0.002], rel=1e-9)
+
+
+def test_early_is_up_to_5_s_and_no_further():
+    pulse = np.where((RAMP > 2) & (RAMP < 5), 1.0, 0.0)
+    later = np.where(RAMP > 5, 9.0, 0.0)
+    # Half an interval beside each end of the pulse; 5 of its samples at 1.
+    assert measured("early_torque", {"torque_norm": pulse + later}) == pytest.approx([5 * H / 5])
+
+
+def test_closing_is_the_last_quarter_with_the_sample_at_its_start():
+    """Of x = t − 15 over 15 to 20 s, 25/3 and the error of the trapezoidal rule, h²/6."""
+    values = {"torque_norm": np.where(RAMP < 15, 99.0, RAMP - 15)}
+    expected = np.sqrt((125 / 3 + 5 * H**2 / 6) / 5)
+    assert measured("closing_torque", values) == pytest.approx([expected], rel=1e-12)
+
+
+def test_work_counts_power_of_either_sign():
+    torque = np.stack([np.where(TIMES < 10, 2.0, -2.0), 0 * TIMES], axis=-1)[None]
+    velocity = np.stack([1.5 + 0 * TIMES, 4 + 0 * TIMES], axis=-1)[None]
+    found = measured("actuator_work", {"torque": torque, "velocity": velocity})
+    assert found == pytest.approx([3 * T], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("lyapunov", "rise"),
+    [
+        ([4.0, 3.0, 2.0, 1.0], 0.0),
+        ([4.0, 3.0, 5.0, 1.0], 2 / 4),
+        ([4.0, 1.0, 2.0, 3.0], 2 / 4),
+        ([4.0, 6.0, 0.0, 1.0], 2 / 4),
+        ([0.0, 0.0, 0.0, 0.0], 0.0),
+    ],
+)
+def test_a_rise_is_above_the_least_before_it(lyapunov, rise):
+    signals = {"lyapunov": np.array([lyapunov])}
+    assert measured("lyapunov_rise", signals, times=np.arange(4.0)) == pytest.approx([rise])
+
+
+def test_a_decay_rate_ends_with_the_last_digits_of_L():
+    """exp(−2t) is below 1e-12 from 13.8 s on; what is behind, flat, takes no part."""
+    floor = np.maximum(FALLING, 1e-13)
+    assert measured("decay_rate", {"lyapunov": floor}) == pytest.approx([1.0], rel=1e-9)
+    assert measured("decay_rate", {"lyapunov": 1e6 * floor}) == pytest.approx([1.0], rel=1e-9)
+
+
+def test_one_sample_has_no_decay_rate():
+    fallen = np.where(TIMES > 0, 0.0, 1.0)[None]
+    assert np.isnan(measured("decay_rate", {"lyapunov": fallen})).all()
+    two = np.where(TIMES > H, 0.0, FALLING)
+    assert measured("decay_rate", {"lyapunov": two}) == pytest.approx([1.0])
+
+
+@pytest.mark.parametrize(
+    ("error", "found"),
+    [([1.0, 0.05], 1.0), ([1.0, 0.06], 0.0), ([0.0, 0.0], 1.0), ([np.nan, 0.0], np.nan)],
+)
+def test_settled_ends_within_the_threshold(error, found):
+    signals = {"pose_error": np.array([error])}
+    settled = measured("settled", signals, times=np.arange(2.0))
+    assert settled == pytest.approx([found], nan_ok=True)
+
+
+def test_energy_residuals_of_either_sign_count():
+    signals = {"lyapunov": 4 * FALLING, "energy_balance": 4 - 0.02 * np.sin(np.pi * RAMP / T)}
+    assert measured("energy_residual", signals) == pytest.approx([0.005])

@@ -109,6 +109,8 @@ def test_the_winners_of_a_front_are_numbered_and_none_betters_another(
 class _Stored(Result):
     """A result made up of numbers: one law, two points, four runs."""
 
+    horizon = 10.0
+
     def __init__(self, error: list[list[float]], settling: list[list[float]], bad: int) -> None:
         self.numbers = {"mean_pose_error": np.array(error), "settling_time": np.array(settling)}
         self.status = np.zeros((2, 1, 4), dtype=int)
@@ -125,7 +127,7 @@ class _Stored(Result):
 def test_failed_runs_violate_and_unsettled_ones_count() -> None:
     nan = math.nan
     stored = _Stored([[1, 1, 1, 1], [2, 2, 2, 6]], [[nan, 1, 1, 1], [1, 2, nan, nan]], bad=1)
-    found = scores(stored, 10.0, ["mean_pose_error"], [])
+    found = scores(stored, ["mean_pose_error"], [])
     assert found.violation.tolist() == [0.25, 0]
     assert found.failed.tolist() == [1, 0]
     assert found.unsettled.tolist() == [0, 2]
@@ -134,7 +136,7 @@ def test_failed_runs_violate_and_unsettled_ones_count() -> None:
 
 def test_a_run_that_does_not_settle_counts_with_the_horizon() -> None:
     stored = _Stored([[1] * 4] * 2, [[1, 2, 3, 4], [2, 2, math.nan, 6]], bad=0)
-    found = scores(stored, 10.0, ["settling_time"], [])
+    found = scores(stored, ["settling_time"], [])
     assert found.objectives[:, 0].tolist() == [2.5, 5]
 
 
@@ -148,7 +150,7 @@ def test_a_run_that_does_not_settle_counts_with_the_horizon() -> None:
 )
 def test_how_much_a_bound_is_violated(bound: Constraint, violation: list[float]) -> None:
     stored = _Stored([[1] * 4, [2, 2, 2, 6]], [[1] * 4, [1, 2, math.nan, math.nan]], bad=0)
-    found = scores(stored, 10.0, ["mean_pose_error"], [bound])
+    found = scores(stored, ["mean_pose_error"], [bound])
     assert found.violation == pytest.approx(violation)
 
 

@@ -102,6 +102,31 @@ def test_what_is_wrong_is_said_with_its_line(text, message):
     assert str(caught.value) == message
 
 
+EUROC = "#timestamp, p_RS_R_x [m]\n10,0,0,0,1,0,0,0\n"
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "message"),
+    [
+        ("euroc", EUROC + "12.5,0,0,0,1,0,0,0\n", "a:3: expected whole nanoseconds, got '12.5'"),
+        ("euroc", EUROC + "10,0,0,0,1,0,0,0\n", "a:3: expected a time after 0 s, got 0 s"),
+        ("euroc", EUROC + "20,0,0,0,2,0,0,0\n", "a:3: expected a quaternion of norm 1, got norm 2"),
+        ("euroc", EUROC + "20,0,0,0,1,0,0\n", "a:3: expected 8 entries, got 7"),
+        ("euroc", EUROC, "a:2: expected two rows or more, got 1"),
+        ("tum", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 1\n", "a:2: expected 8 entries, got 7"),
+        (
+            "tum",
+            "0 0 0 0 0 0 0 1\n1 0 inf 0 0 0 0 1\n",
+            "a:2: expected a finite number in column y, got 'inf'",
+        ),
+    ],
+)
+def test_what_is_wrong_in_other_formats(kind, text, message):
+    with pytest.raises(InputError) as caught:
+        read_trajectory(text, "a", kind, group_named("SE3"))
+    assert str(caught.value) == message
+
+
 def test_starts_with_velocities_and_without():
     G, q = group_named("SO3"), TURNS.as_quat()
     V = np.arange(9.0).reshape(3, 3)

@@ -33,7 +33,10 @@ def identity_rows(common: Sample, laws: Iterable[Sample]) -> list[Row]:
 
 def trajectory_rows(runs: Iterable[Runs]) -> list[Row]:
     """Every statement about solutions, on the runs of every law."""
-    return _in_order([check.check(each) for each in runs for check in _of_kind(TrajectoryCheck)])
+    checks = _of_kind(TrajectoryCheck)
+    return _in_order(
+        [check.check(each) for each in runs for check in checks if check.applies(each)]
+    )
 
 
 def hypothesis_rows(setting: Setting) -> list[Row]:

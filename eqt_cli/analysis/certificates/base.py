@@ -16,7 +16,7 @@ from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
 from eqt_cli.mechanics.tracking import Tracking
 
-Kind = Literal["identity", "trajectory", "hypothesis"]
+Kind = Literal["identity", "trajectory", "hypothesis", "oracle"]
 
 
 class Verdict(StrEnum):
@@ -172,6 +172,10 @@ class TrajectoryCheck(Certificate):
     """A statement about solutions, checked on the runs of a law."""
 
     kind: ClassVar[Kind] = "trajectory"
+
+    def applies(self, runs: Runs) -> bool:
+        """Whether it says anything about these runs."""
+        return True
 
     @abstractmethod
     def check(self, runs: Runs) -> Row:

@@ -41,21 +41,32 @@ class Momentum(Identity):
             yield found, lifted(velocity, roundings * np.abs(velocity).max())
 
 
-class KeptVelocity(Identity):
-    """V̇_d = 0 along the closed loop, where the reference keeps its velocity."""
+class ReferenceMotion(Identity):
+    """The reference obeys eq. (5) with its own torque: Q̇_d = Q_d V_d^, Ṗ_d = ad*_{V_d} P_d + τ_d.
 
-    name: ClassVar[str] = "V_d is kept"
+    One whose velocity is kept keeps it, V̇_d = 0.
+    """
+
+    name: ClassVar[str] = "motion of the reference"
     statement: ClassVar[str] = "eq. (5)"
     section: ClassVar[float] = 3.06
 
-    def applies(self, loop: ClosedLoop) -> bool:
-        """To a reference that says so."""
-        return loop.reference.keeps_velocity
-
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The rate of V_d."""
-        rate = rate_of(sample.s.Vd)
-        yield rate, np.zeros(rate.shape)
+        """The rates of what the reference gives; nothing of one that is integrated by a torque."""
+        G, reference = sample.G, sample.reference
+        if "velocity" in reference.starts_from:
+            return
+        held = {name: lifted(value) for name, value in reference.held(G, sample.times).items()}
+        t = lifted(sample.times, rates=1.0)
+        inertia = sample.loop.inertia.at(t)
+        _, _, Qd, _ = sample.drawn
+        desired = reference.holding(held).desired(G, inertia, t, lifted(Qd), None)
+        Vd = inertia.velocity(desired.P)
+        yield rate_of(desired.P), G.ad_star(Vd, desired.P) + desired.tau
+        if not reference.starts_from:
+            yield rate_of(desired.Q), desired.Q @ G.hat(Vd)
+        if reference.keeps_velocity:
+            yield rate_of(Vd), np.zeros(Vd.shape)
 
 
 class InertiaRate(Identity):

@@ -173,7 +173,7 @@ class PoseConvergence(Convergence):
 
 
 class MomentumConvergence(Convergence):
-    """‖V − V_d‖ over the last quarter of the horizon, as a part of its largest value in the run.
+    """‖V − V_d‖ at the horizon, as a part of its largest value in the run.
 
     It vanishes with P − P_d = 𝕀(V − V_d), and has the scale of the run, whatever its units.
     """

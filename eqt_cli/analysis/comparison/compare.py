@@ -17,7 +17,7 @@ from eqt_cli.analysis.comparison.verdicts import (
     measured_by,
 )
 from eqt_cli.core.errors import EqtError
-from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import PerRun, Result
 from eqt_cli.results.time_windows import WHOLE, Window
@@ -45,6 +45,8 @@ class Comparison:
         One row per claim and measure; empty where no claim applies.
     lyapunov_functions
         Which function L is, by label; empty where it is the same one for all.
+    not_matched
+        Labels of laws with gains of their own.
     missing
         What could not be computed, and why.
     confidence, resamples, seed
@@ -62,6 +64,7 @@ class Comparison:
     pairs: list[Pair]
     judgements: list[Judgement]
     lyapunov_functions: dict[str, str]
+    not_matched: list[str]
     missing: list[str]
     confidence: float
     resamples: int
@@ -117,14 +120,22 @@ def compare(
         failed=result.failed,
         horizon=float(result.times[-1] - result.times[0]),
         levels=[level for level in levels if _key(level.measured) in shown],
-        pairs=[pair for pair in pairs if _key(pair.measured) in shown],
+        pairs=[p for p in pairs if _key(p.measured) in shown and _same_measure(result, p)],
         judgements=_judgements(result, samples, pairs, how.confidence),
         lyapunov_functions=result.lyapunov_functions,
+        not_matched=result.not_matched,
         missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
         confidence=how.confidence,
         resamples=resamples,
         seed=how.seed,
     )
+
+
+def _same_measure(result: Result, pair: Pair) -> bool:
+    """Whether the two are measured by the same number: laws may have an L of their own."""
+    functions = result.lyapunov_functions
+    same = functions.get(pair.first) == functions.get(pair.second)
+    return same or "lyapunov" not in pair.measured.quantity.signals
 
 
 def _key(measured: PerRun) -> _Key:
@@ -150,11 +161,12 @@ def _chosen(
 
 def _defaults(result: Result) -> list[tuple[Quantity, Window]]:
     """What is compared unless a user chooses; parts instead of norms with mixed units."""
+    early = result.quantity("early_torque").window
     return [
         (quantity, window)
         for base in METRICS
         for quantity in result.by_parts(base.name)
-        for window in base.compared
+        for window in (early if window == EARLY else window for window in base.compared)
         if result.covers(quantity, window)
     ]
 

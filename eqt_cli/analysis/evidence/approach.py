@@ -12,8 +12,16 @@ from eqt_cli.core.arrays import Array
 LEFT = 0.05
 """Of the largest error of a run, what may be left at its end."""
 
-STALLED = 0.9
-"""An error of which so much is left after a quarter of the horizon no longer decays."""
+DECAYING = 0.9
+"""An error has arrived only if its mean over a quarter of the horizon is at most so much of that
+over the quarter before: an offset, which is left, would show."""
+
+STALLED = 0.98
+"""An error of which so much is left does not decay: to halve would take more than 8 horizons."""
+
+STEADY = 0.2
+"""Of its mean, how much an error that stays may vary over the last half of the horizon; slow
+oscillations, whose means do not fall for a while, vary more."""
 
 SMALLEST_SCALE = 1e-6
 """Of the size of the motion; where nothing moves at all, errors are rounding."""
@@ -26,13 +34,13 @@ class Approach:
     Attributes
     ----------
     left : (runs,)
-        The largest error over the last quarter of the horizon, of the largest over all of it.
+        The error at the horizon, as a part of the largest of the run.
     level : (runs,)
-        That error itself.
+        The mean error over the last quarter of the horizon.
     arrived : (runs,)
         It is at the solver's own error, or at most `LEFT` is left and it still decays.
     stays : (runs,)
-        It is above the solver's own error and no longer decays: an offset.
+        It is above the solver's own error, steady, and does not decay: an offset.
     """
 
     left: Array
@@ -59,9 +67,10 @@ def approach(times: Array, errors: Array, rtol: float, size: float) -> Approach:
     before = ~late & (times >= times[-1] - duration / 2)
     if not before.any():
         before = ~late
-    level, earlier = errors[:, late].max(axis=1), errors[:, before].max(axis=1)
-    largest = errors.max(axis=1)
+    level, largest = errors[:, late].mean(axis=1), errors.max(axis=1)
     solved = level <= STATES_PER_RTOL * rtol * np.maximum(largest, max(size, SMALLEST_SCALE))
-    decays = level <= STALLED * earlier
-    left = level / np.where(largest > 0, largest, 1.0)
-    return Approach(left, level, solved | (decays & (left <= LEFT)), ~(solved | decays))
+    rest = level / np.maximum(errors[:, before].mean(axis=1), np.finfo(float).tiny)
+    left = errors[:, -1] / np.where(largest > 0, largest, 1.0)
+    arrived = solved | ((rest <= DECAYING) & (left <= LEFT))
+    steady = np.ptp(errors[:, late | before], axis=1) <= STEADY * level
+    return Approach(left, level, arrived, ~solved & (rest >= STALLED) & steady)

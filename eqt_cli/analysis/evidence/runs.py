@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
@@ -45,6 +46,8 @@ class Runs:
         How many runs have no end.
     departures
         What the loop holds of which the theorems do not speak, in words.
+    flight
+        Runs of a loop that is not ideal, as they were integrated.
     energy, theorem
         Which function L is, and where it is shown to fall.
     pose_error, velocity_error : (runs, samples) or None
@@ -66,6 +69,7 @@ class Runs:
     error_system: float | None
     failed: int = 0
     departures: str = ""
+    flight: Flight | None = None
     energy: str = Controller.energy
     theorem: str = Controller.theorem
     pose_error: Array | None = None

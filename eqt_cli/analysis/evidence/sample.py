@@ -13,6 +13,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.semidirect import Input, Semidirect, State
 from eqt_cli.mechanics.tracking import Gains, Tracking
+from eqt_cli.references import Reference
 from eqt_cli.references.torque import TorqueReference
 
 STATES = 5
@@ -38,6 +39,8 @@ class Sample:
     gains
         Gains without symmetries that could hide a fault: K commutes with no rotation, and K_d is
         not symmetric.
+    reference
+        The experiment's own, which the loop may not have (see `sampled`).
     """
 
     label: str
@@ -49,6 +52,7 @@ class Sample:
     inputs: tuple[Input, Input]
     drawn: tuple[Array, Array, Array, Array]
     gains: Gains
+    reference: Reference
 
     @cached_property
     def s(self) -> Tracking:
@@ -96,7 +100,7 @@ def sampled(
     The reference moves, whatever it does in the experiment, unless it is to be `at_rest`; so one
     that has no state of its own is replaced by one that has.
     """
-    G = loop.group
+    G, own = loop.group, loop.reference
     if "velocity" not in loop.reference.starts_from:
         loop = replace(loop, reference=TorqueReference([0.0 if at_rest else 0.5] * G.dimension))
     exact = loop.with_parameters(_with_errors(loop.parameters))
@@ -128,6 +132,7 @@ def sampled(
         (inputs[0], inputs[1]),
         (poses[0], vectors[0], poses[1], Vd),
         gains,
+        own,
     )
 
 

@@ -225,8 +225,11 @@ def _has_pairs(cycle: list[dict[str, Any]], needed: tuple[int, int]) -> bool:
 
 
 def marker(index: int) -> str:
-    """The shape of the points that belong to the controller at this position."""
-    return _MARKERS[index % len(_MARKERS)]
+    """The shape of the points that belong to the controller at this position.
+
+    Where the colours of eqt's own style begin anew, the shapes are the next ones.
+    """
+    return _MARKERS[(index + index // len(_MARKERS)) % len(_MARKERS)]
 
 
 def ink(share: float = 1.0) -> str:

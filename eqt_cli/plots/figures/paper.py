@@ -10,7 +10,7 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.drawing.curves import Bands, draw_band
-from eqt_cli.plots.drawing.labels import part_name, signal_label
+from eqt_cli.plots.drawing.labels import part_name
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
@@ -33,15 +33,19 @@ class Paper(OverTime):
     bands
         ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, ``bootstrap``
         the 95 % interval of the mean at each time.
+    degrees
+        The attitude error as the angle of the rotation, in degrees.
     """
 
     name: ClassVar[str] = "paper"
 
     log: bool = False
     bands: Bands = "none"
+    degrees: bool = False
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """Two by two panels, or a row per norm and a column per part."""
+        runs.require_attitude(degrees=self.degrees)
         parts = runs.parts
         norms = [[norm + part for part in parts] for norm in _NORMS]
         if len(parts) > 1:
@@ -53,15 +57,15 @@ class Paper(OverTime):
             self._fill(axes, signal, runs)
         for signal, part in zip(norms[0], parts, strict=True):
             add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
-        add_legend(drawing, panels["lyapunov"].lines, [e.title for e in runs.shown])
+        add_legend(drawing, panels[norms[0][0]].lines, [e.title for e in runs.shown])
         return drawing
 
     def _fill(self, axes: Axes, signal: str, runs: ShownRuns) -> None:
-        for ensemble in runs.shown:
-            values = runs.values(signal, ensemble)
+        for ensemble in runs.with_function() if signal == "lyapunov" else runs.shown:
+            values = runs.errors(signal, ensemble, degrees=self.degrees)
             look = line_style(ensemble.look)
             times = runs.times(ensemble)
             axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
             draw_band(axes, times, values, self.bands, look["color"], ensemble.label)
         scale_norm(axes, log=self.log and not signal.startswith("torque_norm"))
-        name_scale(axes, signal_label(runs.results[0], signal))
+        name_scale(axes, runs.error_label(signal, degrees=self.degrees))

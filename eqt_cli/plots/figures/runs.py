@@ -10,9 +10,9 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.drawing.curves import thin_line, thin_line_legend
-from eqt_cli.plots.drawing.labels import signal_label
 from eqt_cli.plots.drawing.layout import (
     add_legend,
     add_title,
@@ -45,17 +45,29 @@ class Runs(OverTime):
         What is drawn over time.
     log
         A logarithmic scale.
+    degrees
+        The attitude error as the angle of the rotation, in degrees; of signal ``pose_error``.
     """
 
     name: ClassVar[str] = "runs"
 
     signal: Literal["pose_error", "velocity_error", "torque_norm", "lyapunov"] = "pose_error"
     log: bool = False
+    degrees: bool = False
+
+    def check(self, problems: Problems) -> None:
+        """Only an attitude error is an angle."""
+        if self.degrees and self.signal != "pose_error":
+            problems.at("degrees").add(f"belongs to signal pose_error; {self.signal} is no angle")
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """A row per controller and a column per part, or else controllers two by two."""
-        shown = runs.shown
-        parts = [""] if self.signal == "lyapunov" else runs.parts
+        runs.require_attitude(degrees=self.degrees)
+        shown, parts = runs.shown, runs.parts
+        if self.signal == "lyapunov":
+            shown, parts = runs.with_function(), [""]
+            if not shown:
+                raise runs.error("has no L to show: none of these laws claims that its own falls")
         places = panels_by_controller([e.label for e in shown], parts)
         room = WIDTHS[width] / len(places[0])
         drawing, panels = sheet(width, places, runs.span, runs.unit("time"))
@@ -64,10 +76,10 @@ class Runs(OverTime):
         for ensemble in shown:
             for part in parts:
                 axes, signal = panels[panel(ensemble.label, part)], self.signal + part
-                values = runs.values(signal, ensemble)
+                values = runs.errors(signal, ensemble, degrees=self.degrees)
                 self._fill(axes, runs.times(ensemble), values, ensemble.look)
                 add_title(axes, panel_title(ensemble.title, part), room)
-                name_scale(axes, signal_label(ensemble.results, signal))
+                name_scale(axes, runs.error_label(signal, degrees=self.degrees))
         for axes in panels.values():  # now that every curve of a common scale is there
             scale_norm(axes, log=self.log)
         if len(parts) == 1:

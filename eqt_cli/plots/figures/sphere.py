@@ -100,7 +100,7 @@ class Sphere(OfFirstRuns):
         if runs.group is None:
             name = runs.results[0].group_name
             raise runs.error(f"does not know group '{name}', which a plugin of the result defines")
-        turning = [part for part in runs.group.parts if part.name.startswith("rotation")]
+        turning = [part for part in runs.group.parts if part.turns]
         found = [part for part in turning if part.entries[0].stop - part.entries[0].start == 3]
         if not found:
             has = "turns in a plane only" if turning else "has none"

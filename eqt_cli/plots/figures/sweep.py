@@ -8,10 +8,14 @@ from typing import Any, ClassVar
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
+from matplotlib.patches import Patch
 
+from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.drawing.cells import Cells
 from eqt_cli.plots.drawing.curves import BAND, band_look
+from eqt_cli.plots.drawing.key_labels import key_label
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title
 from eqt_cli.plots.drawing.scales import number_values
@@ -32,11 +36,19 @@ _BESIDE = 0.6
 """in, that the scale up and the margins take of the width."""
 
 
+FAILED, BEYOND = "////", "...."
+"""Hatches of cells in which not all runs are what they should be."""
+
+
 @dataclass(frozen=True)
 class SweepFigure(OfSweep):
     """A metric over the swept keys: curves with bands for one key, heat maps for two.
 
-    Means over the good runs of every point; bands reach from the 10 % to the 90 % quantile.
+    Means over the runs of every point; bands reach from the 10 % to the 90 % quantile.
+
+    A frame marks the best cell of each map. Cells with failed runs, which have no mean, are
+    hatched, and so are cells with runs whose number lies beyond the horizon.
+
     Where the sweep is over the options of a law, points at which it is a law with a name of its own
     carry that name.
 
@@ -60,6 +72,10 @@ class SweepFigure(OfSweep):
                 "figure 'pareto' shows sweeps of any number"
             )
         label = metric_label(swept.results, self.metric, 36)
+        if swept.results.quantity(self.metric).counts and len(axes) == 2:
+            _, low, high = np.moveaxis(shares(values), -1, 0)
+            most = np.nanmax(np.maximum(high - means, means - low))
+            label += f"\n(intervals to ±{most:.2f})"
         if len(axes) == 1:
             return self._curves(swept, axes[0], values, label, width)
         return self._maps(swept, axes, means, label, width)
@@ -79,14 +95,22 @@ class SweepFigure(OfSweep):
             lines += panel.plot(axis.values[order], mean, label=title, **shape, **style)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
-            low, high = np.quantile(found, BAND, axis=-1)
+            low, high = self._band(swept, found)
             band = band_look(style["color"])
             panel.fill_between(axis.values[order], low, high, label=title, **band)
         panel.margins(x=_MARGIN)
-        _scale(panel, axis, WIDTHS[width] - _BESIDE)
+        _scale(panel, axis, key_label(swept.results, axis.key), WIDTHS[width] - _BESIDE)
         panel.set_ylabel(label)
         add_legend(drawing, lines, swept.titles)
         return drawing
+
+    def _band(self, swept: ShownSweep, values: Array) -> tuple[Array, Array]:
+        """Where most runs are; of what counts runs, how well their share is known."""
+        if not swept.results.quantity(self.metric).counts:
+            low, high = np.quantile(values, BAND, axis=-1)
+            return low, high
+        ends = shares(values)
+        return ends[..., 1], ends[..., 2]
 
     def _maps(
         self, swept: ShownSweep, axes: list[SweptKey], means: Array, label: str, width: Width
@@ -95,23 +119,45 @@ class SweepFigure(OfSweep):
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panels = drawing.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
         low, high = np.nanmin(means), np.nanmax(means)
-        across, up = (np.unique(axis.values) for axis in axes)
+        cells = Cells(*axes)
+        failed, beyond = swept.failed_runs, swept.beyond(self.metric)
         for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
-            grid = np.full((len(up), len(across)), np.nan)
-            rows = np.searchsorted(up, axes[1].values)
-            columns = np.searchsorted(across, axes[0].values)
-            grid[rows, columns] = means[:, index]
-            image = panel.pcolormesh(
-                np.arange(len(across)), np.arange(len(up)), grid, vmin=low, vmax=high
-            )
+            image = cells.draw(panel, means[:, index], vmin=low, vmax=high)
+            cells.hatch(panel, np.flatnonzero(failed[:, index]), FAILED)
+            cells.hatch(panel, np.flatnonzero(beyond[:, index]), BEYOND)
+            best = _best(means[:, index], swept.results.quantity(self.metric).better)
+            if best is not None:
+                cells.mark(panel, best)
             for point, law in swept.laws(index).items():
-                _name(panel, columns[point], rows[point], law)
+                _name(panel, cells.columns[point], cells.rows[point], law)
             add_title(panel, title, WIDTHS[width] / count)
-            _levels(panel, "x", across, axes[0])
-            if index == 0:
-                _levels(panel, "y", up, axes[1])
+            cells.scales(panel, swept.results, leftmost=index == 0)
         drawing.colorbar(image, ax=list(panels), label=label)
+        _explain(drawing, bool(failed.any()), bool(beyond.any()))
         return drawing
+
+
+def _best(means: Array, better: str) -> int | None:
+    """The point with the best mean; None where there is none, or none is better."""
+    if better == "neither" or not np.isfinite(means).any():
+        return None
+    return int(np.nanargmax(means) if better == "higher" else np.nanargmin(means))
+
+
+def _explain(drawing: Drawing, failed: bool, beyond: bool) -> None:
+    """Say what frames and hatches mean."""
+    known: list[tuple[bool, str, dict[str, Any]]] = [
+        (True, "best mean", {"linewidth": 1.0}),
+        (failed, "failed runs, no mean", {"hatch": FAILED, "linewidth": 0}),
+        (
+            beyond,
+            "runs beyond the horizon, counted with it",
+            {"hatch": BEYOND, "linewidth": 0},
+        ),
+    ]
+    shown = [(name, look) for there, name, look in known if there]
+    patches = [Patch(fill=False, edgecolor=ink(0.6), **look) for _, look in shown]
+    add_legend(drawing, patches, [name for name, _ in shown])
 
 
 def _name(panel: Axes, x: float, y: float, law: str) -> None:
@@ -120,9 +166,9 @@ def _name(panel: Axes, x: float, y: float, law: str) -> None:
     panel.annotate(free_text(law, 12), (x, y), ha="center", va="center", fontsize="small", bbox=box)
 
 
-def _scale(panel: Axes, axis: SweptKey, room: float) -> None:
+def _scale(panel: Axes, axis: SweptKey, label: str, room: float) -> None:
     """Name the scale across and what is at it, within so many inches."""
-    panel.set_xlabel(free_text(axis.key, _LONGEST))
+    panel.set_xlabel(label)
     if axis.texts:
         texts = [free_text(text, _LONGEST) for text in axis.texts.values()]
         panel.set_xticks(list(axis.texts), texts)
@@ -130,14 +176,3 @@ def _scale(panel: Axes, axis: SweptKey, room: float) -> None:
     if axis.logarithmic:
         panel.set_xscale("log")
     number_values(panel, axis.values, room)
-
-
-def _levels(panel: Axes, direction: str, levels: Array, axis: SweptKey) -> None:
-    """Number the cells of a map; at most about six are written."""
-    step = max(1, len(levels) // 6)
-    shown = range(0, len(levels), step)
-    numbers = [f"{levels[k]:.3g}".replace("-", "−") for k in shown]
-    names = [axis.texts.get(float(levels[k]), text) for k, text in zip(shown, numbers, strict=True)]
-    texts = [free_text(name, _LONGEST) for name in names]
-    panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
-    panel.set(**{f"{direction}label": free_text(axis.key, _LONGEST)})

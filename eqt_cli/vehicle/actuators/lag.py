@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, exp
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator
 from eqt_cli.vehicle.component import Given
@@ -29,6 +29,8 @@ class Lag(Actuator):
 
     moves: ClassVar[bool] = True
 
+    has_closed_form: ClassVar[bool] = True
+
     time_constant: Numbers
 
     def states(self, G: MatrixLieGroup) -> int:
@@ -42,3 +44,10 @@ class Lag(Actuator):
     def state_rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
         """(command − x) / T."""
         return (command - x) / given["time_constant"]
+
+    def after(
+        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, duration: Array
+    ) -> Array:
+        """Command + (x − command) e^(−t/T)."""
+        left: Array = (x - command) * exp(-duration / given["time_constant"])
+        return command + left

@@ -25,3 +25,10 @@ class Sensor(VehiclePart):
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
     ) -> Array:
         """The errors at t = k·period, ``(instants, m)``; the first do not depend on how many."""
+
+    def white_deviation(self, G: MatrixLieGroup, period: float) -> Array | None:
+        """The standard deviation of each error, ``(m,)``, of a sensor whose errors are white noise.
+
+        It is for a sensor whose numbers are drawn; None where errors depend on each other.
+        """
+        return None

@@ -10,7 +10,8 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.numbers import Numbers, check_numbers
+from eqt_cli.vehicle.component import check_deviations
+from eqt_cli.vehicle.numbers import Numbers
 from eqt_cli.vehicle.sensors.base import Sensor
 from eqt_cli.written.poses import vector
 
@@ -38,12 +39,16 @@ class Noise(Sensor):
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
     ) -> Array:
         """std · N(0, 1)^m, or density/√period · N(0, 1)^m."""
-        part: Any = self.of_run(random)
-        if part.std is not None:
-            deviation = vector(part.std, G.dimension, G)
-        else:
-            deviation = vector(part.density or 0.0, G.dimension, G) / np.sqrt(period)
+        deviation = self.of_run(random).white_deviation(G, period)
         return deviation * random.standard_normal((instants, G.dimension))
+
+    def white_deviation(self, G: MatrixLieGroup, period: float) -> Array:
+        """std, or density/√period."""
+        part: Any = self
+        if part.std is not None:
+            return vector(part.std, G.dimension, G)
+        deviation: Array = vector(part.density or 0.0, G.dimension, G) / np.sqrt(period)
+        return deviation
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Both or none of the two, a negative deviation, a wrong length."""
@@ -53,13 +58,3 @@ class Noise(Sensor):
         for name, value in (("std", self.std), ("density", self.density)):
             if value is not None:
                 check_deviations(value, G, problems.at(name))
-
-
-def check_deviations(value: Numbers, G: MatrixLieGroup, problems: Problems) -> None:
-    """Note a negative standard deviation, or a wrong number of them."""
-    check_numbers(value, problems)
-    for entry in value if isinstance(value, list) else [value]:
-        if isinstance(entry, float | int) and entry < 0:
-            problems.add(f"expected no negative standard deviation, got {entry:g}")
-    if isinstance(value, list) and len(value) != G.dimension:
-        problems.add(f"expected {G.dimension} entries for {G.name}, got {len(value)}")

@@ -6,6 +6,7 @@ all modules that use the function. The rows that must turn red are named; all ot
 
 import dataclasses
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,13 +24,13 @@ from eqt_cli.experiment.build import build
 from eqt_cli.groups import MatrixLieGroup, euclidean
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
-from eqt_cli.mechanics import critical_points, navigation
+from eqt_cli.mechanics import critical_points, motions, navigation
 from eqt_cli.mechanics.critical_points import CriticalSet
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInertia
 from eqt_cli.mechanics.lie_poisson import lie_poisson
 from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.mechanics.tracking import Tracking
-from eqt_cli.references.constant import ConstantReference
+from eqt_cli.references.base import MovingReference
 
 SHORT = ["time.duration=1", "time.samples=11", "ensemble.runs=2"]
 
@@ -39,6 +40,7 @@ FACTORED = f"inertia={{initial: [[2, 0, 0.1], [0, 3, 0], [0.1, 0, 4]], factor: {
 )
 PRESCRIBED = 'inertia={matrix: [["2 + t/5", 0, "sin(t)/5"], [0, 3, 0], ["sin(t)/5", 0, 4]]}'
 KEPT = "reference={kind: constant, velocity: [0.3, 0.2, -0.1]}"
+PATH = "reference={kind: path, factors: [{axis: wz, by: sin(t)}, {axis: [1, 2, 0], by: cos(t)}]}"
 TWO_BODIES = [
     "group=SO3*SO3",
     "gains.kp=[[1, 1.5, 2], [2, 2.5, 3]]",
@@ -54,6 +56,7 @@ EXPERIMENTS = {
     "prescribed": ("paper", [PRESCRIBED]),
     "satellite": ("satellite_panels", []),
     "kept velocity": ("paper", [PRESCRIBED, KEPT]),
+    "path": ("paper", [PATH]),
     "body and slider": ("body_and_slider", []),
     "two bodies": ("body_and_slider", TWO_BODIES),
     "attitude": ("attitude_distinct", []),
@@ -73,6 +76,15 @@ def red_rows(name):
 def on(laws, *names):
     """These rows for each of these laws; the law "" is none."""
     return {(name, law) for name in names for law in laws.split(",")}
+
+
+def without_force_of_the_inertia(exact, reference, G, inertia, *rest):
+    return exact(reference, G, dataclasses.replace(inertia, change=None), *rest)
+
+
+def with_acceleration_of_first_factor_left_out(exact, G, Q, factors):
+    first, *others = factors
+    return exact(G, Q, [first._replace(second=0 * first.second), *others])
 
 
 # Where a fault is planted -------------------------------------------------------------------------
@@ -425,13 +437,13 @@ PLANTS = {
         "prescribed",
         in_method(ClosedLoop, "initial_state", initial_state_at_0),
     ),
-    "kept velocity: no force of the inertia": (
+    "reference: no force of the inertia": (
         "kept velocity",
-        in_method(
-            ConstantReference,
-            "driving_torque",
-            lambda exact, reference, G, inertia, t, Pd: -G.ad_star(inertia.velocity(Pd), Pd),
-        ),
+        in_method(MovingReference, "_driven", without_force_of_the_inertia),
+    ),
+    "reference: acceleration along a path": (
+        "path",
+        in_function(motions.motion_along, with_acceleration_of_first_factor_left_out),
     ),
     "exp: Jacobian transposed": (
         "bluerov2",
@@ -492,6 +504,7 @@ CRITICAL = "critical points of Υ"
 EXP = on("", "exp and log")
 BALANCE = ("energy balance", "rate of L")
 ALONE = on(ALL, "error system by itself")
+MOVED = on("", "motion of the reference") | on(ALL, "energy balance") | ALONE
 
 
 def literal(*laws):
@@ -518,9 +531,7 @@ EXPECTED = {
         "", "feedforward of a varying inertia", "feedforward of the error inertia"
     )
     | on(ALL, *BALANCE),
-    "S-dot: sign": on(
-        "", "V_d is kept", "feedforward of a varying inertia", "feedforward of the error inertia"
-    )
+    "S-dot: sign": on("", "feedforward of a varying inertia", "feedforward of the error inertia")
     | on("with,without", *BALANCE),
     "S-dot: skew part": on("", "feedforward of a varying inertia"),
     "I-dot: factor 2": on(
@@ -679,7 +690,8 @@ EXPECTED = {
     "V_E: in the body": THROUGH - on("gt", WEIGHTS) | on("eqt,nog,asym", *BALANCE),
     "error system: V_E in the body": ALONE,
     "state: inertia of t = 0": on("", "momentum of a velocity"),
-    "kept velocity: no force of the inertia": on("", "V_d is kept"),
+    "reference: no force of the inertia": MOVED,
+    "reference: acceleration along a path": MOVED,
     "exp: Jacobian transposed": EXP,
     "exp: Jacobian left out": EXP,
     "log: Jacobian left out": EXP,
@@ -742,3 +754,44 @@ def test_a_growing_error_speaks_against_convergence(monkeypatch):
     _, plant = PLANTS["damping: sign"]
     plant(monkeypatch)
     assert on(ALL, "Q → Q_d", "P → P_d") <= red_rows("paper")
+
+
+# The table of all of them -------------------------------------------------------------------------
+
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "planted_faults.md"
+
+ELSEWHERE = {
+    "settling time: not interpolated": "results/test_metrics.py",
+    "public copy of Lee 2010: transport term dropped": "analysis/test_published_faults.py",
+    "public copy of a logarithmic law: J transposed": "analysis/test_published_faults.py",
+    "public copy of Lee 2012: k_R twice": "analysis/test_published_faults.py",
+    "public copy of Goodarzi 2013: no feedforward": "analysis/test_published_faults.py",
+}
+"""Faults that the tests of another file plant, or of which `eqt verify` says nothing."""
+
+
+def table():
+    """All planted faults, with the rows that they turn red, as it stands on the page."""
+    lines = ["| fault | planted in | rows of `eqt verify` that turn red |", "|---|---|---|"]
+    for fault, (experiment, _) in PLANTS.items():
+        config, changes = EXPERIMENTS[experiment]
+        where = config + (", changed" if changes else "")
+        lines.append(f"| {fault} | {where} | {'; '.join(_rows(EXPECTED[fault]))} |")
+    return "\n".join(lines)
+
+
+def _rows(red):
+    """Names of rows, with the laws where only some of those that run are meant."""
+    named = {name: sorted(law for row, law in red if row == name) for name, _ in sorted(red)}
+    return [name + (f" ({', '.join(laws)})" if any(laws) else "") for name, laws in named.items()]
+
+
+def test_the_page_has_the_table_of_all_faults():
+    """To mend it, put there what `table()` gives."""
+    assert table() in PAGE.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("fault", "file"), ELSEWHERE.items())
+def test_the_page_says_where_other_faults_are_planted(fault, file):
+    assert f"| {fault} | `tests/{file}` |" in PAGE.read_text(encoding="utf-8")
+    assert (Path(__file__).parents[1] / file).exists()

@@ -1,0 +1,143 @@
+"""A map of winners as tables of text, and as plain data; it knows no output format."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from eqt_cli.analysis.comparison.maps import NOBODY, Cell, Map
+from eqt_cli.analysis.comparison.notation import Plain, fixed
+from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.results.result import Result
+
+MOST_POINTS = 60
+"""Listed one by one unless all are asked for; of more points the wins are only counted."""
+
+
+def map_tables(found: Map, result: Result, write: Plain, *, whole: bool = False) -> list[TextTable]:
+    """How often each law wins, and the points where it does.
+
+    Parameters
+    ----------
+    whole
+        List the points however many there are.
+    """
+    name = write.name(found.quantity)
+    unit = write.unit(found.unit)
+    points = len(found.cells)
+    counted = [
+        [write.text(title), str(found.wins(law)), *_where(found, result, law, write)]
+        for law, title in enumerate(found.titles)
+    ]
+    undecided = sum(cell.winner == NOBODY for cell in found.cells)
+    counted.append(["undecided", str(undecided), "", ""])
+    summary = TextTable(
+        "winners",
+        f"Which law has the better {name}, at {points} points of {found.runs} runs each",
+        ["law", "points won", "largest lead", "at"],
+        [Block("", counted)],
+        [write.text(note) for note in _notes(found)],
+    )
+    if points > MOST_POINTS and not whole:
+        more = f"{points} points are not listed; a table of all comes with --table points."
+        return [_with_note(summary, more)]
+    rows = [
+        [str(cell.point), write.text(result.point_name(cell.point)), *_row(found, cell, write)]
+        for cell in found.cells
+    ]
+    caption = f"Mean {name} at each point" if not name.startswith("mean") else f"{name}, each point"
+    header = ["point", "at", *map(write.text, found.titles), "winner", "lead", "adjusted p"]
+    table = TextTable("points", caption + (f", {unit}" if unit else ""), header, [Block("", rows)])
+    return [summary, table]
+
+
+def _with_note(table: TextTable, note: str) -> TextTable:
+    return TextTable(table.name, table.caption, table.header, table.blocks, [*table.notes, note])
+
+
+def _notes(found: Map) -> list[str]:
+    share = f"{100 * (1 - found.confidence):g} %"
+    notes = [
+        f"A law wins at a point where it is better than every other one there, run by run on the "
+        f"same initial states. Paired t-tests, {found.tests} in all, adjusted after Benjamini and "
+        f"Yekutieli (2001): of the wins, at most {share} are false, in expectation."
+    ]
+    failed, censored = (
+        [sum(getattr(cell, name)[law] for cell in found.cells) for law in range(len(found.labels))]
+        for name in ("failed", "censored")
+    )
+    if any(failed):
+        notes.append(
+            f"Failed runs: {_listed(found, failed)}. A law of which more runs failed than of "
+            "another cannot win at that point."
+        )
+    if any(censored):
+        notes.append(f"Runs beyond the horizon, which count with it: {_listed(found, censored)}.")
+    return notes
+
+
+def _listed(found: Map, counts: list[int]) -> str:
+    return ", ".join(f"{label} {n}" for label, n in zip(found.labels, counts, strict=True) if n)
+
+
+def _where(found: Map, result: Result, law: int, write: Plain) -> list[str]:
+    """The largest lead of a law among the points that it wins, and where that is."""
+    won = [cell for cell in found.cells if cell.winner == law]
+    if not won:
+        return ["-", ""]
+    most = max(won, key=lambda cell: abs(cell.relative))
+    return [_lead(most, write), write.text(f"point {most.point}, {result.point_name(most.point)}")]
+
+
+def _row(found: Map, cell: Cell, write: Plain) -> list[str]:
+    means = [
+        _mean(found.means[cell.point, law], cell.failed[law], cell.censored[law])
+        for law in range(len(found.labels))
+    ]
+    winner = "-" if cell.winner == NOBODY else write.text(found.titles[cell.winner])
+    p_value = "-" if cell.p_value != cell.p_value else f"{cell.p_value:.2g}"
+    return [*means, winner, _lead(cell, write), p_value]
+
+
+def _mean(mean: float, failed: int, censored: int) -> str:
+    """A mean, with the runs that stand behind it not as they should."""
+    marks = [f"{failed} failed"] * (failed > 0) + [f"{censored} unsettled"] * (censored > 0)
+    return " ".join([f"{mean:.4g}" if mean == mean else "-", *(f"({mark})" for mark in marks)])
+
+
+def _lead(cell: Cell, write: Plain) -> str:
+    """The lead over the next law, with its interval, as shares of the next one's mean."""
+    if cell.relative != cell.relative or not cell.difference:
+        return "-"
+    scale = 100 * cell.relative / cell.difference
+    mean, low, high = (fixed(scale * x, 1) for x in (cell.difference, cell.low, cell.high))
+    return write.number(f"{mean} [{low}, {high}]") + write.text(" %")
+
+
+def map_records(found: Map, result: Result) -> list[dict[str, Any]]:
+    """One record per point, with full precision."""
+    return [
+        {
+            "metric": found.quantity.name,
+            "units": found.unit,
+            "point": cell.point,
+            **{key.key: key.value(cell.point) for key in result.swept_keys},
+            "winner": None if cell.winner == NOBODY else found.labels[cell.winner],
+            "best": found.labels[cell.best],
+            "next": found.labels[cell.runner_up],
+            "difference": cell.difference,
+            "low": cell.low,
+            "high": cell.high,
+            "relative": cell.relative,
+            "p_adjusted": cell.p_value,
+            **{
+                f"{name} of {label}": value
+                for name, values in (
+                    ("mean", found.means[cell.point].tolist()),
+                    ("failed", cell.failed),
+                    ("censored", cell.censored),
+                )
+                for label, value in zip(found.labels, values, strict=True)
+            },
+        }
+        for cell in found.cells
+    ]

@@ -1,0 +1,127 @@
+"""The figure of a comparison over a sweep: which law wins where, and by how much."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure as Drawing
+from matplotlib.patches import Patch
+
+from eqt_cli.analysis.comparison.maps import NOBODY, Map, compare_map
+from eqt_cli.core.problems import Problems
+from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.drawing.cells import Cells
+from eqt_cli.plots.drawing.curves import RESAMPLING
+from eqt_cli.plots.drawing.labels import metric_label
+from eqt_cli.plots.drawing.layout import add_legend, add_remarks, add_title
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
+from eqt_cli.plots.figure_data import ShownSweep
+
+_CELL = 0.32
+"""in, the least height of a row of cells, for the number in it."""
+_NUMBER = 0.30
+"""in, the width of such a number."""
+_LEAST, _MOST = 1.2, 3.6
+"""in, of the map."""
+_TINT = 0.55
+"""Of a law's colour in its cells, so that the numbers in them are read."""
+FAILED = "////"
+
+
+@dataclass(frozen=True)
+class Winners(OfSweep):
+    """Which law wins at each point of a sweep over one or two keys, and by how many per cent.
+
+    A law wins where it is better than every other one, run by run, with all tests of the map
+    counted (`eqt compare` on the sweep). White: the runs do not tell. Hatched: some runs failed.
+
+    Attributes
+    ----------
+    metric
+        By what, by its name in the result.
+    confidence
+        1 minus the share of false wins that is allowed.
+    """
+
+    name: ClassVar[str] = "winners"
+
+    metric: str = "mean_pose_error"
+    confidence: float = 0.95
+
+    def check(self, problems: Problems) -> None:
+        """A share between 0 and 1."""
+        if not 0 < self.confidence < 1:
+            expected = "expected a number between 0 and 1"
+            problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
+
+    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
+        """One map; colours are those of the laws in all other figures."""
+        axes = swept.axes
+        if not 1 <= len(axes) <= 2:
+            keys = ", ".join(axis.key for axis in axes) or "none"
+            raise swept.error(
+                f"has room for one or two swept keys, and here are {len(axes)} ({keys})"
+            )
+        swept.results.check_metrics([self.metric], who=f"figure '{self.name}'")
+        found = compare_map(
+            swept.results,
+            self.metric,
+            replace(RESAMPLING, confidence=self.confidence),
+            swept.controllers,
+        )
+        cells = Cells(*axes)
+        rows, columns = cells.shape
+        height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
+        drawing = Drawing(figsize=(WIDTHS[width], height))
+        panel = drawing.add_subplot()
+        colours = [ink(0), *(line_style(k)["color"] for k in swept.controllers)]
+        winners = np.array([cell.winner - NOBODY for cell in found.cells], dtype=float)
+        look = {"vmin": -0.5, "vmax": len(colours) - 0.5, "alpha": _TINT, "label": "winner"}
+        look |= {"edgecolors": ink(0.25), "linewidth": 0.4}
+        panel.grid(False)
+        cells.draw(panel, winners, cmap=ListedColormap(colours), **look)
+        failed = [cell.point for cell in found.cells if any(cell.failed)]
+        cells.hatch(panel, failed, FAILED)
+        if (WIDTHS[width] - 1.0) / columns >= _NUMBER and height / rows >= _CELL * 0.6:
+            _number_leads(panel, cells, found)
+        cells.scales(panel, swept.results)
+        add_title(panel, f"better {metric_label(swept.results, self.metric, 60)}", WIDTHS[width])
+        _explain(drawing, colours, found, bool(failed))
+        share = f"{100 * (1 - self.confidence):g} %"
+        add_remarks(
+            drawing,
+            [
+                "Numbers: lead over the next law in per cent of its mean.",
+                f"{found.tests} paired tests over {found.runs} runs a point; at most {share} of "
+                "the wins are false, in expectation.",
+            ],
+        )
+        return drawing
+
+
+def _number_leads(panel: Axes, cells: Cells, found: Map) -> None:
+    for cell in found.cells:
+        if cell.winner != NOBODY and np.isfinite(cell.relative):
+            place = cells.columns[cell.point], cells.rows[cell.point]
+            text = f"{100 * abs(cell.relative):.2g}"
+            panel.annotate(text, place, ha="center", va="center", fontsize="small")
+
+
+def _explain(drawing: Drawing, colours: Sequence[str], found: Map, failed: bool) -> None:
+    """A legend of the laws that win somewhere."""
+    frame: dict[str, Any] = {"edgecolor": ink(0.4), "linewidth": 0.5}
+    patches = [Patch(facecolor=colours[0], **frame)]
+    names = ["undecided"]
+    for law, title in enumerate(found.titles):
+        wins = found.wins(law)
+        patches.append(Patch(facecolor=(colours[law + 1], _TINT), **frame))
+        names.append(f"{title}: {wins}")
+    if failed:
+        patches.append(Patch(fill=False, hatch=FAILED, edgecolor=ink(0.35), linewidth=0))
+        names.append("with failed runs")
+    add_legend(drawing, patches, names)

@@ -1,0 +1,283 @@
+"""Tries mutants on tests that are collected once: every trial is a fork, which plants one fault.
+
+No file is changed. The code of the function with the fault takes the place of the function's own,
+wherever it is held; a fault in what is executed on import is planted while a new interpreter reads
+the file. A trial ends with the first test that fails.
+"""
+
+from __future__ import annotations
+
+import gc
+import hashlib
+import importlib.machinery
+import inspect
+import json
+import os
+import resource
+import signal
+import sys
+import threading
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from types import CodeType, FrameType, FunctionType
+from typing import Any
+
+import pytest
+
+from mutants.mutations import Mutant, mutated
+
+SLOW = 5.0
+"""s of processor time; tests that take longer are left out."""
+
+BUDGET = 20.0
+"""s of processor time in tests of a mutant that nothing tells, measured without the fault."""
+
+WAIT = 900
+"""s after which a trial that does nothing ends."""
+
+ROOT = Path(__file__).parent.parent
+KNOWN = ROOT / "build" / "mutants"
+
+Done = Callable[[Mutant, str, str], None]
+"""What is told of a mutant that was tried: how it ended, and the first test that failed."""
+
+KILLED, SURVIVED, TIMEOUT, UNTESTED = "killed", "survived", "timeout", "untested"
+
+
+class Trials:
+    """A plugin of pytest that runs mutants instead of the tests that it has collected."""
+
+    def __init__(self, mutants: Iterable[Mutant], workers: int, done: Done) -> None:
+        self.mutants, self.workers, self.done = list(mutants), workers, done
+        self.on_import: set[tuple[str, str]] = set()
+
+    def pytest_sessionstart(self) -> None:
+        """From here on tests are read: without shrinking, and watching what runs on import."""
+        from hypothesis import Phase, settings  # pytest wants to see it imported first
+
+        # A failing example need not be a small one.
+        phases = (Phase.explicit, Phase.generate)
+        settings.register_profile("mutants", deadline=None, database=None, phases=phases)
+        settings.load_profile("mutants")
+        sys.settrace(_watch(self.on_import))
+
+    def pytest_runtestloop(self, session: pytest.Session) -> bool:
+        """Try all mutants, several at a time."""
+        sys.settrace(None)
+        if session.testsfailed:
+            raise pytest.UsageError("the tests cannot be collected")
+        self.items = {item.nodeid: item for item in session.items}
+        self.tests = _what_tests_call(session)
+        self.functions = _functions()
+        running: dict[int, tuple[Mutant, int]] = {}
+        for mutant in self.mutants:
+            chosen = self.chosen(mutant)
+            if not chosen:
+                self.done(mutant, UNTESTED, "")
+                continue
+            while len(running) >= self.workers:
+                self._wait(running)
+            read, write = os.pipe()
+            pid = os.fork()
+            if not pid:
+                os.close(read)
+                _quietly(partial(self.trial, mutant, chosen, write))
+            os.close(write)
+            running[pid] = mutant, read
+        while running:
+            self._wait(running)
+        return True
+
+    def _wait(self, running: dict[int, tuple[Mutant, int]]) -> None:
+        pid, status = os.wait()
+        mutant, read = running.pop(pid)
+        with os.fdopen(read) as pipe:
+            told = pipe.read()
+        if os.WIFSIGNALED(status):
+            ended = os.WTERMSIG(status)
+            by_limit = ended in (signal.SIGXCPU, signal.SIGKILL, signal.SIGALRM)
+            self.done(mutant, TIMEOUT if by_limit else KILLED, told or f"signal {ended}")
+        else:
+            self.done(mutant, KILLED if os.WEXITSTATUS(status) else SURVIVED, told)
+
+    def reads(self, mutant: Mutant) -> bool:
+        """Whether the fault takes effect only when its file is read."""
+        return mutant.on_import or (mutant.path, mutant.function) in self.on_import
+
+    def chosen(self, mutant: Mutant) -> list[str]:
+        """The tests to try: those that call the function, or for one on import the whole file.
+
+        The cheapest of every test comes before the next case of any, and within the budget.
+        """
+        whole = self.reads(mutant)
+        rounds: Counter[str] = Counter()
+        found: list[tuple[int, float, str]] = []
+        by_time = sorted(self.tests.items(), key=lambda each: each[1]["seconds"])
+        for nodeid, known in by_time:
+            called = known["calls"].get(mutant.path, ())
+            if known["seconds"] > SLOW or not (called if whole else mutant.function in called):
+                continue
+            test = nodeid.partition("[")[0]
+            found.append((rounds[test], known["seconds"], nodeid))
+            rounds[test] += 1
+        chosen, spent = [], 0.0
+        for _, seconds, nodeid in sorted(found):
+            spent += seconds
+            if spent > BUDGET:
+                break
+            chosen.append(nodeid)
+        return chosen
+
+    def trial(self, mutant: Mutant, chosen: list[str], write: int) -> int:
+        """In a child: plant the fault, and run tests until one fails."""
+        expected = sum(self.tests[nodeid]["seconds"] for nodeid in chosen)
+        limit = int(20 + 5 * expected)
+        resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
+        signal.alarm(WAIT)  # what waits forever takes no processor time
+        if self.reads(mutant):
+            os.set_inheritable(write, True)
+            arguments = [mutant.path, str(mutant.line), mutant.key, str(write), *chosen]
+            os.execv(sys.executable, [sys.executable, "-m", "mutants.on_import", *arguments])
+        _plant(mutant, self.functions)
+        failed = first_failure(self.items[nodeid] for nodeid in chosen)
+        os.write(write, failed.encode())
+        return 1 if failed else 0
+
+
+def first_failure(items: Iterable[pytest.Item]) -> str:
+    """The name of the first test that fails; empty if none does."""
+    items = list(items)
+    for item, following in zip(items, [*items[1:], None], strict=True):
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+        if item.session.testsfailed:
+            return item.nodeid
+    return ""
+
+
+def plant_on_reading(mutant: Mutant) -> None:
+    """Let this interpreter read the file of the mutant with the fault in it."""
+    original = importlib.machinery.SourceFileLoader.get_code
+
+    def get_code(loader: Any, name: str) -> CodeType | None:
+        if Path(loader.path) == ROOT / mutant.path:
+            return compile(mutated(ROOT, mutant), loader.path, "exec")
+        return original(loader, name)
+
+    importlib.machinery.SourceFileLoader.get_code = get_code  # type: ignore[method-assign]
+
+
+# What tests call ---------------------------------------------------------------------------------
+
+
+def _watch(called: set[tuple[str, str]]) -> Any:
+    """A trace function that notes every function of eqt that is called."""
+    package = str(ROOT / "eqt_cli") + os.sep
+    names: dict[CodeType, tuple[str, str] | None] = {}
+
+    def trace(frame: FrameType, event: str, argument: Any) -> None:
+        code = frame.f_code
+        if code not in names:
+            ours = code.co_filename.startswith(package) and code.co_name != "<module>"
+            path = Path(code.co_filename).relative_to(ROOT).as_posix() if ours else ""
+            names[code] = (path, code.co_qualname.partition(".<locals>")[0]) if ours else None
+        if name := names[code]:
+            called.add(name)
+
+    return trace
+
+
+def _what_tests_call(session: pytest.Session) -> dict[str, dict[str, Any]]:
+    """Seconds and called functions of every test; kept, until the text of the test changes."""
+    KNOWN.mkdir(parents=True, exist_ok=True)
+    by_file: dict[Path, list[pytest.Item]] = {}
+    for item in session.items:
+        by_file.setdefault(item.path, []).append(item)
+    found: dict[str, dict[str, Any]] = {}
+    for file, items in by_file.items():
+        kept = KNOWN / f"{file.relative_to(ROOT).with_suffix('').as_posix().replace('/', '-')}.json"
+        known = json.loads(kept.read_text()) if kept.exists() else {}
+        new = [item for item in items if known.get(item.nodeid, {}).get("text") != _text(item)]
+        if new:
+            print(f"watching {len(new)} tests of {file.relative_to(ROOT)}", flush=True)
+            pid = os.fork()
+            if not pid:
+                _quietly(partial(_watched, new, known, kept))
+            if os.waitpid(pid, 0)[1]:
+                raise pytest.UsageError(f"without a fault, tests of {file} fail")
+            known = json.loads(kept.read_text())
+        found |= {item.nodeid: known[item.nodeid] for item in items}
+    return found
+
+
+def _text(item: pytest.Item) -> str:
+    """A digest of the test's own text."""
+    function = inspect.unwrap(getattr(item, "obj", None) or len)
+    inner = getattr(getattr(function, "hypothesis", None), "inner_test", function)
+    return hashlib.sha256(inspect.getsource(inner).encode()).hexdigest()[:16]
+
+
+def _watched(items: list[pytest.Item], known: dict[str, Any], kept: Path) -> int:
+    for item, following in zip(items, [*items[1:], None], strict=True):
+        called: set[tuple[str, str]] = set()
+        start = time.process_time()
+        trace = _watch(called)
+        threading.settrace(trace)
+        sys.settrace(trace)
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+        sys.settrace(None)
+        if item.session.testsfailed:
+            return 1
+        calls: dict[str, list[str]] = {}
+        for path, function in sorted(called):
+            calls.setdefault(path, []).append(function)
+        seconds = time.process_time() - start
+        known[item.nodeid] = {"text": _text(item), "seconds": seconds, "calls": calls}
+    kept.write_text(json.dumps(known))
+    return 0
+
+
+# Planting ----------------------------------------------------------------------------------------
+
+
+def _functions() -> dict[tuple[str, str], list[FunctionType]]:
+    """All functions of eqt that live, by file and qualified name."""
+    found: dict[tuple[str, str], list[FunctionType]] = {}
+    package = str(ROOT / "eqt_cli") + os.sep
+    for each in gc.get_objects():
+        if isinstance(each, FunctionType) and each.__code__.co_filename.startswith(package):
+            path = Path(each.__code__.co_filename).relative_to(ROOT).as_posix()
+            found.setdefault((path, each.__code__.co_qualname), []).append(each)
+    return found
+
+
+def _plant(mutant: Mutant, functions: dict[tuple[str, str], list[FunctionType]]) -> None:
+    file = str(ROOT / mutant.path)
+    code = _code_of(compile(mutated(ROOT, mutant), file, "exec"), mutant.function)
+    for function in functions[mutant.path, mutant.function]:
+        function.__code__ = code
+
+
+def _code_of(module: CodeType, function: str) -> CodeType:
+    return next(code for code in _codes(module) if code.co_qualname == function)
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield constant
+            yield from _codes(constant)
+
+
+def _quietly(work: Any) -> None:
+    """In a child: do it without a word, and end with what it returns."""
+    code = 1
+    try:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, 1)
+        os.dup2(nowhere, 2)
+        code = work()
+    finally:
+        os._exit(code)

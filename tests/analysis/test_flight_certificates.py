@@ -1,0 +1,117 @@
+"""Certificates of what is between law and plant; each planted fault fails its own row."""
+
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from eqt_cli.analysis.certificates import Runs, Verdict
+from eqt_cli.analysis.certificates.flight import (
+    ActuatorsInClosedForm,
+    Hold,
+    NoiseCovariance,
+    StreamsApart,
+)
+from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.config.source import read_config
+from eqt_cli.execution.batches import batches
+from eqt_cli.experiment.read_study import study
+from eqt_cli.vehicle.sensors.noise import Noise
+
+CONFIG = """group: SO3
+inertia: [1.0, 2.0, 2.5]
+gains: {kp: 2, kd: 2}
+reference: {torque: ["0.2*cos(t)", "0.1", 0]}
+controllers: [eqt]
+ensemble: {runs: 4, seed: 4}
+time: {duration: 2, samples: 41}
+actuators: [{kind: limit, limit: 1}, {kind: lag, time_constant: {uniform: [0.1, 0.2]}}]
+control: {period: 0.1, delay: 1}
+sensors: {pose: [{kind: noise, std: 0.01}], velocity: [{kind: noise, density: 0.01}]}
+"""
+
+CHECKS = (Hold, ActuatorsInClosedForm, NoiseCovariance, StreamsApart)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    path = tmp_path_factory.mktemp("flight") / "c.yaml"
+    path.write_text(CONFIG, encoding="utf-8")
+    found = study(read_config(path))
+    [batch] = batches(found, "eqt", np.arange(4))
+    solution = batch.engine.solve(batch.problem, lambda runs: None)
+    return Flight(batch.problem, solution.states, 4, np.arange(4))
+
+
+def verdicts(flight):
+    none = np.zeros(4)
+    runs = Runs(
+        "eqt", None, 1e-9, 0.05, flight.problem.times, None, none, none, none, none, None,
+        flight=flight,
+    )  # fmt: skip
+    return [check().check(runs).verdict if check().applies(runs) else None for check in CHECKS]
+
+
+def with_velocity_sensor(flight, sensor):
+    loop = flight.problem.loop
+    vehicle = replace(loop.vehicle, velocity_sensors=(sensor,))
+    return replace(flight, problem=replace(flight.problem, loop=replace(loop, vehicle=vehicle)))
+
+
+def changed(flight, stretch, change):
+    states = flight.states.copy()
+    where = flight.problem.loop.layout.slices[stretch]
+    states[2, 7, where] = change(states[2, 7, where])
+    return replace(flight, states=states)
+
+
+def test_all_hold(flight):
+    assert verdicts(flight) == [Verdict.HOLDS] * 4
+
+
+def test_a_command_that_moves_between_instants(flight):
+    found = verdicts(changed(flight, "vehicle.commands", lambda command: command + 1e-9))
+    assert found == [Verdict.FAILS, *[Verdict.HOLDS] * 3]
+
+
+def test_a_command_of_what_was_not_told(flight):
+    pose, velocity = flight.problem.errors
+    problem = replace(flight.problem, errors=(pose, velocity + 1e-9))
+    assert verdicts(replace(flight, problem=problem))[0] is Verdict.FAILS
+
+
+def test_a_lag_that_is_elsewhere(flight):
+    found = verdicts(changed(flight, "vehicle.actuators_1", lambda x: x + 1e-5))
+    assert found == [Verdict.HOLDS, Verdict.FAILS, *[Verdict.HOLDS] * 2]
+
+
+@dataclass(frozen=True)
+class TooLoud(Noise):
+    """Of a variance that is not the one it says."""
+
+    name: ClassVar[str] = "too loud"
+
+    def errors(self, G, instants, period, random):
+        return 2.0 * super().errors(G, instants, period, random)
+
+
+@dataclass(frozen=True)
+class OneStream(Noise):
+    """The same in every run."""
+
+    name: ClassVar[str] = "one stream"
+
+    def errors(self, G, instants, period, random):
+        return super().errors(G, instants, period, np.random.default_rng(1))
+
+
+@pytest.mark.parametrize(
+    ("sensor", "expected"),
+    [
+        (TooLoud(std=0.1), [Verdict.FAILS, Verdict.HOLDS]),
+        (OneStream(std=0.1), [Verdict.HOLDS, Verdict.FAILS]),
+    ],
+)
+def test_noise_that_is_not_what_was_asked_for(flight, sensor, expected):
+    assert verdicts(with_velocity_sensor(flight, sensor))[2:] == expected

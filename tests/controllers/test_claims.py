@@ -1,0 +1,43 @@
+"""Which laws claim that L falls, and on what they depend."""
+
+import pytest
+
+from eqt_cli.controllers import controllers
+from eqt_cli.controllers.family import Family
+from eqt_cli.controllers.stabilising import Stabilising
+
+
+@pytest.mark.parametrize(
+    ("transport", "connection", "claimed"),
+    [
+        (1.0, 0.0, True),
+        (0.5, 0.5, True),
+        (-0.3, 1.3, True),
+        (0.1, 0.9, True),
+        (1 - 1e-13, 0.0, True),  # rounding of what is computed
+        (1 + 1e-13, 0.0, True),
+        (1 - 1e-9, 0.0, False),
+        (1 + 1e-9, 0.0, False),
+        (0.5, 0.0, False),
+        (1.0, 1.0, False),
+        (1.0, -1.0, False),
+        (-1.0, 0.0, False),
+    ],
+)
+def test_members_of_the_family_claim_it_on_the_plane(transport, connection, claimed):
+    assert Family(transport=transport, connection=connection).claims_decrease is claimed
+
+
+def test_the_gyroscopic_weights_do_not_matter():
+    assert Family(gyroscopic=7.0, quadratic=-3.0).claims_decrease is True
+
+
+@pytest.mark.parametrize("feedforward", [True, False])
+def test_stabilising_claims_it_with_its_feedforward(feedforward):
+    assert Stabilising(feedforward=feedforward).claims_decrease is feedforward
+
+
+def test_every_shipped_law_that_tracks_claims_it_or_asks_for_its_gains():
+    claimed = {law.name: law().claims_decrease for law in controllers.all() if "track" in law.tasks}
+    assert claimed.pop("goodarzi2013") is None  # its integral may be too strong for the gains
+    assert set(claimed.values()) == {True}, claimed

@@ -1,0 +1,79 @@
+"""Windows that a configuration chooses: what is measured, what the file says, what readers show."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.api import compare, open_results, run
+from eqt_cli.results.metrics import METRICS, closing_rms
+from eqt_cli.results.result import open_result
+
+CONFIG = {
+    "group": "SO3",
+    "inertia": [1, 2, 2.5],
+    "gains": {"kp": 1, "kd": 0.5},
+    "reference": {"torque": [0.1, 0, 0]},
+    "controllers": ["eqt", "gt"],
+    "plant": {"forces": [{"kind": "constant", "force": 0.1}]},
+    "initial": {"pose": {"kind": "haar"}},
+    "ensemble": {"runs": 2},
+    "time": {"duration": 8, "samples": 81},
+    "early_window": 2,
+    "closing_window": 0.5,
+}
+
+ROWS = {row.name: row for row in METRICS}
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory):
+    return run(CONFIG, tmp_path_factory.mktemp("windows") / "out")
+
+
+def test_metrics_are_taken_over_the_windows(result):
+    with open_results(result, "arrays") as file:
+        times, torque = file["time"], file["torque_norm"][0]
+        early, closing = file["early_torque"][0], file["closing_torque"][0]
+    first, last = times <= 2 + 1e-9, times >= 4 - 1e-9
+    mean = np.trapezoid(torque[:, first], times[first], axis=1) / 2
+    np.testing.assert_allclose(early, mean, rtol=1e-12)
+    square = np.trapezoid(torque[:, last] ** 2, times[last], axis=1) / 4
+    np.testing.assert_allclose(closing, np.sqrt(square), rtol=1e-12)
+
+
+def test_readers_know_the_windows(result):
+    with open_result(result.path) as found:
+        early, closing = found.quantity("early_torque"), found.quantity("closing_torque")
+        assert found.long_name("early_torque") == early.long_name
+        assert found.long_name("closing_torque") == closing.long_name
+        assert early.window.stop == 2.0
+    assert early.plain == "mean ‖τ‖, first 2 s"
+    assert closing.plain == "closing rms of ‖τ‖, last 50 %"
+
+
+def test_a_comparison_is_over_the_early_window_of_the_result(result):
+    assert {level.measured.window.stop for level in compare(result).levels} == {2.0, 8.0}
+
+
+@pytest.mark.parametrize("value", [None, -1.0, float("nan"), float("inf"), "long"])
+def test_what_is_no_window_leaves_the_default(value):
+    assert ROWS["early_torque"].with_choices({"window_s": value}) is ROWS["early_torque"]
+
+
+@pytest.mark.parametrize("name", ["early_torque", "closing_pose_error", "closing_torque"])
+def test_the_defaults_given_are_the_defaults(name):
+    row = ROWS[name]
+    usual = {"window_s": 5.0, "share_of_time": 0.25}
+    again = row.with_choices({key: usual[key] for key in row.choices})
+    assert (again.of, again.window) == (row.of, row.window)
+    assert (again.long_name, again.label, again.attributes) == (
+        row.long_name,
+        row.label,
+        row.attributes,
+    )
+
+
+def test_closing_rms_of_a_ramp():
+    """∫ t² over the last half of [0, 2] is 7/3, but for the trapezoids' h²/6."""
+    times = np.linspace(0.0, 2.0, 201)
+    found = closing_rms(times, times[None], share=0.5)
+    np.testing.assert_allclose(found, np.sqrt(7 / 3 + 0.01**2 / 6), rtol=1e-12)
