@@ -33,9 +33,9 @@ TESTS = (
             "references",
             "closed_loop",
             "ensemble",
-            "engines/test_taylor.py",
-            "engines/test_switching.py",
+            "engines",
             "results",
+            "vehicle",
             "analysis/test_bootstrap.py",
             "analysis/test_comparison.py",
         )

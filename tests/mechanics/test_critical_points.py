@@ -6,7 +6,7 @@ import pytest
 from eqt_cli.core.arrays import frobenius
 from eqt_cli.groups import group_named
 from eqt_cli.groups.base import MatrixLieGroup
-from eqt_cli.mechanics.critical_points import critical_sets, distance_to_unstable
+from eqt_cli.mechanics.critical_points import _direction, critical_sets, distance_to_unstable
 from eqt_cli.mechanics.navigation import gradient, hessian_at_identity, potential
 
 # Hundreds of last places of numbers of order 10.
@@ -230,3 +230,18 @@ def test_potential_falls_from_the_unstable_points_only(G):
     minima = [each for each in critical_sets(G, K) if each.index == 0]
     assert [each.name.count("half-turn") for each in minima] == [0]
     assert potential(G, K, minima[0].Q) == 0.0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_axis_is_named_with_its_largest_entry_positive(sign):
+    """Eigenvectors come with either sign."""
+    assert _direction(sign * np.array([-0.8, 0.6, 0.0])) == "(0.8, -0.6, 0)"
+
+
+@pytest.mark.parametrize("weights", [[1.0, 2.0, 3.0], [3.0, 1.0, 2.0]])
+def test_the_distance_to_single_half_turns_is_the_least_of_three(weights):
+    G = group_named("SO3")
+    Q = G.exp(np.random.default_rng(3).standard_normal((20, 3)))
+    half_turns = [2 * np.outer(e, e) - np.eye(3) for e in np.eye(3)]
+    expected = np.min([frobenius(Q - R) for R in half_turns], axis=0)
+    assert distance_to_unstable(G, np.diag(weights), Q) == pytest.approx(expected, rel=1e-12)
