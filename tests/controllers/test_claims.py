@@ -8,6 +8,7 @@ import pytest
 from eqt_cli.controllers import controllers
 from eqt_cli.controllers.family import Family
 from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
+from eqt_cli.controllers.quaternion import Quaternion
 from eqt_cli.controllers.stabilising import Stabilising
 
 
@@ -59,3 +60,13 @@ def test_the_stored_energy_of_an_integral_has_its_force_as_gradient(bound):
     force = law.ki * law._limited(SimpleNamespace(memory={"integral": at}))
     assert slopes == pytest.approx(force, rel=1e-7)
     assert stored(np.zeros(3)) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_the_mean_stiffness_of_the_quaternion_law_is_a_third_of_the_trace():
+    stiffness = np.array([[1.0, 0.3, 0.1], [0.3, 2.0, 0.4], [0.1, 0.4, 6.0]])
+    assert Quaternion()._mean(SimpleNamespace(stiffness=stiffness)) == pytest.approx([3.0])
+
+
+def test_a_member_says_in_which_errors_its_L_is():
+    assert Family().energy == "½⟨P̃, Ṽ⟩ + Υ(Q_E)"
+    assert Family(error="body").energy == "½⟨𝕀e, e⟩ + Υ(Q_L)"

@@ -245,3 +245,24 @@ def test_the_distance_to_single_half_turns_is_the_least_of_three(weights):
     half_turns = [2 * np.outer(e, e) - np.eye(3) for e in np.eye(3)]
     expected = np.min([frobenius(Q - R) for R in half_turns], axis=0)
     assert distance_to_unstable(G, np.diag(weights), Q) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_distance_to_half_turns_about_axes_in_a_turned_plane():
+    """The nearest of 20,000 of them, whose angles are 8e-5 rad from one another at most."""
+    G = group_named("SO3")
+    turn, Q = G.exp(np.random.default_rng(4).standard_normal((2, 3)))
+    angles = np.linspace(0, np.pi, 20000)
+    axes = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1) @ turn.T
+    half_turns = 2 * axes[:, :, None] * axes[:, None, :] - np.eye(3)
+    single = 2 * np.outer(turn[:, 2], turn[:, 2]) - np.eye(3)
+    expected = min(frobenius(Q - half_turns).min(), frobenius(Q - single))
+    K = turn @ np.diag([1.0, 1.0, 3.0]) @ turn.T
+    assert distance_to_unstable(G, K, Q[None]) == pytest.approx([expected], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("weights", "nullities"), [([1, 1, 1], [0, 2]), ([1, 1, 3], [0, 1, 0]), ([1, 2, 3], [0] * 4)]
+)
+def test_the_nullity_counts_what_neither_rises_nor_falls(weights, nullities):
+    found = critical_sets(group_named("SO3"), np.diag(weights).astype(float))
+    assert sorted(each.nullity for each in found) == sorted(nullities)
