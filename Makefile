@@ -13,7 +13,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper figures figures-check test test-lowest faults mutants bench check format docs clean
+.PHONY: help paper figures figures-check test test-lowest faults fuzz mutants oracles bench check format docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -37,6 +37,15 @@ test-lowest: $(LOWEST)/.stamp ## run the tests on the oldest supported versions 
 
 faults: $(VENV)/.stamp-dev ## kill runs and sweeps at random moments, all of it (minutes); test does a fifth
 	EQT_FAULTS=full $(BIN)/python -m pytest -n auto tests/faults $(ARGS)
+
+fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results (minutes); test does a tenth
+	EQT_FUZZ=full $(BIN)/python -m pytest -n auto tests/fuzz $(ARGS)
+
+oracles: $(VENV)/.stamp-dev ## compare the mechanics with MuJoCo and Pinocchio, which it installs
+	$(BIN)/$(PIP) install --editable '.[oracle]'
+	$(BIN)/python -m pytest tests/analysis/test_oracles.py $(ARGS)
+	$(BIN)/eqt verify configs/paper.yaml --runs 1 --oracle mujoco --oracle pinocchio
+	$(BIN)/eqt verify configs/se3.yaml --runs 1 --oracle mujoco --oracle pinocchio
 
 # Goes on where it was stopped; ARGS='--seed 2 --count 100', or '--only metrics --again'
 mutants: $(VENV)/.stamp-dev ## plant small faults in the mathematical core; its tests must tell 95 % of 300

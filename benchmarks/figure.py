@@ -15,7 +15,7 @@ from eqt_cli.plots.drawing.style import WIDTHS, house_style, line_style
 def write(results: Results, folder: Path) -> None:
     """Both figures, as PNG and SVG."""
     with house_style():
-        drawings = {"work_precision": work_precision(results)}
+        drawings = {"work_precision": work_precision(results)} if results.measurements else {}
         if results.growth:
             drawings["growth"] = growth(results)
     for name, drawing in drawings.items():

@@ -39,7 +39,7 @@ class Sampled:
     runs, timed_runs
         How many there are, and how many were integrated; times are extrapolated.
     difference
-        Of their last poses and velocities to those of the first way.
+        Largest max(‖ΔQ‖_F, ‖ΔV‖) to the first way, over the samples of the timed runs.
     """
 
     period: float

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from benchmarks.growth import Growth
+from benchmarks.laws import LawTime, per_run_and_state, ratio
 from benchmarks.machinery import Machinery
 from benchmarks.measure import Measurement
 from benchmarks.sampled import Sampled
@@ -38,6 +39,7 @@ class Results:
     headline: dict[str, float]
     skipped: dict[str, str] = field(default_factory=dict)
     measurements: list[Measurement] = field(default_factory=list)
+    laws: list[LawTime] = field(default_factory=list)
     sampled: list[Sampled] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
@@ -60,6 +62,8 @@ def as_markdown(results: Results) -> str:
     for case in dict.fromkeys(each.case for each in results.measurements):
         parts += [f"## {TITLES.get(case, case)}", _headlines(results, case)]
         parts += [f"With a largest error of at most {ACCURATE:g}:", _equal_error(results, case)]
+    if results.laws:
+        parts += ["## The laws of other papers, taylor", _laws(results.laws)]
     if results.sampled:
         parts += ["## A sampled law, the paper's runs, one thread", _sampled(results.sampled)]
     if results.commands:
@@ -156,6 +160,32 @@ def _equal_error(results: Results, case: str) -> str:
             for name, each in best.items()
         ),
     )
+
+
+def _laws(laws: list[LawTime]) -> str:
+    """Every law, and the ratio of those of other papers to the paper's."""
+    own = [each for each in laws if each.of_the_paper]
+    others = [each for each in laws if not each.of_the_paper]
+    runs = sum(each.runs for each in others)
+    sentence = (
+        f"CPU time of one thread, compiled before, all laws in turn. The {runs:,} runs of the "
+        f"{len(others)} laws of other papers take {per_run_and_state(others):.2f} µs per run and "
+        f"state, the {sum(each.runs for each in own):,} of the paper's {len(own)} "
+        f"{per_run_and_state(own):.2f} µs: a ratio of {ratio(laws):.2f}."
+    )
+    rows = (
+        [
+            each.law,
+            f"{each.states}",
+            f"{each.comparisons}",
+            f"{each.steps:.0f}",
+            f"{each.microseconds:.2f}",
+            f"{each.microseconds / per_run_and_state(own):.2f}",
+        ]
+        for each in laws
+    )
+    head = ["law", "states", "comparisons", "steps", "µs per run and state", "ratio"]
+    return f"{sentence}\n\n" + _table(head, rows)
 
 
 def _sampled(found: list[Sampled]) -> str:

@@ -20,6 +20,7 @@ from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
 from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.maps import Map, compare_map
+from eqt_cli.analysis.oracles import oracle_named
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
 from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
@@ -784,6 +785,7 @@ def verify(
     trust_plugins: bool = False,
     workers: int = 1,
     progress: Progress = lambda runs: None,
+    oracle: str | Sequence[str] = (),
 ) -> Verification:
     """Check the paper's statements on an experiment or on the runs of a result.
 
@@ -802,6 +804,8 @@ def verify(
         Cores to use.
     progress
         Called with the number of new runs that are done since the last call, in fractions.
+    oracle
+        ``mujoco``, ``pinocchio`` or both: programs whose rigid bodies eqt's is compared with.
 
     Returns
     -------
@@ -813,18 +817,22 @@ def verify(
     EqtError
         If the target cannot be read, or is a sweep's result and no point is given.
     """
+    names = [oracle] if isinstance(oracle, str) else oracle
+    oracles = [oracle_named(name) for name in names]
     if not isinstance(target, (LoadedExperiment, Mapping)):
         path = Path(target)
         if path.suffix == ".h5" or path.is_dir():
             if runs is not None:
                 raise EqtError(f"{path}: a result is verified as it is; leave runs out")
             with open_result(path, point) as opened:
-                return verify_stored(opened, trust_plugins=trust_plugins, workers=workers)
+                return verify_stored(
+                    opened, trust_plugins=trust_plugins, workers=workers, oracles=oracles
+                )
     if not isinstance(target, LoadedExperiment):
         target = load_experiment(target, trust_plugins=trust_plugins)
     experiment = _at_point(target, point)
     count = min(runs or RUNS, experiment.config.ensemble.runs)
-    return verify_experiment(experiment, count, progress, workers)
+    return verify_experiment(experiment, count, progress, workers, oracles)
 
 
 def _path(name: str, given: Any) -> Path:

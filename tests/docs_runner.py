@@ -6,7 +6,8 @@ Blocks of a page work in one folder, from top to bottom:
 - `python` without is executed, with the names of the blocks before it;
 - `yaml` without is a part of a configuration, which must be accepted in the place of the
   shipped paper's;
-- `sh` is one command a line; ensembles of `eqt run` are made small;
+- `sh` is one command a line; ensembles of `eqt run`, and of shipped sweeps, are made small, and
+  such sweeps short;
 - `output` is what the block before it prints, where … stands for any text.
 
 Each `eqt` command runs in a process of its own, forked from this one, which has loaded the
@@ -26,8 +27,9 @@ from pathlib import Path
 
 BLOCK = re.compile(r"^(?P<fence>`{3,})(?P<head>[^\n]*)\n(?P<body>.*?)^(?P=fence)$", re.M | re.S)
 CAPTION = re.compile(r"^:caption: (\S+)\n+", re.M)
-EXTRAS = ("xarray", "heyoka")
+EXTRAS = ("xarray", "heyoka", "mujoco", "pinocchio")
 SMALL = ["--set", "ensemble.runs=2"]
+SHORT = ["--set=time.duration=0.5", "--set=time.samples=11", "--set=solver.cross_check=0"]
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,9 @@ def run_command(line):
     """What a command prints, on both streams; it fails unless the line says with what code."""
     line, _, comment = line.partition("  # exit code ")
     words = shlex.split(line)
-    if words[:2] == ["eqt", "run"] and words[2].endswith(".yaml"):
+    if words[:2] == ["eqt", "sweep"] and words[2].startswith("configs/"):
+        words += [*SMALL, *SHORT]
+    elif words[:2] == ["eqt", "run"] and words[2].endswith(".yaml"):
         words += SMALL  # what is tested is that the command works, not how long it takes
     expected = int(comment or 0)
     plain = words[0] == "eqt" and not set(line) & set("|>")

@@ -139,6 +139,16 @@ experiment attitude_manifold configs/paper.yaml --engine taylor \
 numbers paper
 picture attitude_manifold runs
 
+echo "sweep_lag"
+sweep sweep_lag configs/sweep_lag.yaml --engine taylor
+numbers envelope
+picture sweep_lag envelope
+
+echo "satellite_wheels"
+experiment satellite_wheels configs/satellite_wheels.yaml --engine taylor --set ensemble.runs=2
+numbers commands --option run=1
+picture commands commands --option run=1
+
 echo "sweep_family"
 sweep sweep_family configs/sweep_family.yaml --engine taylor
 numbers sweep

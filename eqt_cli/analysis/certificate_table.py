@@ -12,6 +12,7 @@ _KINDS = {
     "identity": "Identities, at random states: difference of both sides, bound of its rounding",
     "trajectory": "Trajectories, over the runs: error or change, tolerance",
     "hypothesis": "Hypotheses: what the theorems assume",
+    "oracle": "Foreign plants, other programs' rigid bodies: difference to eqt's, tolerance",
 }
 _HOLDS, _FAILS = Verdict.HOLDS, Verdict.FAILS
 _LEGEND = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,6 +19,8 @@ from eqt_cli.analysis.certificates import (
     trajectory_rows,
 )
 from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.analysis.oracles import Oracle
+from eqt_cli.analysis.oracles.rows import Start, oracle_rows
 from eqt_cli.closed_loop import ErrorSystem
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array, norm
@@ -78,17 +80,30 @@ def verify_experiment(
     runs: int = RUNS,
     progress: Progress = lambda runs: None,
     workers: int = 1,
+    oracles: Sequence[type[Oracle]] = (),
 ) -> Verification:
-    """Check every certificate, the trajectories on the first `runs` runs of each controller."""
+    """Check every certificate, the trajectories on the first `runs` runs of each controller.
+
+    Parameters
+    ----------
+    oracles
+        Other programs whose rigid bodies eqt's is compared with.
+    """
     with threadpool_limits(1):
-        verifier = _Verifier(experiment, runs, progress, workers)
+        verifier = _Verifier(experiment, runs, progress, workers, oracles)
         desired = shared_reference(verifier.study)
         found = [verifier.of_new_runs(label, desired) for label in experiment.loops]
         return verifier.verification(found, desired)
 
 
 @blamed()
-def verify_stored(results: Result, *, trust_plugins: bool, workers: int = 1) -> Verification:
+def verify_stored(
+    results: Result,
+    *,
+    trust_plugins: bool,
+    workers: int = 1,
+    oracles: Sequence[type[Oracle]] = (),
+) -> Verification:
     """Check every certificate of the experiment, or the point, that a result holds.
 
     Trajectories are those that are stored.
@@ -101,9 +116,12 @@ def verify_stored(results: Result, *, trust_plugins: bool, workers: int = 1) -> 
     experiment = results.experiment(trust_plugins=trust_plugins)
     results.single("one experiment is verified")
     with threadpool_limits(1):
-        verifier = _Verifier(experiment, ERROR_SYSTEM_RUNS, lambda runs: None, workers)
+        verifier = _Verifier(experiment, ERROR_SYSTEM_RUNS, lambda runs: None, workers, oracles)
         if results.has("desired_pose"):
             desired = {name: results[name] for name in ("desired_pose", "desired_velocity")}
+            for name, values in desired.items():
+                if not np.isfinite(values[0]).all():
+                    raise results.refusal(f"its '{name}' is not finite at the start")
         else:  # of a sweep that keeps metrics only
             desired = shared_reference(verifier.study)
         found = [verifier.of_stored_runs(label, results, desired) for label in experiment.loops]
@@ -113,8 +131,16 @@ def verify_stored(results: Result, *, trust_plugins: bool, workers: int = 1) -> 
 class _Verifier:
     """An experiment of which some runs per controller are integrated, as a run would do it."""
 
-    def __init__(self, experiment: Experiment, runs: int, progress: Progress, workers: int) -> None:
+    def __init__(
+        self,
+        experiment: Experiment,
+        runs: int,
+        progress: Progress,
+        workers: int,
+        oracles: Sequence[type[Oracle]],
+    ) -> None:
         self.experiment, self.progress, self.workers = experiment, progress, workers
+        self.oracles = oracles
         self.study = _study(experiment, min(runs, experiment.config.ensemble.runs))
 
     def of_new_runs(self, label: str, reference: Desired) -> Runs:
@@ -219,10 +245,20 @@ class _Verifier:
             *identity_rows(common, samples),
             *trajectory_rows(runs),
             *hypothesis_rows(Setting(loops, times, Qd[finite], Vd[finite], rigid)),
+            *self._of_oracles(),
         ]
         failed = sum(each.failed for each in runs)
         count = sum(each.count for each in runs) + failed
         return Verification(rows, count, failed, self.experiment)
+
+    def _of_oracles(self) -> Iterator[Row]:
+        """What other programs say."""
+        experiment, loops = self.experiment, self.experiment.loops
+        start = Start(experiment.initial_pose, experiment.initial_velocity, experiment.engine)
+        for index, oracle in enumerate(self.oracles, start=len(loops) + 1):
+            seed = experiment.config.ensemble.seed
+            random = generator(seed, Stream.CERTIFICATES, index)
+            yield from oracle_rows(oracle, loops, start, random)
 
 
 def _study(experiment: Experiment, runs: int) -> Study:

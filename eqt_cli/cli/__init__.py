@@ -13,19 +13,19 @@ FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 def main() -> None:
     """Run the command line and exit; the only place where errors become exit codes."""
     from eqt_cli.cli.app import app
-    from eqt_cli.cli.shared.output import option, print_error
+    from eqt_cli.cli.shared.output import option, print_error, say
     from eqt_cli.core.errors import EqtError
 
     try:
         app()
     except EqtError as error:
         text = error.told(option)
-        print(f"eqt:\n{text}" if "\n" in text else f"eqt: {text}", file=sys.stderr)
+        say(f"eqt:\n{text}" if "\n" in text else f"eqt: {text}")
         if "--json" in sys.argv:  # stdout is then one document, whatever happens
             print_error(error)
         sys.exit(error.exit_code)
     except KeyboardInterrupt:
-        print("eqt: interrupted; run the same command again", file=sys.stderr)
+        say("eqt: interrupted; run the same command again")
         sys.exit(130)
     except OSError as error:
         if error.errno not in FULL:
@@ -33,5 +33,5 @@ def main() -> None:
         # All files are written where their names are known; what is left is stdout.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         reason = str(error.strerror).lower()
-        print(f"eqt: standard output: cannot be written: {reason}", file=sys.stderr)
+        say(f"eqt: standard output: cannot be written: {reason}")
         sys.exit(EqtError.exit_code)

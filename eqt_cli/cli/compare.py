@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.output import print_json, print_records, say
+from eqt_cli.cli.shared.output import print_json, print_records, print_text, say
 from eqt_cli.cli.shared.table_formats import as_csv, as_latex, as_text
 from eqt_cli.core.errors import EqtError, suggestion
 
@@ -126,7 +126,7 @@ def compare(
     if json:
         print_json(_document(comparison, result))
     elif format is Format.CSV:
-        print(as_csv(records(comparison)[table or Table.PAIRS]))
+        print_text(as_csv(records(comparison)[table or Table.PAIRS]))
         if table is None and not quiet:
             say("these are the pairs; --table controllers and --table claims print the others")
     else:
@@ -148,7 +148,6 @@ def _compare_sweep(
     from eqt_cli import api
     from eqt_cli.analysis.comparison.map_tables import map_records, map_tables
     from eqt_cli.analysis.comparison.notation import Latex, Plain
-    from eqt_cli.cli.shared.output import print_json
     from eqt_cli.cli.shared.table_formats import as_csv, as_latex, as_text
     from eqt_cli.core.errors import EqtError
 
@@ -161,13 +160,15 @@ def _compare_sweep(
     with api.open_results(path, "arrays") as result:
         if json or format is Format.CSV:
             records = [record for found in maps for record in map_records(found, result)]
-            print_json({"path": str(path), "points": records}) if json else print(as_csv(records))
+            print_json({"path": str(path), "points": records}) if json else print_text(
+                as_csv(records)
+            )
             return
         write = Latex() if format is Format.LATEX else Plain()
         whole = table is Table.POINTS
         made = [each for found in maps for each in map_tables(found, result, write, whole=whole)]
     shown = [each for each in made if table is None or each.name == table]
-    print("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
+    print_text("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
 
 
 def _print_metrics(results: Result, json: bool) -> None:
@@ -239,7 +240,7 @@ def _print_tables(
     notation = Latex() if format is Format.LATEX else Plain()
     made = text_tables(comparison, notation, chosen)
     shown = [made[name] for name in ([table] if table else made) if name in made]
-    print("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
+    print_text("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
     if quiet:
         return
     for sentence in comparison.missing:

@@ -13,6 +13,7 @@ from eqt_cli.cli.shared.output import (
     print_found,
     print_json,
     print_records,
+    print_text,
     problem_records,
     say,
     warn,
@@ -24,6 +25,9 @@ from eqt_cli.core.problems import Problems
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
+
+MOST_CHECKED = 300
+"""Points of a sweep, spread over all of them."""
 
 app = typer.Typer(help="Write, check and describe configurations.", no_args_is_help=True)
 
@@ -44,7 +48,7 @@ def new(
     """Write a shipped configuration to a file of your own."""
     text = shipped.text(source)
     if file == Path("-"):
-        print(text, end="")
+        print_text(text.removesuffix("\n"))
         return
     file = file or Path(f"{source}.yaml")
     with refusals(file, "written"):
@@ -54,7 +58,7 @@ def new(
                 stream.write(text)
         except FileExistsError:
             raise EqtError(f"{file}: exists already; give another name, or remove it") from None
-    print(file)
+    print_text(str(file))
     if not quiet:
         say(f"next: eqt run {file}")
 
@@ -88,7 +92,7 @@ def check(
 
     source = read_config(config, options.overrides(set_))
     try:
-        found = study(source, trust_plugins=trust_plugins)
+        found = study(source, trust_plugins=trust_plugins, most_checked=MOST_CHECKED)
         problems = Problems(source.place)
         shown = reference_over_horizon(found.base)
         jumps = check_reference(shown, most_torque, problems.at("reference"))
@@ -109,6 +113,8 @@ def check(
         warn(remark)
     if not (quiet or json):
         say(f"{config}: valid")
+    if len(found) > MOST_CHECKED and not (quiet or json):
+        say(f"{config}: {MOST_CHECKED} of its {len(found)} points were checked; a run checks all")
     text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import print_json
+from eqt_cli.cli.shared.output import print_json, print_text
 from eqt_cli.config import shipped
 from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.core.errors import EqtError, suggestion
@@ -76,4 +76,4 @@ def _print(listed: dict[str, list[dict[str, Any]]]) -> None:
             if entry["options"]:
                 lines.append(f"  {'':<{width}}  options: {', '.join(entry['options'])}")
         blocks.append("\n".join(lines))
-    print("\n\n".join(blocks))
+    print_text("\n\n".join(blocks))

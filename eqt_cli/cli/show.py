@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from eqt_cli.results.result import Result
 
 
+UNKNOWN = "at an unknown time"
+
+
 def show(
     result: options.Result,
     config: Annotated[
@@ -102,29 +105,29 @@ def _document(results: Result) -> dict[str, object]:
 
 
 def _summary(results: Result, json: bool) -> None:
-    from eqt_cli.cli.shared.result_tables import print_accuracy, print_failures, print_headline
+    from eqt_cli.cli.shared.result_tables import print_outcome
     from eqt_cli.config import yaml_source
 
     if json:
         print_json(_document(results))
         return
     origin = results.provenance
-    packages = ", ".join(f"{name} {origin[name]}" for name in ("eqt", "python", "numpy", "scipy"))
+    named = (name for name in ("eqt", "python", "numpy", "scipy") if name in origin)
+    packages = ", ".join(f"{name} {origin[name]}" for name in named)
     sizes = ", ".join(f"{name} {size}" for name, size in results.dimensions.items())
-    print(f"{results.attributes['title']} on {results.attributes['group']}  ({results.path})")
-    print(f"run      {origin['started']} with {packages}")
-    for other in origin.get(OTHERS, ()):
-        print(f"also     {other['started']} with {differences(other, origin)}")
-    print(f"digest   {str(results.attributes['digest'])[:16]}")
     path = signal_path(yaml_source.load(str(results.attributes["config"]), "config").data)
-    if path:
-        print(f"loop     {path}")
-    print(f"sizes    {sizes}\n")
-    print_headline(results)
-    print()
-    print_accuracy(results)
-    if results.status.any():
-        print_failures(results)
+    heading = [
+        f"{results.title} on {results.group_name}  ({results.path})",
+        f"run      {origin.get('started', UNKNOWN)} with {packages}",
+        *(
+            f"also     {other.get('started', UNKNOWN)} with {differences(other, origin)}"
+            for other in origin.get(OTHERS, ())
+        ),
+        f"digest   {str(results.attributes['digest'])[:16]}",
+        *([f"loop     {path}"] if path else []),
+        f"sizes    {sizes}\n",
+    ]
+    print_outcome(results, heading)
 
 
 def _config(results: Result, json: bool) -> None:

@@ -7,6 +7,11 @@ from typing import TYPE_CHECKING
 import typer
 
 from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.output import print_json, print_text, warn
+from eqt_cli.cli.shared.progress import progress
+from eqt_cli.cli.shared.run_and_report import executor_from
+from eqt_cli.cli.shared.table_formats import as_text
+from eqt_cli.core.errors import InterruptedRun
 
 if TYPE_CHECKING:
     from eqt_cli.tuning.evolution import Population
@@ -32,11 +37,7 @@ def tune(
     Run it again after an interruption: it continues. Exit code 4: a law has no feasible point.
     """
     from eqt_cli import api
-    from eqt_cli.cli.shared.output import warn
-    from eqt_cli.cli.shared.progress import progress
-    from eqt_cli.cli.shared.run_and_report import executor_from
     from eqt_cli.config.source import read_config
-    from eqt_cli.core.errors import InterruptedRun
     from eqt_cli.experiment.study import Study
     from eqt_cli.tuning.search import search_from
     from eqt_cli.tuning.tune import folder_of
@@ -89,8 +90,6 @@ def _best(search: Search, law: LawSearch, population: Population) -> str:
 
 def _report(done: Tuning, *, json: bool) -> None:
     """Print what came out, and exit with 3 or 4 where runs failed or a law has no winner."""
-    from eqt_cli.cli.shared.output import print_json
-    from eqt_cli.cli.shared.table_formats import as_text
     from eqt_cli.results.result import open_result
     from eqt_cli.tuning.tables import tuning_tables
 
@@ -105,14 +104,14 @@ def _report(done: Tuning, *, json: bool) -> None:
         print_json({"folder": str(path), **done.record, "failed": failed, "causes": causes})
     else:
         with open_result(path) as result:
-            print("\n\n".join(map(as_text, tuning_tables(result, done.record))))
-        print()
+            print_text("\n\n".join(map(as_text, tuning_tables(result, done.record))))
+        print_text()
         for cause in causes:
-            print(cause)
-        print(f"results  {path}")
+            print_text(cause)
+        print_text(f"results  {path}")
         first = next((each for each in done.record["laws"] if each["winners"]), None)
         if first:
-            print(f"next     eqt run {path / first['winners'][0]['config']}")
+            print_text(f"next     eqt run {path / first['winners'][0]['config']}")
     if lost:
         raise typer.Exit(4)
     if failed:

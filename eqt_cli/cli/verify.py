@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared import completion, options
 from eqt_cli.cli.shared.output import print_found, say, table
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError
@@ -29,6 +29,14 @@ def verify(
             "--runs", min=1, metavar="N", help="Runs per controller of a CONFIG; default: 20."
         ),
     ] = None,
+    oracle: Annotated[
+        list[str] | None,
+        options.named(
+            "--oracle",
+            completion.words("mujoco", "pinocchio"),
+            "Also compare the plant with that of mujoco or pinocchio; may be repeated.",
+        ),
+    ] = None,
     point: options.Point = None,
     workers: options.Workers = None,
     trust_plugins: options.TrustPlugins = False,
@@ -42,14 +50,16 @@ def verify(
     from eqt_cli.experiment.config_at_point import config_at, without_sweep
     from eqt_cli.experiment.read_study import study
 
-    workers = workers or options.cores()
+    workers, oracles = workers or options.cores(), oracle or ()
     if target.suffix == ".h5" or target.is_dir():
         if set_ or engine or runs:
             raise EqtError(
                 f"{target}: a result is verified as it is; --set, --engine and --runs are for a "
                 "configuration"
             )
-        found = api.verify(target, point=point, trust_plugins=trust_plugins, workers=workers)
+        found = api.verify(
+            target, point=point, trust_plugins=trust_plugins, workers=workers, oracle=oracles
+        )
     else:
         source = read_config(target, options.overrides(set_, engine))
         is_sweep = point is None and source.data.get("sweep")
@@ -59,7 +69,7 @@ def verify(
             say(f"{target}: verified without its sweep; choose one of its points with --point")
         count = min(runs or RUNS, loaded.experiment.config.ensemble.runs)
         with progress(count * len(loaded.controllers), quiet=quiet) as advance:
-            found = api.verify(loaded, runs=runs, workers=workers, progress=advance)
+            found = api.verify(loaded, runs=runs, workers=workers, progress=advance, oracle=oracles)
     causes = ["some runs failed"] if found.failed_runs else []
     for row in found.failures:
         law = f" ({row.controller})" if row.controller else ""

@@ -8,7 +8,7 @@ import numpy as np
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import EqtError, InputError
-from eqt_cli.core.files import text_of
+from eqt_cli.core.files import refusals, text_of
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.reserved_names import FILE_NAME
 
@@ -36,7 +36,9 @@ def data_file(source: ConfigSource, name: str) -> str:
 
 
 def _text(path: Path) -> str:
-    if path.exists() and (size := path.stat().st_size) > MOST_BYTES:
+    with refusals(path, "read", kind=InputError):
+        size = path.stat().st_size if path.exists() else 0
+    if size > MOST_BYTES:
         most = MOST_BYTES // 2**20
         raise InputError(f"{path}: holds {size / 2**20:,.0f} MiB; expected at most {most}")
     return text_of(path, "paths are relative to the configuration's folder", InputError)

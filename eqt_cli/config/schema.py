@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAdapter
 
-from eqt_cli.core.option_types import Angle, Count, CountOrNone, Positive, Real
+from eqt_cli.core.option_types import Angle, Count, CountOrNone, Positive, Real, Runs
 from eqt_cli.core.validation import one_of
 from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.groups.angles import distance_of_turn
@@ -103,7 +103,7 @@ class InitialSection(Section):
 class EnsembleSection(Section):
     """How many runs, from which seed."""
 
-    runs: Count = 1
+    runs: Runs = 1
     """Runs per controller; as many as `initial.file` has rows, if there is one."""
     seed: int = Field(default=0, ge=0, lt=2**63)
     """Root of all random streams."""

@@ -1,4 +1,4 @@
-"""What a loop contains, in one line of words; it computes nothing and builds nothing."""
+"""What a loop contains, as a path and as a sentence; it computes nothing and builds nothing."""
 
 from __future__ import annotations
 
@@ -25,6 +25,30 @@ def signal_path(config: Mapping[str, Any]) -> str:
     if len(stages) == 2 and not inside and not told:
         return ""
     return " → ".join(["reference", *stages, *([", ".join(told)] if told else []), "law"])
+
+
+def loop_in_words(config: Mapping[str, Any]) -> str:
+    """What a loop has that the paper's has not, in a sentence; "" for the ideal loop.
+
+    ``The loop has a hold of 0.1 s; actuators limit, lag; forces constant; noise of the pose.``
+    """
+    plant, control = config.get("plant") or {}, config.get("control")
+    sensors = config.get("sensors") or {}
+    found = []
+    if control:
+        delay = control.get("delay", 0)
+        late = f" and a delay of {delay} period{'s' * (delay > 1)}" if delay else ""
+        found.append(f"a hold of {control['period']:g} s{late}")
+    if kinds := _kinds(config.get("actuators")):
+        found.append(f"actuators {', '.join(kinds)}")
+    if plant.get("inertia") is not None:
+        found.append("an inertia that the law does not know")
+    if kinds := _kinds(plant.get("forces")):
+        found.append(f"forces {', '.join(kinds)}")
+    found += [
+        f"{', '.join(kinds)} of the {name}" for name in sensors if (kinds := _kinds(sensors[name]))
+    ]
+    return f"The loop has {'; '.join(found)}." if found else ""
 
 
 def _kinds(entries: Any) -> list[str]:

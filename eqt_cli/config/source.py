@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -119,15 +120,26 @@ def source_of(results: ResultFile) -> ConfigSource:
     """The configuration inside an open result, with the plugins that it was run with."""
     text = str(results.attributes["config"])
     plugins = yaml_source.load(str(results.attributes["plugins"]), "plugins").data
+    files = _json(str(results.attributes.get("files", "{}")))
+    for name, texts in (("plugins", plugins), ("files", files)):
+        if not isinstance(texts, dict) or not all(isinstance(t, str) for t in texts.values()):
+            raise results.refusal(f"its attribute '{name}' does not hold texts by their names")
     source = yaml_source.load(text, f"{results.path}{_STORED}")
     return ConfigSource(
         source,
         source.data,
         results.path.parent,
         stored_plugins=plugins,
-        files=json.loads(str(results.attributes.get("files", "{}"))),
+        files=files,
         holds_files=True,
     )
+
+
+def _json(text: str) -> Any:
+    """What a text in JSON says; None where it is none."""
+    with suppress(ValueError, RecursionError):
+        return json.loads(text)
+    return None
 
 
 def _apply(config: ConfigSource, override: str, place: str) -> None:

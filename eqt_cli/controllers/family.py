@@ -99,6 +99,8 @@ class Family(Controller):
             self.connection,
             self.quadratic if self.has_quadratic else None,
         )
+        if self.error == "body":  # the desired pose is I, and damping has one frame
+            return feedforward - s.body_damping - s.gradient
         spatial_force = s.gradient + self.spatial * s.spatial_damping
         body_force = (1 - self.spatial) * s.body_damping
         return feedforward - body_force - s.G.Ad_star(s.Qd, spatial_force)
@@ -115,10 +117,13 @@ class Family(Controller):
         """⟨K_d V_E, V_E⟩ or ⟨K_d Ṽ, Ṽ⟩, and off the plane c + n = 1 also what its terms add."""
         s = self._seen(s)
         off_plane = 1 - self.transport - self.connection
+        added = dot(off_plane * s.P_tilde, s.G.ad(s.V, s.Vd))
+        if self.error == "body":
+            return dot(s.body_damping, s.V_tilde) + added
         return (
             dot(self.spatial * s.spatial_damping, s.V_E)
             + dot((1 - self.spatial) * s.body_damping, s.V_tilde)
-            + dot(off_plane * s.P_tilde, s.G.ad(s.V, s.Vd))
+            + added
         )
 
     def _seen(self, s: Tracking) -> Tracking:

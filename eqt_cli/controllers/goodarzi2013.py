@@ -25,7 +25,8 @@ class Goodarzi2013(Controller):
     smooth bound b is eqt's; without it, the integral enters as it is.
 
     L = ½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + k_I Σ b² log cosh(e_I/b), where there is no disturbance,
-    falls near the reference if c₂ is small enough. How small is not computed: nothing is claimed.
+    falls near the reference if c₂ is small enough. The paper's bound on c₂ could not be read, and
+    none is computed: nothing is claimed, whatever c₂.
 
     Attributes
     ----------

@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.controllers.body_errors import CancellingLaw
-from eqt_cli.core.arrays import Array, apply_matrix, dot
+from eqt_cli.core.arrays import Array, dot
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Tracking
@@ -42,9 +42,9 @@ class Logarithmic(CancellingLaw):
     def force(self, r: Tracking) -> Array:
         """J_r⁻ᵀ(x) H x."""
         x = r.G.log(r.Q)
-        return r.G.log_force(x, apply_matrix(r.stiffness, x))
+        return r.G.log_force(x, r.linear_gradient(x))
 
     def potential(self, r: Tracking) -> Array:
         """½⟨H x, x⟩."""
         x = r.G.log(r.Q)
-        return dot(apply_matrix(r.stiffness, x), x) / 2
+        return dot(r.linear_gradient(x), x) / 2

@@ -13,7 +13,7 @@ from eqt_cli.mechanics.tracking import Tracking
 
 @dataclass(frozen=True)
 class Maithripala2006(Controller):
-    """Intrinsic tracking by the Levi-Civita connection, on every group.
+    """Intrinsic tracking by the Levi-Civita connection; damping of its own, not matched.
 
     τ = 𝕀(V̇_d + ∇_V V_d) − Ad*_{Q_d} L*dΥ(Q_E) − k_d 𝕀Ṽ: the damping is proportional to the
     momentum error. IEEE Trans. Automatic Control 51 (2), 216-225; only the abstract could be read

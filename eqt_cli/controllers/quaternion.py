@@ -8,7 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.controllers.body_errors import CancellingLaw
-from eqt_cli.core.arrays import Array, apply_matrix, dot, stack
+from eqt_cli.core.arrays import Array, dot, stack
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.navigation import hessian_at_identity
@@ -49,7 +49,7 @@ class Quaternion(CancellingLaw):
     def force(self, r: Tracking) -> Array:
         """2 H q."""
         _, twice_q = r.G.half_turn(r.Q)
-        return apply_matrix(r.stiffness, twice_q)
+        return r.linear_gradient(twice_q)
 
     def potential(self, r: Tracking) -> Array:
         """4h(1 − q₀) with h the mean stiffness."""
@@ -60,7 +60,7 @@ class Quaternion(CancellingLaw):
         """⟨K_d e, e⟩, and where the stiffness is not the same about every axis, what that adds."""
         r = s.relative
         _, twice_q = r.G.half_turn(r.Q)
-        uneven = apply_matrix(r.stiffness, twice_q) - self._mean(r) * twice_q
+        uneven = r.linear_gradient(twice_q) - self._mean(r) * twice_q
         return dot(r.body_damping + uneven, r.V_tilde)
 
     def _mean(self, r: Tracking) -> Array:

@@ -13,7 +13,7 @@ from eqt_cli.mechanics.tracking import Tracking
 
 @dataclass(frozen=True)
 class Sliding(SlidingVariable):
-    """Sliding mode with a smooth boundary layer.
+    """Sliding mode with a smooth boundary layer; gains of its own, not matched.
 
     reaching = gain · tanh(s / layer), coordinate by coordinate: the saturation of Slotine and Li
     (1991), section 7.2, with tanh in its place, which has its slope at 0 and its bounds, and no

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import ClassVar
 
 from eqt_cli.controllers.base import Controller
@@ -40,7 +40,7 @@ class SlidingVariable(Controller):
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""
         r = self._sliding(s)
-        feedforward = r.tau_d - s.G.ad_star(r.Vd, r.P) + r.inertia_force
+        feedforward = r.Pd_dot - s.G.ad_star(r.Vd, r.P) + r.inertia_force
         return feedforward - self.reaching(r)
 
     def lyapunov(self, s: Tracking) -> Array:
@@ -61,9 +61,7 @@ class SlidingVariable(Controller):
         """The force against s, which is `r.V_tilde`."""
 
     def _sliding(self, s: Tracking) -> Tracking:
-        """The motion with V_r for its reference, and 𝕀V̇_r + 𝕀̇V_r in the place of its torque."""
-        r, inertia = s.relative, s.inertia
+        """The motion with V_r for the velocity of its reference."""
+        r = s.relative
         Vr = r.Vd - self.slope * r.gradient
-        Vr_dot = r.Vd_dot - self.slope * r.gradient_rate
-        force = inertia.momentum(Vr_dot) + inertia.rate_force(Vr)
-        return replace(r, Pd=inertia.momentum(Vr), tau_d=force)
+        return r.following(Vr, r.Vd_dot - self.slope * r.gradient_rate)

@@ -12,7 +12,7 @@ from eqt_cli.mechanics.tracking import Tracking
 
 @dataclass(frozen=True)
 class SlotineLi(SlidingVariable):
-    """Slotine and Li (1987) on a group: sliding variable, K_d s, known inertia.
+    """Slotine and Li (1987) on a group, with known inertia; a slope of its own, not matched.
 
     reaching = K_d s. Int. J. Robotics Research 6 (3), 49-59, written for manipulators; the form on
     groups is that of the design of eqt, and the paper could not be opened where this was written.

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 
+from eqt_cli.core.printable import printable
+
 Word = Callable[[str], str]
 """How an argument is written: ``out=…`` in Python, ``--out`` in a command."""
 
@@ -35,22 +37,31 @@ OTHER_FOLDER = Remedy("choose another folder with {}", "out")
 START_OVER = Remedy("start over with {}", "force")
 
 
-def _advised(text: str, remedies: Sequence[Remedy], word: Word) -> str:
-    """A text, and what can be done about it."""
+def _advised(text: str, lines: Sequence[str], remedies: Sequence[Remedy], word: Word) -> str:
+    """A text, the lines below it, and what can be done about it; all of it can be shown."""
     advice = ", or ".join(one.advice.replace("{}", word(one.argument), 1) for one in remedies)
-    return text + ("\n" if "\n" in text else "; ") + advice if advice else text
+    told = "\n".join(printable(line) for line in (text, *lines))
+    return told + ("\n" if lines else "; ") + printable(advice) if advice else told
 
 
 class _Message(Exception):
-    """A text with remedies; the arguments in them are written as a Python function takes them."""
+    """A text with remedies; the arguments in them are written as a Python function takes them.
 
-    def __init__(self, message: str = "", *remedies: Remedy) -> None:
+    Parameters
+    ----------
+    message
+        One line; it may hold what was found in a file, since it is escaped when it is told.
+    lines
+        Further lines, such as those of a list.
+    """
+
+    def __init__(self, message: str = "", *remedies: Remedy, lines: Sequence[str] = ()) -> None:
         super().__init__(message)
-        self.remedies = remedies
+        self.remedies, self.lines = remedies, tuple(lines)
 
     def told(self, word: Word) -> str:
         """What is wrong, and what to do about it."""
-        return _advised(str(self.args[0]), self.remedies, word)
+        return _advised(str(self.args[0]), self.lines, self.remedies, word)
 
     def __str__(self) -> str:
         return self.told(keyword)
@@ -101,14 +112,15 @@ class InputProblem:
 
     def told(self, word: Word) -> str:
         """What is wrong, and what to do about it."""
-        return _advised(self.message, self.remedies, word)
+        return _advised(self.message, (), self.remedies, word)
 
     def __str__(self) -> str:
         return self.located(keyword)
 
     def located(self, word: Word) -> str:
         """As `told`, after the place and the path."""
-        return "".join(f"{part}: " for part in (self.place, self.path) if part) + self.told(word)
+        before = "".join(f"{part}: " for part in (self.place, self.path) if part)
+        return printable(before) + self.told(word)
 
 
 class InterruptedRun(EqtError):

@@ -41,8 +41,8 @@ def refusals(
     """
     try:
         yield
-    except (OSError, UnicodeDecodeError) as error:
-        said = "it is no text in UTF-8"
+    except (OSError, ValueError) as error:  # the latter of bytes, and of names with a null byte
+        said = "it is no text in UTF-8" if isinstance(error, UnicodeError) else str(error)
         if isinstance(error, OSError):
             said = error.strerror or str(error)
         advice = Remedy(remedy) if isinstance(remedy, str) else remedy

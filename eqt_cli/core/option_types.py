@@ -76,5 +76,17 @@ Positive = Annotated[float, _FiniteReal(above=0.0)]
 Count = Annotated[int, Field(strict=True, ge=1)]
 """A whole number of at least 1."""
 
+MOST_RUNS = 10**8
+"""Of a controller; a billion runs would take months, and their numbers alone 100 GB."""
+
+MOST_POINTS = 10**7
+"""Of a sweep, each of which is checked before the first is run."""
+
+Runs = Annotated[int, Field(strict=True, ge=1, le=MOST_RUNS)]
+"""A number of runs."""
+
+Points = Annotated[int, Field(strict=True, ge=1, le=MOST_POINTS)]
+"""A number of points of a sweep, or of values along one of its axes."""
+
 CountOrNone = Annotated[int, Field(strict=True, ge=0)]
 """A whole number of at least 0, where 0 stands for none."""

@@ -37,6 +37,7 @@ _EXPECTED = {
     "greater_than": "a number greater than {gt:g}",
     "greater_than_equal": "a whole number of at least {ge}",
     "less_than": "a whole number less than {lt}",
+    "less_than_equal": "a number of at most {le:.15g}",
     "too_short": "at least {min_length} entry",
     "literal_error": "{expected}",
     "string_pattern_mismatch": "a letter or digit, then letters, digits, '.', '_' and '-'",

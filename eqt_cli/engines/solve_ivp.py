@@ -189,8 +189,7 @@ class SolveIvp(Engine):
                 raise count.failure(str(error)) from error
         if result.status != 0:
             raise count.failure(result.message)
-        states: Array = result.y.T.reshape(-1, *shape).swapaxes(0, 1)
-        return states
+        return result.y.T.reshape(-1, *shape).swapaxes(0, 1)
 
 
 class _Failed(Exception):

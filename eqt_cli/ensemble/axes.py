@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Tag
 
-from eqt_cli.core.option_types import Real, number_schema
+from eqt_cli.core.option_types import MOST_POINTS, Real, number_schema
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import one_of
 
@@ -77,7 +77,7 @@ class Spaced(Range):
         How many values.
     """
 
-    points: Annotated[int, Field(ge=2)]
+    points: Annotated[int, Field(ge=2, le=MOST_POINTS)]
 
     @property
     def values(self) -> list[Any]:

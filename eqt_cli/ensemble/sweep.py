@@ -9,10 +9,15 @@ from typing import Any, ClassVar, Self
 from pydantic_core import core_schema
 
 from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.designs import Design, designs
+from eqt_cli.ensemble.designs.base import counted
 
 BLOCK: dict[str, Any] = {"type": "object", "title": "a block of a sweep"}
 """What stands in JSON schemas of designs for one block of any design."""
+
+
+EXPECTED = "expected a list of blocks such as {grid: {gains.kp: [1, 2]}}"
 
 
 class Sweep(Design):
@@ -35,7 +40,7 @@ class Sweep(Design):
     @classmethod
     def read(cls, section: Any, problems: Problems) -> Self | None:
         if not isinstance(section, list) or not section:
-            problems.add("expected a list of blocks such as {grid: {gains.kp: [1, 2]}}")
+            problems.add(f"{EXPECTED}, got {shown(section)}")
             return None
         read = ((k, _block(entry, problems.at(k))) for k, entry in enumerate(section))
         blocks = {index: block for index, block in read if block is not None}
@@ -48,7 +53,7 @@ class Sweep(Design):
                     at_key.add(f"{key} {what} by an earlier block")
                     return None
                 seen.append(key)
-        return None if problems else cls(list(blocks.values()), section)
+        return None if problems else counted(cls(list(blocks.values()), section), problems)
 
     @classmethod
     def part(cls, section: Any, problems: Problems) -> Self | None:

@@ -125,17 +125,22 @@ def check_memory(study: Study) -> None:
 
 
 def _of_a_part(study: Study) -> int:
-    """Bytes of the states and signals of the largest part."""
+    """Bytes of the states, signals and errors of measurement of the largest part."""
     base, plan = study.base, study.plan
     G, states = base.group, max(loop.state_length for loop in base.loops.values())
     sizes = {"axis": G.dimension, "row": G.size, "col": G.size}
     signals = sum(
         prod(sizes.get(dim, 1) for dim in entry.dims)
-        for entry in quantities(base)
+        for entry in quantities(base, study.vehicles)
         if entry.per is Per.TRAJECTORY
     )
     runs = len(plan.part(0))
-    return COPIES * 8 * runs * base.config.time.samples * (states + signals)
+    told = 0
+    vehicle = next(iter(base.loops.values())).vehicle
+    if vehicle.control is not None and vehicle.measures:
+        instants = base.config.time.duration / vehicle.control.period
+        told = int(8 * runs * instants * (G.size**2 + G.dimension))
+    return COPIES * 8 * runs * base.config.time.samples * (states + signals) + told
 
 
 def _memory() -> int | None:

@@ -15,6 +15,7 @@ from eqt_cli.core.files import refusals, replace_file
 from eqt_cli.core.own_files import is_eqts
 from eqt_cli.core.problems import KeyPath, dotted
 from eqt_cli.core.validation import shown
+from eqt_cli.execution.lock import LOCK
 from eqt_cli.execution.part_files import MANIFEST, PARTS, PartFiles
 from eqt_cli.experiment.study import Study
 from eqt_cli.store.reserved_names import FILE_NAME
@@ -62,6 +63,12 @@ class ResultFolder:
         manifest = self.manifest
         same = manifest is not None and manifest["digest"] == study.digest
         return same and self.results.exists()
+
+    @property
+    def is_tidy(self) -> bool:
+        """Whether the process that packed the result came to its end."""
+        left = (self.parts.folder, self.path / LOCK)
+        return "finished" in (self.manifest or {}) and not any(path.exists() for path in left)
 
     def claim(self, study: Study, manifest: dict[str, Any], force: bool) -> list[str]:
         """Make the folder this experiment's own; returns what was removed from it.
@@ -125,10 +132,10 @@ class ResultFolder:
         if other is not None and precious and not force:
             keys = _differences(other.get("config", {}), study.numeric_config)
             raise EqtError(
-                f"{self.path}: holds another experiment, which differs in\n"
-                + "\n".join(f"  {line}" for line in keys),
+                f"{self.path}: holds another experiment, which differs in",
                 OTHER_FOLDER,
                 Remedy("replace it with {}", "force"),
+                lines=[f"  {line}" for line in keys],
             )
         if begun and not force and (manifest or {}).get("plan") != study.plans.data:
             raise EqtError(

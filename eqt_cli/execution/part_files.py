@@ -75,6 +75,6 @@ class PartFiles:
     def tidy(self) -> None:
         """Remove what killed processes left unfinished, and parts that better ones replace."""
         best = {part.path.name for part in self.listed().values()}
-        for path in self.folder.iterdir():
+        for path in self.folder.iterdir() if self.folder.exists() else ():
             if path.suffix == ".tmp" or (_NAME.fullmatch(path.name) and path.name not in best):
                 path.unlink(missing_ok=True)

@@ -68,7 +68,8 @@ class Layout:
 
     def __init__(self, study: Study) -> None:
         self.study = study
-        self.quantities = [entry for entry in quantities(study.base) if self._is_kept(entry)]
+        found = quantities(study.base, study.vehicles)
+        self.quantities = [entry for entry in found if self._is_kept(entry)]
         self.varies = {Per.INITIAL: study.initial_varies, Per.DESIRED: study.desired_varies}
 
     def _is_kept(self, quantity: Quantity) -> bool:
@@ -250,6 +251,9 @@ def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
     if set(functions.values()) != {Controller.energy} or unclaimed:
         told = {"functions": functions, "unclaimed": unclaimed}
         own["lyapunov_functions"] = json.dumps(told, ensure_ascii=False)
+    not_matched = [label for label, loop in loops.items() if loop.controller.matched is False]
+    if not_matched:
+        own["matching"] = json.dumps({"not_matched": not_matched}, ensure_ascii=False)
     return {
         "title": study.name,
         "config": dump(study.resolved),

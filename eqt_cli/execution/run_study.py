@@ -7,10 +7,12 @@ import shutil
 import time
 import warnings
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from eqt_cli.core.errors import EqtError, EqtWarning, Remedy
 from eqt_cli.execution.cost import check_resources
@@ -25,6 +27,7 @@ from eqt_cli.execution.rerun_failed import rerun_of
 from eqt_cli.execution.result_layout import described
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity_table import quantities
+from eqt_cli.store.reader import open_results
 
 RERUN = "reruns"
 """The folder, in that of a result, of failed runs that are computed once more."""
@@ -159,11 +162,21 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
 
 
 def _complete(study: Study, folder: ResultFolder) -> Execution | None:
-    """What there is to say of a folder that holds the study's finished result; None of another."""
+    """What there is to say of a folder that holds the study's finished result; None of another.
+
+    What a process left that was killed after it had packed the result is tidied away, unless
+    another one is about it, or the folder is not to be written to.
+    """
     if not folder.is_complete(study):
         return None
-    failed = int((folder.manifest or {}).get("failed", 0))
-    return Execution(folder, True, [], study.plans.total, failed)
+    manifest = folder.manifest or {}
+    if not folder.is_tidy:
+        with open_results(folder.results) as results:
+            manifest |= {"failed": int(np.count_nonzero(results["status"]))}
+        with suppress(EqtError), locked(folder.path):
+            folder.tidy()
+            folder.finish({"finished": now(), **manifest})
+    return Execution(folder, True, [], study.plans.total, int(manifest.get("failed", 0)))
 
 
 @dataclass
@@ -300,7 +313,7 @@ class _Session:
             "runs": study.base.config.ensemble.runs,
             "controllers": list(study.base.loops),
             "plan": self.plan.data,
-            "quantities": [entry.name for entry in quantities(study.base)],
+            "quantities": [entry.name for entry in quantities(study.base, study.vehicles)],
             "config": study.numeric_config,
             "provenance": origin,
             "begun": earlier["begun"] if same and "begun" in earlier else now(),

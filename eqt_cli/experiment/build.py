@@ -143,6 +143,7 @@ def digests(files: dict[str, str]) -> dict[str, Any]:
 
 
 @blamed()
+@np.errstate(all="ignore")  # what overflows is found by the checks, and said by them alone
 def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     """Check a configuration and make an experiment of it.
 

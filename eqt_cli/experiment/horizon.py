@@ -11,7 +11,7 @@ import numpy as np
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.core.problems import Problems
-from eqt_cli.engines import Problem
+from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.mechanics.tracking import Tracking
@@ -22,6 +22,9 @@ SAMPLES = 2001
 
 RTOL = 1e-8
 """With which what of it is integrated is integrated."""
+
+MOST_EVALUATIONS = 15_000
+"""Of a reference that is integrated: a check takes seconds, however long the horizon is."""
 
 JUMP = 1e-6
 """Relative to the largest value on the horizon: what is less is not called a jump."""
@@ -52,6 +55,8 @@ class Horizon:
         Body frame. NaN from where the reference leaves the real numbers.
     jumps
         Where Q_d, V_d or τ_d jumps, as (time, what, by how much).
+    is_whole
+        Whether it was followed to its end; if not, the times end where it was left.
     """
 
     times: Array
@@ -60,6 +65,7 @@ class Horizon:
     acceleration: Array
     torque: Array
     jumps: list[tuple[float, str, float]]
+    is_whole: bool = True
 
     @property
     def finite(self) -> Array:
@@ -77,13 +83,19 @@ def reference_over_horizon(experiment: Experiment) -> Horizon:
     Qd, Vd = experiment.initial_pose, experiment.initial_velocity
     state = loop.initial_state(Qd, Vd, Qd, Vd)
     states = np.broadcast_to(state, (len(times), len(state)))
+    is_whole = True
     if loop.reference.starts_from:
-        engine = SolveIvp(rtol=RTOL, atol=1e-3 * RTOL)
-        states = engine.solve(Problem(loop, state[None], times), lambda runs: None).states[0]
+        engine = SolveIvp(rtol=RTOL, atol=1e-3 * RTOL, max_steps=MOST_EVALUATIONS)
+        solution = engine.solve(Problem(loop, state[None], times), lambda runs: None)
+        states, is_whole = solution.states[0], solution.status[0] != Status.STEP_LIMIT
+        if not is_whole:
+            known = int(np.isfinite(states).all(axis=-1).sum())
+            times, states = times[:known], states[:known]
+            instants = instants[instants <= times[-1]]
     with np.errstate(all="ignore"):
         s = loop.tracking(times, states)
         torque = s.tau_d + 0 * s.P
-        shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, torque, [])
+        shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, torque, [], is_whole)
         if not len(instants):
             return shown
         where = np.searchsorted(times, instants)
@@ -115,7 +127,7 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
     Returns
     -------
     list of str
-        Where it jumps, which may be meant.
+        Where it jumps, which may be meant, and how far it was looked at, if not to its end.
     """
     finite, sizes = shown.finite, norm(shown.torque)
     if not finite.all():
@@ -126,7 +138,11 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
         problems.add(
             f"asks for a torque of {sizes.max():.4g} at t = {t:.4g} s, more than {most_torque:g}"
         )
-    return [f"{what} jumps by {by:.3g} at t = {t:g} s" for t, what, by in shown.jumps]
+    remarks = [f"{what} jumps by {by:.3g} at t = {t:g} s" for t, what, by in shown.jumps]
+    if not shown.is_whole:
+        until = f"{shown.times[-1]:.4g} s, which took {MOST_EVALUATIONS} evaluations"
+        remarks.append(f"checked to t = {until}")
+    return remarks
 
 
 def limits_below_reference(experiment: Experiment, shown: Horizon | None = None) -> list[str]:

@@ -13,6 +13,10 @@ SYMMETRY_TOLERANCE = 1e-12
 """Largest asymmetry, relative to the largest entry: rounding of numbers written in decimal."""
 
 
+LARGEST = 1e100
+"""A largest entry is no larger, and no smaller than its inverse: products must be numbers."""
+
+
 def require_symmetric(matrix: Array) -> None:
     """Raise an `InputError` that says where a matrix is not symmetric."""
     difference = np.abs(matrix - matrix.T)
@@ -26,7 +30,7 @@ def require_symmetric(matrix: Array) -> None:
 
 def require_definite(matrix: Array) -> None:
     """Raise an `InputError` if the symmetric part of a matrix is not positive definite."""
-    eigenvalues = np.linalg.eigvalsh((matrix + matrix.T) / 2)
+    eigenvalues = _eigenvalues((matrix + matrix.T) / 2)
     if not _positive(eigenvalues):
         got = f"got eigenvalues {_listed(eigenvalues)}"
         raise InputError(f"expected a positive definite matrix, {got}")
@@ -34,13 +38,30 @@ def require_definite(matrix: Array) -> None:
 
 def require_minimum(K: Array, group: MatrixLieGroup) -> None:
     """Raise an `InputError` if Υ has no non-degenerate minimum at I."""
-    eigenvalues = np.linalg.eigvalsh(navigation.hessian_at_identity(group, K))
+    eigenvalues = _eigenvalues(navigation.hessian_at_identity(group, K))
     if not _positive(eigenvalues):
         raise InputError(
             "expected a weight whose navigation function has a non-degenerate minimum at I, "
             f"got Hessian eigenvalues {_listed(eigenvalues)} on {group.name}; "
             "all must be positive (on SO3: the sums of two eigenvalues of kp)"
         )
+
+
+def _eigenvalues(matrix: Array) -> Array:
+    """Those of a symmetric matrix, which must be neither huge nor tiny as a whole.
+
+    Raises
+    ------
+    InputError
+        If squares of its entries, or of those of its inverse, may overflow.
+    """
+    size = float(np.abs(matrix).max())
+    if size and not 1 / LARGEST <= size <= LARGEST:
+        raise InputError(
+            f"expected a largest entry from {1 / LARGEST:g} to {LARGEST:g}, got {size:g}; "
+            "choose other units"
+        )
+    return np.linalg.eigvalsh(matrix)
 
 
 def _positive(eigenvalues: Array) -> bool:

@@ -10,6 +10,8 @@ from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.yaml_source import parse_value
 from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
 from eqt_cli.core.problems import Problems
+from eqt_cli.core.validation import shown
+from eqt_cli.ensemble.sweep import EXPECTED
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.config_at_point import at_point, section_of, sweep_of, without_sweep
 from eqt_cli.experiment.study import Study
@@ -42,7 +44,11 @@ def add_grids(source: ConfigSource, grids: Mapping[str, str]) -> None:
     ConfigError
         For what does not parse.
     """
-    blocks = list(source.data.get("sweep") or [])
+    section = source.data.get("sweep")
+    if section is not None and not isinstance(section, list):
+        message = f"{EXPECTED}, got {shown(section)}"
+        raise ConfigError([InputProblem("sweep", message, source.place(("sweep",)))])
+    blocks = list(section or [])
     for place, grid in grids.items():
         key, equals, text = grid.partition("=")
         if not equals or not key.strip() or not text.strip():
@@ -91,7 +97,7 @@ def study(
     found = Study(sweep, base)
     if found.is_ragged and len(found) > MOST_GROUPS:
         raise EqtError(
-            f"{source.place(('sweep',))}: {len(found)} points that differ in group or sample times "
+            f"{source.place(('sweep',))}: {len(found)} points that differ in group, times or parts "
             f"are too many for one file; sweep at most {MOST_GROUPS}, or these keys one after the "
             "other"
         )

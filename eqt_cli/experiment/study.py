@@ -16,6 +16,8 @@ from eqt_cli.ensemble.sweep import Sweep
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.config_at_point import at_point, section_of
 from eqt_cli.experiment.parts import MANY_PARTS, Plan, Plans
+from eqt_cli.experiment.vehicle import SECTIONS, decides_parts
+from eqt_cli.vehicle import Vehicle
 
 MOST_TRAJECTORIES = 10_000
 """Sweeps of more runs than this keep trajectories only if the configuration asks for them."""
@@ -79,6 +81,12 @@ class Study:
         """Whether the points have references of their own."""
         return bool(self._swept & {"inertia", "reference", "target", "solver"})
 
+    @cached_property
+    def vehicles(self) -> list[Vehicle]:
+        """What flies at the first point of each shape."""
+        experiments = (self.experiment(points[0]) for points in self.shapes)
+        return [next(iter(experiment.loops.values())).vehicle for experiment in experiments]
+
     # What is kept.
 
     @property
@@ -117,7 +125,7 @@ class Study:
     def shapes(self) -> list[tuple[int, ...]]:
         """The points, those of equal shape together."""
         keys = self.sweep.keys if self.sweep else ()
-        shaping = [index for index, key in enumerate(keys) if section_of(key) in SHAPING]
+        shaping = [index for index, key in enumerate(keys) if self._shapes(key)]
         if self.sweep is None or not shaping:
             return [tuple(range(len(self)))]
         found: dict[str, list[int]] = {}
@@ -125,6 +133,14 @@ class Study:
             values = self.sweep.values(point)
             found.setdefault(json.dumps([values[k] for k in shaping]), []).append(point)
         return [tuple(points) for points in found.values()]
+
+    def _shapes(self, key: str) -> bool:
+        """Whether the shapes of arrays may depend on a key."""
+        if section_of(key) in SHAPING:
+            return True
+        assert self.sweep is not None
+        values = (self.sweep.point(point)[key] for point in range(len(self)))
+        return section_of(key) in SECTIONS and decides_parts(key, values)
 
     @property
     def is_ragged(self) -> bool:
@@ -150,6 +166,7 @@ class Study:
         source = replace(self.source, data=self.source.data | store)
         sweep = Sweep([Zip(axes)], [{Zip.name: axes}])
         piece = Study(sweep, build(at_point(source, sweep, 0), trust_plugins=True))
+        piece.__dict__["vehicles"] = self.vehicles  # one table of numbers for all pieces
         if "plans" in self.__dict__:
             piece.__dict__["plan"] = self.plans.plans[index]
         return piece

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
 
@@ -30,9 +31,22 @@ from eqt_cli.vehicle.inertia import (
 from eqt_cli.vehicle.numbers import Drawn, check_numbers, drawn
 from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors import sensors
+from eqt_cli.vehicle.vehicle import CONTROL
+
+MOST_INSTANTS = 1_000_000
+"""Of a run, at which a law is evaluated."""
 
 SECTIONS = ("plant", "actuators", "control", "sensors")
 """The sections that say what is between the laws and the motion."""
+
+
+def decides_parts(key: str, values: Iterable[Any]) -> bool:
+    """Whether values of a key in these sections may differ in parts, or in how many states it has.
+
+    Plain numbers do not, but for the delay, each period of which is a command on its way.
+    """
+    numbers = all(isinstance(value, int | float) for value in values)
+    return not numbers or key == f"{CONTROL}.delay"
 
 
 def vehicle_from(
@@ -57,6 +71,11 @@ def vehicle_from(
     if found.measures and clock is None:
         at_sensors.add("are read at control instants; give control.period")
     _check_order(found, problems.at("actuators"))
+    if clock is not None and horizon / clock.period > MOST_INSTANTS:
+        problems.at("control").at("period").add(
+            f"expected at least {horizon / MOST_INSTANTS:g} s, for at most {MOST_INSTANTS:,} "
+            f"instants in {horizon:g} s; got {clock.period:g}"
+        )
     if any(problems.at(name) for name in SECTIONS):
         return Vehicle()
     return replace(found, given=found.numbers(G))

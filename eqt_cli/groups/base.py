@@ -193,11 +193,11 @@ class MatrixLieGroup(ABC):
 
     def vee(self, U: Array) -> Array:
         """The coordinates of an algebra element, ``(..., d, d) -> (..., m)``; undoes `hat`."""
-        return U.reshape(*U.shape[:-2], -1) @ self._dual_basis
+        return U.reshape(*U.shape[:-2], self.size**2) @ self._dual_basis
 
     def contract(self, M: Array) -> Array:
         """The covector U ↦ tr(MᵀÛ) of a matrix, ``(..., d, d) -> (..., m)``."""
-        return M.reshape(*M.shape[:-2], -1) @ self._flat_basis.T
+        return M.reshape(*M.shape[:-2], self.size**2) @ self._flat_basis.T
 
     @cached_property
     def structure_constants(self) -> Array:
@@ -263,7 +263,7 @@ class MatrixLieGroup(ABC):
     def pack(self, Q: Array) -> Array:
         """The entries of a pose that can vary, ``(..., d, d) -> (..., pose_length)``."""
         if self.pose_length == self.size**2:
-            return Q.reshape(*Q.shape[:-2], -1)
+            return Q.reshape(*Q.shape[:-2], self.pose_length)  # -1 fails on no poses
         rows, columns = self._free_entries
         return Q[..., rows, columns]
 

@@ -30,6 +30,10 @@ SMALLEST_RATE = 1e-12
 """Of a rotation, over the size of the whole vector; what is less is rounding, and none."""
 
 
+FAR_TRACE = -0.9
+"""Of a rotation by 162°: from there on another entry of a quaternion is divided by than q₀."""
+
+
 class EuclideanGroup(MatrixLieGroup):
     """SO(n) ⋉ (R^n)^k for n = 2 or 3, coordinates in the order rotation, x_1, …, x_k.
 
@@ -185,7 +189,9 @@ class EuclideanGroup(MatrixLieGroup):
         X = self.translations(Q)
         twice = W @ X
         X = X - twice / 2 + psi[..., None] * (W @ twice)  # J(ω)⁻¹ x
-        return np.concatenate([turn, transpose(X).reshape(*turn.shape[:-1], -1)], axis=-1)
+        return np.concatenate(
+            [turn, transpose(X).reshape(*turn.shape[:-1], X.shape[-1] * X.shape[-2])], axis=-1
+        )
 
     def log_force(self, x: Array, p: Array) -> Array:
         """J_r⁻ᵀ(x) p with J_r⁻¹ = ad_x/2 + (ad_x/2) coth(ad_x/2), a polynomial in ad_x.
@@ -219,8 +225,8 @@ class EuclideanGroup(MatrixLieGroup):
         trace = diagonal[0] + diagonal[1] + diagonal[2]
         sines = [R[..., k - 1, k - 2] - R[..., k - 2, k - 1] for k in range(3)]
         sums = [R[..., k - 1, k - 2] + R[..., k - 2, k - 1] for k in range(3)]
-        far = less(trace, 0.0)
-        # Near I the axis does not matter, and an engine is to see no comparison change there.
+        far = less(trace, FAR_TRACE)
+        # Elsewhere the axis does not matter, and an engine is to see no comparison change there.
         first, second, third = (where(far, entry, k) for k, entry in enumerate(diagonal))
         is_second = less(first, second)
         is_third = less(where(is_second, second, first), third)
@@ -230,23 +236,21 @@ class EuclideanGroup(MatrixLieGroup):
 
         # 4 q_k² and 4 q_k q for the entry q_k that is chosen.
         square = chosen(1 + trace, *(1 + 2 * diagonal[k] - trace for k in range(3)))
-        root = sqrt(square)
-        w = chosen(square, *sines) / root
+        w = chosen(square, *sines)
         entries = [
             chosen(sines[0], square, sums[2], sums[1]),
             chosen(sines[1], sums[2], square, sums[0]),
             chosen(sines[2], sums[1], sums[0], square),
         ]
-        sign = where(less(w, 0.0), -1.0, 1.0)
-        return sign * w / 2, stack([sign * entry / root for entry in entries])
+        scale = where(less(w, 0.0), -1.0, 1.0) / sqrt(square)
+        return scale * w / 2, stack([scale * entry for entry in entries])
 
     def _half_turn_in_plane(self, c: Array, s: Array) -> tuple[Array, Array]:
-        far = less(c, 0.0)
+        far = less(1 + 2 * c, FAR_TRACE)
         square = where(far, 2 - 2 * c, 2 + 2 * c)
-        root = sqrt(square)
-        w, y = where(far, 2 * s, square) / root, where(far, square, 2 * s) / root
-        sign = where(less(w, 0.0), -1.0, 1.0)
-        return sign * w / 2, stack([sign * y])
+        w, y = where(far, 2 * s, square), where(far, square, 2 * s)
+        scale = where(less(w, 0.0), -1.0, 1.0) / sqrt(square)
+        return scale * w / 2, stack([scale * y])
 
     def drift(self, Q: Array) -> Array:
         """‖RᵀR − I‖_F; the other entries of a pose cannot drift."""

@@ -11,6 +11,9 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ComponentError
 from eqt_cli.groups.base import MatrixLieGroup, Part
 
+MOST_AXES = 64
+"""Of a product; brackets and their matrices grow with the third power."""
+
 
 class ProductGroup(MatrixLieGroup):
     """A direct product such as SO3*R3; coordinates and blocks in the order of its factors."""
@@ -42,7 +45,14 @@ class ProductGroup(MatrixLieGroup):
             return None
         if "" in factors:
             raise ComponentError(f"group '{name}': a factor is missing beside '*'")
-        return cls(*map(group_named, factors))
+        made = [group_named(factor) for factor in factors[: MOST_AXES + 1]]  # each has one at least
+        axes = sum(factor.dimension for factor in made)
+        if axes > MOST_AXES:
+            raise ComponentError(
+                f"group '{factors[0]}*…': its {len(factors)} factors have more than {MOST_AXES} "
+                f"axes; expected at most {MOST_AXES}"
+            )
+        return cls(*made)
 
     @classmethod
     def examples(cls) -> tuple[str, ...]:
@@ -165,4 +175,4 @@ def _shifted(part: slice, by: int) -> slice:
 
 
 def _subscript(index: int) -> str:
-    return chr(ord("₁") + index)
+    return "".join(chr(ord("₀") + int(digit)) for digit in str(index + 1))

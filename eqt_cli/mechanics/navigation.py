@@ -42,3 +42,8 @@ def hessian_at_identity(G: MatrixLieGroup, K: Array) -> Array:
     K = diag(λ) its eigenvalues are the sums λ_i + λ_j, i ≠ j.
     """
     return G.contract(G.basis @ K[..., None, :, :])
+
+
+def hessian_times(G: MatrixLieGroup, K: Array, x: Array) -> Array:
+    """H x, ``(..., m)``: `gradient` to first order in a small error x."""
+    return G.contract(times(G.hat(x), K))

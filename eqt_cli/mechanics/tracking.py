@@ -77,8 +77,12 @@ class Tracking:
     @cached_property
     def Vd_dot(self) -> Array:
         """V̇_d = 𝕀⁻¹(τ_d + ad*_{V_d} P_d − 𝕀̇V_d), the desired acceleration."""
-        force = self.tau_d + self.G.ad_star(self.Vd, self.Pd) - self.inertia.rate_force(self.Vd)
-        return self.inertia.velocity(force)
+        return self.inertia.velocity(self.Pd_dot - self.inertia.rate_force(self.Vd))
+
+    @cached_property
+    def Pd_dot(self) -> Array:
+        """Ṗ_d = τ_d + ad*_{V_d} P_d."""
+        return self.tau_d + self.G.ad_star(self.Vd, self.Pd)
 
     @cached_property
     def V_tilde(self) -> Array:
@@ -95,22 +99,26 @@ class Tracking:
         """The same motion against its reference seen from the body: the errors Q_d⁻¹Q and V − ξ.
 
         The desired velocity carried to the body is ξ = Ad_{Q_L⁻¹} V_d with Q_L = Q_d⁻¹Q; it
-        changes at the rate ξ̇ = Ad_{Q_L⁻¹} V̇_d − ad_{V−ξ} ξ, and the torque that drives it is
+        changes at the rate ξ̇ = Ad_{Q_L⁻¹} V̇_d − ad_V ξ, and the torque that drives it is
         τ_ξ = 𝕀ξ̇ + 𝕀̇ξ − ad*_ξ 𝕀ξ. With Q_L in the place of the pose, I in that of the desired
         pose and (𝕀ξ, τ_ξ) in those of its momentum and torque, all that this class calls an error
         is the error in the body frame, and so a formula for one serves both: Ṽ is V − ξ, Q_E
         is Q_L, and the gradient is L*_{Q_L}dΥ(Q_L).
         """
-        G, inertia = self.G, self.inertia
+        G = self.G
         Q_L = G.inverse(self.Qd) @ self.Q
         carry = G.Ad_matrix(G.inverse(Q_L))
         xi = apply_matrix(carry, self.Vd)
-        xi_dot = apply_matrix(carry, self.Vd_dot) - G.ad(self.V - xi, xi)
-        P_xi = inertia.momentum(xi)
-        tau_xi = inertia.momentum(xi_dot) + inertia.rate_force(xi) - G.ad_star(xi, P_xi)
-        seen = replace(self, Q=Q_L, Qd=G.identity, Pd=P_xi, tau_d=tau_xi)
-        vars(seen).update(V=self.V, Vd=xi, Vd_dot=xi_dot)  # known already
-        return seen
+        xi_dot = apply_matrix(carry, self.Vd_dot) - G.ad(self.V, xi)
+        return replace(self, Q=Q_L, Qd=G.identity).following(xi, xi_dot)
+
+    def following(self, Vd: Array, Vd_dot: Array) -> Tracking:
+        """The same motion with another desired velocity, which changes at the rate V̇_d."""
+        G, inertia = self.G, self.inertia
+        Pd, Pd_dot = inertia.momentum(Vd), inertia.momentum(Vd_dot) + inertia.rate_force(Vd)
+        other = replace(self, Pd=Pd, tau_d=Pd_dot - G.ad_star(Vd, Pd))
+        vars(other).update(V=self.V, Vd=Vd, Vd_dot=Vd_dot, Pd_dot=Pd_dot)  # known already
+        return other
 
     @cached_property
     def Q_E(self) -> Array:
@@ -153,9 +161,7 @@ class Tracking:
 
         It leaves d(𝕀Ṽ)/dt = Ṡ*S⁻* 𝕀Ṽ.
         """
-        G = self.G
-        Pd_dot = self.tau_d + G.ad_star(self.Vd, self.Pd)
-        return Pd_dot - G.ad_star(self.V, self.P) + self.inertia_force
+        return self.Pd_dot - self.G.ad_star(self.V, self.P) + self.inertia_force
 
     @cached_property
     def gradient(self) -> Array:
@@ -171,6 +177,10 @@ class Tracking:
     def stiffness(self) -> Array:
         """The Hessian of Υ at I, `gradient` for a small error, ``(..., m, m)``."""
         return navigation.hessian_at_identity(self.G, self.gains.K)
+
+    def linear_gradient(self, x: Array) -> Array:
+        """H x: `gradient` to first order in the coordinates x of a small error."""
+        return navigation.hessian_times(self.G, self.gains.K, x)
 
     @property
     def kinetic_error(self) -> Array:

@@ -65,6 +65,16 @@ class Ensemble:
     good: Array
 
     @property
+    def law(self) -> str:
+        """The controller's label in its own result."""
+        return self.results.labels[self.controller]
+
+    @property
+    def has_function(self) -> bool:
+        """Whether its L is to be drawn: it claims that it falls, or no law here does."""
+        return self.law not in self.results.without_function
+
+    @property
     def failed(self) -> int:
         """How many runs are left out because they failed."""
         return int(self.good.size - np.count_nonzero(self.good))
@@ -86,6 +96,8 @@ class ShownControllers:
     ----------
     ensembles : list of Ensemble
         The controllers.
+    remarks
+        What a figure adds to the notes while it is drawn.
 
     Raises
     ------
@@ -96,6 +108,7 @@ class ShownControllers:
 
     def __init__(self, results: Sequence[Result], figure: str, chosen: Sequence[str] = ()) -> None:
         self.results, self.figure = results, figure
+        self.remarks: list[str] = []
         for one in results:
             one.single(f"figure '{figure}' shows single experiments")
             if one.group_name != results[0].group_name:
@@ -118,12 +131,15 @@ class ShownControllers:
         return self.results[0].units(name)
 
     def notes(self) -> list[str]:
-        """What a reader must know about the runs that are not shown."""
-        return [
+        """What a reader must know: runs that are not shown, and laws that are not matched."""
+        failed = [
             f"{e.title}: {e.failed} of {e.good.size} runs failed; left out."
             for e in self.ensembles
             if e.failed
         ]
+        own = [e.title for e in self.shown if e.law in e.results.not_matched]
+        matched = [f"Not matched, with gains of their own: {', '.join(own)}."] if own else []
+        return failed + matched + self.remarks
 
     def error(self, message: str) -> EqtError:
         """An error of this figure about the results."""
@@ -155,6 +171,14 @@ class ShownRuns(ShownControllers):
         if not self.shown:
             raise self.error("has nothing to show: every run whose trajectory is stored failed")
 
+    def with_function(self) -> list[Ensemble]:
+        """The controllers whose L is drawn; a remark names the others."""
+        others = [e.title for e in self.shown if not e.has_function]
+        if others:
+            named = ", ".join(others)
+            self.remarks.append(f"Without L, since the law does not claim that it falls: {named}.")
+        return [e for e in self.shown if e.has_function]
+
     @property
     def span(self) -> tuple[float, float]:
         """The first and the last time of all results."""
@@ -180,6 +204,19 @@ class ShownRuns(ShownControllers):
         """
         self._check_stored(ensemble.results, signal)
         return ensemble.results.trajectories(signal, ensemble.controller, most)
+
+    def of_run(self, signal: str, ensemble: Ensemble, run: int) -> Array:
+        """One signal of one run of a controller, ``(samples, …)``.
+
+        Raises
+        ------
+        EqtError
+            If the run failed, or the result does not hold its trajectory.
+        """
+        found: Array = ensemble.results.trajectory(signal, run)[ensemble.controller]
+        if not ensemble.results.good[ensemble.controller, run]:
+            raise self.error(f"cannot show run {run} of {ensemble.label}, which failed")
+        return found
 
     def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
         """`values` of a norm; those that are distances of rotations as angles, if in `degrees`."""
@@ -232,8 +269,18 @@ class ShownRuns(ShownControllers):
         return list(zip(axes, units, strict=True))
 
     def notes(self) -> list[str]:
-        """As `ShownControllers.notes`, after how many runs have trajectories."""
-        return [*self._thinned(), *super().notes()]
+        """As `ShownControllers.notes`, after what flies and how many runs have trajectories."""
+        return [*self._loops(), *self._thinned(), *super().notes()]
+
+    def _loops(self) -> Iterator[str]:
+        """What the loops have that the paper's has not."""
+        found = {
+            name: one.loop_in_words
+            for one, name in zip(self.results, names(self.results), strict=True)
+        }
+        for name, words in found.items():
+            if words:
+                yield f"{name}: {words}" if len(self.results) > 1 else words
 
     def _thinned(self) -> Iterator[str]:
         for one, name in zip(self.results, names(self.results), strict=True):
@@ -371,7 +418,7 @@ class ShownSweep:
     """
 
     def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
-        self.results, self.figure = results, figure
+        self.results, self.figure, self._shares = results, figure, False
         if not results.is_sweep:
             raise self.error(
                 "shows sweeps, and this is a single experiment; see `eqt sweep --help`"
@@ -438,7 +485,8 @@ class ShownSweep:
         without = failed.any(axis=-1)
         if without.any():
             left_out = f"{np.count_nonzero(without)} of {without.size} means left out"
-            yield f"{np.count_nonzero(failed)} runs failed; {left_out}."
+            count = f"{np.count_nonzero(failed)} runs failed"
+            yield f"{count}; {'they count as not settled' if self._shares else left_out}."
 
     def _censored(self) -> Iterator[str]:
         horizon = self.results.horizon
@@ -450,6 +498,23 @@ class ShownSweep:
                 end = f"{horizon:g} s"
                 counted = f"{late} runs unsettled at {end} count as {end}"
                 yield f"{name}: {counted}; means are lower bounds."
+
+    def settled(self, by: float) -> Array:
+        """Which runs have settled by a time, or by their end if it is 0; no failed run has.
+
+        Raises
+        ------
+        EqtError
+            If runs do not last that long, or the result does not tell.
+        """
+        horizon = self.results.horizon
+        if horizon is not None and by > horizon:
+            raise self.error(f"option 'by': the runs last {horizon:g} s, got {by:g}")
+        self.results.check_metrics(["settling_time"], who=f"figure '{self.figure}'")
+        self._shares = True
+        times = self.results.metric("settling_time")[:, self.controllers]
+        found: Array = times <= (by or np.inf)  # NaN, of a run that has not settled, is not
+        return found
 
     def error(self, message: str) -> EqtError:
         """An error of this figure about this result."""
@@ -505,7 +570,8 @@ class ShownCertificates:
             notes.append("Crosses: fails.")
         for row in self._left_out:
             law = f" ({row.controller})" if row.controller else ""
-            notes.append(f"{notation(row.name)}{law}: {row.verdict}.")
+            why = f", {row.remark}" if row.remark else ""
+            notes.append(f"{notation(row.name)}{law}: {row.verdict}{why}.")
         return notes
 
 

@@ -181,8 +181,7 @@ class ClosedReference(MovingReference):
         kept = vars(self).setdefault("_prepared", {})
         if (G.name, name) not in kept:
             kept[G.name, name] = make(G)
-        found: T = kept[G.name, name]
-        return found
+        return kept[G.name, name]
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.text_tables import TextTable
+from eqt_cli.core.printable import printable
 from eqt_cli.core.version import __version__
 from eqt_cli.report.figures import DEFAULT, SWEPT, Wanted, inline_figures
 from eqt_cli.report.point_table import best_points, point_table
@@ -115,21 +116,30 @@ def _of_sweep(result: Result) -> dict[str, Any]:
 
 
 def environment() -> Environment:
-    """Where templates are found, and how they are filled in: everything is escaped."""
+    """Where templates are found, and how they are filled in: everything is escaped.
+
+    Markup of HTML, and what no page can show, such as an order of reading that is turned around.
+    """
     made = Environment(
         loader=FileSystemLoader(TEMPLATES),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        finalize=_finalized,
     )
     made.filters["typeset"] = _typeset
     return made
 
 
+def _finalized(value: Any) -> Any:
+    is_text = isinstance(value, str) and not isinstance(value, Markup)
+    return printable(value, "\n\t") if is_text else value
+
+
 def _typeset(text: str) -> Markup:
     """The paper's symbols with their subscripts; all else is only escaped."""
-    escaped = str(escape(text))
+    escaped = str(escape(printable(text)))
     for symbol in ("Q_E", "Q_d", "V_d", "P_d", "K_d", "τ_d", "τ_ff", "𝕀_t"):
         letter, index = symbol.split("_")
         escaped = re.sub(rf"\b{symbol}\b", f"{letter}<sub>{index}</sub>", escaped)

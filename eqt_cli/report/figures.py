@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -36,11 +36,14 @@ class Wanted:
         As `eqt plot` takes them.
     caption
         What there is to see; what the figure says of itself if empty.
+    needs
+        A variable without which there is nothing to see, and no word about it.
     """
 
     name: str
     options: Mapping[str, Any] = field(default_factory=dict)
     caption: str = ""
+    needs: str = ""
 
 
 @dataclass(frozen=True)
@@ -71,6 +74,7 @@ DEFAULT = (
     ),
     Wanted("paper", {"log": True}, "The same means; errors and L on a logarithmic scale."),
     Wanted("torque"),
+    Wanted("commands", needs="command"),
     Wanted("distributions"),
     Wanted("phase", {"runs": 10}),
     Wanted("certificates"),
@@ -85,6 +89,7 @@ SWEPT = (
         "The same for the effort, the integral of the torque squared.",
     ),
     Wanted("pareto"),
+    Wanted("envelope", needs="settled"),
 )
 """What a report on a sweep shows unless told otherwise."""
 
@@ -95,7 +100,7 @@ def inline_figures(
     """The figures that can be drawn of a result, and remarks on the others."""
     drawn, remarks = [], []
     for number, figure in enumerate(wanted, start=1):
-        if figure.name not in figures.names() or _is_idle(figure, certificates):
+        if figure.name not in figures.names() or _is_idle(result, figure, certificates):
             continue
         try:
             drawn.append(_draw(result, figure, f"figure{number}", certificates))
@@ -104,8 +109,10 @@ def inline_figures(
     return drawn, remarks
 
 
-def _is_idle(wanted: Wanted, certificates: Sequence[Row]) -> bool:
-    """Whether it would show certificates and there are none, which the page says elsewhere."""
+def _is_idle(result: Result, wanted: Wanted, certificates: Sequence[Row]) -> bool:
+    """Whether it has nothing to show of this result, or no certificates, which the page says."""
+    if wanted.needs and not result.has(wanted.needs):
+        return True
     return not certificates and issubclass(figures.get(wanted.name), OfCertificates)
 
 
@@ -117,7 +124,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
     ComponentError
         If there is no such figure.
     """
-    known = {figure.name: figure for figure in reversed((*DEFAULT, *SWEPT))}
+    known = {figure.name: replace(figure, needs="") for figure in reversed((*DEFAULT, *SWEPT))}
     for name in names:
         figures.get(name)
     return [known.get(name, Wanted(name)) for name in names]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.report.run_table import COLUMNS, MOST_ROWS, Document, columns, plain, unit_of
@@ -22,6 +24,8 @@ def point_table(result: Result) -> Document:
     keys = result.swept_keys
     names = [name for name in COLUMNS if result.has(name)]
     means = np.stack([result.means(name) for name in names], axis=-1)
+    counts = [name for name in names if result.quantity(name).counts]
+    means = np.concatenate([means, *(_ends(result, name) for name in counts)], axis=-1)
     failed = np.count_nonzero(result.status, axis=-1)
     points, controllers = failed.shape
     order = [(c, p) for p in range(points) for c in range(controllers)]
@@ -29,7 +33,8 @@ def point_table(result: Result) -> Document:
     return {
         "item": "point",
         "columns": [{"metric": "", "name": key.key, "unit": "", "given": True} for key in keys]
-        + columns(result, names),
+        + columns(result, names)
+        + [column for name in counts for column in _columns_of_ends(result, name)],
         "controllers": result.labels,
         "rows": [
             [
@@ -59,12 +64,40 @@ def best_points(result: Result) -> TextTable:
         unit = unit_of(result, name).replace("^2", "²")
         title = result.quantity(name).described + (f", {unit}" if unit else "")
         blocks.append(Block(title, rows))
+    if result.has("settled"):
+        blocks.append(Block("settled, the largest share, with its 95 % interval", _most(result)))
     return TextTable(
         "best",
         "Points where the mean over runs is least, of those at which no run failed",
         ["controller", "point", *(key.key for key in result.swept_keys), "mean"],
         blocks,
     )
+
+
+def _most(result: Result) -> list[list[str]]:
+    """For each controller, the point where most runs settle."""
+    found = shares(result.metric("settled"))
+    rows = []
+    for title, column in zip(result.titles, np.moveaxis(found, 1, 0), strict=True):
+        if np.isfinite(column).any():
+            point = int(np.nanargmax(column[:, 0]))
+            value = Plain().interval(*column[point].tolist())
+            rows.append([title, *_best(result, -column[:, 0])[:-1], value])
+    return rows
+
+
+def _ends(result: Result, name: str) -> Array:
+    """The ends of the intervals of a share, ``(points, controllers, 2)``."""
+    return shares(result.metric(name))[..., 1:]
+
+
+def _columns_of_ends(result: Result, name: str) -> list[Document]:
+    """Their heads."""
+    called = result.quantity(name).described
+    return [
+        {"metric": f"{name}_{end}", "name": f"{called}, {end} end of its interval", "unit": ""}
+        for end in ("low", "high")
+    ]
 
 
 def _best(result: Result, means: Array) -> list[str]:

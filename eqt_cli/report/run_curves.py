@@ -60,9 +60,17 @@ def curves(result: Result) -> Document | None:
         "power": POWER,
         "levels": LEVELS,
         "panels": [
-            _panel(head, result.read(head["metric"], **chosen)) for head in columns(result, names)
+            _panel(head, _claimed(result, head["metric"], result.read(head["metric"], **chosen)))
+            for head in columns(result, names)
         ],
     }
+
+
+def _claimed(result: Result, signal: str, values: Array) -> Array:
+    """The values, but no L of a law that does not claim that it falls."""
+    if signal == "lyapunov" and result.without_function:
+        values[[result.labels.index(label) for label in result.without_function]] = np.nan
+    return values
 
 
 def _panel(head: Document, values: Array) -> Document:

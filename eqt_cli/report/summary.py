@@ -20,9 +20,10 @@ def lead(result: Result) -> str:
         points = f"{result.points} points over {keys}, each with "
     lasting = f" of {horizon:g} s" if horizon else ""
     controllers = f"{len(labels)} controllers" if len(labels) > 1 else "one controller"
+    loop = f" {result.loop_in_words}" if result.loop_in_words and not result.is_sweep else ""
     return (
         f"{points}{result.runs} runs{lasting} for each of {controllers} ({', '.join(labels)}) on "
-        f"{result.group_name or 'a group'}; the same initial states for all of them."
+        f"{result.group_name or 'a group'}; the same initial states for all of them.{loop}"
     )
 
 

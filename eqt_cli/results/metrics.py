@@ -325,6 +325,9 @@ METRICS = (
         better="higher",
         of=settled,
         settings={"threshold": "settling_threshold"},
+        compared=(WHOLE,),
+        counts=True,
+        told_by="settling_time",
         stored_of=_as_it_flies,
     ),
     _less_is_better(
@@ -334,11 +337,13 @@ METRICS = (
         signals=("at_limit",),
         label="share of time at a limit",
         of=time_mean,
+        compared=(WHOLE,),
         stored_of=lambda vehicle: vehicle.limits,
     ),
     _less_is_better(
         "closing_pose_error",
         signals=("pose_error",),
+        compared=(WHOLE,),
         stored_of=_as_it_flies,
         choices={"share_of_time": "closing_window"},
         chosen=_closing("||I - Q_E||_F"),
@@ -347,6 +352,7 @@ METRICS = (
     _less_is_better(
         "closing_torque",
         signals=("torque_norm",),
+        compared=(WHOLE,),
         stored_of=_as_it_flies,
         choices={"share_of_time": "closing_window"},
         chosen=_closing("||tau||"),

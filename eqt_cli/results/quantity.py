@@ -93,6 +93,10 @@ class Quantity:
         The windows over which controllers are compared by it unless a user chooses.
     censored
         NaN in a run that is good says: later than the end of the run.
+    counts
+        Its values are 0 or 1, and their mean is a share of the runs.
+    told_by
+        Where a file does not hold it: another number per run, which has a value where this is 1.
     of_turns
         It is there only where the norm is a distance ‖I − R‖_F of rotations.
     diagnostic
@@ -122,6 +126,8 @@ class Quantity:
     window: Window = WHOLE
     compared: tuple[Window, ...] = ()
     censored: bool = False
+    counts: bool = False
+    told_by: str = ""
     of_turns: bool = False
     diagnostic: bool = False
     notes: Mapping[str, Attribute] = field(default_factory=dict)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.results.metrics import METRICS, energy_residual
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.table import Variable
+from eqt_cli.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from eqt_cli.config.schema import Config
@@ -134,12 +136,19 @@ def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
     return quantity.with_choices(values)
 
 
-def quantities(experiment: Experiment) -> list[Quantity]:
-    """The variables of a result of an experiment, with their units there, in the file's order."""
+def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list[Quantity]:
+    """The variables of a result of an experiment, with their units there, in the file's order.
+
+    Parameters
+    ----------
+    vehicles
+        Those of all points of a sweep; what is stored of one is stored of all. The experiment's
+        own if empty.
+    """
     found, group = [], experiment.group
-    vehicle = next(iter(experiment.loops.values())).vehicle
+    vehicles = vehicles or [next(iter(experiment.loops.values())).vehicle]
     for quantity in QUANTITIES.values():
-        if not (quantity.stored and quantity.stored_of(vehicle)):
+        if not (quantity.stored and any(map(quantity.stored_of, vehicles))):
             continue
         quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}

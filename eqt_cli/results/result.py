@@ -14,15 +14,18 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import yaml
 
+from eqt_cli.config.signal_path import loop_in_words
 from eqt_cli.config.source import ConfigSource, source_of
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.controllers import controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ComponentError, EqtError, suggestion
+from eqt_cli.core.printable import printable
 from eqt_cli.engines import Status
 from eqt_cli.experiment.config_at_point import config_at
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.groups import MatrixLieGroup, group_named
+from eqt_cli.results.contract import check_attributes, check_coordinates, check_status
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.results.quantity_table import QUANTITIES, quantity_of
@@ -128,12 +131,24 @@ class Result(ResultFile):
     """An open result: of one experiment, of a point of a sweep, or of a sweep as a whole.
 
     All that `ResultFile` reads by name, and what readers want to know besides. Good is a run that
-    ended with status 0.
+    ended with status 0. Labels, titles, messages and swept texts are as they can be shown.
     """
+
+    def __init__(self, path: str | Path) -> None:
+        super().__init__(path)
+        try:
+            check_attributes(self)
+            check_coordinates(self)
+        except BaseException:
+            self.close()
+            raise
 
     def at(self, point: int, attributes: Mapping[str, Attribute] | None = None) -> Self:
         """As `ResultFile.at`."""
         view = super().at(point, attributes)
+        if self.has_groups:  # each says all of this anew
+            check_attributes(view)
+            check_coordinates(view)
         for name, value in vars(Result).items():  # what was found out about the whole
             if isinstance(value, cached_property):
                 view.__dict__.pop(name, None)
@@ -162,12 +177,12 @@ class Result(ResultFile):
     @property
     def title(self) -> str:
         """Of the experiment; the folder's name if the file says none."""
-        return str(self.attributes.get("title", self.path.parent.name))
+        return printable(str(self.attributes.get("title", self.path.parent.name)))
 
     @property
     def group_name(self) -> str:
         """The group; several of a sweep over groups; nothing if the file says none."""
-        return str(self.attributes.get("group", ""))
+        return printable(str(self.attributes.get("group", "")))
 
     @cached_property
     def group(self) -> MatrixLieGroup | None:
@@ -179,13 +194,13 @@ class Result(ResultFile):
     @cached_property
     def labels(self) -> list[str]:
         """The labels of the controllers."""
-        return [str(label) for label in self.coordinate("controller")]
+        return [printable(str(label)) for label in self.coordinate("controller")]
 
     @cached_property
     def titles(self) -> list[str]:
         """How the controllers are written: by their laws' titles, or by the labels they have."""
         if titles := self._told("titles"):
-            return [str(titles.get(label, label)) for label in self.labels]
+            return [printable(titles.get(label, label)) for label in self.labels]
         return [law_title(label) for label in self.labels]
 
     @cached_property
@@ -199,13 +214,21 @@ class Result(ResultFile):
         """The labels of the laws that do not claim that their L falls."""
         return list(self._told("lyapunov_functions").get("unclaimed", []))
 
+    @cached_property
+    def without_function(self) -> list[str]:
+        """The labels of laws that claim no decrease, beside laws that do so of their own L."""
+        all_are = len(self.unclaimed) == len(self.labels)
+        return self.unclaimed if self.lyapunov_functions and not all_are else []
+
+    @cached_property
+    def not_matched(self) -> list[str]:
+        """The labels of laws whose stiffness and damping are not those of the gains."""
+        return list(self._told("matching").get("not_matched", []))
+
     def _told(self, name: str) -> dict[str, Any]:
         """What an attribute holds as JSON; nothing in a file from before there was such a one."""
-        with suppress(KeyError, ValueError):
-            found = json.loads(str(self.attributes[name]))
-            if isinstance(found, dict):
-                return found
-        return {}
+        found: dict[str, Any] = json.loads(str(self.attributes.get(name, "{}")))
+        return found
 
     @cached_property
     def kinds(self) -> dict[str, str]:
@@ -217,6 +240,14 @@ class Result(ResultFile):
             return {str(entry["label"]): str(entry["kind"]) for entry in entries}
         except (yaml.YAMLError, KeyError, TypeError, RecursionError, ValueError):
             return {label: label for label in self.labels}
+
+    @cached_property
+    def loop_in_words(self) -> str:
+        """What the loop has that the paper's has not, in a sentence; nothing for the paper's."""
+        try:
+            return loop_in_words(yaml.safe_load(str(self.attributes.get("config", ""))) or {})
+        except (yaml.YAMLError, KeyError, TypeError, AttributeError, RecursionError, ValueError):
+            return ""
 
     @property
     def source(self) -> ConfigSource:
@@ -291,7 +322,9 @@ class Result(ResultFile):
     @cached_property
     def status(self) -> Array:
         """How every run ended, ``(controllers, runs)``, with the points of a sweep in front."""
-        return _fixed(self["status"])
+        found = self["status"]
+        check_status(self, found)
+        return _fixed(found)
 
     @property
     def good(self) -> Array:
@@ -323,7 +356,7 @@ class Result(ResultFile):
         axes = [np.unique(where[:, axis], return_inverse=True) for axis in range(where.shape[1])]
         chosen = {dim: k for dim, (k, _) in zip(self.dims("status"), axes, strict=True)}
         found = self.read("message", **chosen)[tuple(position for _, position in axes)]
-        return [str(message) for message in found]
+        return [printable(str(message)) for message in found]
 
     def place(self, where: Sequence[int]) -> str:
         """A run by its position as in `failures`: ``point 3 eqt run 17``."""
@@ -348,11 +381,15 @@ class Result(ResultFile):
         key = self.long_name(name).removesuffix(", swept")
         if values.dtype == object:
             texts, values = np.unique(values.astype(str), return_inverse=True)
-            return SweptKey(key, values, {float(k): str(text) for k, text in enumerate(texts)})
+            return SweptKey(
+                key, values, {float(k): printable(str(text)) for k, text in enumerate(texts)}
+            )
         if self.has(f"{name}.label"):
             labels = self.coordinate(f"{name}.label")
             return SweptKey(
-                key, values, {float(k): str(v) for k, v in zip(values, labels, strict=True)}
+                key,
+                values,
+                {float(k): printable(str(v)) for k, v in zip(values, labels, strict=True)},
             )
         return SweptKey(key, values.astype(float), {}, key in self._on_log_scales)
 
@@ -495,10 +532,20 @@ class Result(ResultFile):
             If there is none of that name.
         """
         self.check_metrics([name])
-        chosen: dict[str, int] = {} if controller is None else {"controller": controller}
         good = self.good if controller is None else self.good[..., controller, :]
-        values = self.read(name, **chosen).astype(float)
-        return np.where(good, values, np.nan)
+        return np.where(good, self._number(name, controller), np.nan)
+
+    def _number(self, name: str, controller: int | None = None) -> Array:
+        """A number of every run as it is stored, or as another one tells it."""
+        chosen: dict[str, int] = {} if controller is None else {"controller": controller}
+        if name in self.metrics:
+            found: Array = self.read(name, **chosen).astype(float)
+            return found
+        return np.isfinite(self.read(self.quantity(name).told_by, **chosen)).astype(float)
+
+    def _is_told(self, name: str) -> bool:
+        """Whether a number per run that is not stored follows from one that is."""
+        return name not in self.metrics and self.quantity(name).told_by in self.metrics
 
     def censored(self, name: str, controller: int | None = None) -> Array:
         """Which good runs have no such number because it lies beyond the horizon, as `metric`."""
@@ -538,7 +585,7 @@ class Result(ResultFile):
             That says which there are.
         """
         for name in names:
-            if name not in self.metrics:
+            if name not in self.metrics and not self._is_told(name):
                 hint = suggestion(name, self.metrics) or f"; there are: {', '.join(self.metrics)}"
                 raise self.error(f"{f'{who} ' if who else ''}finds no metric '{name}'{hint}")
 
@@ -557,7 +604,8 @@ class Result(ResultFile):
                 for part in (name.removeprefix("pose_error") for name in self.attitude_errors):
                     found[quantity.name + part] = quantity.part(part[1:]) if part else quantity
                 continue
-            if self._has_signals(quantity) or self._metrics_like(quantity):
+            told = self._is_told(quantity.name)
+            if told or self._has_signals(quantity) or self._metrics_like(quantity):
                 found[quantity.name] = quantity
             for part in self.parts(quantity.signals[0]) if quantity.parted else ():
                 found[f"{quantity.name}_{part}"] = quantity.part(part)
@@ -616,13 +664,16 @@ class Result(ResultFile):
         elif self._has_signals(quantity):
             runs, unit = self.stored_runs, quantity.unit(self.units(quantity.signals[0]))
             columns = [self._computed(quantity, window, c) for c in range(len(self.labels))]
+        elif self._is_told(quantity.name):
+            runs, unit = np.arange(self.runs), quantity.units
+            columns = [self._number(quantity.name, c) for c in range(len(self.labels))]
         else:
             raise self._not_stored(quantity, window)
         values = np.full((len(self.labels), self.runs), np.nan)
         values[:, runs] = np.stack(columns)
         values[~self.good] = np.nan
         if quantity.name == "decay_rate":  # nobody claims the decay of another function
-            values[[self.labels.index(label) for label in self.unclaimed]] = np.nan
+            values[[label in self.unclaimed for label in self.labels]] = np.nan
         censored = self.good & np.isnan(values) & quantity.censored
         values[censored] = window.stop
         return PerRun(quantity, window, unit, values, censored, len(runs))

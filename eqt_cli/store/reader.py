@@ -174,6 +174,10 @@ class ResultFile:
         """Whether the points differ in shape, so that each has its arrays in a group."""
         return bool(self._points) and POINT in self.dimensions
 
+    def refusal(self, reason: str) -> ResultError:
+        """An error that says what no file of eqt's has."""
+        return _refused(self.path, reason)
+
     # Reading.
 
     def has(self, name: str) -> bool:
@@ -354,13 +358,17 @@ def _guard(path: Path, name: str = "") -> Iterator[None]:
     except ResultError:
         raise
     except safety.Refusal as refusal:
-        raise ResultError(f"{path}: refused: {refusal}; {_RESTORE}") from refusal
+        raise _refused(path, str(refusal)) from refusal
     except MemoryError as error:
         raise ResultError(f"{subject} does not fit the memory; read it in parts") from error
     except Exception as error:  # h5py promises no class: seen are OS, Runtime, Value, Key, Type
         if "truncated file" in str(error):
             raise ResultError(f"{subject} is cut short; {_AGAIN}") from error
         raise ResultError(f"{subject} is damaged; {_AGAIN}") from error
+
+
+def _refused(path: Path, reason: str) -> ResultError:
+    return ResultError(f"{path}: refused: {reason}; {_RESTORE}")
 
 
 def _check_format(path: Path, version: int | None) -> None:

@@ -92,8 +92,7 @@ def trials(population: Population, random: np.random.Generator) -> Array:
     crossed[np.arange(count), random.integers(dimensions, size=count)] = True
     outside = (mutants < 0) | (mutants > 1)
     mutants = np.where(outside, random.random((count, dimensions)), mutants)
-    found: Array = np.where(crossed, mutants, shares)
-    return found
+    return np.where(crossed, mutants, shares)
 
 
 def _two_others(this: int, count: int, random: np.random.Generator) -> Array:

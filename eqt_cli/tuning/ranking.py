@@ -35,8 +35,7 @@ class Scores:
     @property
     def feasible(self) -> Array:
         """Which points violate nothing."""
-        found: Array = self.violation == 0
-        return found
+        return self.violation == 0
 
     def at(self, points: Array) -> Scores:
         """Those of some points."""
@@ -66,8 +65,7 @@ def first_front(scores: Scores) -> Array:
     chosen = feasible[ranked == 0]
     order = np.lexsort(scores.objectives[chosen].T[::-1])
     _, firsts = np.unique(scores.objectives[chosen][order], axis=0, return_index=True)
-    found: Array = chosen[order][np.sort(firsts)]
-    return found
+    return chosen[order][np.sort(firsts)]
 
 
 def dominates(one: Scores, other: Scores) -> Array:
@@ -80,8 +78,7 @@ def dominates(one: Scores, other: Scores) -> Array:
     less = np.all(one.objectives <= other.objectives, axis=-1) & np.any(
         one.objectives < other.objectives, axis=-1
     )
-    found: Array = np.where(both, less, one.violation < other.violation)
-    return found
+    return np.where(both, less, one.violation < other.violation)
 
 
 def ranks(scores: Scores) -> Array:

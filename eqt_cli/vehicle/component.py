@@ -13,7 +13,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.component import Component
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.numbers import check_numbers, drawn, is_drawn
+from eqt_cli.vehicle.numbers import Numbers, check_numbers, drawn, is_drawn, lowest
 from eqt_cli.written.poses import square, vector
 
 Given = Mapping[str, Array]
@@ -73,3 +73,13 @@ class VehiclePart(Component):
                 if not here:
                     with here.catching():
                         shaped(drawn(value, None), m, G)
+
+
+def check_deviations(value: Numbers, G: MatrixLieGroup, problems: Problems) -> None:
+    """Note a negative standard deviation, or a wrong number of them."""
+    check_numbers(value, problems)
+    for entry in value if isinstance(value, list) else [value]:
+        if not problems and lowest(entry) < 0:
+            problems.add(f"expected no negative standard deviation, got {lowest(entry):g}")
+    if isinstance(value, list) and len(value) != G.dimension:
+        problems.add(f"expected {G.dimension} entries for {G.name}, got {len(value)}")

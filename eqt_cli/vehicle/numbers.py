@@ -161,6 +161,11 @@ def drawn(value: Any, random: np.random.Generator | None, positive: bool = False
     return number
 
 
+def lowest(value: float | Drawn) -> float:
+    """A number, the least of a uniform distribution, or the mean of a normal one."""
+    return value.uniform[0] if isinstance(value, Uniform) else float(drawn(value, None))
+
+
 def check_numbers(value: Any, problems: Problems, positive: bool = False) -> None:
     """Note distributions that are none, and numbers that are not positive where they must be."""
     if isinstance(value, list):

@@ -42,6 +42,21 @@ def test_effect_sizes(torques):
     assert pair.first_better == 1.0
 
 
+def test_pairs_with_different_lyapunov_functions_are_not_compared_by_them(make_result):
+    levels = make_result.constant(*(np.full(RUNS, level) for level in (1.0, 2.0, 3.0)))
+    signals = {"lyapunov": np.exp(-levels * make_result.times), "torque_norm": levels}
+    results = make_result(["eqt", "gt", "lee2010"], signals)
+    results.lyapunov_functions = {"eqt": "L₁", "gt": "L₁", "lee2010": "L₂"}
+    pairs = compare(results, metrics=["decay_rate", "mean_torque"]).pairs
+    compared = {(pair.first, pair.second, pair.measured.quantity.name) for pair in pairs}
+    assert compared == {
+        ("eqt", "gt", "decay_rate"),
+        ("eqt", "gt", "mean_torque"),
+        ("eqt", "lee2010", "mean_torque"),
+        ("gt", "lee2010", "mean_torque"),
+    }
+
+
 def test_ties_count_half(make_result):
     signals = {"torque_norm": make_result.constant([1, 1, 1, 1], [1, 1, 2, 0])}
     results = make_result(["a", "b"], signals | {"lyapunov": signals["torque_norm"]})

@@ -296,6 +296,8 @@ APPROACHES = {
     "bullo_murray": 0.0,
     "goodarzi2013": 0.0,
     "maithripala2006": 0.0,
+    "slotine_li": 0.0,
+    "sliding": 0.0,
     "logarithmic": 2 * np.pi,
     "quaternion": 4.0,
 }

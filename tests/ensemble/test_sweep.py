@@ -145,7 +145,7 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
 @pytest.mark.parametrize(
     ("blocks", "path", "message"),
     [
-        ([], (), "expected a list of blocks such as {grid: {gains.kp: [1, 2]}}"),
+        ([], (), "expected a list of blocks such as {grid: {gains.kp: [1, 2]}}, got []"),
         (
             [{"grdi": {}}],
             (0, "grdi"),

@@ -420,7 +420,7 @@ def execute_without(name, *arguments, **options):
     with pytest.MonkeyPatch.context() as patch:
         known = result_layout.quantities
         patch.setattr(
-            result_layout, "quantities", lambda base: [q for q in known(base) if q.name != name]
+            result_layout, "quantities", lambda *of: [q for q in known(*of) if q.name != name]
         )
         execute(*arguments, **options)
 

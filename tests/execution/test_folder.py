@@ -11,6 +11,7 @@ import pytest
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.lock import locked
 from eqt_cli.execution.run_study import Execution
 from eqt_cli.experiment.build import build
 
@@ -248,3 +249,33 @@ def test_a_full_disk_leaves_no_half_result(run: Run, monkeypatch: pytest.MonkeyP
         "out: cannot be used: no space left on device; choose another folder with out=…"
     )
     assert list(contents()) == []
+
+
+def test_what_a_kill_after_packing_left_is_tidied_by_the_next_command(run, experiment):
+    first = run("solver.max_steps=20")
+    folder = first.folder
+    manifest = folder.manifest
+    (folder.path / "parts").mkdir()
+    (folder.path / "parts/000001.h5").touch()
+    (folder.path / ".lock").touch()
+    for key in ("finished", "failed", "seconds"):
+        del manifest[key]
+    (folder.path / "manifest.json").write_text(json.dumps(manifest), encoding="utf-8")
+    again = run("solver.max_steps=20")
+    assert again.was_complete
+    assert again.failed == first.failed == 6
+    assert sorted(path.name for path in folder.path.iterdir()) == [
+        "config.yaml",
+        "manifest.json",
+        "results.h5",
+    ]
+    assert folder.manifest["failed"] == 6
+    assert "finished" in folder.manifest
+
+
+def test_what_another_process_is_about_is_left_to_it(run):
+    folder = run().folder
+    (folder.path / "parts").mkdir()
+    with locked(folder.path):
+        assert run().was_complete
+        assert (folder.path / "parts").exists()

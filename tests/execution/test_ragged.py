@@ -200,7 +200,7 @@ def execute_without(name, *arguments, **options):
     with pytest.MonkeyPatch.context() as patch:
         known = result_layout.quantities
         patch.setattr(
-            result_layout, "quantities", lambda base: [q for q in known(base) if q.name != name]
+            result_layout, "quantities", lambda *of: [q for q in known(*of) if q.name != name]
         )
         execute(*arguments, **options)
 
@@ -357,7 +357,7 @@ def test_more_groups_than_a_file_should_have(make, tmp_path):
     with pytest.raises(EqtError) as caught:
         make(f"sweep: [{{grid: {{time.duration: {values}}}}}]\n")
     assert str(caught.value) == (
-        f"{tmp_path / 'config.yaml'}:10:1: 1001 points that differ in group or sample times are "
+        f"{tmp_path / 'config.yaml'}:10:1: 1001 points that differ in group, times or parts are "
         "too many for one file; sweep at most 1000, or these keys one after the other"
     )
 

@@ -1,6 +1,8 @@
 """Files of strangers, given to the commands: each is refused with exit code 2 and a clear error."""
 
+import json
 import os
+import re
 
 import h5py
 import numpy as np
@@ -193,3 +195,108 @@ def test_a_pipe_is_not_waited_for(tmp_path, monkeypatch, capsys):
     code, error = eqt(monkeypatch, capsys, "show", tmp_path / "pipe.h5")
     assert code == 2
     assert "is not a file" in error
+
+
+# What a terminal, or a page, would obey --------------------------------------------------------
+
+UNSEEN = "\x1b[2J\x9b31m\u202e\u2066\n"
+
+
+def unseen(text):
+    return {c for c in text if not c.isprintable() and c not in "\n\u00a0"}
+
+
+HOSTILE_NAMES = {
+    "key": f"{json.dumps(UNSEEN)}: 1",
+    "nested key": f"ensemble: {{{json.dumps(UNSEEN)}: 1}}",
+    "value": f"name: {json.dumps(UNSEEN)}",
+    "component": f"task: {json.dumps(UNSEEN)}",
+    "file": f"plugins: [{json.dumps(UNSEEN)}]",
+    "sweep": f"sweep: [{{grid: {{{json.dumps(UNSEEN)}: [1, 2]}}}}]",
+    "label": f"sweep: [{{grid: {{gains.kp: [{json.dumps(UNSEEN)}, 2]}}}}]",
+}
+
+
+@pytest.mark.parametrize("json_wanted", [False, True])
+@pytest.mark.parametrize("case", HOSTILE_NAMES)
+def test_names_in_a_configuration_reach_no_terminal_raw(
+    tmp_path, monkeypatch, capsys, case, json_wanted
+):
+    config = tmp_path / "config.yaml"
+    config.write_text(CONFIG + HOSTILE_NAMES[case] + "\n", encoding="utf-8")
+    words = ["config", "check", config, *(["--json"] if json_wanted else [])]
+    monkeypatch.setattr("sys.argv", ["eqt", *map(str, words)])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    printed = capsys.readouterr()
+    assert caught.value.code == 2
+    assert not unseen(printed.out + printed.err)
+    assert r"\u202e" in printed.out + printed.err
+    if json_wanted:
+        assert "\u202e" in str(json.loads(printed.out)) or r"\u202e" in str(json.loads(printed.out))
+
+
+@pytest.fixture(scope="module")
+def strange(good, tmp_path_factory):
+    """A result with text that a terminal would obey wherever a file of results holds text."""
+    path = tmp_path_factory.mktemp("strange") / "results.h5"
+    path.write_bytes(good)
+    with h5py.File(path, "a") as file:
+        config = file.attrs["config"].replace("label: eqt", f"label: {json.dumps(UNSEEN)}")
+        file.attrs["config"] = config
+        file.attrs["title"] = file.attrs["group"] = UNSEEN
+        file.attrs["titles"] = json.dumps({UNSEEN: UNSEEN})
+        file.attrs["plugins"] = f"{json.dumps(UNSEEN)}: {json.dumps(UNSEEN)}\n"
+        file.attrs["provenance"] = json.dumps(
+            json.loads(file.attrs["provenance"]) | {"started": UNSEEN, "eqt": UNSEEN}
+        )
+        file["controller"][...] = UNSEEN
+        file["message"][...] = UNSEEN
+        file["status"][...] = 1
+        file["effort"].attrs["long_name"] = UNSEEN
+    return path
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["show"],
+        ["show", "--json"],
+        ["show", "--config"],
+        ["show", "--plugins"],
+        ["show", "--variables"],
+        ["show", "--failed"],
+        ["show", "--failed", "--json"],
+        ["show", "--table"],
+        ["show", "--table", "--format", "jsonl"],
+        ["compare"],
+        ["compare", "--json"],
+        ["compare", "--list"],
+        ["verify"],
+        ["run"],
+        ["config", "check", "--resolved"],
+    ],
+    ids=" ".join,
+)
+def test_text_in_a_result_reaches_no_terminal_raw(strange, monkeypatch, capsys, words):
+    command = words[: 2 if words[0] == "config" else 1]
+    options = words[len(command) :]
+    monkeypatch.setattr("sys.argv", ["eqt", *command, str(strange), *options])
+    with pytest.raises(SystemExit):
+        main()
+    printed = capsys.readouterr()
+    assert printed.out + printed.err
+    assert not unseen(printed.out + printed.err)
+
+
+def test_text_in_a_result_reaches_no_page_raw(strange, tmp_path, monkeypatch, capsys):
+    page = tmp_path / "page.html"
+    monkeypatch.setattr("sys.argv", ["eqt", "report", str(strange), "--out", str(page)])
+    with pytest.raises(SystemExit) as caught:
+        main()
+    assert caught.value.code in (None, 0), capsys.readouterr().err
+    text = page.read_text(encoding="utf-8")
+    data = re.findall(r'<script id="data[^>]*>(.*?)</script>', text, re.DOTALL)
+    assert not unseen(text)
+    assert data
+    assert not any(r"\u202e" in part.replace(r"\\u202e", "") for part in data)

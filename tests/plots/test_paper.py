@@ -22,6 +22,23 @@ def test_lines_are_the_means_over_runs(so3, opened):
             np.testing.assert_array_equal(line.get_ydata(), results[signal][index].mean(axis=0))
 
 
+def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_own(
+    simulate, opened
+):
+    drawing = Paper().draw([opened(simulate(controllers=["eqt", "goodarzi2013", "slotine_li"]))])
+    shown = [[line.get_label() for line in axes.lines] for axes in drawing.axes]
+    assert shown == [["eqt", "goodarzi2013", "slotine_li"]] * 3 + [["eqt", "slotine_li"]]
+    assert [text.get_text() for text in drawing.legends[0].get_texts()] == [
+        "EqT",
+        "Goodarzi 2013",
+        "Slotine–Li",
+    ]
+    assert drawing.get_supxlabel().splitlines() == [
+        "Not matched, with gains of their own: Slotine–Li.",
+        "Without L, since the law does not claim that it falls: Goodarzi 2013.",
+    ]
+
+
 def test_failed_runs_are_left_out_of_the_means(so3, altered, opened):
     signals = {signal: opened(so3)[signal] for signal in SIGNALS}
     status = np.zeros_like(opened(so3)["status"])

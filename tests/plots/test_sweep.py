@@ -7,10 +7,12 @@ from matplotlib.text import Text
 
 from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.maps import compare_map
+from eqt_cli.analysis.comparison.shares import share
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import FEW, number_values
 from eqt_cli.plots.figure_data import ShownSweep
+from eqt_cli.plots.figures.envelope import Envelope
 from eqt_cli.plots.figures.pareto import Pareto, front
 from eqt_cli.plots.figures.sweep import SweepFigure
 from eqt_cli.plots.figures.winners import Winners
@@ -276,3 +278,73 @@ def test_winners_are_those_of_the_comparison(swept):
     image = Winners(metric="effort", confidence=0.9).draw([results]).axes[0].collections[0]
     drawn = np.asarray(image.get_array()).reshape(2, 3)
     assert drawn.T.ravel().tolist() == [cell.winner + 1 for cell in found.cells]
+
+
+# Shares of runs.
+
+FLIES = {"actuators": [{"kind": "lag", "time_constant": 0.1}], "settling_threshold": 1.0}
+LAGS = [{"grid": {"actuators[0].time_constant": [0.01, 0.1, 1.0]}}]
+
+
+def settled_by(results, time):
+    """How many runs have, ``(points, controllers)``."""
+    return (results["settling_time"] <= time).sum(axis=-1)
+
+
+def test_an_envelope_shows_the_share_that_settles_with_its_intervals(swept):
+    results = swept(LAGS, **FLIES)
+    (panel,) = Envelope().draw([results]).axes
+    counts = settled_by(results, np.inf)
+    assert counts.min() < counts.max()  # else the figure would show nothing
+    for controller, line in enumerate(panel.lines):
+        np.testing.assert_array_equal(line.get_xdata(), [0.01, 0.1, 1.0])
+        np.testing.assert_allclose(line.get_ydata(), counts[:, controller] / 6)
+        edges = panel.collections[controller].get_paths()[0].vertices[:, 1]
+        ends = [share(int(n), 6, 0.95)[1:] for n in counts[:, controller]]
+        np.testing.assert_allclose([edges.min(), edges.max()], [np.min(ends), np.max(ends)])
+
+
+def test_an_envelope_may_ask_for_an_earlier_time(swept):
+    results = swept(LAGS, **FLIES)
+    (panel,) = Envelope(by=2.0).draw([results]).axes
+    np.testing.assert_allclose(panel.lines[0].get_ydata(), settled_by(results, 2.0)[:, 0] / 6)
+    assert panel.get_ylabel() == "share settled by 2 s"
+
+
+def test_a_failed_run_has_not_settled(swept, altered):
+    results = swept(LAGS, **FLIES)
+    status, times = results["status"].copy(), results["settling_time"].copy()
+    times[:] = 0.0
+    status[0, 0, 0] = 1
+    drawing = Envelope().draw([altered(results.path, status=status, settling_time=times)])
+    assert drawing.axes[0].lines[0].get_ydata()[0] == pytest.approx(5 / 6)
+    assert "1 runs failed; they count as not settled." in drawing.get_supxlabel()
+
+
+def test_a_second_key_has_a_panel_for_each_value(swept):
+    drawing = Envelope().draw([swept(BOTH)])
+    assert [axes.get_title() for axes in drawing.axes] == ["gains.kp 1", "gains.kp 2"]
+
+
+def test_runs_are_not_asked_beyond_their_end(swept):
+    with pytest.raises(EqtError, match="option 'by': the runs last 4 s, got 5"):
+        Envelope(by=5.0).draw([swept(ONE)])
+
+
+def test_an_envelope_needs_a_number_across(swept):
+    tensors = [{"grid": {"inertia": [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]}}]
+    with pytest.raises(EqtError, match="shows a swept number and at most one more key, and here"):
+        Envelope().draw([swept(tensors)])
+
+
+def test_bands_of_a_share_are_its_intervals(swept):
+    results = swept(LAGS, **FLIES)
+    (panel,) = SweepFigure(metric="settled").draw([results]).axes
+    counts = settled_by(results, np.inf)[:, 0]
+    edges = panel.collections[0].get_paths()[0].vertices[:, 1]
+    assert edges.max() == pytest.approx(max(share(int(n), 6, 0.95).high for n in counts))
+
+
+def test_a_map_of_shares_says_how_well_they_are_known(swept):
+    drawing = SweepFigure(metric="settled").draw([swept(TWO)])
+    assert "(intervals to ±0." in drawing.axes[-1].get_ylabel()

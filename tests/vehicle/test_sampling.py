@@ -169,13 +169,20 @@ def test_blocks_of_solve_ivp_are_what_they_were_together(solved):
     np.testing.assert_array_equal(second.states, together.states[4:8])
 
 
-def test_the_law_is_told_what_is_measured(solved):
+@pytest.mark.parametrize(
+    ("kind", "offset"), [("velocity", [0.1, 0.0, 0.0]), ("pose", [0.0, 0.3, -0.2])]
+)
+def test_the_law_is_told_what_is_measured(solved, kind, offset):
     text = with_engine(LOOP + "time: {duration: 1, samples: 2}\n", "solve_ivp")
-    sensors = "sensors: {velocity: [{kind: bias, value: [0.1, 0, 0]}]}\n"
+    sensors = f"sensors: {{{kind}: [{{kind: bias, value: {offset}}}]}}\n"
     problem, solution = solved(f"{text}control: {{period: 1}}\n{sensors}")
     s = problem.loop.tracking(problem.times, solution.states)
     Q, V, Qd, Vd = (part[:, 0] for part in (s.Q, s.V, s.Qd, s.Vd))
-    told = problem.loop.initial_state(Q, V + np.array([0.1, 0, 0]), Qd, Vd)
+    if kind == "pose":
+        Q = Q @ SO3.exp(np.array(offset))
+    else:
+        V = V + np.array(offset)
+    told = problem.loop.initial_state(Q, V, Qd, Vd)
     expected = problem.loop.controller.torque(problem.loop.tracking(0.0, told))
     np.testing.assert_allclose(problem.loop.command(s)[:, 0], expected, rtol=0, atol=1e-13)
 
@@ -208,6 +215,24 @@ def test_the_law_is_told_what_is_measured(solved):
         (
             "control: {period: 0.1}\nsensors: {velocity: [{kind: noise, std: -0.1}]}",
             "sensors.velocity[0].std: expected no negative standard deviation, got -0.1",
+        ),
+        (
+            "control: {period: 0.1}\nsensors: {pose: [{kind: noise, std: {normal: [-0.1, 0.01]}}]}",
+            "sensors.pose[0].std: expected no negative standard deviation, got -0.1",
+        ),
+        (
+            "control: {period: 0.1}\n"
+            "sensors: {pose: [{kind: bias, walk: [0, 0, {uniform: [-1, 1]}]}]}",
+            "sensors.pose[0].walk: expected no negative standard deviation, got -1",
+        ),
+        (
+            "control: {period: 1.0e-7}",
+            "control.period: expected at least 1e-06 s, for at most 1,000,000 instants in 1 s; "
+            "got 1e-07",
+        ),
+        (
+            "closing_window: 2",
+            "closing_window: expected a number of at most 1, got 2",
         ),
         (
             "control: {period: 0.1}\nsensors: {velocity: [noise]}",

@@ -16,7 +16,7 @@ from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
 from eqt_cli.mechanics.tracking import Tracking
 
-Kind = Literal["identity", "trajectory", "hypothesis"]
+Kind = Literal["identity", "trajectory", "hypothesis", "oracle"]
 
 
 class Verdict(StrEnum):

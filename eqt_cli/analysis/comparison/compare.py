@@ -45,6 +45,8 @@ class Comparison:
         One row per claim and measure; empty where no claim applies.
     lyapunov_functions
         Which function L is, by label; empty where it is the same one for all.
+    not_matched
+        Labels of laws with gains of their own.
     missing
         What could not be computed, and why.
     confidence, resamples, seed
@@ -62,6 +64,7 @@ class Comparison:
     pairs: list[Pair]
     judgements: list[Judgement]
     lyapunov_functions: dict[str, str]
+    not_matched: list[str]
     missing: list[str]
     confidence: float
     resamples: int
@@ -117,14 +120,22 @@ def compare(
         failed=result.failed,
         horizon=float(result.times[-1] - result.times[0]),
         levels=[level for level in levels if _key(level.measured) in shown],
-        pairs=[pair for pair in pairs if _key(pair.measured) in shown],
+        pairs=[p for p in pairs if _key(p.measured) in shown and _same_measure(result, p)],
         judgements=_judgements(result, samples, pairs, how.confidence),
         lyapunov_functions=result.lyapunov_functions,
+        not_matched=result.not_matched,
         missing=[*_clipped(result, windows), *_uncut(chosen, windows), *_missing(result)],
         confidence=how.confidence,
         resamples=resamples,
         seed=how.seed,
     )
+
+
+def _same_measure(result: Result, pair: Pair) -> bool:
+    """Whether the two are measured by the same number: laws may have an L of their own."""
+    functions = result.lyapunov_functions
+    same = functions.get(pair.first) == functions.get(pair.second)
+    return same or "lyapunov" not in pair.measured.quantity.signals
 
 
 def _key(measured: PerRun) -> _Key:

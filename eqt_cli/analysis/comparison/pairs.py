@@ -10,6 +10,7 @@ import numpy as np
 
 from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_of_means
 from eqt_cli.analysis.comparison.runs_needed import runs_to_decide
+from eqt_cli.analysis.comparison.shares import Interval, PairedShares, share
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.result import PerRun
 
@@ -33,7 +34,7 @@ class Level:
     failed, undefined
         Runs that failed, and good ones that have no value.
     mean, low, high
-        The mean over runs and its interval.
+        The mean over runs and its interval; of what counts runs, a share and that of Wilson.
     standard_deviation, median
         Standard deviation and median over runs.
     """
@@ -66,7 +67,7 @@ class Pair:
     failed, undefined
         Runs left out because one of the two failed, or has no value.
     difference, low, high
-        Mean of the differences and its interval.
+        Mean of the differences and its interval; of shares, that of Newcombe.
     mean_first, mean_second
         Means over the pairs.
     cohen_d
@@ -76,6 +77,8 @@ class Pair:
     runs_to_decide
         Runs that would tell the difference from 0, as `power.runs_to_decide`; None from fewer
         than `bootstrap.FEWEST` pairs, whose spread says little.
+    p_value
+        Of McNemar's test, for shares of runs; else None.
     """
 
     measured: PerRun
@@ -93,6 +96,7 @@ class Pair:
     cohen_d: float
     first_better: float
     runs_to_decide: int | None
+    p_value: float | None = None
 
     @property
     def relative(self) -> float:
@@ -120,29 +124,43 @@ def statistics(
 ) -> tuple[list[Level], list[Pair], int]:
     """Levels of all controllers, differences of all pairs, and how many resamples there were.
 
-    All are resampled together: resample k draws the same runs for every number in the tables.
+    All means are resampled together: resample k draws the same runs for every number in the tables.
+    Shares of runs have intervals in closed form.
     """
     couples = list(combinations(range(len(labels)), 2))
-    columns = np.concatenate(
-        [
-            np.stack([*s.values, *(_differences(s, a, b) for a, b in couples)], axis=1)
-            for s in measured
-        ],
-        axis=1,
-    )
-    found = intervals_of_means(columns, how)
-    ends = iter(np.stack([found.mean, found.low, found.high], axis=1).tolist())
+    resampled = [s for s in measured if not s.quantity.counts]
+    columns = [
+        column
+        for s in resampled
+        for column in (*s.values, *(_differences(s, a, b) for a, b in couples))
+    ]
+    table = np.stack(columns, axis=1) if columns else np.empty((good.shape[1], 0))
+    found = intervals_of_means(table, how)
+    ends = iter(map(Interval, found.mean.tolist(), found.low.tolist(), found.high.tolist()))
     levels, pairs = [], []
     for s in measured:
-        levels += [_level(s, c, label, good, next(ends)) for c, label in enumerate(labels)]
-        pairs += [_pair(s, a, b, labels, good, how.confidence, next(ends)) for a, b in couples]
+        for c, label in enumerate(labels):
+            interval = _share(s, c, how.confidence) if s.quantity.counts else next(ends)
+            levels.append(_level(s, c, label, good, interval))
+        for a, b in couples:
+            shares = _paired(s, a, b) if s.quantity.counts else None
+            interval = next(ends) if shares is None else shares.difference(how.confidence)
+            pair = _pair(s, a, b, labels, good, how.confidence, interval)
+            pairs.append(pair if shares is None else replace(pair, p_value=shares.p_value))
     return levels, pairs, found.resamples
 
 
-_Interval = tuple[float, float, float]
+def _share(s: PerRun, c: int, confidence: float) -> Interval:
+    values = s.values[c][np.isfinite(s.values[c])]
+    return share(int(values.sum()), len(values), confidence)
 
 
-def _level(s: PerRun, c: int, label: str, good: Array, interval: _Interval) -> Level:
+def _paired(s: PerRun, a: int, b: int) -> PairedShares:
+    both = np.isfinite(s.values[a]) & np.isfinite(s.values[b])
+    return PairedShares.of(s.values[a][both], s.values[b][both])
+
+
+def _level(s: PerRun, c: int, label: str, good: Array, interval: Interval) -> Level:
     values = s.values[c][np.isfinite(s.values[c])]
     failed = int(np.count_nonzero(~good[c, : s.runs]))
     return Level(
@@ -165,12 +183,12 @@ def _pair(
     labels: Sequence[str],
     good: Array,
     confidence: float,
-    interval: _Interval,
+    interval: Interval,
 ) -> Pair:
     both = np.isfinite(s.values[a]) & np.isfinite(s.values[b])
     differences = _differences(s, a, b)[both]
     failed = int(np.count_nonzero(~(good[a] & good[b])[: s.runs]))
-    deviation, mean = _deviation(differences), interval[0]
+    deviation, mean = _deviation(differences), interval.value
     with np.errstate(invalid="ignore", divide="ignore"):
         cohen_d = float(np.float64(mean) / deviation)
     better = -differences if s.quantity.better != "higher" else differences

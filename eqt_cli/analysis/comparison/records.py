@@ -50,6 +50,7 @@ def _pair(pair: Pair) -> Record:
         **_what(pair.measured),
         **_fields(pair, "first", "second", "pairs", "failed", "undefined", "censored"),
         **_fields(pair, "difference", "low", "high", "relative", "cohen_d", "first_better"),
+        **({} if pair.p_value is None else {"p_value": pair.p_value}),
         "runs_to_decide": pair.runs_to_decide,
     }
 

@@ -8,7 +8,7 @@ from itertools import groupby
 from eqt_cli.analysis.comparison.bootstrap import FEWEST
 from eqt_cli.analysis.comparison.compare import Comparison
 from eqt_cli.analysis.comparison.notation import Plain
-from eqt_cli.analysis.comparison.pairs import Pair
+from eqt_cli.analysis.comparison.pairs import Level, Pair
 from eqt_cli.analysis.comparison.runs_needed import POWER
 from eqt_cli.analysis.comparison.verdicts import Judgement
 from eqt_cli.analysis.text_tables import Block, TextTable
@@ -43,9 +43,7 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
         levels = list(found)
         here = levels[0].measured
         name, end = here.quantity.described, f"{here.window.stop:g} s"
-        rows.append(
-            [*_measure(here, write), *(write.spread(x.mean, x.low, x.high) for x in levels)]
-        )
+        rows.append([*_measure(here, write), *(_value(level, write) for level in levels)])
         censored = [f"{level.controller} {level.censored}" for level in levels if level.censored]
         if censored:
             notes.append(
@@ -57,9 +55,13 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
             notes.append(f"{name}: good runs without a value: {', '.join(undefined)}.")
     if any("lyapunov" in level.measured.quantity.signals for level in comparison.levels):
         notes += _functions(comparison)
+    if comparison.not_matched:
+        notes.append(f"Not matched, with gains of their own: {', '.join(comparison.not_matched)}.")
     failed = [f"{label} {count}" for label, count in comparison.failed.items() if count]
     if failed:
         notes.append(f"Failed runs, left out: {', '.join(failed)}.")
+    if any(level.measured.quantity.counts for level in comparison.levels):
+        notes.append(f"Shares of runs: with {100 * comparison.confidence:g} % Wilson intervals.")
     caption = (
         f"Means over {_runs_each(comparison)}; "
         f"{write.plus_minus} half the {_level_name(comparison, write)} interval"
@@ -69,6 +71,11 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
     return TextTable(
         "controllers", caption, header, [Block("", rows)] if rows else [], _plain(notes, write)
     )
+
+
+def _value(level: Level, write: Plain) -> str:
+    written = write.interval if level.measured.quantity.counts else write.spread
+    return written(level.mean, level.low, level.high)
 
 
 def _functions(comparison: Comparison) -> list[str]:
@@ -121,7 +128,7 @@ def _pair_row(pair: Pair, write: Plain) -> list[str]:
         *_measure(pair.measured, write),
         write.interval(pair.difference, pair.low, pair.high),
         _relative(pair, write),
-        write.number(_two(pair.cohen_d)),
+        "-" if pair.measured.quantity.counts else write.number(_two(pair.cohen_d)),
         _two(pair.first_better),
         str(pair.pairs),
         _runs(pair.runs_to_decide),
@@ -132,6 +139,7 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     notes = [
         "d: mean over standard deviation of the paired differences (Cohen). P(better): share of "
         "runs in which the first controller is the better one, ties half.",
+        *_of_shares(comparison, shown),
         f"Runs to decide: for which an interval leaves out 0 with probability {POWER:g}, if mean "
         "and spread are as measured. Intervals hold one by one, not all at once.",
     ]
@@ -145,6 +153,21 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
             f"{FEWEST}; here are {fewest}."
         )
     return notes
+
+
+def _of_shares(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
+    """How shares of runs are compared, with the p-values, which few tables have."""
+    tested = [pair for pair in shown if pair.p_value is not None]
+    if not tested:
+        return []
+    found = ", ".join(
+        f"{pair.measured.quantity.plain}, {pair.first} − {pair.second}: p = {pair.p_value:.2g}"
+        for pair in tested
+    )
+    level = f"{100 * comparison.confidence:g} %"
+    return [
+        f"Shares of runs: with {level} paired intervals of Newcombe. McNemar's exact test: {found}."
+    ]
 
 
 def _claims(comparison: Comparison, write: Plain) -> TextTable:

@@ -1,4 +1,8 @@
-"""How commands print: results on stdout, all else on stderr."""
+"""How commands print: results on stdout, all else on stderr, and nothing that cannot be seen.
+
+What is printed may come from a file, so it leaves through `print_text`, `say` and `print_json`,
+which escape it; no other module prints (ruff's T20).
+"""
 
 from __future__ import annotations
 
@@ -11,11 +15,20 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from eqt_cli.core.errors import EqtError, EqtWarning, InputProblem
+from eqt_cli.core.printable import printable
+
+_LINES = "\n\t"
+"""What texts of several lines are made of, such as the source of a plugin."""
+
+
+def print_text(text: str = "") -> None:
+    """A result, on stdout."""
+    print(printable(text, _LINES))
 
 
 def say(message: str) -> None:
     """A remark, on stderr."""
-    print(message, file=sys.stderr)
+    print(printable(message, _LINES), file=sys.stderr, flush=True)
 
 
 def warn(remark: EqtWarning) -> None:
@@ -30,7 +43,13 @@ def option(argument: str) -> str:
 
 def print_json(document: Any) -> None:
     """One JSON document on stdout; numbers that JSON cannot hold become null."""
-    print(json.dumps(_plain(document), indent=2, ensure_ascii=False))
+    print(json_text(document, indent=2))
+
+
+def json_text(document: Any, indent: int | None = None) -> str:
+    """A document as JSON that a terminal may be shown; readers get the same text from it."""
+    text = json.dumps(_plain(document), indent=indent, ensure_ascii=False)
+    return printable(text, _LINES, lambda character: json.dumps(character)[1:-1])
 
 
 def print_found(document: Any, text: str, *, json: bool, nothing: str = "") -> None:
@@ -38,7 +57,7 @@ def print_found(document: Any, text: str, *, json: bool, nothing: str = "") -> N
     if json:
         print_json(document)
     elif text:
-        print(text.removesuffix("\n"))
+        print_text(text.removesuffix("\n"))
     elif nothing:
         say(nothing)
 
@@ -90,6 +109,7 @@ def columns(
     What is wider than `room` gets headings of several lines, and then a last column of text that
     is wrapped; numbers are never cut.
     """
+    rows = [[printable(cell) for cell in row] for row in rows]
     bodies = [max((len(row[i]) for row in rows), default=0) for i in range(len(header))]
     numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(header))]
     heads = [[heading] for heading in header]

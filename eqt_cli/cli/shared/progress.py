@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from eqt_cli.cli.shared.output import duration
+from eqt_cli.cli.shared.output import duration, say
 
 SHOW_AFTER = 1.0
 """s; shorter work shows nothing."""
@@ -126,4 +126,4 @@ class _Lines(Meter):
             return
         self.next_line = now + LINE_EVERY
         told = [f"{self.done:.0f}/{self.total} {self.what}", self.speed, self.left, self.note]
-        print(", ".join(filter(None, told)), file=sys.stderr, flush=True)
+        say(", ".join(filter(None, told)))

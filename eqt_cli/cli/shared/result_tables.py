@@ -1,12 +1,12 @@
-"""The tables that several commands print about a result."""
+"""What several commands print about a result."""
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from eqt_cli.cli.shared.output import number, table
+from eqt_cli.cli.shared.output import number, print_text, say, table
 from eqt_cli.results.result import HEADLINE, Result
 
 MOST_FAILURES = 10
@@ -16,7 +16,19 @@ MOST_READ = 500
 """Failed runs whose messages are looked at."""
 
 
-def print_headline(result: Result) -> None:
+def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
+    """What came out, below some lines; whether to trust it, and what failed, on stderr.
+
+    All of it is read before any of it is printed, so that a damaged file leaves nothing half said.
+    """
+    lines = [*heading, _headline(result), "", *_accuracy(result)]
+    remarks = [*_disagreement(result), *(_failures(result) if result.status.any() else [])]
+    print_text("\n".join(lines))
+    for remark in remarks:
+        say(remark)
+
+
+def _headline(result: Result) -> str:
     """One line per controller: torque, tracking error, final errors, energy residual."""
     rows = []
     for row in result.headline():
@@ -24,47 +36,47 @@ def print_headline(result: Result) -> None:
         runs = str(row["runs"] - row["failed"])
         rows.append([row["controller"], runs, *map(number, means), number(residual, 1)])
     header = ["controller", "runs", *(result.quantity(name).plain for name in HEADLINE)]
-    print(table(header, rows))
+    return table(header, rows)
 
 
-def print_accuracy(result: Result) -> None:
+def _accuracy(result: Result) -> Iterator[str]:
     """How accurate the numbers are, by their own estimate and by another engine."""
     estimates = result["error_estimate"]
     if np.isfinite(estimates).any():
         largest, median = np.nanmax(estimates), np.nanmedian(estimates)
-        print(f"error estimates: largest {largest:.1e}, median {median:.1e}")
+        yield f"error estimates: largest {largest:.1e}, median {median:.1e}"
     check = result.cross_check
-    if check is None:
-        return
-    if np.isnan(check.difference):
-        print("cross-check: nothing to compare, since its runs failed")
-        return
-    print(
-        f"cross-check: {check.runs} runs per controller by {check.method}, "
-        f"largest difference {check.difference:.1e} (bound {check.bound:.0e})"
-    )
-    if not check.holds:
-        print(
-            "eqt: the two integrators differ by more than the bound; tighten solver.rtol, "
-            "or look for kinks and discontinuities in the laws",
-            file=sys.stderr,
+    if check is not None and np.isnan(check.difference):
+        yield "cross-check: nothing to compare, since its runs failed"
+    elif check is not None:
+        yield (
+            f"cross-check: {check.runs} runs per controller by {check.method}, "
+            f"largest difference {check.difference:.1e} (bound {check.bound:.0e})"
         )
 
 
-def print_failures(result: Result) -> None:
-    """How many runs failed in which way, and in what words, the first of each, on stderr."""
+def _disagreement(result: Result) -> Iterator[str]:
+    if result.cross_check is not None and not result.cross_check.holds:
+        yield (
+            "eqt: the two integrators differ by more than the bound; tighten solver.rtol, "
+            "or look for kinks and discontinuities in the laws"
+        )
+
+
+def _failures(result: Result) -> Iterator[str]:
+    """How many runs failed in which way, and in what words, the first of each."""
     failures = result.failures
     total, first = len(failures), failures[:MOST_READ]
     listed = ", ".join(f"{count} {ending}" for ending, count in result.endings.items())
-    print(f"\n{total} runs failed: {listed}", file=sys.stderr)
+    yield f"\n{total} runs failed: {listed}"
     places: dict[str, list[str]] = {}
     for where, message in zip(first, result.messages(first), strict=True):
         places.setdefault(message, []).append(result.place(where))
     for message, found in list(places.items())[:MOST_FAILURES]:
         others = f" and {len(found) - 1} more" if len(found) > 1 else ""
-        print(f"  {found[0]}{others}: {message}", file=sys.stderr)
+        yield f"  {found[0]}{others}: {message}"
     if total > min(len(places), MOST_FAILURES):
         those = f"of the first {MOST_READ}; " if total > MOST_READ else ""
         cut = "… " if len(places) > MOST_FAILURES else ""
         how = f"`eqt show {result.path.parent} --failed` lists all"
-        print(f"  {cut}{those}{how}", file=sys.stderr)
+        yield f"  {cut}{those}{how}"

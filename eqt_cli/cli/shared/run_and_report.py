@@ -146,19 +146,16 @@ def _document(done: StoredResult, results: Result, counted: dict[str, Any]) -> d
 
 
 def _print_summary(done: StoredResult, results: Result) -> None:
-    from eqt_cli.cli.shared.result_tables import print_accuracy, print_failures, print_headline
+    from eqt_cli.cli.shared.output import print_text
+    from eqt_cli.cli.shared.result_tables import print_outcome
 
     points = results.dimensions.get("point")
-    print_headline(results)
-    print()
-    print_accuracy(results)
-    if done.failed:
-        print_failures(results)
+    print_outcome(results)
     took = "".join(f", {name} {value:.1f} s" for name, value in done.seconds.items())
     over = "" if points is None else f"{points} points, "
-    print(f"{over}{done.runs} runs{took}")
-    print(f"results  {done.file}")
+    print_text(f"{over}{done.runs} runs{took}")
+    print_text(f"results  {done.file}")
     if done.failed < done.runs:
-        print(f"next     eqt plot {done.path}")
+        print_text(f"next     eqt plot {done.path}")
     else:
-        print(f"next     eqt show {done.path} --failed")
+        print_text(f"next     eqt show {done.path} --failed")

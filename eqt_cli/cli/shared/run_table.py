@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import csv
-import json
-import math
 import sys
 from collections.abc import Iterator
 from typing import Any
 
+from eqt_cli.cli.shared.output import json_text, print_text
 from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.core.printable import printable
 from eqt_cli.results.result import Result
 
 FORMATS = ("csv", "jsonl")
@@ -32,8 +32,7 @@ def print_run_table(result: Result, form: str) -> None:
         writer.writerows(rows)
         return
     for row in rows:
-        plain = (None if isinstance(v, float) and not math.isfinite(v) else v for v in row)
-        print(json.dumps(dict(zip(header, plain, strict=True)), ensure_ascii=False))
+        print_text(json_text(dict(zip(header, row, strict=True))))
 
 
 def _rows(result: Result, swept: list[str], numbers: list[str]) -> Iterator[list[Any]]:
@@ -42,8 +41,12 @@ def _rows(result: Result, swept: list[str], numbers: list[str]) -> Iterator[list
     shape = (result.points, len(result.labels), result.runs)
     columns = [result[name].reshape(shape) for name in numbers]
     for point in range(result.points):
-        here = [point, *(value[point] for value in values)] if result.is_sweep else []
+        here = [point, *(_shown(value[point]) for value in values)] if result.is_sweep else []
         for controller, label in enumerate(result.labels):
             found = [column[point, controller].tolist() for column in columns]
             for run, row in enumerate(zip(*found, strict=True)):
-                yield [*here, label, run, *row]
+                yield [*here, label, run, *map(_shown, row)]
+
+
+def _shown(value: Any) -> Any:
+    return printable(value) if isinstance(value, str) else value

@@ -172,7 +172,7 @@ class Taylor(Engine):
                 states = compiled.at_instant(span.start, states, numbers, errors)
             samples = slice(first, first + span.samples)
             first = samples.stop
-            if span.wanted[0]:
+            if span.wanted[0] and not span.later:
                 solution.states[runs, samples.start] = states[:, :count].T
             for batch in list(going):
                 rows, left = runs[batch], self.max_steps - int(steps[batch].max())
@@ -180,8 +180,8 @@ class Taylor(Engine):
                     span, states[:, batch], numbers[:, batch], left
                 )
                 if span.later:
-                    later = slice(samples.stop - span.later, samples.stop)
-                    solution.states[rows, later] = found[:, :, : len(rows)].transpose(2, 0, 1)
+                    here = slice(rows[0], rows[-1] + 1)
+                    solution.states[here, samples] = found[:, :, : len(rows)].transpose(2, 0, 1)
                 steps[batch] += [end[3] for end in ends]
                 bad = next((end[0] for end in ends if end[0] != success), None)
                 if is_last and not np.isfinite(states[:, batch]).all():
@@ -360,11 +360,6 @@ class _Compiled:
     board: Switchboard | None
     after_instant: Any = None
 
-    @property
-    def watch(self) -> dict[str, Any]:
-        """What is to be called after every step, as an argument."""
-        return {} if self.board is None else {"callback": self.board.check}
-
     def at_instant(
         self, t: float, states: Array, numbers: Array, errors: tuple[Array, Array] | None
     ) -> Array:
@@ -383,6 +378,9 @@ class _Compiled:
     ) -> tuple[list[Any], Array, Array]:
         """Integrate a batch through a span, by the numbers of the law in every lane.
 
+        Comparisons are looked at after every step only where looking at the end has found that a
+        switch was missed: it takes as long as the step itself.
+
         Returns
         -------
         ends
@@ -390,21 +388,35 @@ class _Compiled:
         states : (n, lanes)
             At the end.
         samples : (samples, n, lanes)
-            Where any are wanted behind the start; else none.
+            All of the span where any is behind its start; else none.
         """
-        integrator, lanes = self.integrator, states.shape[1]
+        outcomes = _heyoka().taylor_outcome
         if most_steps <= 0:
-            lost = np.full((span.later, *states.shape), np.nan)
-            return [(_heyoka().taylor_outcome.step_limit, 0.0, 0.0, 0)] * lanes, states, lost
+            lost = np.full((span.samples, *states.shape), np.nan)
+            return [(outcomes.step_limit, 0.0, 0.0, 0)] * states.shape[1], states, lost
+        found = self._propagate(span, states, numbers, most_steps)
+        expected = (outcomes.time_limit, outcomes.step_limit)
+        if self.board is None or (
+            all(end[0] in expected for end in found[0]) and self.board.is_right(self.integrator)
+        ):
+            return found
+        return self._propagate(span, states, numbers, most_steps, callback=self.board.check)
+
+    def _propagate(
+        self, span: Span, states: Array, numbers: Array, most_steps: int, **watch: Any
+    ) -> tuple[list[Any], Array, Array]:
+        """As `go`; what is to be called after every step may be given."""
+        integrator, lanes = self.integrator, states.shape[1]
         integrator.set_time(span.start)
         integrator.state[:] = states
         self._set_parameters(numbers)
         if span.tick is not None and not span.later:  # without dense output, three times as fast
-            integrator.propagate_until(span.stop, max_steps=most_steps, **self.watch)
+            integrator.propagate_until(span.stop, max_steps=most_steps, **watch)
             return integrator.propagate_res, integrator.state, integrator.state[:0]
         grid = np.repeat(span.grid[:, None], lanes, axis=1)
-        _, found = integrator.propagate_grid(grid, max_steps=most_steps, **self.watch)
-        return integrator.propagate_res, integrator.state, found[1:][span.wanted[1:]]
+        _, found = integrator.propagate_grid(grid, max_steps=most_steps, **watch)
+        wanted = found if span.wanted.all() else found[span.wanted]
+        return integrator.propagate_res, integrator.state, wanted
 
     def _set_parameters(self, values: Array) -> None:
         """The numbers of the law in every lane, ``(numbers, lanes)``; the state is set."""

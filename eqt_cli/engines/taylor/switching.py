@@ -100,13 +100,17 @@ class Switchboard:
         """Choose sides and scales at the initial states."""
         integrator.pars[self.first :] = 1.0
         self._settle(integrator, slice(None))
-        self._grow_scales(integrator, *self._values(integrator)[:2])
-        self._settle(integrator, slice(None))
 
-    def cross(self, integrator: Any, index: int, lane: int) -> bool:
-        """Change a side where its event has happened; False if it only goes back and forth."""
+    def cross(self, integrator: Any, index: int, direction: int, lane: int) -> bool:
+        """Change a side where its event has happened.
+
+        False if it only goes back and forth, or if the side was wrong: a margin that comes back
+        has left without an event.
+        """
         sides = integrator.pars[self.first :: 2, lane]
         if integrator.last_h[lane] > AT_ONCE:
+            if direction * sides[index] > 0:
+                return False
             sides[:] = np.sign(sides)
         sides[index] *= -2
         self._settle(integrator, slice(lane, lane + 1))
@@ -117,32 +121,39 @@ class Switchboard:
 
         heyoka looks for none where the series of a comparison is not finite.
         """
-        a, b, margins = self._values(integrator)
-        self._grow_scales(integrator, a, b)
-        wrong = -margins * np.sign(integrator.pars[self.first :: 2])
+        wrong = self._wrong(integrator)
         if not (wrong > 0).any():
             return True
         if (wrong > WIDTH).any():
             return False
-        self._settle(integrator, slice(None))  # the step ended on a crossing, to rounding
+        for lane in np.flatnonzero((wrong > 0).any(axis=0)):
+            self._settle(integrator, slice(lane, lane + 1))  # it ended on a crossing, to rounding
         return True
 
-    def _grow_scales(self, integrator: Any, a: Array, b: Array) -> None:
-        """Follow the smaller of |a| and |b|, which are equal where they cross.
+    def is_right(self, integrator: Any) -> bool:
+        """Whether no side is wrong."""
+        return not (self._wrong(integrator) > 0).any()
 
-        Growth widens the band about 0 in which no side changes, so it makes no side wrong.
-        """
-        scales, size = integrator.pars[self.first + 1 :: 2], np.fmin(abs(a), abs(b))
-        np.maximum(scales, size, out=scales, where=np.isfinite(size))
+    def _wrong(self, integrator: Any) -> Array:
+        """How far each margin is on the other side, ``(comparisons, lanes)``."""
+        margins = self._values(integrator)[2]
+        wrong: Array = -margins * np.sign(integrator.pars[self.first :: 2])
+        return wrong
 
     def _settle(self, integrator: Any, lanes: slice) -> None:
-        """Change every side whose margin has the other sign.
+        """Let the scales follow, and change every side whose margin has the other sign.
 
         A comparison may depend on those before it, so there may be a change behind every change.
         """
         sides = integrator.pars[self.first :: 2, lanes]
+        scales = integrator.pars[self.first + 1 :: 2, lanes]
         for _ in sides:
-            wrong = self._values(integrator)[2, :, lanes] * sides < 0
+            a, b, margins = self._values(integrator)[..., lanes]
+            # The smaller of |a| and |b|, which are equal where they cross. Growth widens the band
+            # about 0 in which no side changes, so it makes no side wrong.
+            size = np.fmin(abs(a), abs(b))
+            np.maximum(scales, size, out=scales, where=np.isfinite(size))
+            wrong = margins * sides < 0
             if not wrong.any():
                 return
             sides[wrong] *= -1
@@ -164,4 +175,4 @@ class Crossing:
 
     def __call__(self, integrator: Any, direction: int, lane: int) -> bool:
         """Go on from the event on its other side, if that leads anywhere."""
-        return self.board.cross(integrator, self.index, lane)
+        return self.board.cross(integrator, self.index, direction, lane)

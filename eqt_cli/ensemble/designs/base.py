@@ -5,14 +5,17 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self, TypeAlias, get_type_hints
+from typing import Any, ClassVar, Self, TypeAlias, TypeVar, get_type_hints
 
 from pydantic import TypeAdapter
 
 from eqt_cli.core.component import Component
+from eqt_cli.core.option_types import MOST_POINTS
 from eqt_cli.core.problems import KeyPath, Problems, parse_key
 from eqt_cli.core.validation import validated
 from eqt_cli.ensemble.axes import ListedAxis, Spaced
+
+D = TypeVar("D", bound="Design")
 
 
 class Design(Component):
@@ -47,7 +50,7 @@ class Design(Component):
             found = validated(cls, section, problems)
         if found is not None:
             found.check(problems)
-        return None if problems else found
+        return None if problems or found is None else counted(found, problems)
 
     def check(self, problems: Problems) -> None:
         """Note what is wrong with its options."""
@@ -68,6 +71,18 @@ class Design(Component):
         super().__init_subclass__(**options)
         if "parse" in vars(cls):
             cls.read = classmethod(_read_by_parse)  # type: ignore[assignment]  # set once
+
+
+def counted(design: D, problems: Problems) -> D | None:
+    """The design itself, or None after noting that it has more points than a sweep may have.
+
+    They are counted by their lengths, before any point is made.
+    """
+    points = design.__len__()  # len() itself fails on numbers beyond 2⁶³
+    if points > MOST_POINTS:
+        problems.add(f"makes {points} points; expected at most {MOST_POINTS}")
+        return None
+    return design
 
 
 # Plugins of the first version parse their section, and write its JSON schema, by hand -------------

@@ -12,6 +12,7 @@ from pydantic import Field
 
 from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.ensemble.designs import Design
+from eqt_cli.ensemble.designs.base import counted
 from eqt_cli.ensemble.sweep import Sweep
 
 
@@ -39,7 +40,7 @@ class Concat(Design):
         found = cls([part for part in parts if part is not None])
         if not problems:
             found.check(problems)
-        return None if problems else found
+        return None if problems else counted(found, problems)
 
     def check(self, problems: Problems) -> None:
         """Note a part over other keys than the first."""

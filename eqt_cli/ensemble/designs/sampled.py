@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.option_types import Count, CountOrNone
+from eqt_cli.core.option_types import CountOrNone, Points
 from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.ensemble.axes import SampledAxis
 from eqt_cli.ensemble.designs.base import Design
@@ -31,7 +31,7 @@ class Sampled(Design):
         What is drawn, by key.
     """
 
-    points: Count
+    points: Points
     seed: CountOrNone = 0
     axes: Annotated[dict[str, SampledAxis], Field(min_length=1)]
 

@@ -78,7 +78,8 @@ def signal_label(result: Result, signal: str) -> str:
 
 def metric_label(result: Result, metric: str, characters: int) -> str:
     """The name of a metric with its unit, in lines of at most so many characters."""
-    found, unit = result.quantity(metric), result.units(metric)
+    found = result.quantity(metric)
+    unit = result.units(metric) if result.has(metric) else found.units
     if "{}" in found.label:
         return found.label.replace("{}", quantity(found.symbol, unit))
     return in_words(free_text(found.label or found.long_name, characters), unit)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import traceback
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib
+import numpy as np
 from matplotlib.colors import to_hex, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, fontManager
@@ -151,8 +153,31 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
         if to_hex(_PRESENT["grid.color"]) == ink():
             # Of a sheet that shows no grid; eqt does, and it must not hide the curves.
             _PRESENT["grid.color"] = ink(_GRID)
-        with latex.explained() if settings["text.usetex"] else nullcontext():
+        with latex.explained() if settings["text.usetex"] else nullcontext(), _moderate_numbers():
             yield
+
+
+@contextmanager
+def _moderate_numbers() -> Iterator[None]:
+    """Turn what Matplotlib raises where an axis would end beyond the largest float into a sentence.
+
+    Raises
+    ------
+    EqtError
+        In place of it.
+    """
+    try:
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)
+            yield
+    except (ValueError, OverflowError) as error:
+        *_, (frame, _) = traceback.walk_tb(error.__traceback__)
+        if frame.f_globals.get("__name__") not in ("matplotlib.ticker", "matplotlib.transforms"):
+            raise
+        raise EqtError(
+            "the figure cannot be drawn: its numbers are too large for an axis; look for runs that "
+            "diverge with `eqt show --table`"
+        ) from error
 
 
 @dataclass(frozen=True)
@@ -200,8 +225,11 @@ def _has_pairs(cycle: list[dict[str, Any]], needed: tuple[int, int]) -> bool:
 
 
 def marker(index: int) -> str:
-    """The shape of the points that belong to the controller at this position."""
-    return _MARKERS[index % len(_MARKERS)]
+    """The shape of the points that belong to the controller at this position.
+
+    Where the colours of eqt's own style begin anew, the shapes are the next ones.
+    """
+    return _MARKERS[(index + index // len(_MARKERS)) % len(_MARKERS)]
 
 
 def ink(share: float = 1.0) -> str:

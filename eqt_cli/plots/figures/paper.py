@@ -57,11 +57,11 @@ class Paper(OverTime):
             self._fill(axes, signal, runs)
         for signal, part in zip(norms[0], parts, strict=True):
             add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
-        add_legend(drawing, panels["lyapunov"].lines, [e.title for e in runs.shown])
+        add_legend(drawing, panels[norms[0][0]].lines, [e.title for e in runs.shown])
         return drawing
 
     def _fill(self, axes: Axes, signal: str, runs: ShownRuns) -> None:
-        for ensemble in runs.shown:
+        for ensemble in runs.with_function() if signal == "lyapunov" else runs.shown:
             values = runs.errors(signal, ensemble, degrees=self.degrees)
             look = line_style(ensemble.look)
             times = runs.times(ensemble)

@@ -63,8 +63,11 @@ class Runs(OverTime):
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """A row per controller and a column per part, or else controllers two by two."""
         runs.require_attitude(degrees=self.degrees)
-        shown = runs.shown
-        parts = [""] if self.signal == "lyapunov" else runs.parts
+        shown, parts = runs.shown, runs.parts
+        if self.signal == "lyapunov":
+            shown, parts = runs.with_function(), [""]
+            if not shown:
+                raise runs.error("has no L to show: none of these laws claims that its own falls")
         places = panels_by_controller([e.label for e in shown], parts)
         room = WIDTHS[width] / len(places[0])
         drawing, panels = sheet(width, places, runs.span, runs.unit("time"))

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Patch
 
+from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.drawing.cells import Cells
@@ -71,6 +72,10 @@ class SweepFigure(OfSweep):
                 "figure 'pareto' shows sweeps of any number"
             )
         label = metric_label(swept.results, self.metric, 36)
+        if swept.results.quantity(self.metric).counts and len(axes) == 2:
+            _, low, high = np.moveaxis(shares(values), -1, 0)
+            most = np.nanmax(np.maximum(high - means, means - low))
+            label += f"\n(intervals to ±{most:.2f})"
         if len(axes) == 1:
             return self._curves(swept, axes[0], values, label, width)
         return self._maps(swept, axes, means, label, width)
@@ -90,7 +95,7 @@ class SweepFigure(OfSweep):
             lines += panel.plot(axis.values[order], mean, label=title, **shape, **style)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
-            low, high = np.quantile(found, BAND, axis=-1)
+            low, high = self._band(swept, found)
             band = band_look(style["color"])
             panel.fill_between(axis.values[order], low, high, label=title, **band)
         panel.margins(x=_MARGIN)
@@ -98,6 +103,14 @@ class SweepFigure(OfSweep):
         panel.set_ylabel(label)
         add_legend(drawing, lines, swept.titles)
         return drawing
+
+    def _band(self, swept: ShownSweep, values: Array) -> tuple[Array, Array]:
+        """Where most runs are; of what counts runs, how well their share is known."""
+        if not swept.results.quantity(self.metric).counts:
+            low, high = np.quantile(values, BAND, axis=-1)
+            return low, high
+        ends = shares(values)
+        return ends[..., 1], ends[..., 2]
 
     def _maps(
         self, swept: ShownSweep, axes: list[SweptKey], means: Array, label: str, width: Width

@@ -6,6 +6,8 @@ from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.component import Given, VehiclePart
@@ -53,8 +55,14 @@ class Actuator(VehiclePart):
         return x
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
-        """Where a command is beyond its limit, ``(...)``; None where it has none."""
-        return None
+        """Where a command is beyond its limit, ``(...)``; None where it has none.
+
+        Of most limits, that is where the output falls short of the command by more than rounding.
+        """
+        if not self.limits:
+            return None
+        short = np.abs(command - self.output(G, command, x, given)) > 1e-12 * (1 + np.abs(command))
+        return np.array(short.any(axis=-1))
 
     def most(self, G: MatrixLieGroup, torque: Array, given: Given) -> tuple[Array, Array] | None:
         """How much of something a torque takes, and how much of it there is, ``(..., k)`` each.

@@ -51,8 +51,3 @@ class MomentumLimit(Actuator):
     def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
         """What it gives."""
         return x[..., : G.dimension]
-
-    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
-        """Where it gives less than the command; what rounding leaves is nothing."""
-        short = np.abs(command - x[..., : G.dimension]) > 1e-12 * (1.0 + np.abs(command))
-        return np.array(short.any(axis=-1))

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numpy as np
-
 from eqt_cli.core.arrays import Array, clip
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator
@@ -47,8 +45,3 @@ class RateLimit(Actuator):
     def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
         """What it has come to."""
         return x
-
-    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
-        """Where it has not come to the command; what rounding leaves is none."""
-        short = np.abs(command - x) > 1e-12 * (1.0 + np.abs(command))
-        return np.array(short.any(axis=-1))

@@ -10,7 +10,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array, sin
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.component import Given, check_deviations
 from eqt_cli.vehicle.forces.base import Force
 from eqt_cli.vehicle.numbers import Number, Numbers, check_numbers
 
@@ -74,11 +74,8 @@ class Gust(Force):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A deviation that is negative, a time constant that is not positive, a wrong length."""
-        super().check(G, problems)
+        check_deviations(self.std, G, problems.at("std"))
         check_numbers(self.time_constant, problems.at("time_constant"), positive=True)
-        for value in self.std if isinstance(self.std, list) else [self.std]:
-            if isinstance(value, float) and value < 0:
-                problems.at("std").add(f"expected no negative standard deviation, got {value:g}")
 
 
 def _column(t: Any, V: Array) -> Any:

@@ -10,9 +10,9 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle.component import check_deviations
 from eqt_cli.vehicle.numbers import Numbers, check_numbers
 from eqt_cli.vehicle.sensors.base import Sensor
-from eqt_cli.vehicle.sensors.noise import check_deviations
 from eqt_cli.written.poses import vector
 
 

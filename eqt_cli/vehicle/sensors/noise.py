@@ -10,7 +10,8 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.numbers import Numbers, check_numbers
+from eqt_cli.vehicle.component import check_deviations
+from eqt_cli.vehicle.numbers import Numbers
 from eqt_cli.vehicle.sensors.base import Sensor
 from eqt_cli.written.poses import vector
 
@@ -57,13 +58,3 @@ class Noise(Sensor):
         for name, value in (("std", self.std), ("density", self.density)):
             if value is not None:
                 check_deviations(value, G, problems.at(name))
-
-
-def check_deviations(value: Numbers, G: MatrixLieGroup, problems: Problems) -> None:
-    """Note a negative standard deviation, or a wrong number of them."""
-    check_numbers(value, problems)
-    for entry in value if isinstance(value, list) else [value]:
-        if isinstance(entry, float | int) and entry < 0:
-            problems.add(f"expected no negative standard deviation, got {entry:g}")
-    if isinstance(value, list) and len(value) != G.dimension:
-        problems.add(f"expected {G.dimension} entries for {G.name}, got {len(value)}")

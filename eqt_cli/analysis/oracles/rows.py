@@ -1,0 +1,235 @@
+"""What a foreign plant says of an experiment, as rows beside the certificates."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.analysis.evidence.runs import STATES_PER_RTOL
+from eqt_cli.analysis.oracles.base import Oracle, RigidBody, SteppingOracle
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.core.arrays import Array, frobenius, norm
+from eqt_cli.engines import Engine, Problem
+from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.lie_poisson import lie_poisson
+from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.vehicle import INERTIA
+
+STATES = 20
+"""Random states at which accelerations are compared."""
+
+TOLERANCE = 1e-12
+"""Of accelerations, relative to the largest of a state or 1: rounding, here and there."""
+
+PERIOD, INSTANTS = 0.05, 40
+"""s, and how many: of the sampled loop that is stepped by the oracle."""
+
+SUBSTEPS = (1, 2, 4, 8)
+"""Into how many steps a period is cut, one after the other."""
+
+RTOL = 1e-12
+"""Of eqt's own solution."""
+
+ORDER = 2.0
+"""With which the difference falls at least: of MuJoCo's "RK4", 2.00 was measured with 3.3,
+whose attitude is of second order, and 4.00 with 4.0."""
+
+SHORTFALL = 0.2
+"""Of the order, which is reached in the limit of short steps only."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where the stepped loop starts from: the reference, and an engine for eqt's own solution."""
+
+    pose: Array
+    velocity: Array
+    engine: Engine
+
+
+def oracle_rows(
+    kind: type[Oracle], loops: Mapping[str, ClosedLoop], start: Start, random: np.random.Generator
+) -> list[Row]:
+    """The accelerations of plant and reference, and a sampled loop where the oracle integrates."""
+    ask = _Asked(kind, random)
+    rows: list[Row] = []
+    for index, (label, loop) in enumerate(loops.items()):
+        if index == 0:  # the reference and its inertia are the same for all laws
+            rows += ask.reference(loop)
+        rows += ask.plant(label, loop)
+        if issubclass(kind, SteppingOracle):
+            rows += ask.closed_loop(label, loop, start)
+    return rows
+
+
+class _Asked:
+    """An oracle that is asked about one loop after the other."""
+
+    def __init__(self, kind: type[Oracle], random: np.random.Generator) -> None:
+        self.kind, self.random = kind, random
+        self.statement = f"{kind.title} {kind.version()}"
+
+    def reference(self, loop: ClosedLoop) -> Iterator[Row]:
+        """V̇_d under τ_d, with the inertia that the laws believe."""
+        name = "acceleration of the reference"
+        body = self._body(loop, _tensor(loop, s := self._states(loop), true=False))
+        if isinstance(body, str):
+            yield self._row(name, Verdict.NOT_COVERED, remark=body)
+            return
+        _, P_dot = lie_poisson(s.G, s.Qd, s.Pd, s.Vd, s.tau_d)
+        yield self._compared(name, "", s, body, (s.Qd, s.Vd, s.tau_d, s.inertia.velocity(P_dot)))
+
+    def plant(self, label: str, loop: ClosedLoop) -> Iterator[Row]:
+        """V̇ under all that acts, with the true inertia."""
+        name = "acceleration of the plant"
+        body = self._body(loop, _tensor(loop, s := self._states(loop), true=True))
+        if isinstance(body, str):
+            yield self._row(name, Verdict.NOT_COVERED, label, remark=body)
+            return
+        acting, _ = loop.acting_and_rates(s)
+        _, P_dot = lie_poisson(s.G, s.Q, s.P, s.V, acting)
+        forces = _without_inertia(loop.vehicle).acting(s, loop.torque(s))
+        yield self._compared(name, label, s, body, (s.Q, s.V, forces, s.inertia.velocity(P_dot)))
+
+    def closed_loop(self, label: str, loop: ClosedLoop, start: Start) -> Iterator[Row]:
+        """A loop with a zero-order hold, stepped by the oracle, against eqt's solution."""
+        name = "sampled loop converges to eqt's"
+        s = self._states(loop)
+        body = self._body(loop, _tensor(loop, s, true=False))
+        if isinstance(body, str):
+            yield self._row(name, Verdict.NOT_COVERED, label, remark=body)
+            return
+        assert isinstance(body, SteppingOracle)
+        loop = replace(loop, vehicle=Vehicle(control=Sampling(PERIOD)))
+        G, x = loop.group, self.random.standard_normal((2, loop.group.dimension)) / 2
+        first = loop.initial_state(
+            start.pose @ G.exp(x[0]), start.velocity + x[1], start.pose, start.velocity
+        )
+        times = PERIOD * np.arange(INSTANTS + 1)
+        engine = start.engine.sized(1, loop.state_length)
+        exact = engine.tightened(min(1.0, RTOL / engine.rtol))
+        solution = exact.solve(Problem(loop, first[None], times), lambda runs: None)
+        if solution.status[0]:
+            said = f"eqt's own run fails: {solution.messages[0]}"
+            yield self._row(name, Verdict.UNDECIDED, label, remark=said)
+            return
+        found = [_stepped(loop, body, times, first, solution.states[0], n) for n in SUBSTEPS]
+        orders = np.log2(np.array(found[:-1]) / found[1:])
+        bound = max(found[0] / SUBSTEPS[-1] ** (ORDER - SHORTFALL), STATES_PER_RTOL * RTOL)
+        verdict = Verdict.HOLDS if found[-1] <= bound else Verdict.FAILS
+        falls = ", ".join(f"{order:.2f}" for order in orders)
+        step = PERIOD / SUBSTEPS[-1]
+        said = f"at {times[-1]:g} s, steps of {step:g} s; falls with order {falls}"
+        yield self._row(name, verdict, label, found[-1], bound, said)
+
+    def _states(self, loop: ClosedLoop) -> Tracking:
+        """The loop at random states, all at one time."""
+        G, random = loop.group, self.random
+        Q, Qd = (G.exp(random.standard_normal((STATES, G.dimension))) for _ in range(2))
+        V, Vd = random.standard_normal((2, STATES, G.dimension))
+        t = float(random.uniform(0.0, 1.0))
+        flat = loop.initial_state(Q, V, Qd, Vd, t)
+        beyond = flat[:, loop.layout.slices["work"].stop :]
+        beyond[:] = random.standard_normal(beyond.shape)
+        return loop.tracking(t, flat)
+
+    def _body(self, loop: ClosedLoop, tensor: Array | str) -> Oracle | str:
+        """The loop's body in the other program, or why there is none."""
+        if isinstance(tensor, str):
+            return tensor
+        body = RigidBody.of(loop.group, tensor)
+        if body is None:
+            return "no rigid body in space has this group or this inertia"
+        try:
+            return self.kind(body)
+        except ValueError as error:
+            return f"{self.kind.title} does not take this body: {error}"
+
+    def _compared(
+        self, name: str, label: str, s: Tracking, oracle: Oracle, given: tuple[Array, ...]
+    ) -> Row:
+        """The largest difference of accelerations; given are Q, V, the force and eqt's V̇."""
+        Q, V, force, expected = (
+            np.broadcast_to(values, (STATES, *values.shape[values.ndim - axes :]))
+            for values, axes in zip(given, (2, 1, 1, 1), strict=True)
+        )
+        worst = 0.0
+        for k in range(STATES):
+            found = oracle.acceleration(*_placed(s, Q[k]), V[k], force[k])
+            size = max(1.0, float(np.abs(expected[k]).max()))
+            worst = max(worst, float(np.abs(found - expected[k]).max()) / size)
+        verdict = Verdict.HOLDS if worst <= TOLERANCE else Verdict.FAILS
+        remark = f"relative, at {STATES} random states"
+        return self._row(name, verdict, label, worst, TOLERANCE, remark)
+
+    def _row(
+        self,
+        name: str,
+        verdict: Verdict,
+        label: str = "",
+        measured: float | None = None,
+        bound: float | None = None,
+        remark: str = "",
+    ) -> Row:
+        return Row(name, self.statement, "oracle", label, measured, bound, verdict, remark)
+
+
+def _tensor(loop: ClosedLoop, s: Tracking, *, true: bool) -> Array | str:
+    """The inertia tensor, or why there is no constant one."""
+    found: Inertia = s.inertia
+    if true and loop.vehicle.inertia is not None:
+        prefix = f"{INERTIA}."
+        own = loop.vehicle.given.items()
+        given = {name.removeprefix(prefix): x for name, x in own if name.startswith(prefix)}
+        found = loop.vehicle.inertia.at(found, s.t, given)
+    if found.change is not None:
+        return "the inertia varies in time"
+    return np.asarray(found.matrix)
+
+
+def _without_inertia(vehicle: Vehicle) -> Vehicle:
+    """The same with the inertia that the law believes: what then acts is what really does."""
+    given = {name: x for name, x in vehicle.given.items() if not name.startswith(f"{INERTIA}.")}
+    return replace(vehicle, inertia=None, given=given)
+
+
+def _placed(s: Tracking, Q: Array) -> tuple[Array, Array]:
+    """Attitude and position of a pose."""
+    assert isinstance(s.G, EuclideanGroup)
+    return s.G.rotation(Q), Q[:3, 3:].reshape(-1)
+
+
+def _stepped(
+    loop: ClosedLoop,
+    oracle: SteppingOracle,
+    times: Array,
+    first: Array,
+    expected: Array,
+    substeps: int,
+) -> float:
+    """The difference to eqt's solution at its end, of the loop whose plant the oracle integrates.
+
+    The law is eqt's, evaluated at what the oracle's body does; references are those of eqt.
+    """
+    G, layout, state = loop.group, loop.layout, first
+    s = loop.tracking(times[0], state)
+    oracle.start(*_placed(s, s.Q), s.V)
+    ours = [name for name in layout.lengths if name.startswith("desired")]
+    for k, t in enumerate(times[:-1]):
+        state = loop.after_instant(t, state)
+        torque = loop.torque(loop.tracking(t, state))
+        R, x, V = oracle.steps(torque, PERIOD / substeps, substeps)
+        pose = np.eye(G.size)
+        pose[:3, :3], pose[:3, 3:] = R, x.reshape(3, -1) if x.size else np.empty((3, 0))
+        after = layout.split(expected[k + 1])
+        changed = {name: after[name] for name in ours}
+        changed |= {"pose": G.pack(pose), "momentum": loop.inertia.at(times[k + 1]).momentum(V)}
+        state = layout.join(layout.split(state) | changed, state)
+    end, right = (loop.tracking(times[-1], values) for values in (state, expected[-1]))
+    return float(max(frobenius(end.Q - right.Q), norm(end.V - right.V)))

@@ -1,0 +1,111 @@
+"""The figure of what a law asks for and what the actuators give, in a single run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.problems import Problems
+from eqt_cli.plots.base import OverTime
+from eqt_cli.plots.drawing.labels import component, quantity
+from eqt_cli.plots.drawing.layout import (
+    add_legend,
+    add_title,
+    hide_inner_scales,
+    name_scale,
+    share_scale,
+    sheet,
+)
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
+from eqt_cli.plots.figure_data import Ensemble, ShownRuns
+
+_MOST_CONTROLLERS: dict[Width, int] = {"column": 4, "page": 8}
+_ASKED: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.2))}
+_ANY = 0.7
+"""The share of ink in the grey that stands for every controller's colour in the legend."""
+_SHADE = 0.13
+"""The share of ink in what lies behind the curves."""
+
+
+@dataclass(frozen=True)
+class Commands(OverTime):
+    """What a law asks for and what its actuators give in one run; the time at a limit is shaded.
+
+    A row per axis and a column per controller. In an ideal loop the two are the same.
+
+    Attributes
+    ----------
+    run
+        Which run, by its number.
+    """
+
+    name: ClassVar[str] = "commands"
+
+    run: int = 0
+
+    def check(self, problems: Problems) -> None:
+        """A run has a number from 0."""
+        if self.run < 0:
+            problems.at("run").add(f"expected 0 or more, got {self.run}")
+
+    def compose(self, runs: ShownRuns, width: Width) -> Drawing:
+        """Axes downwards with a scale each, controllers to the right."""
+        shown, most = runs.shown, _MOST_CONTROLLERS[width]
+        if len(shown) > most:
+            raise runs.error(
+                f"has a column of panels per controller, and width '{width}' has room for "
+                f"{most}, not {len(shown)}; choose some with the option 'controllers'"
+            )
+        rows = [[f"{axis} {e.label}" for e in shown] for axis, _ in runs.axes]
+        drawing, panels = sheet(width, rows, runs.span, runs.unit("time"))
+        grid = [[panels[name] for name in row] for row in rows]
+        for row, (axis, unit) in zip(grid, runs.axes, strict=True):
+            share_scale(row)
+            name_scale(row[0], quantity(component(r"\tau", axis), unit))
+        hide_inner_scales(panels, rows)
+        limited = False
+        for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):
+            add_title(column[0], ensemble.title, WIDTHS[width] / len(shown))
+            limited |= self._fill(column, runs, ensemble)
+        self._add_legend(drawing, limited)
+        return drawing
+
+    def _fill(self, column: tuple[Axes, ...], runs: ShownRuns, ensemble: Ensemble) -> bool:
+        """Draw the panels of a controller; whether its run is ever at a limit."""
+        times, given = runs.times(ensemble), runs.of_run("torque", ensemble, self.run)
+        asked, at_limit = given, np.zeros(len(times))
+        if ensemble.results.has("command"):
+            asked = runs.of_run("command", ensemble, self.run)
+        if ensemble.results.has("at_limit"):
+            at_limit = runs.of_run("at_limit", ensemble, self.run)
+        colour = line_style(ensemble.look)["color"]
+        for k, axes in enumerate(column):
+            for start, end in _stretches(times, at_limit > 0):
+                axes.axvspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
+            axes.plot(times, given[:, k], color=colour, label="given")
+            axes.plot(times, asked[:, k], color=ink(), label="asked", **_ASKED)
+        return bool(at_limit.any())
+
+    def _add_legend(self, drawing: Drawing, limited: bool) -> None:
+        handles: dict[str, Artist] = {
+            "given by the actuators": Line2D([], [], color=ink(_ANY)),
+            "asked by the law": Line2D([], [], color=ink(), **_ASKED),
+        }
+        if limited:
+            handles["at a limit"] = Patch(facecolor=ink(_SHADE), linewidth=0)
+        add_legend(drawing, list(handles.values()), list(handles))
+
+
+def _stretches(times: Array, inside: Array) -> list[tuple[float, float]]:
+    """From the first to the last sample of each stretch that is inside, half a step more around."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]]).astype(int)))
+    between = np.concatenate([times[:1], (times[:-1] + times[1:]) / 2, times[-1:]])
+    return [(float(between[a]), float(between[b])) for a, b in edges.reshape(-1, 2)]

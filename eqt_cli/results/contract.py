@@ -1,0 +1,162 @@
+"""What every reader of a result may rely on; a file that breaks it is refused when it is opened.
+
+A file may come from a stranger, or from a disk that has failed: it is a sound HDF5 file, and says
+things that eqt never says. It must not know what readers do with it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.store.reader import ResultFile
+
+CROSS_CHECK = ("method", "runs", "difference", "bound")
+"""Fields of a cross-check, each an attribute: all of them, or none."""
+
+
+def check_attributes(result: ResultFile) -> None:
+    """Refuse attributes that are of another kind than eqt writes.
+
+    Raises
+    ------
+    ResultError
+        With the first that is.
+    """
+    for name, expected in _EXPECTED.items():
+        if name in result.attributes and not _KINDS[expected](result.attributes[name]):
+            raise result.refusal(f"its attribute '{name}' is not {expected}")
+    there = [name for name in CROSS_CHECK if f"cross_check_{name}" in result.attributes]
+    if there and len(there) < len(CROSS_CHECK):
+        lacking = next(name for name in CROSS_CHECK if name not in there)
+        raise result.refusal(f"it lacks the attribute 'cross_check_{lacking}'")
+
+
+def check_coordinates(result: ResultFile) -> None:
+    """Refuse instants that do not follow each other, and runs that are not counted.
+
+    Raises
+    ------
+    ResultError
+        With the first that is wrong.
+    """
+    for name in result.coordinates:
+        if name == "time" and not _rises(result.coordinate(name)):
+            raise result.refusal("its 'time' does not rise from one finite number to the next")
+        if name in ("run", "stored_run", "point"):
+            _check_numbers(result, name)
+    if "controller" in result.coordinates:
+        labels = result.coordinate("controller").tolist()
+        if not all(isinstance(label, str) and label for label in labels):
+            raise result.refusal("its controllers have no labels")
+        if len(set(labels)) < len(labels):
+            raise result.refusal("two of its controllers have one label")
+
+
+def check_status(result: ResultFile, status: Array) -> None:
+    """Refuse a status that is no number of an outcome.
+
+    Raises
+    ------
+    ResultError
+        If one is not.
+    """
+    if status.dtype.kind not in "iu" and not (status == np.round(status)).all():  # NaN is not
+        raise result.refusal("its 'status' is not whole numbers")
+    if status.size and status.min() < 0:
+        raise result.refusal(f"its 'status' is {status.min():g} for a run")
+
+
+def _check_numbers(result: ResultFile, name: str) -> None:
+    numbers = result.coordinate(name)
+    size = result.dimensions.get("run" if name == "stored_run" else name, 0)
+    whole = numbers.dtype.kind in "iu"
+    if not whole or (numbers.size and not (_rises(numbers) and numbers[0] >= 0)):
+        raise result.refusal(f"its '{name}' does not count from 0")
+    if numbers.size and numbers[-1] >= size:
+        raise result.refusal(f"its '{name}' counts to {numbers[-1]}, and there are {size}")
+
+
+def _rises(values: Array) -> bool:
+    if values.dtype.kind not in "fiu" or not np.isfinite(values).all():
+        return False
+    return bool((values[1:] > values[:-1]).all())
+
+
+# Attributes ---------------------------------------------------------------------------------------
+
+
+def _mapping(value: Any) -> Any:
+    """A mapping that is stored as JSON; None if it is none."""
+    with suppress(ValueError, RecursionError):
+        found = json.loads(value) if isinstance(value, str) else None
+        return found if isinstance(found, dict) else None
+    return None
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int) and value >= 0
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float)
+
+
+def _maps_to_text(value: Any) -> bool:
+    found = _mapping(value)
+    return found is not None and all(isinstance(entry, str) for entry in found.values())
+
+
+def _is_origin(value: Any) -> bool:
+    """Versions and times, and those of other sessions."""
+    found = _mapping(value)
+    if found is None:
+        return False
+    others = found.get("other_sessions", [])
+    named = all(isinstance(found.get(name, ""), str) for name in ("eqt", "python", "started"))
+    return named and isinstance(others, list) and all(isinstance(one, dict) for one in others)
+
+
+def _is_told_of_functions(value: Any) -> bool:
+    """Which function L is, by label, and which laws do not claim that it falls."""
+    found = _mapping(value)
+    if found is None:
+        return False
+    functions, unclaimed = found.get("functions", {}), found.get("unclaimed", [])
+    return (
+        isinstance(functions, dict)
+        and all(isinstance(text, str) for text in functions.values())
+        and isinstance(unclaimed, list)
+        and all(isinstance(label, str) for label in unclaimed)
+    )
+
+
+_KINDS: dict[str, Callable[[Any], bool]] = {
+    "text": _is_text,
+    "a number": _is_number,
+    "a whole number of at least 0": _is_count,
+    "a mapping in JSON from names to texts": _maps_to_text,
+    "versions and times in JSON": _is_origin,
+    "names of functions in JSON": _is_told_of_functions,
+}
+
+_EXPECTED = {
+    **dict.fromkeys(("title", "group", "digest", "config", "plugins"), "text"),
+    "titles": "a mapping in JSON from names to texts",
+    "provenance": "versions and times in JSON",
+    "lyapunov_functions": "names of functions in JSON",
+    "cross_check_method": "text",
+    "cross_check_runs": "a whole number of at least 0",
+    "cross_check_difference": "a number",
+    "cross_check_bound": "a number",
+}
+"""What an attribute is, where a file has it."""

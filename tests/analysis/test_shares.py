@@ -1,0 +1,121 @@
+"""Shares of runs against published examples, and where they stand in comparisons."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.analysis.comparison import compare
+from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.records import records
+from eqt_cli.analysis.comparison.shares import PairedShares, share, shares
+from eqt_cli.analysis.comparison.tables import text_tables
+
+# Complete response before and after consolidation therapy (Cavo et al. 2012), and airway
+# hyper-responsiveness before and after stem cell transplantation (Bentur et al. 2009), as in
+# Fagerland, Lydersen, Laake, Statistical Analysis of Contingency Tables (2017), chapter 8.
+CAVO, BENTUR = PairedShares(59, 6, 16, 80), PairedShares(1, 1, 7, 12)
+
+
+@pytest.mark.parametrize(
+    ("count", "runs", "low", "high"),
+    [
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ],
+)
+def test_shares_have_the_published_intervals_of_wilson(count, runs, low, high):
+    # Newcombe (1998), Statistics in Medicine 17, 857-872, table I, method 3.
+    found = share(count, runs, 0.95)
+    assert found.value == count / runs
+    assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_a_difference_has_the_published_interval_of_newcombe():
+    found = CAVO.difference(0.95)
+    assert tuple(found) == pytest.approx((-0.0621, -0.1186, -0.0046), abs=5e-5)
+
+
+def test_a_negative_correlation_is_not_corrected():
+    # ad - bc = -30; Newcombe's formula, written out.
+    found = PairedShares(0, 6, 5, 4).difference(0.95)
+    one, other = share(6, 15, 0.95), share(5, 15, 0.95)
+    correlation = -30 / np.sqrt(6 * 9 * 5 * 10)
+    down, up = one.value - one.low, other.high - other.value
+    assert found.low == pytest.approx(
+        1 / 15 - np.sqrt(down**2 + up**2 - 2 * correlation * down * up), rel=1e-12
+    )
+
+
+def test_mcnemars_test_has_the_published_p_value():
+    assert BENTUR.p_value == pytest.approx(0.0703, abs=5e-5)
+
+
+def test_laws_that_never_differ_are_equal_with_a_doubt():
+    always = PairedShares(20, 0, 0, 0)
+    assert always.p_value == 1.0
+    low = share(20, 20, 0.95).low
+    assert tuple(always.difference(0.95)) == pytest.approx((0, low - 1, 1 - low), rel=1e-12)
+
+
+def test_exchanged_laws_have_the_opposite_difference():
+    a, b = CAVO.difference(0.9), PairedShares(59, 16, 6, 80).difference(0.9)
+    assert tuple(a) == pytest.approx((-b.value, -b.high, -b.low), rel=1e-12)
+
+
+def test_runs_without_a_number_do_not_count():
+    found = shares(np.array([[1, 0, np.nan, 1], [np.nan] * 4]), 0.95)
+    assert tuple(found[0]) == tuple(share(2, 3, 0.95))
+    assert np.isnan(found[1]).all()
+
+
+TIMES = [[3.0, np.nan, 4.0, 5.0, np.nan, 6.0, 1.0], [np.nan, np.nan, 4.0, np.nan, np.nan, 6.0, 2.0]]
+SETTLED = np.isfinite(TIMES).astype(float)
+
+
+@pytest.fixture(params=["stored", "told"])
+def settling(request, make_result):
+    """Runs of which 5 and 3 of 7 settle; `settled` is stored, or follows from the settling time."""
+    metrics = {"settling_time": TIMES} | ({"settled": SETTLED} if request.param == "stored" else {})
+    return make_result(["a", "b"], metrics=metrics)
+
+
+def test_settled_runs_are_compared_as_shares(settling):
+    comparison = compare(settling, metrics=["settled"])
+    assert [(x.mean, x.low, x.high) for x in comparison.levels] == [
+        share(5, 7, 0.95),
+        share(3, 7, 0.95),
+    ]
+    (pair,) = comparison.pairs
+    expected = PairedShares(3, 2, 0, 2)
+    assert (pair.difference, pair.low, pair.high) == expected.difference(0.95)
+    assert pair.p_value == expected.p_value == 0.5
+
+
+def test_a_failed_run_is_of_no_share(make_result):
+    status = [[0] * 7, [1, *[0] * 6]]
+    results = make_result(["a", "b"], metrics={"settling_time": TIMES}, status=status)
+    comparison = compare(results, metrics=["settled"])
+    assert [(x.mean, x.runs) for x in comparison.levels] == [(5 / 7, 7), (3 / 6, 6)]
+    assert comparison.pairs[0].difference == pytest.approx((4 - 3) / 6)
+
+
+def test_tables_say_which_intervals_shares_have(settling):
+    made = text_tables(compare(settling, metrics=["settled"]), Plain())
+    (row,) = made["controllers"].blocks[0].rows
+    assert row[-2:] == ["0.71 [0.36, 0.92]", "0.43 [0.16, 0.75]"]
+    assert made["controllers"].notes == ["Shares of runs: with 95 % Wilson intervals."]
+    assert (
+        "Shares of runs: with 95 % paired intervals of Newcombe. McNemar's exact test: "
+        "settled, a − b: p = 0.5." in made["pairs"].notes
+    )
+
+
+def test_records_hold_the_p_value_of_shares_only(settling):
+    found = records(compare(settling, metrics=["settled", "settling_time"]))["pairs"]
+    assert [record.get("p_value") for record in found] == [0.5, None]
+
+
+def test_the_tables_of_an_ideal_loop_are_what_they_were(make_result):
+    comparison = compare(make_result(["a", "b"], metrics={"settling_time": TIMES}))
+    assert {level.measured.quantity.name for level in comparison.levels} == {"settling_time"}

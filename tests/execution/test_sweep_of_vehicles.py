@@ -1,0 +1,64 @@
+"""Sweeps whose points fly differently: with other parts, and so with other states."""
+
+import numpy as np
+import pytest
+
+from eqt_cli import api
+
+CONFIG = {
+    "name": "flies",
+    "group": "SO3",
+    "inertia": [1, 2, 3],
+    "gains": {"kp": 1.0, "kd": 0.5},
+    "reference": {"torque": ["cos(t)", "sin(t)", "0"]},
+    "controllers": ["eqt", "gt"],
+    "initial": {"pose": "haar", "velocity": "normal"},
+    "ensemble": {"runs": 3, "seed": 1},
+    "time": {"duration": 1.0, "samples": 11},
+    "solver": {"cross_check": 0},
+}
+POINTS = [
+    {},
+    {"actuators": [{"kind": "limit", "limit": 1.2}]},
+    {
+        "control": {"period": 0.1, "delay": 1},
+        "plant": {"inertia": {"relative": {"uniform": [-0.1, 0.1]}}},
+        "sensors": {"pose": [{"kind": "noise", "std": 0.01}]},
+    },
+]
+KEYS = ("actuators", "control", "plant", "sensors")
+SWEEP = {"sweep": [{"zip": {key: [point.get(key) for point in POINTS] for key in KEYS}}]}
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("vehicles")
+    return api.run(api.load_experiment(CONFIG | SWEEP), folder / "sweep").path
+
+
+@pytest.mark.parametrize("point", range(len(POINTS)))
+def test_a_point_is_the_experiment_by_itself(swept, point, tmp_path):
+    alone = api.run(api.load_experiment(CONFIG | POINTS[point]), tmp_path / "alone").path
+    with (
+        api.open_results(swept, "arrays", point=point) as one,
+        api.open_results(alone, "arrays") as other,
+    ):
+        for name in ("pose", "torque", "effort", "settling_time"):
+            np.testing.assert_array_equal(one[name], other[name])
+
+
+def test_what_one_point_stores_all_store(swept):
+    with api.open_results(swept, "arrays") as results:
+        shares = results.metric("saturated_share")
+        assert set(results.metrics) >= {"settled", "closing_torque"}
+    assert (shares[[0, 2]] == 0).all()
+    assert (shares[1] > 0).any()
+
+
+def test_a_swept_delay_changes_the_states_of_its_points(tmp_path):
+    config = CONFIG | {"control": {"period": 0.1}, "ensemble": {"runs": 1, "seed": 1}}
+    config |= {"sweep": [{"grid": {"control.delay": [0, 2]}}]}
+    path = api.run(api.load_experiment(config), tmp_path / "delays").path
+    with api.open_results(path, "arrays", point=1) as late:
+        assert (late["torque"][:, :, :2] == 0).all()  # until the first command arrives
+        assert (late["torque"][:, :, 2] != 0).any()

@@ -1,0 +1,224 @@
+"""What mutation has found, each case by itself: one message that says the place and the bound."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+COMMON = {
+    "group": "SO3",
+    "inertia": "[2, 1, 3]",
+    "gains": "{kp: 1.0, kd: 0.5}",
+    "reference": '{torque: ["cos(t)", "sin(t)", "0"]}',
+    "controllers": "[eqt]",
+    "initial": "{pose: haar, velocity: normal}",
+    "ensemble": "{runs: 2, seed: 1}",
+    "time": "{duration: 1.0, samples: 5}",
+    "solver": "{rtol: 1.0e-3, cross_check: 1}",
+}
+AXIS = "gains.kp: {low: 1, high: 2"
+MOST = 10_000_000
+
+CONFIGURATIONS = {
+    "10^12 runs": (
+        {"ensemble": "{runs: 1000000000000}"},
+        "ensemble.runs: expected a number of at most 100000000, got 1000000000000",
+    ),
+    "2^40 points of sobol": (
+        {"sweep": f"[{{sobol: {{points: {2**40}, axes: {{{AXIS}}}}}}}}}]"},
+        f"sweep[0].sobol.points: expected a number of at most {MOST}, got {2**40}",
+    ),
+    "10^18 values of a range": (
+        {"sweep": f"[{{zip: {{{AXIS}, points: {10**18}}}}}}}]"},
+        f"sweep[0].zip.gains.kp.points: expected a number of at most {MOST}, got {10**18}",
+    ),
+    "a grid of 10^14": (
+        {
+            "sweep": "[{grid: {gains.kp: {low: 1, high: 2, points: 10000000}, "
+            "gains.kd: {low: 1, high: 2, points: 10000000}}}]"
+        },
+        f"sweep[0].grid: makes {10**14} points; expected at most {MOST}",
+    ),
+    "blocks of 10^14": (
+        {
+            "sweep": "[{grid: {gains.kp: {low: 1, high: 2, points: 10000000}}}, "
+            "{grid: {gains.kd: {low: 1, high: 2, points: 10000000}}}]"
+        },
+        f"sweep: makes {10**14} points; expected at most {MOST}",
+    ),
+    "600 factors": (
+        {"group": "*".join(["SO3"] * 600)},
+        "group: group 'SO3*…': its 600 factors have more than 64 axes; expected at most 64",
+    ),
+    "R9*R9*…": (
+        {"group": "*".join(["R9"] * 8)},
+        "group: group 'R9*…': its 8 factors have more than 64 axes; expected at most 64",
+    ),
+    "huge and tiny": (
+        {"inertia": "[[1, 1.0e+200, 0], [1.0e+200, 1, 0], [0, 0, 1.0e-200]]"},
+        "inertia: expected a largest entry from 1e-100 to 1e+100, got 1e+200; choose other units",
+    ),
+    "tiny": (
+        {"inertia": "1.0e-300"},
+        "inertia: expected a largest entry from 1e-100 to 1e+100, got 1e-300; choose other units",
+    ),
+    "a name with a null byte": (
+        {"initial": '{file: "a\\0b"}'},
+        r"initial.file: a\x00b: cannot be read: embedded null byte",
+    ),
+}
+
+
+def written(**changes):
+    Path("c.yaml").write_text(
+        "".join(f"{key}: {value}\n" for key, value in (COMMON | changes).items()), encoding="utf-8"
+    )
+
+
+@pytest.mark.parametrize("case", CONFIGURATIONS)
+def test_a_configuration_is_refused(folder, invoke, case):
+    changes, message = CONFIGURATIONS[case]
+    written(**changes)
+    said = invoke("config", "check", "c.yaml", code=2).stderr
+    assert message in said
+    assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("command", ["run", "sweep"])
+def test_too_many_runs_are_refused_before_they_are_planned(folder, invoke, command):
+    more = {"run": [], "sweep": ["--grid", "gains.kp=1,2", "--dry-run"]}[command]
+    written(ensemble="{runs: 1000000000000}")
+    said = invoke(command, "c.yaml", *more, code=2).stderr
+    assert "ensemble.runs: expected a number of at most 100000000" in said
+
+
+def test_a_grid_is_not_added_to_what_is_no_list(folder, invoke):
+    written(sweep="5")
+    said = invoke("sweep", "c.yaml", "--grid", "gains.kp=1,2", code=2).stderr
+    assert said == (
+        "eqt: c.yaml:10:1: sweep: expected a list of blocks such as {grid: {gains.kp: [1, 2]}}, "
+        "got 5\n"
+    )
+
+
+def test_a_reference_that_ends_with_the_horizon_is_fine(folder, invoke):
+    written(
+        reference="{kind: slew, to: {euler: {sequence: ZYX, angles: [0.5, 0, 0]}}, duration: 1}"
+    )
+    invoke("config", "check", "c.yaml")
+
+
+def test_a_reference_is_followed_for_a_bounded_time(folder, invoke):
+    written(reference='{torque: ["cos(t)", "sin(t)", "0"], velocity: [1.0e+6, 1.0e+6, 1]}')
+    assert "took 15000 evaluations" in invoke("config", "check", "c.yaml").stdout
+
+
+# Results ----------------------------------------------------------------------------------------
+
+CROSS_CHECK = ["bound", "difference", "method", "runs"]
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory, invoke):
+    place = tmp_path_factory.mktemp("good")
+    config = place / "c.yaml"
+    config.write_text("".join(f"{key}: {value}\n" for key, value in COMMON.items()))
+    invoke("run", config, "--out", place / "out")
+    return (place / "out/results.h5").read_bytes()
+
+
+@pytest.fixture
+def result(good, tmp_path):
+    path = tmp_path / "results.h5"
+    path.write_bytes(good)
+    return path
+
+
+def refused(invoke, path, command, reason):
+    said = invoke(command, path, code=2)
+    again = "eqt writes no such file: copy it again or run the experiment again"
+    assert said.stderr == f"eqt: {path}: refused: {reason}; {again}\n"
+    assert said.stdout == ""
+
+
+@pytest.mark.parametrize("command", ["show", "compare", "plot", "report", "verify"])
+@pytest.mark.parametrize("name", CROSS_CHECK)
+def test_a_cross_check_that_is_not_whole(result, invoke, name, command):
+    with h5py.File(result, "a") as file:
+        del file.attrs[f"cross_check_{name}"]
+    refused(invoke, result, command, f"it lacks the attribute 'cross_check_{name}'")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("cross_check_bound", "x", "a number"),
+        ("cross_check_difference", "", "a number"),
+        ("cross_check_method", 3, "text"),
+        ("cross_check_runs", 1.5, "a whole number of at least 0"),
+        ("cross_check_runs", -1, "a whole number of at least 0"),
+        ("title", 1.0, "text"),
+        ("titles", "[]", "a mapping in JSON from names to texts"),
+        ("provenance", '{"eqt": 1}', "versions and times in JSON"),
+        ("provenance", "[" * 500, "versions and times in JSON"),
+        ("lyapunov_functions", '{"unclaimed": 5}', "names of functions in JSON"),
+    ],
+)
+def test_an_attribute_of_another_type(result, invoke, name, value, expected):
+    with h5py.File(result, "a") as file:
+        file.attrs[name] = value
+    refused(invoke, result, "show", f"its attribute '{name}' is not {expected}")
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "reason"),
+    [
+        ("time", np.inf, "its 'time' does not rise from one finite number to the next"),
+        ("time", np.nan, "its 'time' does not rise from one finite number to the next"),
+        ("time", 0.0, "its 'time' does not rise from one finite number to the next"),
+        ("status", -1, "its 'status' is -1 for a run"),
+        ("run", 2**31 - 1, "its 'run' counts to 2147483647, and there are 2"),
+        ("run", -1, "its 'run' does not count from 0"),
+    ],
+)
+def test_numbers_that_no_run_has(result, invoke, name, value, reason):
+    with h5py.File(result, "a") as file:
+        if file[name].ndim > 1:
+            file[name][...] = value
+        else:
+            file[name][-1] = value
+    refused(invoke, result, "compare", reason)
+
+
+def test_a_report_of_a_reference_that_is_no_number(result, invoke):
+    with h5py.File(result, "a") as file:
+        file["desired_pose"][...] = np.nan
+    page = result.with_name("page.html")
+    invoke("report", result, "--out", page)
+    assert "its &#39;desired_pose&#39; is not finite at the start" in page.read_text("utf-8")
+
+
+def test_a_figure_of_numbers_that_no_axis_can_show(result, invoke):
+    with h5py.File(result, "a") as file:
+        file["effort"][0, 0] = 1e308
+        file["effort"][0, 1] = -1e308
+    folder, figure = (
+        result.parent / "f",
+        ["--figure", "distributions", "--option", "metrics=[effort]"],
+    )
+    assert invoke("plot", result, *figure, "--out", folder, code=2).stderr == (
+        "eqt: the figure cannot be drawn: its numbers are too large for an axis; look for runs "
+        "that diverge with `eqt show --table`\n"
+    )
+
+
+def test_a_damaged_result_leaves_nothing_half_said(result, invoke):
+    with h5py.File(result, "a") as file:
+        del file["final_pose_error"]
+    assert invoke("show", result, code=2).stdout == ""
+
+
+def test_every_document_of_a_result_is_json(result, invoke):
+    assert json.loads(invoke("show", result, "--json").stdout)["controllers"]

@@ -1,0 +1,66 @@
+"""The figure of commands, and what figures say of a loop that is not the paper's."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.figures.commands import Commands
+from eqt_cli.plots.figures.paper import Paper
+
+FLIES = {
+    "actuators": [{"kind": "limit", "limit": 1.0}, {"kind": "lag", "time_constant": 0.1}],
+    "control": {"period": 0.1},
+    "controllers": ["eqt", "gt"],
+}
+
+
+@pytest.fixture
+def flown(simulate, opened):
+    return opened(simulate(**FLIES))
+
+
+def test_what_is_asked_is_drawn_over_what_is_given(flown):
+    drawing = Commands(run=2).draw([flown])
+    axes = {panel.get_label(): panel for panel in drawing.axes}
+    for k, name in enumerate(["ωx", "ωy", "ωz"]):
+        given, asked = axes[f"{name} gt"].lines
+        np.testing.assert_array_equal(given.get_ydata(), flown["torque"][1, 2, :, k])
+        np.testing.assert_array_equal(asked.get_ydata(), flown["command"][1, 2, :, k])
+
+
+def test_the_time_at_a_limit_is_shaded(flown):
+    at_limit = flown["at_limit"][0, 0] > 0
+    assert at_limit.any() and not at_limit.all()
+    panel = Commands().draw([flown]).axes[0]
+    inside = np.zeros(len(at_limit), dtype=bool)
+    for patch in panel.patches:
+        start, end = patch.get_x(), patch.get_x() + patch.get_width()
+        inside |= (flown.times >= start) & (flown.times <= end)
+    np.testing.assert_array_equal(inside, at_limit)
+
+
+def test_in_an_ideal_loop_both_are_the_same(so3, opened):
+    given, asked = Commands().draw([opened(so3)]).axes[0].lines
+    np.testing.assert_array_equal(given.get_ydata(), asked.get_ydata())
+
+
+def test_a_run_that_failed_is_named(flown, altered):
+    status = flown["status"].copy()
+    status[1, 3] = 1
+    with pytest.raises(EqtError, match="cannot show run 3 of gt, which failed"):
+        Commands(run=3).draw([altered(flown.path, status=status)])
+
+
+def test_a_run_that_is_not_stored_is_named(flown):
+    with pytest.raises(EqtError, match="the trajectory of run 9 is not stored; stored are runs 0"):
+        Commands(run=9).draw([flown])
+
+
+def test_a_figure_says_what_the_loop_contains(flown):
+    assert Paper().draw([flown]).get_supxlabel().replace("\n", " ") == (
+        "The loop has a hold of 0.1 s; actuators limit, lag."
+    )
+
+
+def test_of_the_papers_loop_there_is_nothing_to_say(so3, opened):
+    assert Paper().draw([opened(so3)]).get_supxlabel() == ""
