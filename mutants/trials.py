@@ -53,16 +53,15 @@ class Trials:
     def __init__(self, mutants: Iterable[Mutant], workers: int, done: Done) -> None:
         self.mutants, self.workers, self.done = list(mutants), workers, done
         self.on_import: set[tuple[str, str]] = set()
+        sys.settrace(_watch(self.on_import))  # before pytest reads the first file of tests
 
     def pytest_sessionstart(self) -> None:
-        """From here on tests are read: without shrinking, and watching what runs on import."""
+        """From here on tests are read: a failing example need not be a small one."""
         from hypothesis import Phase, settings  # pytest wants to see it imported first
 
-        # A failing example need not be a small one.
         phases = (Phase.explicit, Phase.generate)
         settings.register_profile("mutants", deadline=None, database=None, phases=phases)
         settings.load_profile("mutants")
-        sys.settrace(_watch(self.on_import))
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:
         """Try all mutants, several at a time."""
@@ -110,19 +109,29 @@ class Trials:
     def chosen(self, mutant: Mutant) -> list[str]:
         """The tests to try: those that call the function, or for one on import the whole file.
 
-        The cheapest of every test comes before the next case of any, and within the budget.
+        Where nothing in the file is called, as in that of a law of numbers only, those of its
+        folder. The cheapest of every test comes before the next case of any, within the budget.
         """
-        whole = self.reads(mutant)
+        whole, folder = self.reads(mutant), f"/{Path(mutant.path).parts[1]}"
+        if whole and not any(mutant.path in known["calls"] for known in self.tests.values()):
+            return self._within_budget(n for n in self.tests if folder in n.partition("::")[0])
+        return self._within_budget(
+            nodeid
+            for nodeid, known in self.tests.items()
+            if (mutant.path in known["calls"] if whole else self._calls(nodeid, mutant))
+        )
+
+    def _calls(self, nodeid: str, mutant: Mutant) -> bool:
+        return mutant.function in self.tests[nodeid]["calls"].get(mutant.path, ())
+
+    def _within_budget(self, nodeids: Iterable[str]) -> list[str]:
         rounds: Counter[str] = Counter()
         found: list[tuple[int, float, str]] = []
-        by_time = sorted(self.tests.items(), key=lambda each: each[1]["seconds"])
-        for nodeid, known in by_time:
-            called = known["calls"].get(mutant.path, ())
-            if known["seconds"] > SLOW or not (called if whole else mutant.function in called):
-                continue
-            test = nodeid.partition("[")[0]
-            found.append((rounds[test], known["seconds"], nodeid))
-            rounds[test] += 1
+        for nodeid in sorted(nodeids, key=lambda nodeid: self.tests[nodeid]["seconds"]):
+            seconds, test = self.tests[nodeid]["seconds"], nodeid.partition("[")[0]
+            if seconds <= SLOW:
+                found.append((rounds[test], seconds, nodeid))
+                rounds[test] += 1
         chosen, spent = [], 0.0
         for _, seconds, nodeid in sorted(found):
             spent += seconds

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison import Window, compare
+from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.analysis.comparison.records import records
 from eqt_cli.core.errors import EqtError
 from eqt_cli.results.metrics import decay_rate, largest_rise
@@ -320,3 +321,10 @@ def test_no_decay_rate_of_nothing():
 def test_largest_rise_is_above_any_earlier_value():
     lyapunov = np.array([[4.0, 2.0, 2.5, 1.0, 3.0, 0.0], [5.0, 4.0, 3.0, 2.0, 1.0, 0.0]])
     assert np.array_equal(largest_rise(np.arange(6.0), lyapunov), [0.5, 0.0])
+
+
+def test_differences_that_solvers_cannot_tell_are_none():
+    first = np.array([1.0, 1.0, -2.0, 0.0])
+    second = np.array([1 + 1e-7, 1 + 1e-5, -2 - 1e-6, 0.0])
+    expected = [0.0, -1e-5, 0.0, 0.0]
+    assert resolved_differences(first, second) == pytest.approx(expected, rel=1e-6, abs=0)

@@ -5,6 +5,7 @@ these horizons number some dozens, and the damping forgets most of it: measured 
 controllers at rtol 1e-6, 1e-8 and 1e-10, the energy balance is kept to between 0.2 and 3 rtol·L(0).
 """
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,8 @@ from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.references.torque import TorqueReference
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.sampling import Sampling
 
 RTOL = 1e-6
 TOLERANCE = 20 * RTOL
@@ -309,3 +312,27 @@ def test_a_law_that_says_nothing_of_its_dissipation_has_no_energy_balance():
     loop = closed_loop(group_named("SO3"), Feedforward())
     states = np.random.default_rng(2).standard_normal((2, 5, loop.layout.length))
     assert np.isnan(compute(loop, TIMES[:5], states)["energy_balance"]).all()
+
+
+def test_the_memory_of_a_sampled_law_goes_on_by_its_rate_for_a_period():
+    loop = dataclasses.replace(
+        closed_loop(group_named("SO3"), controllers.get("goodarzi2013")()),
+        vehicle=Vehicle(control=Sampling(period=0.2)),
+    )
+    before = np.random.default_rng(5).standard_normal(loop.layout.length)
+    s, after = loop.tracking(0.0, before), loop.after_instant(0.0, before)
+    rate = loop.controller.memory_rate(s)["integral"]
+    found = loop.tracking(0.0, after).memory["integral"] - s.memory["integral"]
+    assert found == pytest.approx(0.2 * rate, rel=1e-12)
+
+
+def test_what_L_loses_at_an_instant_is_work():
+    loop = dataclasses.replace(
+        closed_loop(group_named("SO3"), controllers.get("goodarzi2013")()),
+        vehicle=Vehicle(control=Sampling(period=0.2)),
+    )
+    before = np.random.default_rng(5).standard_normal(loop.layout.length)
+    after = loop.after_instant(0.0, before)
+    L = [loop.lyapunov(loop.tracking(0.0, state)) for state in (before, after)]
+    assert L[1] != pytest.approx(L[0])
+    assert loop.work(after) - loop.work(before) == pytest.approx(L[0] - L[1])

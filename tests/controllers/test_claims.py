@@ -1,9 +1,14 @@
 """Which laws claim that L falls, and on what they depend."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
 from eqt_cli.controllers import controllers
 from eqt_cli.controllers.family import Family
+from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
+from eqt_cli.controllers.quaternion import Quaternion
 from eqt_cli.controllers.stabilising import Stabilising
 
 
@@ -41,3 +46,27 @@ def test_every_shipped_law_that_tracks_claims_it_or_asks_for_its_gains():
     claimed = {law.name: law().claims_decrease for law in controllers.all() if "track" in law.tasks}
     assert claimed.pop("goodarzi2013") is None  # its integral may be too strong for the gains
     assert set(claimed.values()) == {True}, claimed
+
+
+@pytest.mark.parametrize("bound", [None, 0.3, 2.0])
+def test_the_stored_energy_of_an_integral_has_its_force_as_gradient(bound):
+    """d/de_I of the energy is k_I times the integral as the torque sees it; 0 at e_I = 0."""
+    law, at, h = Goodarzi2013(ki=0.7, bound=bound), np.array([0.4, -0.2, 0.05]), 1e-6
+
+    def stored(integral):
+        return law._stored(SimpleNamespace(memory={"integral": integral}))
+
+    slopes = [(stored(at + h * E) - stored(at - h * E)) / (2 * h) for E in np.eye(3)]
+    force = law.ki * law._limited(SimpleNamespace(memory={"integral": at}))
+    assert slopes == pytest.approx(force, rel=1e-7)
+    assert stored(np.zeros(3)) == pytest.approx(0.0, abs=1e-15)
+
+
+def test_the_mean_stiffness_of_the_quaternion_law_is_a_third_of_the_trace():
+    stiffness = np.array([[1.0, 0.3, 0.1], [0.3, 2.0, 0.4], [0.1, 0.4, 6.0]])
+    assert Quaternion()._mean(SimpleNamespace(stiffness=stiffness)) == pytest.approx([3.0])
+
+
+def test_a_member_says_in_which_errors_its_L_is():
+    assert Family().energy == "½⟨P̃, Ṽ⟩ + Υ(Q_E)"
+    assert Family(error="body").energy == "½⟨𝕀e, e⟩ + Υ(Q_L)"

@@ -166,6 +166,7 @@ def test_draws_are_errors_to_the_desired_state(G):
         (pose_distribution("fixed", coordinates=[1.0]), "SO3", ["coordinates"]),
         (pose_distribution("euler"), "SE2", ["kind"]),
         (pose_distribution("euler", sequence="ZYZ"), "SO3", []),
+        (pose_distribution("euler", low=1.0, high=1.0), "SO3", []),
         (pose_distribution("euler", sequence="ZZX"), "SO3", ["sequence"]),
         (pose_distribution("euler", sequence="Zyx"), "SO3", ["sequence"]),
         (pose_distribution("euler", sequence="ZY"), "SO3", ["sequence"]),

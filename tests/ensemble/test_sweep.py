@@ -80,6 +80,11 @@ def test_concat_adds():
     assert found.place(2, "b") == (0, "concat", 1, 0, "grid", "b", 0)
 
 
+def test_concat_of_parts_of_different_lengths():
+    found = sweep({"concat": [{"grid": {"a": list(range(n))}} for n in (3, 1, 2)]})
+    assert [point["a"] for point in points(found)] == [0, 1, 2, 0, 0, 1]
+
+
 @pytest.mark.parametrize("kind", ["random", "lhs", "sobol"])
 def test_sampled_points_stay_within_their_axes(kind):
     axes = {

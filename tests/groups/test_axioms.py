@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from eqt_cli.core.arrays import apply_matrix, dot, transpose
 from eqt_cli.groups import group_named
+from eqt_cli.groups.angles import FARTHEST, distance_of_turn, turn_of_distance
 from eqt_cli.groups.product import ProductGroup
 from eqt_cli.groups.so3 import SO3
 
@@ -451,3 +452,9 @@ def test_a_product_is_of_unknown_class_where_a_factor_is(other, compact, class_k
     for factors in ((OfUnknownClass(), group_named(other)), (group_named(other), OfUnknownClass())):
         G = ProductGroup(*factors)
         assert (G.compact, G.compact_times_vector) == (compact, class_known)
+
+
+@pytest.mark.parametrize("angle", [0.0, 1e-6, 1.0, 3.0, np.pi])
+def test_a_turn_and_its_distance_undo_each_other(angle):
+    found = turn_of_distance(np.array([distance_of_turn(angle), FARTHEST * (1 + 1e-15)]))
+    assert found == pytest.approx([angle, np.pi], rel=1e-12)  # rounding may go beyond a half-turn

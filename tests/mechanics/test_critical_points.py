@@ -6,7 +6,7 @@ import pytest
 from eqt_cli.core.arrays import frobenius
 from eqt_cli.groups import group_named
 from eqt_cli.groups.base import MatrixLieGroup
-from eqt_cli.mechanics.critical_points import critical_sets, distance_to_unstable
+from eqt_cli.mechanics.critical_points import _direction, critical_sets, distance_to_unstable
 from eqt_cli.mechanics.navigation import gradient, hessian_at_identity, potential
 
 # Hundreds of last places of numbers of order 10.
@@ -230,3 +230,39 @@ def test_potential_falls_from_the_unstable_points_only(G):
     minima = [each for each in critical_sets(G, K) if each.index == 0]
     assert [each.name.count("half-turn") for each in minima] == [0]
     assert potential(G, K, minima[0].Q) == 0.0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_an_axis_is_named_with_its_largest_entry_positive(sign):
+    """Eigenvectors come with either sign."""
+    assert _direction(sign * np.array([-0.8, 0.6, 0.0])) == "(0.8, -0.6, 0)"
+
+
+@pytest.mark.parametrize("weights", [[1.0, 2.0, 3.0], [3.0, 1.0, 2.0]])
+def test_the_distance_to_single_half_turns_is_the_least_of_three(weights):
+    G = group_named("SO3")
+    Q = G.exp(np.random.default_rng(3).standard_normal((20, 3)))
+    half_turns = [2 * np.outer(e, e) - np.eye(3) for e in np.eye(3)]
+    expected = np.min([frobenius(Q - R) for R in half_turns], axis=0)
+    assert distance_to_unstable(G, np.diag(weights), Q) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_distance_to_half_turns_about_axes_in_a_turned_plane():
+    """The nearest of 20,000 of them, whose angles are 8e-5 rad from one another at most."""
+    G = group_named("SO3")
+    turn, Q = G.exp(np.random.default_rng(4).standard_normal((2, 3)))
+    angles = np.linspace(0, np.pi, 20000)
+    axes = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=-1) @ turn.T
+    half_turns = 2 * axes[:, :, None] * axes[:, None, :] - np.eye(3)
+    single = 2 * np.outer(turn[:, 2], turn[:, 2]) - np.eye(3)
+    expected = min(frobenius(Q - half_turns).min(), frobenius(Q - single))
+    K = turn @ np.diag([1.0, 1.0, 3.0]) @ turn.T
+    assert distance_to_unstable(G, K, Q[None]) == pytest.approx([expected], abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("weights", "nullities"), [([1, 1, 1], [0, 2]), ([1, 1, 3], [0, 1, 0]), ([1, 2, 3], [0] * 4)]
+)
+def test_the_nullity_counts_what_neither_rises_nor_falls(weights, nullities):
+    found = critical_sets(group_named("SO3"), np.diag(weights).astype(float))
+    assert sorted(each.nullity for each in found) == sorted(nullities)

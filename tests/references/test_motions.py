@@ -14,6 +14,7 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, engines
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
+from eqt_cli.mechanics.motions import spline
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references.base import Reference
 from eqt_cli.references.path import PathFactor, PathReference
@@ -130,6 +131,14 @@ def test_waypoints_are_met_without_a_jump_of_the_acceleration(G):
 def test_waypoints_end_without_acceleration(G):
     _, _, V_dot = reference("waypoints", G).motion(G, KNOTS[[0, -1]])
     np.testing.assert_allclose(V_dot, 0, atol=DEFINITION)
+
+
+def test_a_spline_is_found_in_either_direction():
+    """The steps of Newton's method are small against the velocities, whatever their sign."""
+    G, times = group_named("R3"), np.array([0.0, 1.0, 2.5, 4.0])
+    along = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 5.0], [3.5, 7.0, 8.0], [6.0, 9.0, 9.5]])
+    there, back = (spline(G, times, G.exp(sign * along)) for sign in (1, -1))
+    assert back.vectors == pytest.approx(-there.vectors, abs=1e-12)
 
 
 def test_waypoints_in_a_vector_space_are_the_natural_cubic_spline():

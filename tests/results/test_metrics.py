@@ -184,3 +184,9 @@ def test_settled_ends_within_the_threshold(error, found):
 def test_energy_residuals_of_either_sign_count():
     signals = {"lyapunov": 4 * FALLING, "energy_balance": 4 - 0.02 * np.sin(np.pi * RAMP / T)}
     assert measured("energy_residual", signals) == pytest.approx([0.005])
+
+
+def test_words_say_what_closing_is():
+    assert QUANTITIES["closing_torque"].long_name == (
+        "root mean square of ||tau|| over the last quarter of the time"
+    )

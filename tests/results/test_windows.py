@@ -50,13 +50,19 @@ def test_window_after_the_end():
 
 
 @pytest.mark.parametrize(
-    "window", [Window(0, 10), Window(2, 5), Window(1.25, 3.5), Window(4.2, 4.6)]
+    "window", [Window(0, 10), Window(2, 5), Window(1.25, 3.5), Window(4.2, 4.6), Window(0.25, 9.75)]
 )
 def test_cut_interpolates_its_ends(window):
     times, values = window.cut(TIMES, np.stack([3 * TIMES, 1 - TIMES]))
     assert (times[0], times[-1]) == (window.start, window.stop)
     # Linear signals are interpolated up to rounding.
     assert values == pytest.approx(np.stack([3 * times, 1 - times]), abs=1e-14)
+
+
+def test_curves_are_straight_between_samples_only():
+    """x = t² at whole seconds: ¼ at ½ s is ½, not what the next samples would say."""
+    _, values = Window(0.5, 9.5).cut(TIMES, TIMES[None] ** 2)
+    assert (values[0, 0], values[0, -1]) == (0.5, 90.5)
 
 
 def test_cut_keeps_samples_as_they_are():

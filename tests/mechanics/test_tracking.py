@@ -1,0 +1,28 @@
+"""What a control law reads of the desired motion, against motions that are known."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.core.expressions import parse
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.inertia import PrescribedInertia
+from eqt_cli.mechanics.tracking import Gains, Tracking
+
+T = 0.7
+RATES = np.array([1 + T, T**2, -0.5])
+"""V_d(t) = (1 + t, t², −½)."""
+ACCELERATION = np.array([1.0, 2 * T, 0.0])
+
+
+def test_the_desired_acceleration_is_that_of_the_velocity_while_the_inertia_varies():
+    """d(𝕀V_d)/dt = τ_d + ad*_{V_d} 𝕀V_d, of an 𝕀 and a V_d that are written out."""
+    G = group_named("SO3")
+    rows = [["2 + t**2", "0", "0"], ["0", "3", "t"], ["0", "t", "5"]]
+    law = PrescribedInertia(tuple(tuple(parse(entry) for entry in row) for row in rows))
+    matrix = np.array([[2 + T**2, 0, 0], [0, 3, T], [0, T, 5]])
+    change = np.array([[2 * T, 0, 0], [0, 0, 1], [0, 1, 0]])
+    momentum = matrix @ RATES
+    torque = change @ RATES + matrix @ ACCELERATION + np.cross(RATES, momentum)
+    gains = Gains(np.eye(3), np.eye(3))
+    s = Tracking(G, law.at(T), gains, T, np.eye(3), momentum, np.eye(3), momentum, torque)
+    assert s.Vd_dot == pytest.approx(ACCELERATION, abs=1e-12)
