@@ -89,6 +89,7 @@ def check(
         reference_over_horizon,
     )
     from eqt_cli.experiment.read_study import study
+    from eqt_cli.tuning.search import search_from
 
     source = read_config(config, options.overrides(set_))
     try:
@@ -97,6 +98,8 @@ def check(
         shown = reference_over_horizon(found.base)
         jumps = check_reference(shown, most_torque, problems.at("reference"))
         problems.raise_if_any()
+        if source.data.get("tune"):
+            search_from(source, trust_plugins=trust_plugins)
     except ConfigError as error:
         if not json:
             raise

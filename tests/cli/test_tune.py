@@ -89,3 +89,11 @@ def test_a_folder_with_another_result_is_left_alone(eqt: Eqt, config: Path) -> N
     done = eqt("tune", config, "--out", "out")
     assert done.code == 2
     assert "out: holds a result that eqt tune did not write" in done.err
+
+
+def test_config_check_looks_at_the_section(eqt: Eqt, config: Path) -> None:
+    assert eqt("config", "check", config).code == 0
+    config.write_text(config.read_text().replace("mean_pose_error", "mean_pose"), encoding="utf-8")
+    done = eqt("config", "check", config)
+    assert done.code == 2
+    assert "tune.objective: no metric 'mean_pose' is stored of every run; did you mean" in done.err
