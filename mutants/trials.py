@@ -18,7 +18,6 @@ import signal
 import sys
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
@@ -110,7 +109,7 @@ class Trials:
         """The tests to try: those that call the function, or for one on import the whole file.
 
         Where nothing in the file is called, as in that of a law of numbers only, those of its
-        folder. The cheapest of every test comes before the next case of any, within the budget.
+        folder.
         """
         whole, folder = self.reads(mutant), f"/{Path(mutant.path).parts[1]}"
         if whole and not any(mutant.path in known["calls"] for known in self.tests.values()):
@@ -125,19 +124,18 @@ class Trials:
         return mutant.function in self.tests[nodeid]["calls"].get(mutant.path, ())
 
     def _within_budget(self, nodeids: Iterable[str]) -> list[str]:
-        rounds: Counter[str] = Counter()
-        found: list[tuple[int, float, str]] = []
-        for nodeid in sorted(nodeids, key=lambda nodeid: self.tests[nodeid]["seconds"]):
-            seconds, test = self.tests[nodeid]["seconds"], nodeid.partition("[")[0]
-            if seconds <= SLOW:
-                found.append((rounds[test], seconds, nodeid))
-                rounds[test] += 1
-        chosen, spent = [], 0.0
-        for _, seconds, nodeid in sorted(found):
-            spent += seconds
-            if spent > BUDGET:
-                break
-            chosen.append(nodeid)
+        """As many as the budget takes: the cheapest, and half of it for one case of every test."""
+        seconds = {nodeid: self.tests[nodeid]["seconds"] for nodeid in nodeids}
+        by_time = sorted((n for n in seconds if seconds[n] <= SLOW), key=lambda n: seconds[n])
+        first_cases = {nodeid.partition("[")[0]: nodeid for nodeid in reversed(by_time)}
+        chosen: list[str] = []
+        for order, budget in ((by_time, BUDGET / 2), (first_cases.values(), BUDGET)):
+            spent = sum(seconds[nodeid] for nodeid in chosen)
+            for nodeid in sorted(set(order) - set(chosen), key=lambda n: seconds[n]):
+                spent += seconds[nodeid]
+                if spent > budget:
+                    break
+                chosen.append(nodeid)
         return chosen
 
     def trial(self, mutant: Mutant, chosen: list[str], write: int) -> int:
