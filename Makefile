@@ -35,8 +35,9 @@ test: $(VENV)/.stamp-dev ## run the tests
 test-lowest: $(LOWEST)/.stamp ## run the tests on the oldest supported versions (needs python3.11)
 	$(LOWEST)/bin/python -m pytest -n auto $(ARGS)
 
-faults: $(VENV)/.stamp-dev ## kill runs and sweeps at random moments, all of it (minutes); test does a fifth
-	EQT_FAULTS=full $(BIN)/python -m pytest -n auto tests/faults $(ARGS)
+SHARE ?= full
+faults: $(VENV)/.stamp-dev ## kill runs and sweeps at 500 random moments; SHARE=tenth: at 50
+	EQT_FAULTS=$(SHARE) $(BIN)/python -m pytest -n auto tests/faults $(ARGS)
 
 fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results (minutes); test does a tenth
 	EQT_FUZZ=full $(BIN)/python -m pytest -n auto tests/fuzz $(ARGS)

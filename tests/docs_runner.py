@@ -29,6 +29,7 @@ BLOCK = re.compile(r"^(?P<fence>`{3,})(?P<head>[^\n]*)\n(?P<body>.*?)^(?P=fence)
 CAPTION = re.compile(r"^:caption: (\S+)\n+", re.M)
 EXTRAS = ("xarray", "heyoka", "mujoco", "pinocchio")
 SMALL = ["--set", "ensemble.runs=2"]
+FEW = ["--set=tune.budget=2", "--set=tune.population=5", "--set=tune.confirm.runs=5"]
 SHORT = ["--set=time.duration=0.5", "--set=time.samples=11", "--set=solver.cross_check=0"]
 
 
@@ -93,6 +94,8 @@ def run_command(line):
     words = shlex.split(line)
     if words[:2] == ["eqt", "sweep"] and words[2].startswith("configs/"):
         words += [*SMALL, *SHORT]
+    elif words[:2] == ["eqt", "tune"] and words[2].startswith("configs/"):
+        words += [*SMALL, *FEW, *SHORT]
     elif words[:2] == ["eqt", "run"] and words[2].endswith(".yaml"):
         words += SMALL  # what is tested is that the command works, not how long it takes
     expected = int(comment or 0)

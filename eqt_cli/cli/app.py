@@ -23,11 +23,11 @@ from eqt_cli.cli import (
     tune,
     verify,
 )
-from eqt_cli.cli.shared.output import say
+from eqt_cli.core.errors import InterruptedRun
+from eqt_cli.core.interruptions import exit_code
 from eqt_cli.core.version import __version__
 
-INTERRUPTED = 130
-"""The exit code after Ctrl-C, as shells have it."""
+INTERRUPTED = "interrupted; run the same command again"
 
 
 class _Commands(TyperGroup):
@@ -43,9 +43,9 @@ class _Commands(TyperGroup):
             # What is left to write at the end of the process must not fail again.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(getattr(error.__context__, "exit_code", 0)) from None
-        except KeyboardInterrupt:
-            say("eqt: interrupted; run the same command again")
-            raise typer.Exit(INTERRUPTED) from None
+        except KeyboardInterrupt as error:
+            # Not for typer, whose own answers differ from version to version.
+            raise InterruptedRun(INTERRUPTED, exit_code(error)) from None
 
 
 app = typer.Typer(

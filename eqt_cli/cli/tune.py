@@ -12,6 +12,7 @@ from eqt_cli.cli.shared.progress import progress
 from eqt_cli.cli.shared.run_and_report import executor_from
 from eqt_cli.cli.shared.table_formats import as_text
 from eqt_cli.core.errors import InterruptedRun
+from eqt_cli.core.interruptions import exit_code
 
 if TYPE_CHECKING:
     from eqt_cli.tuning.evolution import Population
@@ -65,11 +66,12 @@ def tune(
                 remark=warn,
                 told=told,
             )
-    except KeyboardInterrupt:
-        kept = "".join(f"\n  best so far, {label}: {text}" for label, text in best.items())
+    except KeyboardInterrupt as error:
         raise InterruptedRun(
             f"interrupted; what was found is kept in {out}: run the same command again to "
-            f"continue, or with --force to start over{kept}"
+            "continue, or with --force to start over",
+            exit_code(error),
+            [f"  best so far, {label}: {text}" for label, text in best.items()],
         ) from None
     _report(done, json=json)
 

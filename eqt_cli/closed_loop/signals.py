@@ -184,13 +184,19 @@ def compute(loop: ClosedLoop, times: Array, states: Array) -> dict[str, Array]:
         One array ``(runs, samples, …)`` per signal, and ``energy_balance``, L(t) + W(t), which is
         NaN where the dissipation is not known.
     """
-    found = dict(_compute(loop, loop.tracking(times, states), loop.work(states)))
-    if loop.dissipation(loop.tracking(times[:1], states[:, :1])) is None:
+    found = dict(at_state(loop, loop.tracking(times, states), loop.work(states)))
+    if not knows_energy(loop, times, states):
         found["energy_balance"] = np.full_like(found["energy_balance"], np.nan)
     return found
 
 
-def _compute(loop: ClosedLoop, s: Tracking, work: Array) -> Iterator[tuple[str, Array]]:
+def knows_energy(loop: ClosedLoop, times: Array, states: Array) -> bool:
+    """Whether L + W is a balance: whether the law says what it dissipates."""
+    return loop.dissipation(loop.tracking(times[:1], states[:, :1])) is not None
+
+
+def at_state(loop: ClosedLoop, s: Tracking, work: Array) -> Iterator[tuple[str, Array]]:
+    """Every signal and L + W, by name, of floats or symbols."""
     command = loop.command(s)
     torque = loop.torque(s) if loop.vehicle.actuators or loop.vehicle.control else command
     given = Given(torque, command, loop.at_limit(s), loop.lyapunov(s))

@@ -19,7 +19,7 @@ from typing import Any, Final, NoReturn, TypeAlias
 import yaml
 
 from eqt_cli.core.errors import ConfigError, InputProblem
-from eqt_cli.core.problems import KeyPath, dotted
+from eqt_cli.core.problems import MOST_PROBLEMS, KeyPath, dotted
 
 MAX_BYTES: Final = 4_000_000
 """The largest text, in bytes of UTF-8."""
@@ -163,6 +163,9 @@ class _Reader:
 
     def _report(self, path: KeyPath, message: str, position: _Position | None) -> None:
         self._problems.append(InputProblem(dotted(path), message, self._place(position)))
+        if len(self._problems) == MOST_PROBLEMS:
+            more = InputProblem("", f"and perhaps more; told are {MOST_PROBLEMS}")
+            raise ConfigError([*self._problems, more])
 
     def _place(self, position: _Position | None) -> str:
         return _place(self._name, position if self._located else None)

@@ -124,9 +124,11 @@ class InputProblem:
 
 
 class InterruptedRun(EqtError):
-    """A run that its user has stopped."""
+    """A run that was told to stop, with the exit code that goes with what told it."""
 
-    exit_code = 130
+    def __init__(self, message: str, exit_code: int, lines: Sequence[str] = ()) -> None:
+        super().__init__(message, lines=lines)
+        self.exit_code = exit_code
 
 
 class ConfigError(EqtError):

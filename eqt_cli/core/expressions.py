@@ -171,6 +171,10 @@ def parse(text: str, variables: Collection[str] = ("t",)) -> Expression:
     return Expression(text, used, tree)
 
 
+MOST_QUOTED = 100
+"""Characters of an expression in a message, which names the column."""
+
+
 def formula(entry: str | float) -> Expression:
     """The expression in t that an entry of a configuration is, text or a number.
 
@@ -182,7 +186,9 @@ def formula(entry: str | float) -> Expression:
     try:
         return parse(str(entry))
     except ExpressionError as error:
-        raise InputError(f"'{entry}': {error}") from error
+        text = str(entry)
+        quoted = text if len(text) <= MOST_QUOTED else text[:MOST_QUOTED] + "…"
+        raise InputError(f"'{quoted}': {error}") from error
 
 
 def constant(text: str) -> float:

@@ -13,6 +13,10 @@ KeyPath: TypeAlias = tuple[str | int, ...]
 """Where in an input: ``("controllers", 0, "label")``."""
 
 
+MOST_PROBLEMS = 100
+"""Of an input; after so many the rest is not looked at, however long the input is."""
+
+
 class Problems:
     """What is wrong at a place of an input, and within it.
 
@@ -41,6 +45,9 @@ class Problems:
         place = self._located(self._path)
         problem = InputProblem(dotted(self._path), message, place, remedies)
         self._found.setdefault(problem, self._path)
+        if len(self._found) > MOST_PROBLEMS:
+            first = sorted(list(self._found)[:MOST_PROBLEMS], key=_position)
+            raise ConfigError([*first, InputProblem("", f"and more; told are {MOST_PROBLEMS}")])
 
     @contextmanager
     def catching(self, *steps: str | int) -> Iterator[None]:

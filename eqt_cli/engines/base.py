@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -248,6 +248,10 @@ Progress = Callable[[float], None]
 """Called now and then with the number of runs done since the last call, in fractions of a run."""
 
 
+SampledFunction = Callable[[ClosedLoop, Any, Array], dict[str, Array]]
+"""Arrays by name, of a loop, a time and a flat state, in operations that laws may use."""
+
+
 @dataclass(frozen=True)
 class Engine(Component):
     """An integrator: a frozen dataclass whose fields are its keys in `solver`."""
@@ -274,6 +278,22 @@ class Engine(Component):
 
         `workers` bounds the threads of an engine that can use several; it never changes a result.
         """
+
+    def evaluate(
+        self, function: SampledFunction, problem: Problem, states: Array
+    ) -> dict[str, Array]:
+        """Arrays that follow from loop, time and state, at every sample of every run, by name.
+
+        Parameters
+        ----------
+        states : (runs, samples, n)
+
+        Returns
+        -------
+        dict
+            ``(runs, samples, …)`` each.
+        """
+        return function(problem.batched_loop(extra_axes=1), problem.times, states)
 
     @abstractmethod
     def tightened(self, factor: float) -> Engine:

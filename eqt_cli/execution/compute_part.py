@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop, StateLayout
-from eqt_cli.closed_loop.signals import compute
+from eqt_cli.closed_loop.signals import at_state, knows_energy
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
 from eqt_cli.engines import Problem, Solution, Status
@@ -291,9 +292,11 @@ def measured(
 ) -> tuple[dict[str, Array], dict[str, Array]]:
     """The signals of a solution, and what of its runs is one number each."""
     problem: Problem = batch.problem
-    loop, times = problem.batched_loop(extra_axes=1), problem.times
-    signals = compute(loop, times, solution.states)
-    s = loop.tracking(times, solution.states)
+    times = problem.times
+    signals = batch.engine.evaluate(_sampled, problem, solution.states)
+    loop = problem.batched_loop(extra_axes=1)
+    if not knows_energy(loop, times, solution.states):
+        signals["energy_balance"] = np.full_like(signals["energy_balance"], np.nan)
     config = batch.experiment.config
     metrics = {
         metric.name: metric.measure(
@@ -306,12 +309,22 @@ def measured(
     }
     metrics |= {
         "group_drift": loop.group.drift(signals["pose"]).max(axis=-1),
-        "unstable_distance": distance_to_unstable(loop.group, loop.gains.K, s.Q_E).min(axis=-1),
+        "unstable_distance": distance_to_unstable(
+            loop.group, loop.gains.K, signals["pose_error_matrix"]
+        ).min(axis=-1),
         "reference_residual": difference(
-            s.Qd - reference["desired_pose"], s.Vd - reference["desired_velocity"]
+            signals["desired_pose"] - reference["desired_pose"],
+            signals["desired_velocity"] - reference["desired_velocity"],
         ),
     }
     return signals, metrics
+
+
+def _sampled(loop: ClosedLoop, t: Any, states: Array) -> dict[str, Array]:
+    """The signals, and what else is measured at every sample: Q_E, Q_d and V_d."""
+    s = loop.tracking(t, states)
+    found = dict(at_state(loop, s, loop.work(states)))
+    return found | {"pose_error_matrix": s.Q_E, "desired_pose": s.Qd, "desired_velocity": s.Vd}
 
 
 def _error_estimate(batch: Batch, solution: Solution, threads: int) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
@@ -23,8 +24,11 @@ SAMPLES = 2001
 RTOL = 1e-8
 """With which what of it is integrated is integrated."""
 
-MOST_EVALUATIONS = 15_000
+MOST_EVALUATIONS = 10_000
 """Of a reference that is integrated: a check takes seconds, however long the horizon is."""
+
+MOST_WRITTEN = 1_000
+"""Characters of an experiment; one of more has fewer evaluations, each of which takes longer."""
 
 JUMP = 1e-6
 """Relative to the largest value on the horizon: what is less is not called a jump."""
@@ -55,8 +59,8 @@ class Horizon:
         Body frame. NaN from where the reference leaves the real numbers.
     jumps
         Where Q_d, V_d or τ_d jumps, as (time, what, by how much).
-    is_whole
-        Whether it was followed to its end; if not, the times end where it was left.
+    spent
+        The evaluations after which it was left, at the last of the times; None if at its end.
     """
 
     times: Array
@@ -65,7 +69,7 @@ class Horizon:
     acceleration: Array
     torque: Array
     jumps: list[tuple[float, str, float]]
-    is_whole: bool = True
+    spent: int | None = None
 
     @property
     def finite(self) -> Array:
@@ -83,19 +87,20 @@ def reference_over_horizon(experiment: Experiment) -> Horizon:
     Qd, Vd = experiment.initial_pose, experiment.initial_velocity
     state = loop.initial_state(Qd, Vd, Qd, Vd)
     states = np.broadcast_to(state, (len(times), len(state)))
-    is_whole = True
+    spent = None
     if loop.reference.starts_from:
-        engine = SolveIvp(rtol=RTOL, atol=1e-3 * RTOL, max_steps=MOST_EVALUATIONS)
+        engine = SolveIvp(rtol=RTOL, atol=1e-3 * RTOL, max_steps=_affordable(experiment))
         solution = engine.solve(Problem(loop, state[None], times), lambda runs: None)
-        states, is_whole = solution.states[0], solution.status[0] != Status.STEP_LIMIT
-        if not is_whole:
+        states = solution.states[0]
+        if solution.status[0] == Status.STEP_LIMIT:
+            spent = engine.max_steps
             known = int(np.isfinite(states).all(axis=-1).sum())
             times, states = times[:known], states[:known]
             instants = instants[instants <= times[-1]]
     with np.errstate(all="ignore"):
         s = loop.tracking(times, states)
         torque = s.tau_d + 0 * s.P
-        shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, torque, [], is_whole)
+        shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, torque, [], spent)
         if not len(instants):
             return shown
         where = np.searchsorted(times, instants)
@@ -105,6 +110,12 @@ def reference_over_horizon(experiment: Experiment) -> Horizon:
         ]
         jumps = list(_jumps(shown, instants, *sides))
     return replace(shown, jumps=sorted(jumps))
+
+
+def _affordable(experiment: Experiment) -> int:
+    """How many evaluations of its reference a check may take."""
+    written = len(json.dumps(experiment.resolved))
+    return int(MOST_EVALUATIONS * min(1.0, MOST_WRITTEN / written))
 
 
 def _jumps(
@@ -139,8 +150,8 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
             f"asks for a torque of {sizes.max():.4g} at t = {t:.4g} s, more than {most_torque:g}"
         )
     remarks = [f"{what} jumps by {by:.3g} at t = {t:g} s" for t, what, by in shown.jumps]
-    if not shown.is_whole:
-        until = f"{shown.times[-1]:.4g} s, which took {MOST_EVALUATIONS} evaluations"
+    if shown.spent is not None:
+        until = f"{shown.times[-1]:.4g} s, which took {shown.spent} evaluations"
         remarks.append(f"checked to t = {until}")
     return remarks
 

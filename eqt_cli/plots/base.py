@@ -15,6 +15,7 @@ from eqt_cli.core.registry import Registry
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.plots.figure_data import (
     ShownCertificates,
+    ShownFronts,
     ShownMetrics,
     ShownReference,
     ShownRuns,
@@ -197,6 +198,17 @@ class OfReference(Figure[ShownReference]):
         if len(results) > 1:
             raise EqtError(f"figure '{self.name}' shows one reference at a time")
         return ShownReference(results[0], self.name, self.controllers)
+
+
+@dataclass(frozen=True)
+class OfTuning(Figure[ShownFronts]):
+    """A figure of what a search found, on its held-out runs."""
+
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownFronts:
+        """The fronts of the laws."""
+        if len(results) > 1:
+            raise results[1].error(f"figure '{self.name}' shows one search at a time")
+        return ShownFronts(results[0], self.name, self.controllers)
 
 
 # Beside the base class, so that a plugin that imports one is known to the other.

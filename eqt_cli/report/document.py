@@ -19,14 +19,14 @@ from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.text_tables import TextTable
 from eqt_cli.core.printable import printable
 from eqt_cli.core.version import __version__
-from eqt_cli.report.figures import DEFAULT, SWEPT, Wanted, inline_figures
+from eqt_cli.report.figures import COMPARED, DEFAULT, FRONTS, SWEPT, Wanted, inline_figures
 from eqt_cli.report.point_table import best_points, point_table
 from eqt_cli.report.run_curves import curves
 from eqt_cli.report.run_table import columns, run_table
 from eqt_cli.report.summary import accuracy, lead, provenance
 from eqt_cli.results.result import HEADLINE, Result
-from eqt_cli.tuning.folder import TuningFolder
-from eqt_cli.tuning.tables import labels_of, tuning_tables
+from eqt_cli.tuning.folder import record_beside
+from eqt_cli.tuning.tables import tuning_tables
 
 _NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
 """A number, perhaps with a percent sign, a spread or an interval."""
@@ -58,8 +58,8 @@ def report(
     unverified
         Why there are no certificates, if there are none.
     """
-    default = SWEPT if result.is_sweep else DEFAULT
-    drawn, remarks = inline_figures(result, default if wanted is None else wanted, certificates)
+    shown = _default(result) if wanted is None else wanted
+    drawn, remarks = inline_figures(result, shown, certificates)
     return (
         environment()
         .get_template("report.html.j2")
@@ -82,29 +82,39 @@ def report(
     )
 
 
+def _default(result: Result) -> Sequence[Wanted]:
+    """The figures of a result of its kind."""
+    if result.is_sweep:
+        mapped = len(result.labels) > 1 and len(result.swept_keys) in (1, 2)
+        return (*SWEPT, COMPARED) if mapped else SWEPT
+    return FRONTS if _has_fronts(record_beside(result)) else DEFAULT
+
+
+def _has_fronts(record: dict[str, Any] | None) -> bool:
+    """Whether a result is of a search with two objectives, whose laws are compared as fronts."""
+    return record is not None and len(record["objectives"]) > 1
+
+
 def _of_experiment(result: Result) -> dict[str, Any]:
-    comparison = compare(result)
-    made = text_tables(comparison, Plain())
+    record = record_beside(result)
+    tuned = tuning_tables(result, record) if record else []
+    made: dict[str, TextTable] = {}
+    missing: list[str] = []
+    if not _has_fronts(record):
+        comparison = compare(result)
+        made, missing = text_tables(comparison, Plain()), comparison.missing
     return {
         "best": None,
-        "tuned": [_table(table) for table in _tuned(result)],
+        "tuned": [_table(table) for table in tuned],
         "headline": result.headline(),
         "means": columns(result, [name for name, of in HEADLINE.items() if of is np.mean]),
         "claims": _table(made.get("claims")),
         "levels": _table(made.get("controllers")),
         "pairs": _table(made.get("pairs")),
-        "missing": comparison.missing,
+        "missing": missing,
         "picker": curves(result),
         "table": run_table(result),
     }
-
-
-def _tuned(result: Result) -> list[TextTable]:
-    """What is said of the search, where the result is that of a search's held-out runs."""
-    record = TuningFolder(result.path.parent).record
-    if not (record and "laws" in record and set(labels_of(record)) <= set(result.labels)):
-        return []
-    return tuning_tables(result, record)
 
 
 def _of_sweep(result: Result) -> dict[str, Any]:

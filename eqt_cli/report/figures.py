@@ -93,6 +93,24 @@ SWEPT = (
 )
 """What a report on a sweep shows unless told otherwise."""
 
+COMPARED = Wanted(
+    "winners",
+    {},
+    "Which law has the better mean pose error at each point, and by how many per cent; white where "
+    "the runs do not tell. All tests of the map are counted.",
+)
+"""What it shows besides, of several laws over one or two keys."""
+
+FRONTS = (
+    Wanted(
+        "fronts",
+        {},
+        "Winners of the search by both objectives, means over held-out runs with 95 % intervals. "
+        "The line joins those that no other betters on these runs; crosses are the starting gains.",
+    ),
+)
+"""What a report on a search with two objectives shows."""
+
 
 def inline_figures(
     result: Result, wanted: Sequence[Wanted], certificates: Sequence[Row] = ()
@@ -124,7 +142,10 @@ def named(names: Sequence[str]) -> list[Wanted]:
     ComponentError
         If there is no such figure.
     """
-    known = {figure.name: replace(figure, needs="") for figure in reversed((*DEFAULT, *SWEPT))}
+    known = {
+        figure.name: replace(figure, needs="")
+        for figure in reversed((*DEFAULT, *SWEPT, COMPARED, *FRONTS))
+    }
     for name in names:
         figures.get(name)
     return [known.get(name, Wanted(name)) for name in names]

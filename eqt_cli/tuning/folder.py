@@ -16,9 +16,24 @@ from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
 from eqt_cli.core.files import refusals, replace_file
 from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.experiment.study import Study
+from eqt_cli.results.result import Result
 from eqt_cli.tuning.search import LawSearch, Search
 
 TUNING, GENERATIONS, TUNED = "tuning.json", "generations", "tuned"
+
+
+def record_beside(result: Result) -> dict[str, Any] | None:
+    """What a search found whose held-out runs a result is; None of any other result."""
+    record = TuningFolder(result.path.parent).record
+    if record is None or "laws" not in record:  # of a search that is under way
+        return None
+    labels = {label for law in record["laws"] for label in labels_of(law)}
+    return record if labels <= set(result.labels) else None
+
+
+def labels_of(law: dict[str, Any]) -> list[str]:
+    """The labels of a law's winners in the held-out runs, and that of its start."""
+    return [*(winner["label"] for winner in law["winners"]), law["start"]]
 
 
 @dataclass(frozen=True)

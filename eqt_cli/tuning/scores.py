@@ -10,7 +10,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import Result, mean_over_runs
 from eqt_cli.tuning.ranking import Scores
-from eqt_cli.tuning.search import SETTLED, Constraint
+from eqt_cli.tuning.search import Constraint
 
 
 def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Constraint]) -> Scores:
@@ -21,7 +21,7 @@ def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Cons
     """
     good = result.good[:, 0]
     values = {
-        name: run_values(result, name)[:, 0]
+        name: result.counted(name)[:, 0]
         for name in {*objectives, *(bound.metric for bound in constraints)}
     }
     missing = ~good
@@ -33,14 +33,6 @@ def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Cons
     found = np.stack([_sign(name) * mean_over_runs(values[name]) for name in objectives], axis=1)
     settling = result.metric("settling_time")[:, 0]
     return Scores(found, violation, (~good).sum(axis=1), (good & np.isnan(settling)).sum(axis=1))
-
-
-def run_values(result: Result, name: str) -> Array:
-    """A metric of every run; the horizon where it lies beyond, NaN where a run has none."""
-    if name == SETTLED and name not in result.metrics:
-        unsettled = result.censored("settling_time")
-        return np.where(result.good, np.where(unsettled, 0.0, 1.0), np.nan)
-    return result.counted(name)
 
 
 def excess(bound: Constraint, values: Array) -> Array:

@@ -22,10 +22,8 @@ from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity_table import quantities
 
 MOST_TRAJECTORIES = 50
-"""Of each law, that the confirmation keeps unless the configuration says how many."""
-
-SETTLED = "settled"
-"""A metric that every result can tell, though results of ideal vehicles do not store it."""
+"""Of each law, that the confirmation keeps unless the configuration says how many; a front has
+too many laws, and keeps none."""
 
 
 @dataclass(frozen=True)
@@ -128,9 +126,11 @@ class Search:
 
     @property
     def all_runs(self) -> int:
-        """Over all laws and generations, and those of the confirmation with one winner a law."""
-        each = self.section.population * self.base.config.ensemble.runs
-        return len(self.laws) * (self.section.budget * each + 2 * self.section.confirm.runs)
+        """Over all laws and generations, and those of the confirmation at the most."""
+        section = self.section
+        each = section.budget * section.population * self.base.config.ensemble.runs
+        winners = section.population if self.seeks_front else 1
+        return len(self.laws) * (each + (winners + 1) * section.confirm.runs)
 
     @cached_property
     def digest(self) -> str:
@@ -158,7 +158,8 @@ class Search:
         data = self.base.source.data
         ensemble = {"runs": self.section.confirm.runs, "seed": self.confirm_seed}
         store = dict(data.get("store") or {})
-        store.setdefault("trajectories", min(MOST_TRAJECTORIES, ensemble["runs"]))
+        few = min(MOST_TRAJECTORIES, ensemble["runs"])
+        store.setdefault("trajectories", "none" if self.seeks_front else few)
         own = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
         return replace(self.base.source, data=_without_search(data) | own)
 
@@ -270,7 +271,7 @@ def _objectives(section: TuneSection, base: Experiment, problems: Problems) -> t
 def _require_metric(name: str, base: Experiment) -> None:
     """Raise an `InputError` if generations do not store a metric of this name."""
     stored = {quantity.name for quantity in quantities(base)}
-    known = [q.name for q in METRICS if q.name in stored or q.name == SETTLED]
+    known = [q.name for q in METRICS if q.name in stored or q.told_by in stored]
     if name not in known:
         hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
         raise InputError(f"no metric '{name}' is stored of every run{hint}")

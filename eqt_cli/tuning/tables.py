@@ -10,24 +10,18 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.comparison import Comparison, compare
+from eqt_cli.analysis.comparison.bootstrap import Resampling, intervals_of_means
 from eqt_cli.analysis.comparison.notation import Plain, fixed
 from eqt_cli.analysis.comparison.pairs import Pair
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.problems import parse_key
 from eqt_cli.results.result import Result, mean_over_runs
-from eqt_cli.tuning.scores import excess, run_values
-from eqt_cli.tuning.search import SETTLED, Constraint
+from eqt_cli.tuning.fronts import equal_cost_table
+from eqt_cli.tuning.scores import excess
+from eqt_cli.tuning.search import Constraint
 
 Record = Mapping[str, Any]
-
-
-def labels_of(record: Record) -> list[str]:
-    """The labels of all winners and starting gains; none of a search that is under way."""
-    laws = record.get("laws", [])
-    return [
-        label for law in laws for label in (*(x["label"] for x in law["winners"]), law["start"])
-    ]
 
 
 def tuning_tables(result: Result, record: Record) -> list[TextTable]:
@@ -40,21 +34,51 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     record
         Of the search, as its folder has it.
     """
-    comparison = compared(result, record)
     write = Plain()
-    made = [_winners(result, record, comparison, write), _bounds(result, record, write)]
-    tuned = [winner["label"] for law in record["laws"] for winner in law["winners"]]
-    several = len(record["objectives"]) > 1  # whose winners are compared as fronts
-    between = [p for p in comparison.pairs if {p.first, p.second} <= set(tuned) and not several]
+    bounds = _bounds(result, record, write)
+    if len(record["objectives"]) > 1:
+        how = Resampling()
+        made = [equal_cost_table(result, record, write, how), _front_points(result, record, how)]
+        return [table for table in [*made, bounds] if table.blocks]
+    comparison = compared(result, record)
+    tuned = {winner["label"] for law in record["laws"] for winner in law["winners"]}
+    between = [pair for pair in comparison.pairs if {pair.first, pair.second} <= tuned]
     pairs = text_tables(replace(comparison, pairs=between, levels=[], judgements=[]), write)
-    return [table for table in [*made, *pairs.values()] if table.blocks]
+    made = [_winners(result, record, comparison, write), bounds, *pairs.values()]
+    return [table for table in made if table.blocks]
+
+
+def _front_points(result: Result, record: Record, how: Resampling) -> TextTable:
+    """Every winner of the fronts, and the starting gains."""
+    write = Plain()
+    cells = []
+    for name in record["objectives"]:
+        found = intervals_of_means(result.counted(name).T, how)
+        ends = zip(found.mean.tolist(), found.low.tolist(), found.high.tolist(), strict=True)
+        cells.append([write.spread(*three) for three in ends])
+    rows = []
+    for law in record["laws"]:
+        known = {law["start"]: "", **{w["label"]: values_text(w["values"]) for w in law["winners"]}}
+        for label, values in known.items():
+            k = result.labels.index(label)
+            rows.append([label, values, *(column[k] for column in cells)])
+    names = [
+        f"{write.name(result.quantity(name))} {write.unit(result.units(name))}".strip()
+        for name in record["objectives"]
+    ]
+    return TextTable(
+        "points",
+        f"Points of the fronts: means over {result.runs} held-out runs ± half the 95 % interval",
+        ["law", "tuned", *names],
+        [Block("", rows)],
+        list(_notes(result, record)),
+    )
 
 
 def compared(result: Result, record: Record) -> Comparison:
     """The comparison by the objectives, and by what was bounded."""
     names = [*record["objectives"], *(bound["metric"] for bound in record["constraints"])]
-    known = [name for name in dict.fromkeys(names) if name in result.metrics or name != SETTLED]
-    return compare(result, metrics=known)
+    return compare(result, metrics=list(dict.fromkeys(names)))
 
 
 def _winners(result: Result, record: Record, comparison: Comparison, write: Plain) -> TextTable:
@@ -81,18 +105,24 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
         unit = write.unit(measured.unit)
         title = write.name(measured.quantity) + (f" in {unit}" if unit else "")
         blocks.append(Block(title, rows))
-    searched = (
-        f"{record['generations']} generations of {record['population']} points, "
-        f"each of {record['runs']} run{'s' if record['runs'] > 1 else ''}, for every law"
-    )
     return TextTable(
         "tuned",
         f"Tuned laws against their starting gains: means over {result.runs} held-out "
         f"run{'s' if result.runs > 1 else ''} ± half the 95 % interval",
         ["law", "tuned", "start", "found", "change"],
         blocks,
-        [f"Searched: {searched}.", *_counted(result)],
+        list(_notes(result, record)),
     )
+
+
+def _notes(result: Result, record: Record) -> Iterator[str]:
+    """How long the search was, and runs that are not as they should be."""
+    each = f"{record['runs']} run{'s' if record['runs'] > 1 else ''}"
+    yield (
+        f"Searched: {record['generations']} generations of {record['population']} points, each of "
+        f"{each}, for every law."
+    )
+    yield from _counted(result)
 
 
 def _counted(result: Result) -> Iterator[str]:
@@ -109,7 +139,7 @@ def _bounds(result: Result, record: Record, write: Plain) -> TextTable:
     rows = []
     for entry in record["constraints"]:
         bound = Constraint(**entry)
-        values = run_values(result, bound.metric)
+        values = result.counted(bound.metric)
         over = excess(bound, values)
         worst = np.nanmax if bound.above else np.nanmin
         found = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)

@@ -189,3 +189,19 @@ def test_a_sweep_is_compared_point_by_point(eqt, folder):
     done = eqt("compare", "s", "--table", "pairs")
     assert done.code == 2
     assert "are of one experiment; choose a point of the sweep with --point" in done.err
+
+
+def test_how_far_laws_carry_is_asked_of_a_sweep(eqt, folder):
+    sweep = ["--grid", "gains.kp=1,2", "--out", "s", "-q"]
+    assert eqt("sweep", "c.yaml", *sweep).code == 0
+    done = eqt("compare", "s", "--robust", "--share", "0.3")
+    assert done.code == 0
+    assert "How far gains.kp may go while 0.3 of the runs settle, at 3 runs a value" in done.out
+    rows = json.loads(eqt("compare", "s", "--robust", "--json").out)["tested"]
+    assert [(row["law"], row["value"]) for row in rows[:3]] == [("eqt", 1), ("eqt", 2), ("gt", 1)]
+    assert eqt("run", "c.yaml", "--out", "r", "-q").code == 0
+    done = eqt("compare", "r", "--robust")
+    assert (done.code, done.err) == (
+        2,
+        "eqt: --robust: asks a sweep, and r is a single experiment\n",
+    )

@@ -8,7 +8,7 @@ import pytest
 from eqt_cli import api
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import is_foreign, meanings
-from eqt_cli.plots.base import OfCertificates, OfSweep
+from eqt_cli.plots.base import OfCertificates, OfSweep, OfTuning
 from eqt_cli.plots.curve_data import curves
 from eqt_cli.results.result import open_result
 
@@ -24,6 +24,15 @@ CONFIG = {
     "solver": {"rtol": 1e-5, "cross_check": 0},
 }
 SWEEP = {"sweep": [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}]}
+TUNE = {
+    "tune": {
+        "over": {"gains.kp": [0.5, 2], "gains.kd": [0.5, 2]},
+        "objectives": ["effort", "mean_pose_error"],
+        "budget": 2,
+        "population": 5,
+        "confirm": {"runs": 5},
+    }
+}
 IN = {"column": 3.5, "page": 7.16}
 BY_PLACE = ("phase", "runs", "sweep")
 """Figures of which numbers were kept before their curves had names; they go on being compared."""
@@ -31,7 +40,7 @@ BY_PLACE = ("phase", "runs", "sweep")
 
 @pytest.fixture(scope="module")
 def results(tmp_path_factory):
-    """A single experiment, the same without trajectories, a sweep; and what `verify` finds."""
+    """Results of every kind that figures are of; and what `verify` finds."""
     folder = tmp_path_factory.mktemp("figures")
     ran = {
         name: api.run(api.load_experiment(CONFIG | more, {"name": name}), folder / name)
@@ -42,6 +51,8 @@ def results(tmp_path_factory):
         )
     }
     opened = {name: open_result(result.path) for name, result in ran.items()}
+    done = api.tune(CONFIG | TUNE, folder / "tuned")
+    opened["tuned"] = open_result(done.confirmed.folder.path)
     yield opened, api.verify(ran["single"]).rows
     for one in opened.values():
         one.close()
@@ -51,10 +62,17 @@ def of_sweep(figure_class):
     return issubclass(figure_class, OfSweep)
 
 
+def subject(figure_class):
+    """The kind of result that a figure is of."""
+    if issubclass(figure_class, OfTuning):
+        return "tuned"
+    return "sweep" if of_sweep(figure_class) else "single"
+
+
 @pytest.mark.parametrize("width", IN)
 def test_it_draws_a_result_as_wide_as_it_is_told(figure_class, results, width):
     opened, rows = results
-    shown = opened["sweep" if of_sweep(figure_class) else "single"]
+    shown = opened[subject(figure_class)]
     drawing = figure_class().draw([shown], width, certificates=rows)
     assert drawing.get_figwidth() == pytest.approx(IN[width])
     assert drawing.axes
@@ -66,7 +84,7 @@ def test_every_curve_has_a_name(figure_class, results):
     if is_foreign(figure_class.__module__) or figure_class.name in BY_PLACE:
         pytest.skip("its curves are known by their places")
     opened, rows = results
-    shown = opened["sweep" if of_sweep(figure_class) else "single"]
+    shown = opened[subject(figure_class)]
     drawn = curves(figure_class().draw([shown], certificates=rows))
     assert drawn
     assert [
@@ -84,7 +102,7 @@ def test_its_options_are_documented(figure_class):
 
 def test_a_controller_that_there_is_not_is_named(figure_class, results):
     opened, rows = results
-    shown = opened["sweep" if of_sweep(figure_class) else "single"]
+    shown = opened[subject(figure_class)]
     with pytest.raises(EqtError, match=r"figure '.*' finds no controller 'gtt'"):
         figure_class(controllers=("gtt",)).draw([shown], certificates=rows)
 

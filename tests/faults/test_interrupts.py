@@ -1,45 +1,161 @@
-"""Ctrl-C, as a terminal sends it: to the command and all of its workers."""
+"""Ctrl-C, as a terminal sends it, and the signals of clusters and of terminals that are closed."""
 
 import json
 import os
+import random
 import signal
+import subprocess
+import sys
 import time
+from importlib.util import find_spec
+from pathlib import Path
 
 import pytest
-from faults_harness import RUN, SWEEP, Session, assert_equal, check_left_over, contents, parts
+from faults_harness import (
+    RUN,
+    START,
+    SWEEP,
+    Session,
+    assert_equal,
+    check_left_over,
+    contents,
+    parts,
+)
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="has no process groups")
 
+LONG = RUN.replace("runs: 200", "runs: 4000")
+EXECUTORS = {
+    "serial": ["--executor", "serial"],
+    "threads": ["--executor", "threads", "--workers", "2"],
+    "local": ["--executor", "local", "--workers", "2"],
+    "dask": ["--executor", "dask", "--workers", "2"],
+}
 
-@pytest.mark.parametrize(
-    ("command", "text", "options"),
-    [
-        ("run", RUN, ["--executor", "serial"]),
-        ("sweep", SWEEP, ["--executor", "local", "--workers", "2"]),
-    ],
-)
-def test_ctrl_c_says_how_to_continue_and_loses_nothing(tmp_path, command, text, options):
+
+def started(tmp_path, command, text, options):
+    """A session that has kept two parts."""
     config = tmp_path / "config.yaml"
     config.write_text(text, encoding="utf-8")
-    out = tmp_path / "out"
-    session = Session(command, config, out, options)
-    while session.running and len(parts(out)) < 2:
+    if "dask" in options and not find_spec("distributed"):
+        pytest.skip("needs the extra dask")
+    session = Session(command, config, tmp_path / "out", options)
+    while session.running and len(parts(tmp_path / "out")) < 2:
         time.sleep(0.01)
-    before = parts(out)
-    os.killpg(session.process.pid, signal.SIGINT)
+    return session
+
+
+def kept(session, total):
+    """How many runs it says it has kept, in the one message that it leaves."""
     stdout, stderr = session.process.communicate(timeout=60)
-    assert session.process.returncode == 130
-    document = json.loads(stdout)
-    assert document["exit_code"] == 130
-    assert document["error"].startswith("interrupted; ")
     done = stderr.split("interrupted; ")[1].split(" of ")[0]
-    total = 400 if command == "run" else 360
     assert stderr == (
-        f"eqt: interrupted; {done} of {total} runs are kept in {out}: "
+        f"eqt: interrupted; {done} of {total} runs are kept in {session.out}: "
         "run the same command again to continue, or with --force to start over\n"
     )
-    assert int(done) >= 30 * len(before)
-    check_left_over(out, before)
-    assert Session(command, config, out, options).finish()["resumed"] == int(done)
-    Session(command, config, tmp_path / "whole", ["--executor", "serial"]).finish()
-    assert_equal(out / "results.h5", contents(tmp_path / "whole/results.h5"))
+    document = json.loads(stdout)
+    assert document["exit_code"] == session.process.returncode
+    assert document["error"].startswith("interrupted; ")
+    return int(done)
+
+
+@pytest.mark.parametrize(
+    ("command", "text", "executor", "total"),
+    [("run", RUN, "serial", 400), ("sweep", SWEEP, "local", 360)],
+)
+def test_ctrl_c_says_how_to_continue_and_loses_nothing(tmp_path, command, text, executor, total):
+    options = EXECUTORS[executor]
+    session = started(tmp_path, command, text, options)
+    before = parts(session.out)
+    os.killpg(session.process.pid, signal.SIGINT)
+    done = kept(session, total)
+    assert session.process.returncode == 130
+    assert done >= 30 * len(before)
+    check_left_over(session.out, before)
+    assert Session(command, session.config, session.out, options).finish()["resumed"] == done
+    Session(command, session.config, tmp_path / "whole", EXECUTORS["serial"]).finish()
+    assert_equal(session.out / "results.h5", contents(tmp_path / "whole/results.h5"))
+
+
+@pytest.mark.parametrize("executor", EXECUTORS)
+def test_a_second_ctrl_c_changes_nothing(tmp_path, executor):
+    session = started(tmp_path, "run", LONG, EXECUTORS[executor])
+    os.killpg(session.process.pid, signal.SIGINT)
+    time.sleep(0.2)
+    if session.running:
+        os.killpg(session.process.pid, signal.SIGINT)
+    assert kept(session, 8000) > 0
+    assert session.process.returncode == 130
+
+
+@pytest.mark.parametrize(
+    ("executor", "name", "code"), [("serial", "SIGTERM", 143), ("local", "SIGHUP", 129)]
+)
+def test_what_clusters_and_closed_terminals_send(tmp_path, executor, name, code):
+    session = started(tmp_path, "run", LONG, EXECUTORS[executor])
+    os.killpg(session.process.pid, getattr(signal, name))
+    assert kept(session, 8000) > 0
+    assert session.process.returncode == code
+
+
+def test_a_signal_that_is_ignored_stays_ignored(tmp_path):
+    config = tmp_path / "config.yaml"
+    config.write_text(RUN.replace("runs: 200", "runs: 50"), encoding="utf-8")
+    code = f"import signal; signal.signal(signal.SIGHUP, signal.SIG_IGN); {START}"
+    words = ["run", str(config), "--out", str(tmp_path / "out"), "--quiet"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *words], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+    )
+    while process.poll() is None and not (tmp_path / "out/manifest.json").exists():
+        time.sleep(0.01)
+    process.send_signal(signal.SIGHUP)
+    _, stderr = process.communicate(timeout=60)
+    assert (process.returncode, stderr) == (0, b"")
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_ctrl_c_while_libraries_load_is_one_line(tmp_path, seed):
+    text = LONG
+    if find_spec("heyoka"):
+        text = text.replace("{rtol", "{engine: taylor, rtol").replace(" block: 2,", "")
+    (tmp_path / "config.yaml").write_text(text, encoding="utf-8")
+    code = "from eqt_cli.cli import main; print('ready', flush=True); main()"
+    words = ["run", "config.yaml", "--out", "out", "--quiet"]
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *words],
+        cwd=tmp_path,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "ready\n"
+    time.sleep(0.05 + random.Random(seed).uniform(0, 1.2))
+    process.send_signal(signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert stdout == ""
+    assert stderr.startswith("eqt: interrupted; ")
+    assert stderr.count("\n") == 1
+
+
+def _lives(pid):
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2][0]
+    except OSError:
+        return False
+    return state not in "ZX"
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="finds processes as Linux does")
+@pytest.mark.parametrize("executor", ["local", "dask"])
+def test_workers_end_within_a_second_of_their_parent(tmp_path, executor):
+    session = started(tmp_path, "run", LONG, EXECUTORS[executor])
+    workers = session.workers()
+    assert len(workers) == 2
+    session.process.kill()
+    deadline = time.monotonic() + 1
+    while any(map(_lives, workers)) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    living = list(filter(_lives, workers))
+    session.process.communicate(timeout=60)
+    assert not living

@@ -11,7 +11,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.base import OfCertificates, OfSweep, OverTime
+from eqt_cli.plots.base import OfCertificates, OfSweep, OfTuning, OverTime
 from eqt_cli.plots.drawing.style import WIDTHS, house_style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import render
@@ -21,7 +21,9 @@ FORMATS = ("pdf", "svg", "png")
 
 # Figures of sweeps and certificates are of something else: see test_sweep.py, test_certificates.py.
 NAMES = [
-    name for name in figures.names() if not issubclass(figures.get(name), OfSweep | OfCertificates)
+    name
+    for name in figures.names()
+    if not issubclass(figures.get(name), OfSweep | OfCertificates | OfTuning)
 ]
 every_figure = pytest.mark.parametrize("name", NAMES)
 every_figure_over_time = pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """References as motions: each kind against its own definition, on every group, by both engines."""
 
+from functools import reduce
+
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -177,11 +179,12 @@ def test_rates_are_integrated(G, engine):
     if engine == "taylor":
         pytest.importorskip("heyoka")
     s = on_reference(closed_loop(G, reference("rates", G)), engine)
-    Q, h = G.identity, TIMES[1] / 200
-    for k in range(200):  # the exponential midpoint rule, which errs by h²
-        V = 0.3 * np.cos(np.arange(1, G.dimension + 1) * (k + 0.5) * h)
-        Q = Q @ expm(h * G.hat(V))
-    np.testing.assert_allclose(s.Qd[0, 1], Q, rtol=0, atol=1e-7)
+    # The exponential midpoint rule, which errs by h² ‖V̈‖ t / 24, here 3e-10.
+    h = TIMES[1] / 2000
+    middles = (np.arange(2000) + 0.5)[:, None] * h
+    V = 0.3 * np.cos(np.arange(1, G.dimension + 1) * middles)
+    Q = reduce(np.matmul, expm(h * G.hat(V)))
+    np.testing.assert_allclose(s.Qd[0, 1], Q, rtol=0, atol=DEFINITION)
     expected = 0.3 * np.cos(np.arange(1, G.dimension + 1) * TIMES[:, None])
     np.testing.assert_allclose(s.Vd[0], expected, rtol=0, atol=1e-12)
 

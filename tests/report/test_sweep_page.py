@@ -84,7 +84,7 @@ def test_the_best_point_has_the_least_mean(results):
 
 
 def test_its_figures_are_those_of_sweeps(text):
-    assert text.count("<figure id=") == 3
+    assert text.count("<figure id=") == 4
     assert 'id="picker"' not in text and 'id="claims"' not in text and "All points" in text
 
 

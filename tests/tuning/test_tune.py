@@ -121,6 +121,8 @@ class _Stored(Result):
         return False
 
     def metric(self, name: str, controller: int | None = None) -> Any:
+        if name == "settled":  # told by another, as a real result does
+            return np.where(self.status == 0, np.isfinite(self.metric("settling_time")), np.nan)
         return np.where(self.status == 0, self.numbers[name][:, None], np.nan)
 
 

@@ -12,6 +12,7 @@ from eqt_cli.cli.shared.options import cores
 from eqt_cli.cli.shared.output import print_found, print_json, say, warn
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError, InterruptedRun
+from eqt_cli.core.interruptions import exit_code
 from eqt_cli.execution.folder_progress import unfinished
 
 if TYPE_CHECKING:
@@ -74,8 +75,8 @@ def run_experiment(
                 resumed=advance.skip,
                 remark=warn,
             )
-    except KeyboardInterrupt:
-        raise _interrupted(experiment.study, out) from None
+    except KeyboardInterrupt as error:
+        raise _interrupted(experiment.study, out, exit_code(error)) from None
     if not quiet:
         for entry in done.removed:
             say(f"removed {entry}")
@@ -86,14 +87,15 @@ def run_experiment(
     report(done, shard, json=json)
 
 
-def _interrupted(study: Study, out: Path) -> Exception:
+def _interrupted(study: Study, out: Path, exit_code: int) -> Exception:
 
     begun = unfinished(out)
     done = begun.done if begun else 0
     whole = f" (whole parts of {study.plans.runs_of(0)} are)" if not done else ""
     return InterruptedRun(
         f"interrupted; {done} of {study.plans.total} runs are kept in {out}{whole}: "
-        "run the same command again to continue, or with --force to start over"
+        "run the same command again to continue, or with --force to start over",
+        exit_code,
     )
 
 

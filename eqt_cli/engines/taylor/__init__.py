@@ -29,7 +29,16 @@ from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
 from eqt_cli.core.errors import EqtError, TraceError
 from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
-from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Span, Status
+from eqt_cli.engines.base import (
+    Engine,
+    Problem,
+    Progress,
+    SampledFunction,
+    Solution,
+    Span,
+    Status,
+)
+from eqt_cli.engines.taylor.evaluation import CompiledFunction, compiled_function
 from eqt_cli.engines.taylor.switching import AtOnce, Comparisons, Crossing, Switchboard, recording
 
 EPSILON = float(np.finfo(float).eps)
@@ -140,6 +149,16 @@ class Taylor(Engine):
             _in_threads(work, min(workers, -(-problem.runs // lanes)), groups, lock)
         return solution
 
+    def evaluate(
+        self, function: SampledFunction, problem: Problem, states: Array
+    ) -> dict[str, Array]:
+        """Compiled as the law is where the work is large, by `sized`; else on arrays."""
+        compiled = _compiled_samples(function, problem.loop) if self.code == "full" else None
+        if compiled is None:
+            return super().evaluate(function, problem, states)
+        held = _held_rows(problem.loop, problem.times)
+        return compiled.at_samples(problem.times, states, _parameter_rows(problem), held)
+
     def _compile(self, loop: ClosedLoop) -> _Compiled:
         """An integrator for the structure of a loop, whatever its parameters."""
         return _compiled(trace(loop), self.step_tolerance, self.code != "full")
@@ -164,7 +183,8 @@ class Taylor(Engine):
         steps, first = np.zeros(len(padded), dtype=int), 0
         going = [slice(start, start + lanes) for start in range(0, len(padded), lanes)]
         failed, success = [], _heyoka().taylor_outcome.time_limit
-        for span, held in zip(problem.spans, _held_rows(problem), strict=True):
+        starts = np.array([span.start for span in problem.spans])
+        for span, held in zip(problem.spans, _held_rows(problem.loop, starts), strict=True):
             is_last = span is problem.spans[-1]
             numbers = _with_same(own, held)
             if span.tick is not None:
@@ -278,8 +298,7 @@ def trace(loop: ClosedLoop) -> Traced:
         If a component does what expressions cannot; it names component, operation and way out.
     """
     heyoka = _heyoka()
-    names = [f"y{index:04d}" for index in range(loop.state_length)]
-    variables = np.array(heyoka.make_vars(*names), dtype=object)
+    variables = _variables(loop)
     parameters = sum(value.size for value in _numbers(loop).values())
     comparisons = Comparisons(heyoka, parameters)
     token = recording.set(comparisons)
@@ -304,6 +323,30 @@ def trace(loop: ClosedLoop) -> Traced:
     )
     compared, margins = tuple(comparisons.pairs), tuple(comparisons.margins())
     return Traced(tuple(variables), tuple(rows), compared, margins, parameters, tuple(later))
+
+
+def _compiled_samples(function: SampledFunction, loop: ClosedLoop) -> CompiledFunction | None:
+    """A function of the loop, compiled; None where it does what expressions cannot.
+
+    Unlike a law, what is measured of one need not be compiled: an actuator may say by NumPy alone
+    where it is at its limit, and a law what its Lyapunov function is.
+    """
+    heyoka = _heyoka()
+    variables = _variables(loop)
+    token = recording.set(AtOnce(heyoka))
+    try:
+        arrays = function(_symbolic(loop), heyoka.time, variables[None])
+    except Exception:
+        return None
+    finally:
+        recording.reset(token)
+    return compiled_function(heyoka, list(variables), arrays)
+
+
+def _variables(loop: ClosedLoop) -> Array:
+    """A symbol for every entry of the flat state."""
+    names = [f"y{index:04d}" for index in range(loop.state_length)]
+    return np.array(_heyoka().make_vars(*names), dtype=object)
 
 
 def _symbolic(loop: ClosedLoop) -> ClosedLoop:
@@ -333,12 +376,11 @@ def _error_symbols(loop: ClosedLoop, first: int) -> tuple[Array, Array] | None:
     return symbols[: d * d].reshape(1, d, d), symbols[d * d :].reshape(1, m)
 
 
-def _held_rows(problem: Problem) -> Array:
-    """What the loop holds in each span, a row each."""
-    starts = np.array([span.start for span in problem.spans])
-    held = [np.asarray(value) for value in problem.loop.held(starts).values()]
-    rows = [value.reshape(len(starts), -1) for value in held]
-    return np.concatenate([np.empty((len(starts), 0)), *rows], axis=1)
+def _held_rows(loop: ClosedLoop, times: Array) -> Array:
+    """What the loop holds from each of these times to the next instant, a row each."""
+    held = [np.asarray(value) for value in loop.held(times).values()]
+    rows = [value.reshape(len(times), -1) for value in held]
+    return np.concatenate([np.empty((len(times), 0)), *rows], axis=1)
 
 
 def _parameter_rows(problem: Problem) -> Array:

@@ -28,6 +28,10 @@ CONNECT_WITHIN = 20.0
 """s to reach a scheduler."""
 
 
+OF_WORKER = "from eqt_cli.core import interruptions\ninterruptions.of_worker()\n"
+"""What a worker of a cluster of this machine does first."""
+
+
 @dataclass(frozen=True)
 class Dask(Executor):
     """Workers of Dask.distributed, which see the same result folder as this process.
@@ -93,8 +97,12 @@ class Dask(Executor):
                     Remedy("start one with `dask scheduler`"),
                     Remedy("leave {} out", "scheduler"),
                 ) from error
-        retried = {"distributed.scheduler.allowed-failures": MOST_TRIES - 1}
-        stack.enter_context(dask.config.set(retried))
+        settings = {
+            "distributed.scheduler.allowed-failures": MOST_TRIES - 1,
+            # What Ctrl-C means is decided here, though a terminal sends it to all of them.
+            "distributed.worker.preload": [OF_WORKER],
+        }
+        stack.enter_context(dask.config.set(settings))
         cluster = stack.enter_context(self._local_cluster())
         return stack.enter_context(Client(cluster, set_as_default=False))
 

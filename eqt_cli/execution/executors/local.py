@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import signal
 import threading
 import time
 from collections import deque
@@ -20,6 +19,7 @@ from typing import Any, ClassVar
 
 from threadpoolctl import threadpool_limits
 
+from eqt_cli.core import interruptions
 from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.executors.base import (
     MOST_TRIES,
@@ -133,8 +133,8 @@ class _Worker:
 
 def _serve(pipe: Any, task: Task) -> None:
     """The life of a worker: items until the pipe ends."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    interruptions.of_worker()
+    threading.Thread(target=_end_with_parent, daemon=True).start()  # where the system does not
     due = 0.0
     pending = 0.0
 

@@ -1,0 +1,187 @@
+"""How far a number may go before runs no longer settle, law by law."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.shares import share
+from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError
+from eqt_cli.results.result import Result, SweptKey
+
+
+@dataclass(frozen=True)
+class Tested:
+    """One tested value of a law.
+
+    Attributes
+    ----------
+    value
+        Of the swept number.
+    settled, runs
+        How many runs have settled at their end, of how many; a failed run has not.
+    low
+        The lower end of the Wilson interval of the share.
+    """
+
+    value: float
+    settled: int
+    runs: int
+    low: float
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The values around the easiest one at which enough runs of a law settle.
+
+    Attributes
+    ----------
+    law, other
+        The label of the law, and the value of the other swept key, if there is one.
+    values
+        All that were tested, rising.
+    lowest, highest
+        The ends of the range that holds the easiest value, and in which every tested value has a
+        lower bound of at least the share that is asked for; None where the easiest has not.
+    """
+
+    law: str
+    other: str
+    values: list[Tested]
+    lowest: float | None
+    highest: float | None
+
+    def holds_at(self, value: float) -> bool:
+        """Whether a value is in the range."""
+        if self.lowest is None or self.highest is None:
+            return False
+        return self.lowest <= value <= self.highest
+
+    def beyond(self, *, above: bool) -> Tested | None:
+        """The first tested value outside of the range; None where the range ends with the tests."""
+        if self.lowest is None or self.highest is None:
+            return None
+        if above:
+            return next((each for each in self.values if each.value > self.highest), None)
+        return next((each for each in reversed(self.values) if each.value < self.lowest), None)
+
+
+def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey, list[Reach]]:
+    """The swept number, and how far each law carries along it.
+
+    The easiest value is the one at which most runs of all laws settle; of several, the one nearest
+    to 0. It is 0 of a delay, and the largest of a limit.
+
+    Parameters
+    ----------
+    result
+        Open, of a sweep over one number, and at most one key more.
+    wanted
+        The share of runs that must settle, by the lower bound of its Wilson interval.
+    confidence
+        Of these intervals.
+
+    Raises
+    ------
+    EqtError
+        If the sweep is over something else.
+    """
+    if not 0 < wanted < 1:
+        raise EqtError(f"share {wanted:g}: expected a number between 0 and 1, as 0.9")
+    across, other = _keys(result)
+    settled = result.metric("settled") > 0  # NaN, of a run that failed, is not
+    found = []
+    for level in np.unique(other.values) if other else [0.0]:
+        points = np.flatnonzero(other.values == level) if other else np.arange(result.points)
+        points = points[np.argsort(across.values[points], kind="stable")]
+        values, counts = across.values[points], settled[points].sum(axis=-1)
+        total = counts.sum(axis=-1)
+        easiest = int(np.lexsort((np.abs(values), -total))[0])
+        name = other.at(int(points[0])) if other else ""
+        for law, label in enumerate(result.labels):
+            tested = [
+                Tested(value, n, result.runs, share(n, result.runs, confidence).low)
+                for value, n in zip(values.tolist(), counts[:, law].tolist(), strict=True)
+            ]
+            holds = np.array([each.low >= wanted for each in tested])
+            found.append(Reach(label, name, tested, *_around(values, holds, easiest)))
+    return across, found
+
+
+def _keys(result: Result) -> tuple[SweptKey, SweptKey | None]:
+    """The swept number, and the other key if there is one."""
+    keys = result.swept_keys
+    numbers = [key for key in keys if not key.texts]
+    if not numbers or len(keys) > 2:
+        listed = ", ".join(key.key for key in keys) or "none"
+        raise result.error(
+            f"robustness is asked over a swept number and at most one key more, here are: {listed}"
+        )
+    return numbers[0], next((key for key in keys if key is not numbers[0]), None)
+
+
+def _around(values: Array, holds: Array, start: int) -> tuple[float | None, float | None]:
+    """The ends of the values around a place at which something holds without a gap."""
+    if not holds[start]:
+        return None, None
+    low = high = start
+    while low > 0 and holds[low - 1]:
+        low -= 1
+    while high < len(values) - 1 and holds[high + 1]:
+        high += 1
+    return float(values[low]), float(values[high])
+
+
+def robustness_table(
+    result: Result, wanted: float, confidence: float, write: Plain
+) -> tuple[TextTable, list[dict[str, Any]]]:
+    """How far each law carries, as a table, and every tested value as plain data."""
+    across, found = reaches(result, wanted, confidence)
+    blocks: dict[str, list[list[str]]] = {}
+    for each in found:
+        row = [write.text(each.law), *(_end(each, above, write) for above in (False, True))]
+        blocks.setdefault(each.other, []).append(row)
+    runs = result.runs
+    most = share(runs, runs, confidence).low
+    notes = [
+        "A law carries as far as every tested value has a share of settled runs whose "
+        f"{100 * confidence:g} % Wilson interval begins at {wanted:g} or above. A failed run has "
+        "not settled. In parentheses: the first value tested beyond, the share there, and its "
+        "lower bound."
+    ]
+    if most < wanted:
+        notes.append(
+            f"{runs} runs cannot show {wanted:g}: even if all settle, the interval begins at "
+            f"{most:.2f}. Take more runs, or ask for less."
+        )
+    table = TextTable(
+        "robustness",
+        f"How far {across.key} may go while {wanted:g} of the runs settle, at {runs} runs a value",
+        ["law", "from", "to"],
+        [Block(write.text(name), rows) for name, rows in blocks.items()],
+        [write.text(note) for note in notes],
+    )
+    records = [
+        {"law": each.law, "key": across.key, "other": each.other, **asdict(tested)}
+        | {"within": each.holds_at(tested.value)}
+        for each in found
+        for tested in each.values
+    ]
+    return table, records
+
+
+def _end(each: Reach, above: bool, write: Plain) -> str:
+    """One end of the range, and what was found beyond it."""
+    end = each.highest if above else each.lowest
+    if end is None:
+        return "nowhere"
+    beyond = each.beyond(above=above)
+    if beyond is None:
+        return write.number(f"{end:.4g}") + write.text(" (all tested)")
+    share_there = f"{beyond.settled / beyond.runs:.2f}, {beyond.low:.2f}"
+    return write.number(f"{end:.4g}") + write.text(f" ({beyond.value:.4g}: {share_there})")

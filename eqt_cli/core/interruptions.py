@@ -1,0 +1,127 @@
+"""Being told to stop: Ctrl-C, and what clusters and closed terminals send, are one thing.
+
+The signal becomes an exception at a moment when it can be one: not while a library is loaded, of
+which half would remain. It knows nothing of what is under way.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any
+
+ASKED_BY = tuple(
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)
+)
+"""Ctrl-C; the end of a job's time; a terminal that was closed."""
+
+AGAIN_AFTER = 0.05
+"""s until a signal that came while a library was loaded is looked at again."""
+
+
+PATIENCE = 5.0
+"""s that an end may take; who asks again after them wants it at once."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """Somebody asks this process to stop.
+
+    Attributes
+    ----------
+    exit_code
+        As shells have it: 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__()
+        self.exit_code = 128 + number
+
+
+def exit_code(error: KeyboardInterrupt) -> int:
+    """The exit code that goes with it, whoever raised it."""
+    return getattr(error, "exit_code", 128 + signal.SIGINT)
+
+
+@contextmanager
+def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
+    """Raise `Interrupted` on the first signal; on one much later, end without waiting for anything.
+
+    Between them, what is under way is brought to its end, and further signals change nothing. A
+    signal that whoever started us ignores, as `nohup` does, stays ignored.
+
+    Parameters
+    ----------
+    at_once
+        Called before the process is ended by a later signal.
+    """
+    asked: float | None = None
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        nonlocal asked
+        if _is_loading(frame):
+            timer = threading.Timer(AGAIN_AFTER, signal.raise_signal, [number])
+            timer.daemon = True
+            timer.start()
+            return
+        if asked is None:
+            asked = time.monotonic()
+            raise Interrupted(number)
+        if time.monotonic() > asked + PATIENCE:
+            at_once()
+            started = sys.modules.get("multiprocessing")  # loaded by those who start processes
+            for child in started.active_children() if started else ():
+                child.kill()
+            os._exit(128 + number)
+
+    earlier: dict[int, Any] = {}
+    if threading.current_thread() is threading.main_thread():  # others cannot say what they want
+        for number in ASKED_BY:
+            if signal.getsignal(number) != signal.SIG_IGN:
+                earlier[number] = signal.signal(number, handle)
+    try:
+        yield
+    finally:
+        for number, handler in earlier.items():
+            # What is left to end after an interruption shall not be interrupted itself.
+            signal.signal(number, handler if asked is None else signal.SIG_IGN)
+
+
+def ignored() -> None:
+    """Leave it to the parent what a signal means, which reaches a whole group of processes."""
+    for number in ASKED_BY:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def _is_loading(frame: FrameType | None) -> bool:
+    """Whether a module is being imported."""
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def of_worker() -> None:
+    """Leave signals to the parent, and end with it."""
+    ignored()
+    end_with_parent()
+
+
+def end_with_parent() -> None:
+    """Have this process killed when the one that started it ends, however that ends."""
+    if sys.platform == "linux":
+        import ctypes
+
+        parent = os.getppid()
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+        if os.getppid() != parent:  # it has ended meanwhile
+            os._exit(1)
+
+
+_PR_SET_PDEATHSIG = 1

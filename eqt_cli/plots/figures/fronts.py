@@ -1,0 +1,98 @@
+"""The figure of a search with two objectives: the front of each law, on held-out runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.analysis.comparison.bootstrap import intervals_of_means
+from eqt_cli.core.arrays import Array
+from eqt_cli.plots.base import OfTuning
+from eqt_cli.plots.drawing.curves import RESAMPLING
+from eqt_cli.plots.drawing.labels import metric_label
+from eqt_cli.plots.drawing.layout import add_legend
+from eqt_cli.plots.drawing.scales import scale_log
+from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
+from eqt_cli.plots.figure_data import ShownFronts
+
+_HEIGHTS: dict[Width, float] = {"column": 2.6, "page": 3.8}
+_SMALL = 3.5
+"""pt, of markers: the intervals are the point."""
+
+
+@dataclass(frozen=True)
+class Fronts(OfTuning):
+    """The winners of each law by both objectives on held-out runs, with 95 % intervals.
+
+    The line joins the points that no other betters on these runs; hollow ones are bettered there.
+    A cross marks the starting gains of each law.
+
+    Attributes
+    ----------
+    log
+        Logarithmic scales, where all numbers are positive.
+    """
+
+    name: ClassVar[str] = "fronts"
+
+    log: bool = True
+
+    def compose(self, shown: ShownFronts, width: Width) -> Drawing:
+        """One panel; colours and markers are those of the laws in all other figures."""
+        drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
+        panel = drawing.add_subplot()
+        lines, seen = [], []
+        for front, position in zip(shown.fronts, shown.positions, strict=True):
+            look = line_style(position)
+            points = [_intervals(values) for values in shown.values(front)]
+            best = front.best
+            others = np.setdiff1d(np.arange(len(front.labels)), best)
+            style: dict[str, Any] = look | {"marker": marker(position), "markersize": _SMALL}
+            x, y = (each[best, 0] for each in points)
+            lines += panel.plot(x, y, label=front.law, **style)
+            _crosses(panel, points, best, look["color"], f"{front.law}, intervals")
+            hollow = {"color": look["color"], "marker": marker(position), "markersize": _SMALL}
+            if len(others):
+                panel.plot(
+                    *(each[others, 0] for each in points),
+                    linestyle="",
+                    markerfacecolor="none",
+                    label=f"{front.law}, bettered",
+                    **hollow,
+                )
+            start = shown.start(front)
+            panel.plot(*start, "x", color=look["color"], label=f"{front.law}, start")
+            seen += points
+        panel.margins(0.03)
+        if self.log and all((values > 0).all() for values in seen):
+            scale_log(panel, "x", np.concatenate(seen[0::2]))
+            scale_log(panel, "y", np.concatenate(seen[1::2]))
+        panel.set_xlabel(metric_label(shown.results, shown.objectives[0], 36))
+        panel.set_ylabel(metric_label(shown.results, shown.objectives[1], 36))
+        add_legend(drawing, lines, shown.titles)
+        return drawing
+
+
+def _intervals(values: Array) -> Array:
+    """Mean and ends of each row, ``(rows, 3)``."""
+    found = intervals_of_means(values.T, RESAMPLING)
+    return np.stack([found.mean, found.low, found.high], axis=-1)
+
+
+def _crosses(panel: Axes, points: list[Array], rows: Array, colour: str, name: str) -> None:
+    """Intervals along both scales."""
+    (x, left, right), (y, low, high) = (each[rows].T for each in points)
+    panel.errorbar(
+        x,
+        y,
+        xerr=[x - left, right - x],
+        yerr=[y - low, high - y],
+        fmt="none",
+        ecolor=(colour, 0.5),
+        elinewidth=0.5,
+        label=name,
+    )

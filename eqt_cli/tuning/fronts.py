@@ -1,0 +1,223 @@
+"""Fronts on held-out runs, and what laws differ by where they cost the same."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.analysis.comparison.bootstrap import Intervals, Resampling, intervals_of_means
+from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.core.arrays import Array
+from eqt_cli.results.result import Result
+
+Record = Mapping[str, Any]
+
+SHARES = (0.25, 0.5, 0.75)
+"""Where along the range that two fronts share, on a logarithmic scale, they are compared."""
+
+
+@dataclass(frozen=True)
+class Front:
+    """The winners of a law on held-out runs.
+
+    Attributes
+    ----------
+    law
+        Its label in the search.
+    labels
+        Of the winners, in the order of the search.
+    cost, error : (winners, runs)
+        Both objectives; NaN where a run failed.
+    """
+
+    law: str
+    labels: list[str]
+    cost: Array
+    error: Array
+
+    @property
+    def means(self) -> Array:
+        """``(winners, 2)``; NaN where a run failed."""
+        return np.stack([self.cost.mean(axis=-1), self.error.mean(axis=-1)], axis=-1)
+
+    @property
+    def best(self) -> Array:
+        """The winners that none betters on the held-out runs either, by rising cost."""
+        cost, error = self.means.T
+        order = np.lexsort((error, cost))
+        order = order[np.isfinite(cost[order]) & np.isfinite(error[order])]
+        least = np.minimum.accumulate(error[order])
+        strictly = np.ones(len(order), dtype=bool)
+        strictly[1:] = least[1:] < least[:-1]
+        return order[strictly]
+
+    def at(self, cost: float) -> Array:
+        """The error of every run where the mean cost is this, ``(runs,)``.
+
+        Between two neighbours on the front, each has its share w of the runs, so that costs are
+        `cost` in the mean: e = w e₁ + (1 − w) e₂. Of each run the slope of the front times what its
+        cost lies beside `cost` is taken off, which is 0 in the mean, and carries to the spread what
+        is not known of w (delta method).
+        """
+        best = self.best
+        costs, errors = self.means[best].T
+        upper = int(np.clip(np.searchsorted(costs, cost), 1, len(best) - 1))
+        one, other = best[upper - 1], best[upper]
+        weight = (costs[upper] - cost) / (costs[upper] - costs[upper - 1])
+        slope = (errors[upper] - errors[upper - 1]) / (costs[upper] - costs[upper - 1])
+        mixed = [weight * x[one] + (1 - weight) * x[other] for x in (self.cost, self.error)]
+        found: Array = mixed[1] - slope * (mixed[0] - cost)
+        return found
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The least and the largest mean cost."""
+        costs = self.means[self.best, 0]
+        return float(costs[0]), float(costs[-1])
+
+
+@dataclass(frozen=True)
+class AtEqualCost:
+    """Two laws where both cost the same in the mean.
+
+    Attributes
+    ----------
+    better, worse
+        Their labels.
+    cost
+        The mean cost of both.
+    error, other_error
+        The mean errors of both.
+    relative, low, high
+        How much less the error of the better is, as a share of the other's, with an interval.
+    """
+
+    better: str
+    worse: str
+    cost: float
+    error: float
+    other_error: float
+    relative: float
+    low: float
+    high: float
+
+    @property
+    def decided(self) -> bool:
+        """Whether the interval leaves out 0."""
+        return self.low > 0
+
+
+def fronts(result: Result, record: Record) -> list[Front]:
+    """The fronts of a search on its held-out runs, of laws with two winners or more."""
+    cost, error = (_less_is_better(result, name) for name in record["objectives"])
+    found = []
+    for law in record["laws"]:
+        labels = [winner["label"] for winner in law["winners"]]
+        rows = [result.labels.index(label) for label in labels]
+        front = Front(law["label"], labels, cost[rows], error[rows])
+        if len(front.best) > 1:
+            found.append(front)
+    return found
+
+
+def _less_is_better(result: Result, name: str) -> Array:
+    """A metric of every run; its negative where more of it is better."""
+    sign = -1 if result.quantity(name).better == "higher" else 1
+    return sign * result.counted(name)
+
+
+def at_equal_cost(
+    found: Sequence[Front], how: Resampling, shares: Sequence[float] = SHARES
+) -> list[AtEqualCost]:
+    """Every two laws at some costs that both their fronts reach."""
+    places = []
+    for one, other in combinations(found, 2):
+        low = max(one.span[0], other.span[0])
+        high = min(one.span[1], other.span[1])
+        if low < high:
+            log = low > 0
+            costs = [low * (high / low) ** x if log else low + x * (high - low) for x in shares]
+            places += [(one, other, cost) for cost in costs]
+    if not places:
+        return []
+    errors = [(one.at(cost), other.at(cost)) for one, other, cost in places]
+    ends = intervals_of_means(np.stack([a - b for a, b in errors], axis=1), how)
+    return [
+        _compared(*place, *pair, ends, column)
+        for column, (place, pair) in enumerate(zip(places, errors, strict=True))
+    ]
+
+
+def _compared(
+    one: Front, other: Front, cost: float, a: Array, b: Array, ends: Intervals, column: int
+) -> AtEqualCost:
+    mean, low, high = (float(x[column]) for x in (ends.mean, ends.low, ends.high))
+    means = float(np.nanmean(a)), float(np.nanmean(b))
+    laws = one.law, other.law
+    if mean < 0:  # the first has less
+        mean, low, high = -mean, -high, -low
+    else:
+        laws, means = laws[::-1], means[::-1]
+    shares = (x / abs(means[1]) for x in (mean, low, high))
+    return AtEqualCost(*laws, cost, *means, *shares)
+
+
+def sentences(result: Result, record: Record, how: Resampling) -> list[str]:
+    """Every two laws in the middle of the range that both fronts reach, in words."""
+    cost, error = record["objectives"]
+    write = Plain()
+    unit = write.unit(result.units(cost))
+    told = []
+    for pair in at_equal_cost(fronts(result, record), how, (0.5,)):
+        where = (
+            f"At equal {_name(result, cost)} of {abs(pair.cost):.3g}{f' {unit}' if unit else ''}"
+        )
+        if pair.decided:
+            lead = f"{100 * pair.relative:.1f} % [{100 * pair.low:.1f}, {100 * pair.high:.1f}]"
+            more = "more" if result.quantity(error).better == "higher" else "less"
+            measure = _name(result, error)
+            told.append(f"{where}, {pair.better} has {lead} {more} {measure} than {pair.worse}.")
+        else:
+            told.append(
+                f"{where}, {pair.better} and {pair.worse} do not differ in {_name(result, error)} "
+                f"as far as these runs tell ({100 * pair.relative:.1f} % "
+                f"[{100 * pair.low:.1f}, {100 * pair.high:.1f}])."
+            )
+    return told
+
+
+def _name(result: Result, metric: str) -> str:
+    return Plain().name(result.quantity(metric))
+
+
+def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampling) -> TextTable:
+    """Every two laws at some costs that both fronts reach."""
+    cost, error = record["objectives"]
+    rows = [
+        [
+            write.text(f"{pair.better}, {pair.worse}"),
+            f"{abs(pair.cost):.4g}",
+            *(f"{abs(x):.4g}" for x in (pair.error, pair.other_error)),
+            write.text(
+                f"{100 * pair.relative:.1f} % [{100 * pair.low:.1f}, {100 * pair.high:.1f}]"
+            ),
+        ]
+        for pair in at_equal_cost(fronts(result, record), how)
+    ]
+    unit = write.unit(result.units(cost))
+    caption = (
+        f"{write.name(result.quantity(error))} of two laws where both have the same "
+        f"{write.name(result.quantity(cost))}{f', {unit}' if unit else ''}"
+    )
+    note = (
+        "Between two neighbours on a front, costs and errors are mixed. Intervals are of paired "
+        "differences and hold one by one; how near the search came to a front is not in them."
+    )
+    header = ["laws, the better first", "cost", "error", "error of the other", "less by"]
+    notes = [write.text(text) for text in (*sentences(result, record, how), note)]
+    return TextTable("fronts", caption, header, [Block("", rows)] if rows else [], notes)

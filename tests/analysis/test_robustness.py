@@ -1,0 +1,89 @@
+"""How far a law carries, on results made up of counts."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.robustness import reaches, robustness_table
+from eqt_cli.core.errors import EqtError
+from eqt_cli.results.result import Result, SweptKey
+
+RUNS = 100
+
+
+class Stored(Result):
+    """A sweep in which so many runs settle, ``(points, laws)``."""
+
+    path = "made-up"
+
+    def __init__(self, settled: Any, *keys: SweptKey) -> None:
+        counts = np.array(settled)[..., None]
+        self.settled = (np.arange(RUNS) < counts).astype(float)
+        self.labels = [f"law {k}" for k in range(counts.shape[1])]
+        self.dimensions = {"run": RUNS, "point": len(counts)}
+        self.swept_keys = list(keys)
+
+    def metric(self, name: str, controller: int | None = None) -> Any:
+        assert name == "settled"
+        return self.settled
+
+
+def key(name: str, values: list[float]) -> SweptKey:
+    return SweptKey(name, np.array(values, dtype=float), {})
+
+
+def test_a_law_carries_up_to_the_last_value_before_the_first_that_fails() -> None:
+    delays = key("control.delay", [0, 1, 2, 3])
+    _, (one, other) = reaches(
+        Stored([[100, 100], [98, 60], [50, 100], [99, 100]], delays), 0.9, 0.95
+    )
+    assert (one.lowest, one.highest) == (0, 1)
+    assert (other.lowest, other.highest) == (0, 0)
+    beyond = one.beyond(above=True)
+    assert beyond is not None
+    assert (beyond.value, beyond.settled) == (2, 50)
+    assert one.beyond(above=False) is None
+
+
+def test_of_a_limit_the_largest_is_the_easiest() -> None:
+    limits = key("actuators[0].limit", [4, 1, 2])  # in any order
+    _, (law,) = reaches(Stored([[100], [10], [97]], limits), 0.9, 0.95)
+    assert (law.lowest, law.highest) == (2, 4)
+
+
+def test_of_an_error_the_range_goes_both_ways_from_0() -> None:
+    errors = key("plant.inertia.relative", [-0.4, -0.2, 0, 0.2, 0.4])
+    _, (law,) = reaches(Stored([[0], [99], [99], [99], [80]], errors), 0.9, 0.95)
+    assert (law.lowest, law.highest) == (-0.2, 0.2)
+
+
+def test_a_law_that_does_not_settle_anywhere_has_no_range() -> None:
+    _, (law,) = reaches(Stored([[50], [20]], key("control.delay", [0, 1])), 0.9, 0.95)
+    assert (law.lowest, law.highest) == (None, None)
+    assert not law.holds_at(0)
+
+
+def test_each_value_of_another_key_has_ranges_of_its_own() -> None:
+    keys = key("control.delay", [0, 1, 0, 1]), key("gains.kp", [1, 1, 2, 2])
+    _, found = reaches(Stored([[100], [100], [100], [0]], *keys), 0.9, 0.95)
+    assert [(each.other, each.highest) for each in found] == [("1", 1), ("2", 0)]
+
+
+def test_too_few_runs_for_a_share_are_told() -> None:
+    stored = Stored([[100], [100]], key("control.delay", [0, 1]))
+    table, rows = robustness_table(stored, 0.97, 0.95, Plain())
+    assert (
+        "100 runs cannot show 0.97: even if all settle, the interval begins at 0.96"
+        in (table.notes[1])
+    )
+    assert [row["within"] for row in rows] == [False, False]
+
+
+def test_three_keys_are_refused() -> None:
+    keys = (key(name, [0, 1]) for name in ("a", "b", "c"))
+    with pytest.raises(EqtError, match="a swept number and at most one key more, here are: a, b"):
+        reaches(Stored([[1], [1]], *keys), 0.9, 0.95)

@@ -1,0 +1,76 @@
+"""Laws at equal cost, on fronts whose difference is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.core.arrays import Array
+from eqt_cli.tuning.fronts import Front, at_equal_cost
+
+RUNS = 400
+HOW = Resampling(resamples=999)
+
+
+def front(law: str, costs: list[float], scale: float, noise: float = 0.0, seed: int = 0) -> Front:
+    """Errors scale/cost in the mean; each run is larger or smaller in both as a whole."""
+    random = np.random.default_rng(seed)
+    spread = random.normal(0, noise, RUNS)
+    spread -= spread.mean()
+    cost = np.array(costs)[:, None] * (1 + spread)
+    error = scale / np.array(costs)[:, None] * (1 - spread)
+    return Front(law, [f"{law} {k + 1}" for k in range(len(costs))], cost, error)
+
+
+def fine(low: float, high: float) -> list[float]:
+    found: Array = np.geomspace(low, high, 60)
+    return found.tolist()
+
+
+def test_a_law_with_a_fifth_less_error_is_found_to_have_it() -> None:
+    one, other = front("a", fine(1, 10), 1.0), front("b", fine(2, 20), 1.25)
+    for pair in at_equal_cost([one, other], HOW):
+        assert (pair.better, pair.worse) == ("a", "b")
+        assert pair.relative == pytest.approx(0.2, abs=1e-3)
+        assert 2 < pair.cost < 10
+
+
+def test_the_order_of_the_laws_does_not_matter() -> None:
+    one, other = front("a", fine(1, 10), 1.0, 0.1), front("b", fine(2, 20), 1.25, 0.1, seed=1)
+    assert at_equal_cost([one, other], HOW) == at_equal_cost([other, one], HOW)
+
+
+def test_what_is_not_known_of_the_cost_is_in_the_interval() -> None:
+    """Errors without spread, along a front of slope −1 whose costs spread by 0.5: so does e."""
+    random = np.random.default_rng(2)
+    spread = random.normal(0, 0.5, (2, RUNS))
+    spread -= spread.mean(axis=1, keepdims=True)
+    costs = np.array([[1.0], [3.0]])
+    errors = np.broadcast_to([[3.0], [1.0]], (2, RUNS))
+    one = Front("a", ["a 1", "a 2"], costs + spread[0], errors)
+    sure = Front("b", ["b 1", "b 2"], np.broadcast_to(costs, (2, RUNS)), errors)
+    assert one.at(2.0).mean() == pytest.approx(2.0)
+    assert one.at(2.0).std() == pytest.approx(spread[0].std())
+    (pair,) = at_equal_cost([one, sure], HOW, (0.5,))
+    assert not pair.decided
+    assert (pair.high - pair.low) / 2 * sure.at(pair.cost).mean() == pytest.approx(
+        1.96 * spread[0].std() / np.sqrt(RUNS), rel=0.1
+    )
+
+
+def test_fronts_that_do_not_overlap_are_not_compared() -> None:
+    assert at_equal_cost([front("a", [1, 2], 1.0), front("b", [3, 4], 1.0)], HOW) == []
+
+
+def test_a_winner_that_another_betters_on_held_out_runs_is_not_on_the_front() -> None:
+    found = front("a", [1, 2, 4], 1.0)
+    worse = Front("a", found.labels, found.cost, found.error + np.array([[0], [5], [0]]))
+    assert worse.best.tolist() == [0, 2]
+
+
+def test_a_winner_with_a_failed_run_is_not_on_the_front() -> None:
+    found = front("a", [1, 2, 4], 1.0)
+    cost = found.cost.copy()
+    cost[1, 7] = np.nan
+    assert Front("a", found.labels, cost, found.error).best.tolist() == [0, 2]
