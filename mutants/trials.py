@@ -37,6 +37,9 @@ BUDGET = 20.0
 WAIT = 900
 """s after which a trial that does nothing ends."""
 
+BROKEN = 70
+"""What a child returns that could not even plant its fault."""
+
 ROOT = Path(__file__).parent.parent
 KNOWN = ROOT / "build" / "mutants"
 
@@ -98,6 +101,8 @@ class Trials:
             ended = os.WTERMSIG(status)
             by_limit = ended in (signal.SIGXCPU, signal.SIGKILL, signal.SIGALRM)
             self.done(mutant, TIMEOUT if by_limit else KILLED, told or f"signal {ended}")
+        elif os.WEXITSTATUS(status) == BROKEN:
+            raise RuntimeError(f"{mutant.key}: the trial itself has failed")
         else:
             self.done(mutant, KILLED if os.WEXITSTATUS(status) else SURVIVED, told)
 
@@ -144,11 +149,10 @@ class Trials:
         limit = int(20 + 5 * expected)
         resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
         signal.alarm(WAIT)  # what waits forever takes no processor time
-        if self.reads(mutant):
+        if self.reads(mutant) or not _plant(mutant, self.functions):
             os.set_inheritable(write, True)
             arguments = [mutant.path, str(mutant.line), mutant.key, str(write), *chosen]
             os.execv(sys.executable, [sys.executable, "-m", "mutants.on_import", *arguments])
-        _plant(mutant, self.functions)
         failed = first_failure(self.items[nodeid] for nodeid in chosen)
         os.write(write, failed.encode())
         return 1 if failed else 0
@@ -260,11 +264,16 @@ def _functions() -> dict[tuple[str, str], list[FunctionType]]:
     return found
 
 
-def _plant(mutant: Mutant, functions: dict[tuple[str, str], list[FunctionType]]) -> None:
+def _plant(mutant: Mutant, functions: dict[tuple[str, str], list[FunctionType]]) -> bool:
+    """Whether the code can be exchanged: not where the fault takes away a variable from outside."""
     file = str(ROOT / mutant.path)
     code = _code_of(compile(mutated(ROOT, mutant), file, "exec"), mutant.function)
-    for function in functions[mutant.path, mutant.function]:
+    found = functions[mutant.path, mutant.function]
+    if any(each.__code__.co_freevars != code.co_freevars for each in found):
+        return False
+    for function in found:
         function.__code__ = code
+    return True
 
 
 def _code_of(module: CodeType, function: str) -> CodeType:
@@ -280,7 +289,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 def _quietly(work: Any) -> None:
     """In a child: do it without a word, and end with what it returns."""
-    code = 1
+    code = BROKEN
     try:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, 1)
