@@ -18,7 +18,6 @@ import signal
 import sys
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from pathlib import Path
@@ -37,6 +36,9 @@ BUDGET = 20.0
 
 WAIT = 900
 """s after which a trial that does nothing ends."""
+
+BROKEN = 70
+"""What a child returns that could not even plant its fault."""
 
 ROOT = Path(__file__).parent.parent
 KNOWN = ROOT / "build" / "mutants"
@@ -99,6 +101,8 @@ class Trials:
             ended = os.WTERMSIG(status)
             by_limit = ended in (signal.SIGXCPU, signal.SIGKILL, signal.SIGALRM)
             self.done(mutant, TIMEOUT if by_limit else KILLED, told or f"signal {ended}")
+        elif os.WEXITSTATUS(status) == BROKEN:
+            raise RuntimeError(f"{mutant.key}: the trial itself has failed")
         else:
             self.done(mutant, KILLED if os.WEXITSTATUS(status) else SURVIVED, told)
 
@@ -110,7 +114,7 @@ class Trials:
         """The tests to try: those that call the function, or for one on import the whole file.
 
         Where nothing in the file is called, as in that of a law of numbers only, those of its
-        folder. The cheapest of every test comes before the next case of any, within the budget.
+        folder.
         """
         whole, folder = self.reads(mutant), f"/{Path(mutant.path).parts[1]}"
         if whole and not any(mutant.path in known["calls"] for known in self.tests.values()):
@@ -125,19 +129,18 @@ class Trials:
         return mutant.function in self.tests[nodeid]["calls"].get(mutant.path, ())
 
     def _within_budget(self, nodeids: Iterable[str]) -> list[str]:
-        rounds: Counter[str] = Counter()
-        found: list[tuple[int, float, str]] = []
-        for nodeid in sorted(nodeids, key=lambda nodeid: self.tests[nodeid]["seconds"]):
-            seconds, test = self.tests[nodeid]["seconds"], nodeid.partition("[")[0]
-            if seconds <= SLOW:
-                found.append((rounds[test], seconds, nodeid))
-                rounds[test] += 1
-        chosen, spent = [], 0.0
-        for _, seconds, nodeid in sorted(found):
-            spent += seconds
-            if spent > BUDGET:
-                break
-            chosen.append(nodeid)
+        """As many as the budget takes: the cheapest, and half of it for one case of every test."""
+        seconds = {nodeid: self.tests[nodeid]["seconds"] for nodeid in nodeids}
+        by_time = sorted((n for n in seconds if seconds[n] <= SLOW), key=lambda n: seconds[n])
+        first_cases = {nodeid.partition("[")[0]: nodeid for nodeid in reversed(by_time)}
+        chosen: list[str] = []
+        for order, budget in ((by_time, BUDGET / 2), (first_cases.values(), BUDGET)):
+            spent = sum(seconds[nodeid] for nodeid in chosen)
+            for nodeid in sorted(set(order) - set(chosen), key=lambda n: seconds[n]):
+                spent += seconds[nodeid]
+                if spent > budget:
+                    break
+                chosen.append(nodeid)
         return chosen
 
     def trial(self, mutant: Mutant, chosen: list[str], write: int) -> int:
@@ -146,11 +149,10 @@ class Trials:
         limit = int(20 + 5 * expected)
         resource.setrlimit(resource.RLIMIT_CPU, (limit, limit + 5))
         signal.alarm(WAIT)  # what waits forever takes no processor time
-        if self.reads(mutant):
+        if self.reads(mutant) or not _plant(mutant, self.functions):
             os.set_inheritable(write, True)
             arguments = [mutant.path, str(mutant.line), mutant.key, str(write), *chosen]
             os.execv(sys.executable, [sys.executable, "-m", "mutants.on_import", *arguments])
-        _plant(mutant, self.functions)
         failed = first_failure(self.items[nodeid] for nodeid in chosen)
         os.write(write, failed.encode())
         return 1 if failed else 0
@@ -262,11 +264,16 @@ def _functions() -> dict[tuple[str, str], list[FunctionType]]:
     return found
 
 
-def _plant(mutant: Mutant, functions: dict[tuple[str, str], list[FunctionType]]) -> None:
+def _plant(mutant: Mutant, functions: dict[tuple[str, str], list[FunctionType]]) -> bool:
+    """Whether the code can be exchanged: not where the fault takes away a variable from outside."""
     file = str(ROOT / mutant.path)
     code = _code_of(compile(mutated(ROOT, mutant), file, "exec"), mutant.function)
-    for function in functions[mutant.path, mutant.function]:
+    found = functions[mutant.path, mutant.function]
+    if any(each.__code__.co_freevars != code.co_freevars for each in found):
+        return False
+    for function in found:
         function.__code__ = code
+    return True
 
 
 def _code_of(module: CodeType, function: str) -> CodeType:
@@ -282,7 +289,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 def _quietly(work: Any) -> None:
     """In a child: do it without a word, and end with what it returns."""
-    code = 1
+    code = BROKEN
     try:
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, 1)

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from eqt_cli.config import catalogue
 from eqt_cli.config.json_schema import json_schema
 from eqt_cli.core.problems import Problems, dotted
+from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.ensemble.designs import Design, designs
 from eqt_cli.ensemble.sweep import Sweep
 
@@ -267,3 +268,17 @@ def test_a_schema_that_a_design_writes_by_itself():
     assert options["of"] == {"$ref": "#/$defs/SweepBlock"}
     assert {"type": "number"} in options["keys"]["patternProperties"].values()
     assert list(catalogue.options(Diagonal)["properties"]) == ["keys", "of", "count"]
+
+
+@pytest.mark.parametrize("scale", ["linear", "log"])
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.6, 1.0])
+def test_a_drawn_value_knows_how_far_along_its_way_it_is(scale, share):
+    axis = Drawn(low=2.0, high=50.0, scale=scale)
+    assert axis.share(axis.at(share)) == pytest.approx(share, abs=1e-12)
+
+
+@pytest.mark.parametrize("value", [2, 3, 7])
+def test_a_whole_number_is_in_the_middle_of_its_part(value):
+    axis = Drawn(low=2.0, high=7.0, integer=True)
+    assert axis.share(value) == pytest.approx((value + 0.5 - 2) / 6)
+    assert axis.at(axis.share(value)) == value

@@ -458,3 +458,8 @@ def test_a_product_is_of_unknown_class_where_a_factor_is(other, compact, class_k
 def test_a_turn_and_its_distance_undo_each_other(angle):
     found = turn_of_distance(np.array([distance_of_turn(angle), FARTHEST * (1 + 1e-15)]))
     assert found == pytest.approx([angle, np.pi], rel=1e-12)  # rounding may go beyond a half-turn
+
+
+def test_velocities_have_the_unit_of_their_part_per_second():
+    units = {part.name: part.velocity_unit for part in group_named("SE23").parts}
+    assert units == {"rotation": "rad/s", "velocity": "m/s^2", "position": "m/s"}

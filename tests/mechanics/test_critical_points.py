@@ -266,3 +266,12 @@ def test_the_distance_to_half_turns_about_axes_in_a_turned_plane():
 def test_the_nullity_counts_what_neither_rises_nor_falls(weights, nullities):
     found = critical_sets(group_named("SO3"), np.diag(weights).astype(float))
     assert sorted(each.nullity for each in found) == sorted(nullities)
+
+
+def test_equal_eigenvalues_are_told_by_their_size_also_where_the_largest_is_negative():
+    names = [name for name, *_ in summary("SO3", np.diag([-5.0, -5.0 - 1e-13, -1e-3]))]
+    assert names == [
+        "identity",
+        "half-turns about every axis normal to (0, 0, 1)",
+        "half-turn about (0, 0, 1)",
+    ]

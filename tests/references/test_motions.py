@@ -133,6 +133,11 @@ def test_waypoints_end_without_acceleration(G):
     np.testing.assert_allclose(V_dot, 0, atol=DEFINITION)
 
 
+def test_waypoints_begin_and_end_with_their_first_and_last():
+    G = group_named("SO3")
+    assert reference("waypoints", G).ends(G) == (KNOTS[0], KNOTS[-1])
+
+
 def test_a_spline_is_found_in_either_direction():
     """The steps of Newton's method are small against the velocities, whatever their sign."""
     G, times = group_named("R3"), np.array([0.0, 1.0, 2.5, 4.0])
