@@ -642,7 +642,7 @@ class Result(ResultFile):
         if name not in known:
             return []
         parts = self.parts(known[name].signals[0]) if known[name].parted else []
-        return [known[f"{name}_{part}"] for part in parts] or [known[name]]
+        return [known[at] for part in parts if (at := f"{name}_{part}") in known] or [known[name]]
 
     def covers(self, quantity: Quantity, window: Window) -> bool:
         """Whether the result holds what a number per run takes over this window."""

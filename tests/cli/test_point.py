@@ -99,12 +99,6 @@ def test_compare(eqt: Eqt) -> None:
         expected = results["effort"][2].mean(axis=-1)
     levels = json.loads(done.out)["levels"]
     assert [level["mean"] for level in levels] == pytest.approx(expected, rel=1e-12)
-    done = eqt("compare", "out")
-    assert (done.code, done.err) == (
-        2,
-        f"eqt: {Path('out/results.h5')}: controllers are compared within one experiment, and this "
-        f"is a sweep of 4 points; {HOW}\n",
-    )
 
 
 @pytest.mark.usefixtures("grid")

@@ -17,8 +17,9 @@ from eqt_cli.store.reader import open_results
 FIRST = Path(__file__).parent / "first_version"
 SHIPPED = json.loads((FIRST / "shipped.json").read_text())
 SHORT = ("ensemble.runs=2", "time.duration=2", "time.samples=3", "solver.cross_check=0")
-# Rounding on another machine, as steps of adaptive length carry it on.
-ROUNDING = {"rtol": 1e-7, "atol": 1e-9}
+# Rounding on another machine, or by products in another order, as steps of adaptive length carry it
+# on: a tenth of the tolerance 1e-7 that these configurations ask for.
+ROUNDING = {"rtol": 1e-7, "atol": 1e-8}
 
 
 @pytest.mark.parametrize("name", SHIPPED)

@@ -11,7 +11,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.base import OfCertificates, OfSweep, OfTuning, OverTime
+from eqt_cli.plots.base import OfCertificates, OfReference, OfSweep, OfTuning, OverTime
 from eqt_cli.plots.drawing.style import WIDTHS, house_style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import render
@@ -26,6 +26,9 @@ NAMES = [
     if not issubclass(figures.get(name), OfSweep | OfCertificates | OfTuning)
 ]
 every_figure = pytest.mark.parametrize("name", NAMES)
+every_figure_of_runs = pytest.mark.parametrize(
+    "name", [name for name in NAMES if not issubclass(figures.get(name), OfReference)]
+)
 every_figure_over_time = pytest.mark.parametrize(
     "name", [name for name in NAMES if issubclass(figures.get(name), OverTime)]
 )
@@ -129,7 +132,7 @@ def test_missing_trajectories_say_what_to_do(name, so3, altered, opened):
     )
 
 
-@every_figure
+@every_figure_of_runs
 def test_no_good_run_at_all_is_an_error(name, so3, altered, opened):
     results = altered(so3, status=np.ones_like(opened(so3)["status"]))
     with pytest.raises(EqtError) as caught:
@@ -140,10 +143,10 @@ def test_no_good_run_at_all_is_an_error(name, so3, altered, opened):
     )
 
 
-@every_figure
+@every_figure_of_runs
 def test_failed_runs_are_counted_below_the_panels(name, so3, altered, opened):
     status = np.zeros_like(opened(so3)["status"])
-    status[1, [0, 3]] = 3
+    status[1, [3, 4]] = 3  # the first run is what figures of one run show
     status[2] = 1
     drawing = figures.get(name)().draw([altered(so3, status=status)])
     assert drawing.get_supxlabel() == (

@@ -149,16 +149,14 @@ def test_a_law_that_is_only_called_like_another_has_no_title(simulate, opened):
     assert _legend(results) == ["gt", "theirs", "EqT"]
 
 
-@pytest.mark.parametrize("stored", [None, "{not json", "[1]"])
-def test_results_without_titles_take_those_of_laws_of_that_name(stored, so3, opened, tmp_path):
+def test_results_without_titles_take_those_of_laws_of_that_name(so3, opened, tmp_path):
     results = opened(so3)
     attributes = {k: v for k, v in results.attributes.items() if k != "titles"}
     variables, coordinates = (
         {n: Variable(results.dims(n), results[n], {"units": results.units(n)}) for n in names}
         for names in (results.names, results.coordinates)
     )
-    more = {} if stored is None else {"titles": stored}
-    write(tmp_path / "old.h5", Table(variables, coordinates, attributes | more))
+    write(tmp_path / "old.h5", Table(variables, coordinates, attributes))
     assert _legend(opened(tmp_path / "old.h5")) == ["EqT", "GT", "nog", "asym"]
 
 

@@ -12,8 +12,8 @@ VELOCITY = np.array([0.3, 0.2, -0.1])
 
 
 def torque(law, t=0.7):
-    G, now = group_named("SO3"), law.at(t)
-    return ConstantReference().driving_torque(G, now, t, now.momentum(VELOCITY))
+    reference = ConstantReference(velocity=VELOCITY.tolist())
+    return reference.desired(group_named("SO3"), law.at(t), t, None, None).tau
 
 
 def test_a_constant_inertia_takes_what_turns_the_momentum():

@@ -14,7 +14,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.drawing.curves import band_look
-from eqt_cli.plots.drawing.labels import free_text
+from eqt_cli.plots.drawing.key_labels import key_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title, blank_sheet, hide_scale, rows_of
 from eqt_cli.plots.drawing.scales import number_values
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
@@ -24,7 +24,6 @@ from eqt_cli.results.result import SweptKey
 _HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.4}
 _IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4}
 _MOST_PANELS = 12
-_LONGEST = 36
 _POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
 _BESIDE = 0.6
 """in, that the scale up and the margins take of the width."""
@@ -110,7 +109,7 @@ class Envelope(OfSweep):
         end = f"by {self.by:g} s" if self.by else "at the end"
         axes.set_ylim(-0.03, 1.03)
         axes.set_ylabel(f"share settled {end}")
-        axes.set_xlabel(free_text(across.key, _LONGEST))
+        axes.set_xlabel(key_label(swept.results, across.key))
         axes.margins(x=0.03)
         if across.logarithmic:
             axes.set_xscale("log")
