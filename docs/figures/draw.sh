@@ -82,7 +82,7 @@ followed constant '{kind: constant, velocity: [0, 0.1, 0.3]}'
 followed rates '{kind: rates, rates: [0.3*cos(t), 0, 0.1]}'
 followed path '{kind: path, pose: {euler: {sequence: ZYX, angles: [30 deg, 0, 0]}}, factors: [
 	{axis: wz, by: 0.3*sin(t)}, {axis: [1, 1, 0], by: "0.5*smoothstep(t, 2, 6)"}]}'
-followed slew '{kind: slew, to: {rotvec: [0, 0, 90 deg]}, start: 1.0, duration: 15.0}'
+followed slew '{kind: slew, to: {rotvec: [20 deg, -30 deg, 90 deg]}, start: 1.0, duration: 15.0}'
 followed waypoints '{kind: waypoints, points: [{t: 0, pose: identity},
 	{t: 8, pose: {rotvec: [0, 0, 90 deg]}}, {t: 20, pose: {quaternion: {wxyz: [0.5, 0.5, 0.5, 0.5]}}}]}'
 
