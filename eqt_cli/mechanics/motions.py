@@ -23,6 +23,9 @@ STALLED = 1e-10
 
 MOST_ITERATIONS = 300
 
+SAME_TIME = 1e-12
+"""Relative: what times that are meant to be equal may differ by, as for engines."""
+
 TINY = 1e-300
 
 
@@ -102,7 +105,9 @@ class Pieces:
 
     def at(self, G: MatrixLieGroup, t: Any) -> dict[str, Array]:
         """The numbers of the piece that a time, or each of some times, is in."""
-        index = np.maximum(np.searchsorted(self.starts, t, side="right") - 1, 0)
+        # An engine may begin a span at a sample time that is t_i but for rounding.
+        late = t + SAME_TIME * np.maximum(1.0, np.abs(t))
+        index = np.maximum(np.searchsorted(self.starts, late, side="right") - 1, 0)
         vectors = self.vectors[index]
         terms, rates = G.screw(vectors)
         return {
