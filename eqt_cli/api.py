@@ -25,7 +25,7 @@ from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment,
 from eqt_cli.config import yaml_source
 from eqt_cli.config.plugins import load_stored_plugins
 from eqt_cli.config.source import ConfigSource, overridden, read_config, source_of
-from eqt_cli.core.errors import ComponentError, EqtError, EqtWarning, Remedy
+from eqt_cli.core.errors import ComponentError, EqtError, Remedy
 from eqt_cli.execution.executors import Executor, executors
 from eqt_cli.execution.folder import CONFIG
 from eqt_cli.execution.run_study import (
@@ -38,7 +38,7 @@ from eqt_cli.execution.run_study import (
     warn,
 )
 from eqt_cli.experiment.build import Experiment
-from eqt_cli.experiment.horizon import limits_below_reference
+from eqt_cli.experiment.horizon import remarks
 from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import Result, open_result, point_folder
@@ -227,8 +227,7 @@ def run(
         see `StoredResult.failed`.
     """
     loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
-    base = loaded.experiment
-    for known in (*base.remarks, *map(EqtWarning, limits_below_reference(base))):
+    for known in remarks(loaded.experiment):
         remark(known)
     done = execute(
         loaded.study,
@@ -608,6 +607,7 @@ def _opened(
 ) -> Iterator[list[Result | Experiment]]:
     """All chosen points of all results, or of configurations that have not been run."""
     single = isinstance(result, (str, os.PathLike, LoadedExperiment))
+    # The checker does not follow `single` back to the types that it tells apart.
     given: list[Shown] = [result] if single else list(result)  # type: ignore[list-item, arg-type]
     if not given:
         raise EqtError("result: expected a result or several, got none")

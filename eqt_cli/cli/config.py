@@ -19,7 +19,7 @@ from eqt_cli.cli.shared.output import (
     warn,
 )
 from eqt_cli.config import shipped
-from eqt_cli.core.errors import ConfigError, EqtError, EqtWarning
+from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import Problems
 
@@ -85,8 +85,8 @@ def check(
     from eqt_cli.config.yaml_source import dump
     from eqt_cli.experiment.horizon import (
         check_reference,
-        limits_below_reference,
         reference_over_horizon,
+        remarks,
     )
     from eqt_cli.experiment.read_study import study
     from eqt_cli.tuning.search import search_from
@@ -109,10 +109,7 @@ def check(
         print_found(found.resolved, dump(found.resolved), json=json)
         return
     experiment = found.base
-    for remark in (
-        *experiment.remarks,
-        *map(EqtWarning, limits_below_reference(experiment, shown)),
-    ):
+    for remark in remarks(experiment, shown):
         warn(remark)
     if not (quiet or json):
         say(f"{config}: valid")

@@ -11,6 +11,7 @@ import numpy as np
 
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array, frobenius, norm
+from eqt_cli.core.errors import EqtWarning
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -154,6 +155,12 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
         until = f"{shown.times[-1]:.4g} s, which took {shown.spent} evaluations"
         remarks.append(f"checked to t = {until}")
     return remarks
+
+
+def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWarning]:
+    """What a user should know of an experiment, and of its reference, before it is run."""
+    below = limits_below_reference(experiment, shown)
+    return [*experiment.remarks, *map(EqtWarning, below)]
 
 
 def limits_below_reference(experiment: Experiment, shown: Horizon | None = None) -> list[str]:
