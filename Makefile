@@ -13,7 +13,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper figures figures-check test test-lowest faults fuzz mutants oracles bench check format docs clean
+.PHONY: help paper figures figures-check test test-lowest faults fuzz mutants oracles bench check format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -30,17 +30,17 @@ figures-check: $(VENV)/.stamp-base ## compare the numbers behind the figures wit
 	EQT=$(BIN)/eqt PYTHON=$(BIN)/python docs/figures/draw.sh check
 
 test: $(VENV)/.stamp-dev ## run the tests
-	$(BIN)/python -m pytest -n auto $(ARGS)
+	$(BIN)/python -m pytest -n auto --dist worksteal $(ARGS)
 
 test-lowest: $(LOWEST)/.stamp ## run the tests on the oldest supported versions (needs python3.11)
-	$(LOWEST)/bin/python -m pytest -n auto $(ARGS)
+	$(LOWEST)/bin/python -m pytest -n auto --dist worksteal $(ARGS)
 
 SHARE ?= full
 faults: $(VENV)/.stamp-dev ## kill runs and sweeps at 500 random moments; SHARE=tenth: at 50
-	EQT_FAULTS=$(SHARE) $(BIN)/python -m pytest -n auto tests/faults $(ARGS)
+	EQT_FAULTS=$(SHARE) $(BIN)/python -m pytest -n auto --dist worksteal tests/faults $(ARGS)
 
 fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results (minutes); test does a tenth
-	EQT_FUZZ=full $(BIN)/python -m pytest -n auto tests/fuzz $(ARGS)
+	EQT_FUZZ=full $(BIN)/python -m pytest -n auto --dist worksteal tests/fuzz $(ARGS)
 
 oracles: $(VENV)/.stamp-dev ## compare the mechanics with MuJoCo and Pinocchio, which it installs
 	$(BIN)/$(PIP) install --editable '.[oracle]'
@@ -52,9 +52,12 @@ oracles: $(VENV)/.stamp-dev ## compare the mechanics with MuJoCo and Pinocchio, 
 mutants: $(VENV)/.stamp-dev ## plant small faults in the mathematical core; its tests must tell 95 % of 300
 	$(BIN)/python -m mutants $(ARGS)
 
-# diffrax takes part where it is installed: .venv/bin/python -m pip install --group bench
-bench: $(VENV)/.stamp-base ## measure eqt against other ways to integrate, in benchmarks/results
-	$(BIN)/python -m benchmarks $(ARGS)
+# The commit before signals were compiled; make bench BEFORE=HEAD^ compares with another one.
+BEFORE ?= 7cbc8f6^
+# diffrax and MuJoCo take part where they are installed: .venv/bin/python -m pip install --group bench
+# Some parts only: make bench ARGS='--part commands --part profile --many 10000'
+bench: $(VENV)/.stamp-base ## measure eqt against other ways to integrate and an earlier commit
+	$(BIN)/python -m benchmarks --before '$(BEFORE)' $(ARGS)
 
 check: $(VENV)/.stamp-dev ## format, lint, types, import layering
 	$(BIN)/ruff format --check .
@@ -66,8 +69,12 @@ format: $(VENV)/.stamp-dev ## format the code and mend what ruff can mend
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-# -E: the pages that the program writes change with it, which Sphinx cannot see.
+reference: $(VENV)/.stamp-base ## write what the program knows into the pages of docs/reference
+	$(BIN)/python docs/reference/generate.py
+
+# -E: docstrings change, which Sphinx cannot see.
 docs: $(VENV)/.stamp-docs ## build the documentation, in build/docs
+	$(BIN)/python docs/reference/generate.py --check
 	$(BIN)/python -m sphinx --quiet -E -W --keep-going --nitpicky -d build/doctrees docs build/docs
 	@echo "build/docs/index.html"
 

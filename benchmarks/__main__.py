@@ -1,7 +1,7 @@
-"""`python -m benchmarks`: contenders on the paper's runs and on SE(3), laws, growth, machinery.
+"""`python -m benchmarks`: eqt against other ways to integrate, and against an earlier commit.
 
-Writes benchmarks/results: bench.md, bench.json, work_precision and growth as PNG and SVG; after
-each stage, so that an interruption loses the rest only.
+Writes benchmarks/results: bench.md, bench.json, work_precision, runs_per_second and growth as PNG
+and SVG; after each part, so that an interruption loses the rest only.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import os
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import ExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
     from benchmarks.table import Results
 
 RESULTS = Path(__file__).with_name("results")
+
+PARTS = ("cases", "sampled", "commands", "profile", "growth", "machinery")
 
 
 def main() -> None:
@@ -36,10 +39,17 @@ def _options() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--case", action="append", help="paper, se3, reviewers; default: all")
     parser.add_argument("--runs", type=int, help="runs per controller; default: as configured")
-    parser.add_argument("--repeats", type=int, default=7, help="of each fast measurement")
+    parser.add_argument("--repeats", type=int, default=5, help="of each fast measurement")
     parser.add_argument("--only", help="contenders whose names contain this")
     parser.add_argument("--headlines", action="store_true", help="one tolerance per contender")
-    parser.add_argument("--no-growth", action="store_true", help="the contenders only")
+    parser.add_argument("--part", action="append", choices=PARTS, help="repeatable; default: all")
+    parser.add_argument("--before", metavar="COMMIT", help="measure its commands in turn with ours")
+    parser.add_argument(
+        "--many",
+        type=int,
+        action="append",
+        help="runs of a command that keeps metrics only, repeatable; default: 100000",
+    )
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
     return parser.parse_args()
 
@@ -49,7 +59,6 @@ def _options() -> argparse.Namespace:
 
 def _stages(options: argparse.Namespace) -> Iterator[Results]:
     """The results as they grow."""
-    from benchmarks import laws
     from benchmarks.contenders import contenders
     from benchmarks.machine import machine
     from benchmarks.measure import load
@@ -64,7 +73,25 @@ def _stages(options: argparse.Namespace) -> Iterator[Results]:
     )
     for name, reason in results.skipped.items():
         _say(f"skipped {name}: {reason}")
+    parts = {
+        "cases": _cases,
+        "sampled": _sample,
+        "commands": _command,
+        "profile": _profile,
+        "growth": _grow,
+        "machinery": _overhead,
+    }
     results.load.append(load())
+    for part in options.part or PARTS:
+        for _ in parts[part](options, results):
+            yield results
+    results.load.append(load())
+    yield results
+
+
+def _cases(options: argparse.Namespace, results: Results) -> Iterator[None]:
+    from benchmarks import laws
+
     for name in options.case or ["paper", "se3", laws.CASE]:
         if name == laws.CASE:
             results.laws = laws.laws(options.runs, options.repeats)
@@ -73,16 +100,7 @@ def _stages(options: argparse.Namespace) -> Iterator[Results]:
             )
         else:
             _compare(name, options, results)
-        yield results
-    if not options.only:
-        _sample(results)
-        yield results
-    if not options.no_growth:
-        _grow(results)
-        yield results
-        _overhead(results)
-    results.load.append(load())
-    yield results
+        yield
 
 
 def _compare(name: str, options: argparse.Namespace, results: Results) -> None:
@@ -105,34 +123,62 @@ def _compare(name: str, options: argparse.Namespace, results: Results) -> None:
             )
 
 
-def _sample(results: Results) -> None:
+def _sample(options: argparse.Namespace, results: Results) -> Iterator[None]:
     """Laws that are evaluated at instants."""
-    from benchmarks.sampled import sampled
+    from benchmarks.sampled import missing, sampled
 
+    results.skipped |= missing()
     for found in sampled():
         results.sampled.append(found)
-        _say(f"every {found.period:g} s  {found.way:22} {found.wall:9.3f} s")
+        _say(f"every {found.period:g} s  {found.way:22} {found.cpu:9.3f} s")
+    yield
 
 
-def _grow(results: Results) -> None:
-    """Whole commands, and more and more runs."""
+def _command(options: argparse.Namespace, results: Results) -> Iterator[None]:
+    """Whole commands, alone or in turn with those of an earlier commit."""
+    from benchmarks.whole_command import MANY, commands, earlier
+
+    with ExitStack() as stack:
+        before = None
+        if options.before:
+            try:
+                before = stack.enter_context(earlier(options.before))
+            except LookupError as error:
+                results.skipped[f"the commit {options.before}"] = str(error)
+                _say(f"skipped {options.before}: {error}")
+        for found in commands(before, options.many or MANY):
+            results.commands.append(found)
+            seconds = ", ".join(f"{tree} {each.wall:.2f} s" for tree, each in found.spent.items())
+            _say(f"eqt {found.name}: {seconds}")
+            yield
+
+
+def _profile(options: argparse.Namespace, results: Results) -> Iterator[None]:
+    from benchmarks.profile import profile
+
+    for engine in ("taylor", "solve_ivp"):
+        results.profiles.append(profile(engine))
+        _say(f"profile of {engine}: {sum(results.profiles[-1].seconds.values()):.2f} s")
+    yield
+
+
+def _grow(options: argparse.Namespace, results: Results) -> Iterator[None]:
+    """More and more runs."""
     from benchmarks.growth import SIZES, growth
-    from benchmarks.whole_command import command
 
-    for engine, config in (("taylor", "paper"), ("solve_ivp", "paper"), ("taylor", "se3")):
-        results.commands.append(command(engine, config, repeats=3))
-        _say(f"eqt run {config} by {engine}: {results.commands[-1].wall:.2f} s")
     for engine, sizes in SIZES.items():
         for runs in sizes:
             results.growth.append(growth(engine, runs))
             _say(f"{runs} runs by {engine}: {results.growth[-1].wall:.2f} s")
+    yield
 
 
-def _overhead(results: Results) -> None:
+def _overhead(options: argparse.Namespace, results: Results) -> Iterator[None]:
     from benchmarks.machinery import machinery
 
     results.machinery = machinery()
     _say(f"machinery: {100 * results.machinery.overhead.share:.1f} %")
+    yield
 
 
 def _write(results: Results, folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""The work-precision diagram and the growth of time and memory, as figures."""
+"""Figures: the work-precision diagram, runs per second, the growth of time and memory."""
 
 from __future__ import annotations
 
@@ -11,11 +11,19 @@ from benchmarks.table import TITLES, Results
 from eqt_cli.plots import save
 from eqt_cli.plots.drawing.style import WIDTHS, house_style, line_style
 
+CASE = "paper"
+"""The runs of which the figure of rates tells."""
+
+SAME = {"eqt taylor, full code": "eqt taylor", "eqt blocks (default)": "eqt solve_ivp"}
+"""The contenders that the sampled loops call otherwise; no other of eqt's is in the figure."""
+
 
 def write(results: Results, folder: Path) -> None:
-    """Both figures, as PNG and SVG."""
+    """The figures of what was measured, as PNG and SVG."""
     with house_style():
         drawings = {"work_precision": work_precision(results)} if results.measurements else {}
+        if results.sampled and results.of(CASE):
+            drawings["runs_per_second"] = runs_per_second(results)
         if results.growth:
             drawings["growth"] = growth(results)
     for name, drawing in drawings.items():
@@ -53,6 +61,53 @@ def work_precision(results: Results) -> Figure:
         panel.set_xlabel(f"time for {results.of(case)[0].runs} runs / s")
     panels[0].set_ylabel("error: largest (lines), median (dots)")
     drawing.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return drawing
+
+
+def rates(results: Results) -> dict[str, dict[str, float]]:
+    """Runs per second of CPU time: by kind of loop, then by program."""
+    ideal = {
+        SAME.get(each.contender, each.contender): each.runs / each.cpu
+        for each in results.of(CASE)
+        if each.tolerance == results.headline[each.contender]
+        and (each.contender in SAME or not each.contender.startswith("eqt"))
+    }
+    found = {"continuous law": ideal}
+    for each in results.sampled:
+        kind = f"sampled at {1 / each.period:g} Hz"
+        found.setdefault(kind, {})[each.way] = each.runs / each.cpu
+    return found
+
+
+def runs_per_second(results: Results) -> Figure:
+    """A row for each program, the fastest at the top, and a dot for each kind of loop."""
+    found = rates(results)
+    programs = {name for own in found.values() for name in own}
+    ordered = sorted(programs, key=lambda name: max(own.get(name, 0.0) for own in found.values()))
+    drawing = Figure(figsize=(WIDTHS["page"], 0.5 + 0.42 * len(ordered)), layout="constrained")
+    panel = drawing.subplots()
+    for index, (kind, own) in enumerate(found.items()):
+        color = line_style(index)["color"]
+        heights = [ordered.index(name) + 0.25 * (1 - index) for name in own]
+        panel.plot(
+            list(own.values()), heights, "o^sD"[index], color=color, markersize=4, label=kind
+        )
+        for rate, height in zip(own.values(), heights, strict=True):
+            panel.annotate(
+                f"{rate:,.0f}" if rate >= 10 else f"{rate:.2g}",
+                (rate, height),
+                (5, 0),
+                textcoords="offset points",
+                va="center",
+                color=color,
+                fontsize="small",
+            )
+    panel.set_xscale("log")
+    panel.margins(x=0.08)
+    panel.set_ylim(-0.5, len(ordered) - 0.5)
+    panel.set_yticks(range(len(ordered)), ordered)
+    panel.set_xlabel("runs of 20 s per second of CPU time")
+    drawing.legend(loc="outside upper center", ncols=len(found))
     return drawing
 
 

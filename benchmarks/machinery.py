@@ -13,7 +13,10 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-CONFIG = Path(__file__).parents[1] / "configs" / "paper.yaml"
+from benchmarks.process import ROOT
+from benchmarks.profile import INTEGRATION, StopWatch
+
+CONFIG = ROOT / "configs" / "paper.yaml"
 
 MINUTE = 3800
 """Runs per controller that keep one worker busy for about a minute."""
@@ -53,7 +56,7 @@ class Scaling:
     Attributes
     ----------
     seconds
-        From the first part of each worker to the last part of all, the least of several.
+        From the first part of each worker to the last part of all.
     rate
         Runs per second in that time.
     """
@@ -73,12 +76,11 @@ class Machinery:
 
 
 def machinery(repeats: int = 3, workers: Sequence[int] = (1, 2)) -> Machinery:
-    """Measure both, each in processes of their own."""
+    """Measure both in processes of their own; the scaling, which takes minutes, once."""
     overheads = [Overhead(**_child("overhead")) for _ in range(repeats)]
     found = Machinery(min(overheads, key=lambda each: each.share))
     for count in workers:
-        rates = [Scaling(**_child("scaling", str(count))) for _ in range(repeats)]
-        found.scaling.append(max(rates, key=lambda each: each.rate))
+        found.scaling.append(Scaling(**_child("scaling", str(count))))
     return found
 
 
@@ -91,33 +93,18 @@ def _child(*arguments: str) -> Any:
 
 def _overhead() -> Overhead:
     from eqt_cli.config.source import read_config
-    from eqt_cli.engines import Engine, engines
     from eqt_cli.execution.run_study import execute
     from eqt_cli.experiment.read_study import study
 
     imports = time.process_time()
-    spent = {"integration": 0.0}
-
-    def clocked(kind: type[Engine]) -> None:
-        solve = kind.solve
-
-        def timed(*arguments: Any, **options: Any) -> Any:
-            began = time.process_time()
-            try:
-                return solve(*arguments, **options)
-            finally:
-                spent["integration"] += time.process_time() - began
-
-        kind.solve = timed  # type: ignore[method-assign]  # a stop-watch around the real one
-
-    for kind in engines.all():
-        clocked(kind)
+    watch = StopWatch()
+    watch.watch_engines()
     with tempfile.TemporaryDirectory() as folder:
         began = time.process_time()
         outcome = execute(study(read_config(CONFIG)), Path(folder, "out"))
         total = time.process_time() - began
         writing = _raw_writing(outcome.folder.results, Path(folder, "raw.h5"))
-    return Overhead(imports, total, spent["integration"], writing)
+    return Overhead(imports, total, watch.seconds[INTEGRATION], writing)
 
 
 def _raw_writing(results: Path, copy: Path) -> float:

@@ -1,4 +1,4 @@
-"""The paper's runs with a law that is evaluated at instants: eqt against a plain loop."""
+"""The paper's runs with a law that is evaluated at instants: eqt, a plain loop and MuJoCo."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from scipy.integrate import solve_ivp
 from benchmarks.cases import Case, Motion, errors, load
 from benchmarks.contenders.plain_loop import body, literal, starts
 from benchmarks.measure import fastest
+from eqt_cli.analysis.oracles import MuJoCo
+from eqt_cli.analysis.oracles.base import RigidBody
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Engine
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -21,6 +23,9 @@ PERIODS = (0.1, 0.01)
 """s: a law at 10 Hz and at 100 Hz."""
 
 RTOL = 1e-9
+
+STEP = 5e-3
+"""s: of MuJoCo; its error is then as small as that of the others."""
 
 BLOCK = 100
 """Runs of one law by which solve_ivp is timed: one of its blocks."""
@@ -51,8 +56,13 @@ class Sampled:
     difference: float
 
 
+def missing() -> dict[str, str]:
+    """What is not installed, and how to install it."""
+    return {} if MuJoCo.is_installed() else {MuJoCo.title: MuJoCo.remedy}
+
+
 def sampled(repeats: int = 3) -> Iterator[Sampled]:
-    """Every way at every period, the taylor engine first, where it is installed."""
+    """Every way at every period that is installed, the taylor engine first."""
     for period in PERIODS:
         case = load("paper", overrides=[f"control.period={period}"])
         runs = np.arange(len(case.Q))
@@ -68,6 +78,9 @@ def sampled(repeats: int = 3) -> Iterator[Sampled]:
             engine = Taylor(code="full")
             engine.solve(case.problems[0].select(slice(0, 1)), lambda done: None)  # compiles
             ways.insert(0, ("eqt taylor", runs, _by(case, engine)))
+        if MuJoCo.is_installed():
+            stepped = partial(_stepped, case, period, _references(case, period))
+            ways.append((f"MuJoCo, steps of {1000 * STEP:g} ms", runs[:1], stepped))
         first: Motion | None = None
         for way, some, solve in ways:
             found, wall, cpu, _ = fastest(lambda solve=solve, some=some: solve(some), repeats)
@@ -113,4 +126,52 @@ def _plainly(case: Case, period: float, runs: Array) -> Motion:
             found.append(at_samples)
     shape = len(case.experiment.loops), len(runs), len(times), -1
     Q, V = equations.motion(np.array(found).reshape(shape))
+    return Motion(Q, V, runs)
+
+
+def _references(case: Case, period: float) -> Array:
+    """(R_d, ω_d) wherever the plain program has an instant or a sample; all runs share them."""
+    equations, (y, *_) = literal(case), starts(case, np.array([0]))
+    numbers, times = body(case), _grid(case, period)
+    result = solve_ivp(
+        lambda t, y: equations.field(np, t, y, "eqt", numbers),
+        (times[0], times[-1]),
+        y,
+        method="DOP853",
+        t_eval=times,
+        rtol=1e-3 * RTOL,
+        atol=1e-6 * RTOL,
+    )
+    found: Array = result.y.T[:, len(y) // 2 :]
+    return found
+
+
+def _grid(case: Case, period: float) -> Array:
+    """The control instants and the sample times, evenly spaced."""
+    interval = min(period, case.times[1] - case.times[0])
+    grid: Array = interval * np.arange(round(case.times[-1] / interval) + 1)
+    return grid
+
+
+def _stepped(case: Case, period: float, references: Array, runs: Array) -> Motion:
+    """MuJoCo's body, stepped by its Runge-Kutta method under the torque of the last instant."""
+    equations, numbers, times = literal(case), body(case), _grid(case, period)
+    interval = times[1]
+    instant, sample = (round(each / interval) for each in (period, case.times[1] - case.times[0]))
+    plant = RigidBody.of(case.experiment.group, numbers[0])
+    assert plant is not None
+    simulator = MuJoCo(plant)
+    Q = np.empty((len(case.experiment.loops), len(runs), len(case.times), 3, 3))
+    V = np.empty(Q.shape[:-1])
+    for number, law in enumerate(case.experiment.loops):
+        for row, run in enumerate(runs):
+            R, x, w = case.Q[run], np.empty(0), case.V[run]
+            simulator.start(R, x, w)
+            for k, t in enumerate(times):
+                if k % sample == 0:
+                    Q[number, row, k // sample], V[number, row, k // sample] = R, w
+                if k % instant == 0:
+                    y = np.concatenate([R.ravel(), w, references[k]])
+                    torque = equations.torque(np, t, y, law, numbers)
+                R, x, w = simulator.steps(torque, STEP, round(interval / STEP))
     return Motion(Q, V, runs)

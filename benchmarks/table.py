@@ -11,8 +11,9 @@ from benchmarks.growth import Growth
 from benchmarks.laws import LawTime, per_run_and_state, ratio
 from benchmarks.machinery import Machinery
 from benchmarks.measure import Measurement
+from benchmarks.profile import Profile
 from benchmarks.sampled import Sampled
-from benchmarks.whole_command import Command
+from benchmarks.whole_command import BEFORE, NOW, Command
 
 ACCURATE = 2e-9
 """The largest error at which contenders are compared."""
@@ -29,7 +30,7 @@ class Results:
     headline
         The tolerance of each contender that stands in the tables.
     skipped
-        Contenders that are not installed, and why.
+        What is not installed or not there, and why.
     load
         Load average of the machine at the start and at the end.
     """
@@ -42,6 +43,7 @@ class Results:
     laws: list[LawTime] = field(default_factory=list)
     sampled: list[Sampled] = field(default_factory=list)
     commands: list[Command] = field(default_factory=list)
+    profiles: list[Profile] = field(default_factory=list)
     growth: list[Growth] = field(default_factory=list)
     machinery: Machinery | None = None
     load: list[float] = field(default_factory=list)
@@ -67,7 +69,9 @@ def as_markdown(results: Results) -> str:
     if results.sampled:
         parts += ["## A sampled law, the paper's runs, one thread", _sampled(results.sampled)]
     if results.commands:
-        parts += ["## The whole command", _commands(results.commands)]
+        parts += ["## Whole commands", _commands(results.commands)]
+    if results.profiles:
+        parts += ["## Where the CPU time of `eqt run paper` goes", _profiles(results.profiles)]
     if results.growth:
         parts += ["## Growth, metrics only, the paper's experiment", _growth(results.growth)]
     if results.machinery:
@@ -209,18 +213,43 @@ def _sampled(found: list[Sampled]) -> str:
 
 
 def _commands(commands: list[Command]) -> str:
-    return "`eqt run`, a process from start to end with a warm cache:\n\n" + _table(
-        ["", "time, s", "simulation", "writing", "the rest"],
-        (
-            [
-                f"{each.config}.yaml, {each.engine}",
-                f"{each.wall:.2f}",
-                f"{each.simulation:.2f}",
-                f"{each.writing:.2f}",
-                f"{each.wall - each.simulation - each.writing:.2f}",
-            ]
-            for each in commands
-        ),
+    """Now, before where it was measured, and the ratios."""
+    head = ["", "time, s", "CPU, s", "peak memory, MB", "before: time, s", "CPU, s", "MB"]
+    head += ["before / now: time", "CPU", "plain loop / now"]
+    sentence = (
+        "`eqt`, a process from start to end with warm caches; the memory is that of all its "
+        "processes. Before: the same by an earlier commit, measured in turn. The plain loop "
+        "integrates only."
+    )
+    return f"{sentence}\n\n" + _table(head, (_command(each) for each in commands))
+
+
+def _command(command: Command) -> list[str]:
+    now, before = command.spent[NOW], command.spent.get(BEFORE)
+    row = [command.name]
+    for each in (now, before):
+        row += (
+            [f"{each.wall:.2f}", f"{each.cpu:.2f}", f"{each.peak_memory / 1e6:.0f}"]
+            if each
+            else ["-"] * 3
+        )
+    row += [f"{before.wall / now.wall:.2f}", f"{before.cpu / now.cpu:.2f}"] if before else ["-"] * 2
+    return [*row, f"{command.plain / now.wall:,.0f}" if command.plain else "-"]
+
+
+def _profiles(profiles: list[Profile]) -> str:
+    """A column for each engine, the stages that take most at the top."""
+    stages = dict.fromkeys(stage for each in profiles for stage in each.seconds)
+    found = {stage: [each.seconds.get(stage, 0.0) for each in profiles] for stage in stages}
+    rows = dict(sorted(found.items(), key=lambda row: -max(row[1])))
+    rows["total"] = [sum(values) for values in zip(*found.values(), strict=True)]
+    lost = dict.fromkeys(place for each in profiles for place in each.missing)
+    sentence = "One process, one thread of integration, warm caches; s."
+    if lost:
+        sentence += f" Counted elsewhere, as their functions were not found: {', '.join(lost)}."
+    return f"{sentence}\n\n" + _table(
+        ["", *(each.engine for each in profiles)],
+        ([stage, *(f"{value:.3f}" for value in values)] for stage, values in rows.items()),
     )
 
 

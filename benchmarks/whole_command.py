@@ -1,54 +1,141 @@
-"""`eqt run` as a user sees it: a process from start to end, with everything it does by default."""
+"""Whole commands, as a user runs them: by this tree and by an earlier commit in turn."""
 
 from __future__ import annotations
 
-import json
+import shutil
 import subprocess
-import sys
-import tempfile
-import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from benchmarks.cases import CONFIGS
+from benchmarks.process import ROOT, Spent, spent
+
+NOW, BEFORE = "now", "before"
+
+PAPER = 800
+"""Runs of configs/paper.yaml."""
+
+MANY = (100_000,)
+"""Runs of the commands that keep metrics only."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """The fastest of several, after one that fills the caches.
+    """One command, by one tree or by two.
 
     Attributes
     ----------
-    wall
-        Of the process, s.
-    simulation, writing
-        Parts of it, as eqt reports them; the rest is starting up, checking and summing up.
+    name
+        As a user would say it.
+    spent
+        By tree, `NOW` or `BEFORE`: the least time and the largest memory of several, after one that
+        fills the caches.
+    plain
+        Wall time of the plain loop for the same runs, s; None of what integrates none of them.
     """
 
-    engine: str
-    config: str
-    wall: float
-    simulation: float
-    writing: float
+    name: str
+    spent: dict[str, Spent]
+    plain: float | None = None
 
 
-def command(engine: str, config: str, repeats: int) -> Command:
-    """Run it `repeats` times and once before."""
-    found = [_once(engine, config) for _ in range(repeats + 1)]
-    return min(found[1:], key=lambda each: each.wall)
+@contextmanager
+def earlier(commit: str) -> Iterator[Path]:
+    """The tree of a commit, checked out as long as the context lasts.
+
+    Raises
+    ------
+    LookupError
+        If there is no git or no such commit, with the reason.
+    """
+
+    def git(*arguments: str) -> None:
+        subprocess.run(["git", "-C", ROOT, *arguments], check=True, capture_output=True, text=True)
+
+    with TemporaryDirectory() as folder:
+        tree = Path(folder, "tree")
+        try:
+            git("worktree", "add", "--detach", str(tree), commit)
+        except FileNotFoundError as error:
+            raise LookupError("git is not installed") from error
+        except subprocess.CalledProcessError as error:
+            raise LookupError(error.stderr.strip().splitlines()[-1]) from error
+        try:
+            yield tree
+        finally:
+            git("worktree", "remove", "--force", str(tree))
 
 
-def _once(engine: str, config: str) -> Command:
-    with tempfile.TemporaryDirectory() as folder:
-        arguments = ["run", str(CONFIGS / f"{config}.yaml"), "--engine", engine, "--out", folder]
-        began = time.perf_counter()
-        done = subprocess.run(
-            [sys.executable, "-m", "eqt_cli", *arguments, "--json", "--quiet"],
-            capture_output=True,
-            text=True,
-            check=True,
-        )
-        wall = time.perf_counter() - began
-        assert Path(folder, "results.h5").exists()
-    seconds = json.loads(done.stdout)["seconds"]
-    return Command(engine, config, wall, seconds["simulation"], seconds["writing"])
+def commands(
+    before: Path | None, many: Sequence[int] = MANY, repeats: int = 2
+) -> Iterator[Command]:
+    """Every command, by this tree and, where it is given, by the one before."""
+    trees = {NOW: ROOT} | ({BEFORE: before} if before else {})
+    plain = _plain_per_run()
+    with TemporaryDirectory() as folder:
+        for name, arguments, runs in _plan(many):
+            # Many runs are run once; by then the paper's 800 have filled the caches.
+            passes = 1 if runs > PAPER else repeats + 1
+            found = _in_turn(arguments, trees, Path(folder), passes)
+            yield Command(name, found, plain * runs if runs else None)
+
+
+def _plan(many: Sequence[int]) -> Iterator[tuple[str, list[str], int]]:
+    """Names, arguments, and how many of the paper's runs they integrate."""
+    paper = ["run", "configs/paper.yaml", "--engine"]
+    yield "run se3 by taylor", ["run", "configs/se3.yaml", "--engine", "taylor"], 0
+    yield "run paper by solve_ivp", [*paper, "solve_ivp"], PAPER
+    yield "run paper by taylor", [*paper, "taylor"], PAPER
+    for command in ("show", "compare", "plot", "report"):  # of the result of the last
+        yield f"{command} paper", [command], 0
+    for runs in many:
+        settings = ["--set", f"ensemble.runs={runs // 4}", "--set", "store.trajectories=none"]
+        name = f"run paper by taylor, {runs:,} runs, metrics only"
+        yield name, [*paper, "taylor", *settings], runs
+
+
+def _in_turn(
+    arguments: Sequence[str], trees: dict[str, Path], folder: Path, passes: int
+) -> dict[str, Spent]:
+    """What each tree takes; one that does not know the command is left out."""
+    found: dict[str, list[Spent]] = {name: [] for name in trees}
+    for _ in range(passes):
+        for name in list(found):
+            try:
+                found[name].append(_once(arguments, trees[name], folder / name))
+            except RuntimeError:
+                if name == NOW:
+                    raise
+                del found[name]
+    return {name: _best(every[1:] or every) for name, every in found.items()}
+
+
+def _once(arguments: Sequence[str], tree: Path, folder: Path) -> Spent:
+    """With a cache of compiled code, and a result, that are the tree's own."""
+    result, where = folder / "result", []
+    if arguments[0] == "run":
+        shutil.rmtree(result, ignore_errors=True)
+        where = ["--quiet", "--out"]
+    command = ["-m", "eqt_cli", *arguments, *where, str(result)]
+    return spent(command, tree, {"HEYOKA_CACHE_DIR": str(folder / "cache")})
+
+
+def _best(every: list[Spent]) -> Spent:
+    return Spent(
+        min(each.wall for each in every),
+        min(each.cpu for each in every),
+        max(each.peak_memory for each in every),
+    )
+
+
+def _plain_per_run() -> float:
+    """Wall time of the plain loop for one of the paper's runs, s."""
+    from benchmarks.cases import load
+    from benchmarks.contenders.plain_loop import CONTENDERS, RUNS_PER_CONTROLLER
+    from benchmarks.measure import fastest
+
+    case, (plain,) = load("paper"), CONTENDERS
+    _, wall, _, _ = fastest(plain.prepare(case, plain.headline), 3)
+    return wall / (RUNS_PER_CONTROLLER * len(case.problems))

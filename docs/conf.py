@@ -16,14 +16,15 @@ extensions = [
     "myst_parser",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
+    "sphinx_copybutton",
     "math_as_mathml",
     "docstrings",
-    "generated",
+    "tables",
     "offline",
 ]
 
 # Pages.
-exclude_patterns = ["_ext", "_static/*.txt"]
+exclude_patterns = ["_ext", "_static/*.txt", "reference/*.py"]
 myst_enable_extensions = ["colon_fence", "deflist", "dollarmath", "fieldlist"]
 myst_heading_anchors = 3
 html_math_renderer = "mathml"
@@ -35,9 +36,14 @@ napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_use_ivar = True
 autodoc_member_order = "bysource"
-autodoc_typehints = "none"
+autodoc_typehints = "signature"
+autodoc_typehints_format = "short"
+autodoc_type_aliases = {name: name for name in ("Array", "Configuration", "ResultPath", "Shown")}
 autodoc_preserve_defaults = True
 nitpick_ignore_regex = [("py:(class|exc)", ".*")]  # types of parameters; references stay strict
+
+# What a command prints is not to be copied.
+copybutton_selector = "div:not(.highlight-output) > div.highlight > pre"
 
 # Appearance; nothing comes from a network.
 html_theme = "pydata_sphinx_theme"

@@ -13,48 +13,14 @@ In notebooks and scripts::
     eqt_cli.write_report(result)
 """
 
-from __future__ import annotations
+from functools import partial
 
-from typing import TYPE_CHECKING, Any
+from eqt_cli.core.offered_names import asked, places
 
-from eqt_cli.core.version import __version__
+_PLACES = places(__name__)
 
-if TYPE_CHECKING:
-    from eqt_cli.api import (
-        LoadedExperiment,
-        StoredResult,
-        compare,
-        load_experiment,
-        open_results,
-        plot,
-        run,
-        tune,
-        verify,
-        write_report,
-    )
-
-__all__ = [
-    "LoadedExperiment",
-    "StoredResult",
-    "__version__",
-    "compare",
-    "load_experiment",
-    "open_results",
-    "plot",
-    "run",
-    "tune",
-    "verify",
-    "write_report",
-]
-
-
-def __getattr__(name: str) -> Any:
-    """The Python interface, imported when it is first used: the command line starts without it."""
-    if name in __all__:
-        from eqt_cli import api
-
-        return getattr(api, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__all__ = sorted(_PLACES)
+__getattr__ = partial(asked, __name__, _PLACES)
 
 
 def __dir__() -> list[str]:

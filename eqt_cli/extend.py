@@ -5,30 +5,15 @@ result. ``extend.pyi`` lists them. A plugin that is built upon a component of eq
 its own file, which is called as the component is: ``from eqt_cli.controllers.eqt import EqT``.
 """
 
-from __future__ import annotations
+from functools import partial
 
-import ast
-from importlib import import_module
-from pathlib import Path
-from typing import Any
+from eqt_cli.core.offered_names import asked, places
 
-PLACES = {
-    alias.name: str(statement.module)
-    for statement in ast.parse(Path(__file__).with_suffix(".pyi").read_text("utf-8")).body
-    if isinstance(statement, ast.ImportFrom)
-    for alias in statement.names
-}
+PLACES = places(__name__)
 """The modules of the names."""
 
 __all__ = sorted(PLACES)
-
-
-def __getattr__(name: str) -> Any:
-    """What is asked for, imported only then: figures bring Matplotlib, and results h5py."""
-    if name not in PLACES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = getattr(import_module(PLACES[name]), name)
-    return found
+__getattr__ = partial(asked, __name__, PLACES)
 
 
 def __dir__() -> list[str]:

@@ -31,6 +31,7 @@ from eqt_cli.core.arrays import maximum as maximum
 from eqt_cli.core.arrays import minimum as minimum
 from eqt_cli.core.arrays import norm as norm
 from eqt_cli.core.arrays import sin as sin
+from eqt_cli.core.arrays import smooth_less as smooth_less
 from eqt_cli.core.arrays import sqrt as sqrt
 from eqt_cli.core.arrays import stack as stack
 from eqt_cli.core.arrays import tanh as tanh
@@ -99,11 +100,11 @@ from eqt_cli.plots.drawing.style import Width as Width
 from eqt_cli.plots.drawing.style import ink as ink
 from eqt_cli.plots.drawing.style import line_style as line_style
 from eqt_cli.plots.drawing.style import marker as marker
-from eqt_cli.plots.figure_data import ShownCertificates as ShownCertificates
-from eqt_cli.plots.figure_data import ShownMetrics as ShownMetrics
-from eqt_cli.plots.figure_data import ShownReference as ShownReference
-from eqt_cli.plots.figure_data import ShownRuns as ShownRuns
-from eqt_cli.plots.figure_data import ShownSweep as ShownSweep
+from eqt_cli.plots.shown.certificates import ShownCertificates as ShownCertificates
+from eqt_cli.plots.shown.metrics import ShownMetrics as ShownMetrics
+from eqt_cli.plots.shown.reference import ShownReference as ShownReference
+from eqt_cli.plots.shown.sweep import ShownSweep as ShownSweep
+from eqt_cli.plots.shown.trajectories import ShownRuns as ShownRuns
 from eqt_cli.references.base import ClosedReference as ClosedReference
 from eqt_cli.references.base import Reference as Reference
 from eqt_cli.references.base import ReferenceByRates as ReferenceByRates

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import shutil
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
@@ -15,7 +17,6 @@ import numpy as np
 import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from eqt_cli.cli import main
 from eqt_cli.config.source import read_config
@@ -44,10 +45,18 @@ class Samples:
     shape: tuple[int, ...]
 
     def numbers(self, data: st.DataObject, *shape: int, bound: float = 1.0) -> Array:
-        """Numbers within ±bound, ``(batch…, *shape)``."""
-        # Without fill=nothing, most entries of an array would be one and the same number.
-        elements = st.floats(-bound, bound, allow_subnormal=False)
-        return data.draw(arrays(float, (*self.shape, *shape), elements=elements, fill=st.nothing()))
+        """Numbers within ±bound, ``(batch…, *shape)``; a quarter are 0, at the bound or small.
+
+        Those of the simplest draw, which Hypothesis tries first, are 0.
+        """
+        whole = (*self.shape, *shape)
+        random = self._random(data)
+        if random is None:
+            return np.zeros(whole)
+        small = random.choice([-bound, bound], whole) * 10 ** random.uniform(-12, 0, whole)
+        odd = random.choice([0.0, -bound, bound, np.nan], whole)
+        odd = np.where(np.isnan(odd), small, odd)
+        return np.where(random.random(whole) < 0.25, odd, random.uniform(-bound, bound, whole))
 
     def vector(self, data: st.DataObject, bound: float = 1.0) -> Array:
         """Coordinates in g or g* with every entry within ±bound, ``(batch…, m)``."""
@@ -63,12 +72,10 @@ class Samples:
         Each element of the batch has its own angle; `ANGLES` are as likely as all others.
         """
         V = self.vector(data, bound=2.0)
-        any_angle = st.one_of(st.sampled_from(ANGLES), st.floats(0.0, 3.0))
         for part in self.G.parts:
             if part.velocity_unit != "rad/s":
                 continue
-            angles = st.just(angle) if angle is not None else any_angle
-            turn = data.draw(arrays(float, self.shape, elements=angles, fill=st.nothing()))
+            turn = self._angles(data) if angle is None else np.full(self.shape, angle)
             V[..., part.axes] = turn[..., None] * _direction(V[..., part.axes])
         return V
 
@@ -107,9 +114,24 @@ class Samples:
         return A @ transpose(A) + np.eye(n) / 2
 
     def _matrix(self, data: st.DataObject, n: int) -> Array:
-        # From a seed: to draw up to n² = 81 entries one by one is slow and finds no more.
+        random = self._random(data) or np.random.default_rng(0)
+        return random.uniform(-1.0, 1.0, (*self.shape, n, n))
+
+    def _angles(self, data: st.DataObject) -> Array:
+        """For each element of the batch one of `ANGLES`, or as likely any up to 3."""
+        random = self._random(data)
+        if random is None:
+            return np.zeros(self.shape)
+        special = random.choice(ANGLES, self.shape)
+        return np.where(random.random(self.shape) < 0.5, special, random.uniform(0, 3, self.shape))
+
+    def _random(self, data: st.DataObject) -> np.random.Generator | None:
+        """A generator by a drawn seed, None for the simplest draw.
+
+        To draw entries one by one takes Hypothesis longer than what is tested of them.
+        """
         seed = data.draw(st.integers(0, 2**32 - 1))
-        return np.random.default_rng(seed).uniform(-1.0, 1.0, (*self.shape, n, n))
+        return np.random.default_rng(seed) if seed else None
 
 
 def _direction(vectors: Array) -> Array:
@@ -346,3 +368,62 @@ def make_result(tmp_path):
     yield make
     for results in make.opened:
         results.close()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    """Headless Chromium without a network; skipped where it, its driver or selenium is missing."""
+    webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium")
+    driver = shutil.which("chromedriver")
+    program = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
+    if driver is None or program is None:
+        pytest.skip("needs Chromium and its driver (chromedriver)")
+    options = webdriver.ChromeOptions()
+    options.binary_location = program
+    folder = tmp_path_factory.mktemp("browser")
+    for argument in (
+        "--headless=new",
+        "--disable-gpu",
+        "--disable-dev-shm-usage",
+        "--window-size=1200,1000",
+        "--host-resolver-rules=MAP * ~NOTFOUND",  # no name has an address
+        f"--user-data-dir={folder / 'profile'}",
+        *(["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []),
+    ):
+        options.add_argument(argument)
+    options.add_experimental_option("prefs", {"download.default_directory": str(folder)})
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
+    page = webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+    page.downloads = folder
+    yield page
+    page.quit()
+
+
+AXE = Path(__file__).with_name("axe") / "axe.min.js"
+
+
+@pytest.fixture
+def violations(browser):
+    """What axe-core finds wrong with a page at a width and in a scheme, a line for each rule."""
+
+    def found(address, width, scheme):
+        features = [{"name": "prefers-color-scheme", "value": scheme}]
+        browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": features})
+        screen = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": width < 600}
+        browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+        browser.get(address)
+        browser.execute_script(AXE.read_text(encoding="utf-8"))
+        # Colours that are still changing have any contrast.
+        judge = """
+            const done = arguments[arguments.length - 1];
+            document.head.append(Object.assign(document.createElement("style"),
+              { textContent: "* { transition: none !important; animation: none !important; }" }));
+            axe.run({ resultTypes: ["violations"] }).then((found) => done(found.violations));"""
+        return [
+            f"{rule['id']}: {', '.join(str(node['target']) for node in rule['nodes'])}"
+            for rule in browser.execute_async_script(judge)
+        ]
+
+    yield found
+    browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})

@@ -1,4 +1,6 @@
-"""Carries out one page of the documentation: python docs_runner.py PAGE FOLDER.
+"""Carries out pages of the documentation: lines of PAGE, a tab, and FOLDER on standard input.
+
+It answers each with the exit code of the page, whose output is then in FOLDER/.said.
 
 Blocks of a page work in one folder, from top to bottom:
 
@@ -10,23 +12,37 @@ Blocks of a page work in one folder, from top to bottom:
   such sweeps short;
 - `output` is what the block before it prints, where … stands for any text.
 
-Each `eqt` command runs in a process of its own, forked from this one, which has loaded the
-libraries already.
+Each page, and each `eqt` command of one, runs in a process of its own, forked from this one, which
+has loaded the libraries already: to load them takes longer than most commands.
 """
 
 import contextlib
+import importlib
 import importlib.util
 import io
 import os
+import pkgutil
 import re
 import shlex
 import subprocess
 import sys
+import traceback
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 BLOCK = re.compile(r"^(?P<fence>`{3,})(?P<head>[^\n]*)\n(?P<body>.*?)^(?P=fence)$", re.M | re.S)
 CAPTION = re.compile(r"^:caption: (\S+)\n+", re.M)
+LIBRARIES = (
+    "h5py",
+    "heyoka",
+    "matplotlib.backends.backend_pdf",
+    "matplotlib.backends.backend_svg",
+    "matplotlib.figure",
+    "scipy.integrate",
+    "xarray",
+    "yaml",
+)
 EXTRAS = ("xarray", "heyoka", "mujoco", "pinocchio")
 SMALL = ["--set", "ensemble.runs=2"]
 FEW = ["--set=tune.budget=2", "--set=tune.population=5", "--set=tune.confirm.runs=5"]
@@ -115,15 +131,22 @@ def shell(line):
 
 def forked(arguments):
     """`eqt` with these arguments, without the time it takes to start."""
-    with Path(".printed").open("w+", encoding="utf-8") as stream:
+    from eqt_cli.cli import main
+
+    sys.argv = ["eqt", *arguments]
+    return in_a_process(main, Path(".printed"))
+
+
+def in_a_process(work: Callable[[], object], file: Path) -> tuple[int, str]:
+    """The exit code of a function in a process forked from this one, and what it prints."""
+    with file.open("w+", encoding="utf-8") as stream:
         child = os.fork()
         if child == 0:
             code = 1
             try:
                 os.dup2(stream.fileno(), 1)
                 os.dup2(stream.fileno(), 2)
-                sys.argv = ["eqt", *arguments]
-                code = exit_code()
+                code = exit_code(work)
                 sys.stdout.flush()
                 sys.stderr.flush()
             finally:
@@ -133,16 +156,12 @@ def forked(arguments):
         return os.waitstatus_to_exitcode(status), stream.read()
 
 
-def exit_code():
-    from eqt_cli.cli import main
-
+def exit_code(work: Callable[[], object]) -> int:
     try:
-        main()
+        work()
     except SystemExit as end:
         return end.code or 0
     except BaseException:
-        import traceback
-
         traceback.print_exc()
         return 1
     return 0
@@ -162,8 +181,27 @@ def check_part(text):
     build(read_config(Path("part.yaml"), ()))
 
 
-if __name__ == "__main__":
-    page, folder = map(Path, sys.argv[1:])
+def load():
+    """All modules of eqt, and the libraries that they load when they are needed."""
+    import eqt_cli
+
+    for name in LIBRARIES:
+        if installed(name.partition(".")[0]):
+            importlib.import_module(name)
+    for module in pkgutil.walk_packages(eqt_cli.__path__, "eqt_cli."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+
+
+def carried_out(page: Path, folder: Path) -> None:
     text = page.read_text(encoding="utf-8")
     os.chdir(folder)
     carry_out(text)
+
+
+if __name__ == "__main__":
+    load()
+    for line in sys.stdin:
+        page, folder = map(Path, line.rstrip("\n").split("\t"))
+        code, _ = in_a_process(lambda: carried_out(page, folder), folder / ".said")  # noqa: B023
+        print(code, flush=True)

@@ -1,8 +1,11 @@
 """The Python interface: what notebooks and scripts call."""
 
+import doctest
+import inspect
 import shutil
 import subprocess
 import sys
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from pkgutil import iter_modules
@@ -11,7 +14,7 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli import api
+from eqt_cli.api import opening, reporting
 from eqt_cli.core.errors import ConfigError, EqtError, ResultError
 from eqt_cli.results.result import Result
 
@@ -33,6 +36,12 @@ def test_import_is_cheap():
     code = f"import eqt_cli, sys; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "[]\n"
+
+
+def test_the_functions_do_without_scipy_until_they_compute():
+    code = "from eqt_cli.api import *; import sys; print('scipy' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
 
 
 def test_everything_promised_is_there():
@@ -103,6 +112,42 @@ def test_run_takes_what_load_experiment_takes(result, tmp_path):
         assert np.array_equal(a["pose"], b["pose"])
 
 
+def test_a_command_loads_only_what_it_calls():
+    code = (
+        "import sys; from eqt_cli import api; api.open_results; "
+        "print('eqt_cli.api.tuning' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
+
+
+@pytest.mark.parametrize(
+    ("call", "steps"),
+    [
+        (eqt_cli.verify, {"runs integrated again": 12, "certificates checked": 38}),
+        (
+            partial(eqt_cli.write_report, figures=["paper", "torque"]),
+            {"runs integrated again": 12, "certificates checked": 38, "figures drawn": 2},
+        ),
+        (partial(eqt_cli.plot, formats=["png"]), {"figures drawn": 1}),
+    ],
+    ids=["verify", "report", "plot"],
+)
+def test_long_steps_are_counted_under_their_own_names(result, call, steps):
+    begun, done = {}, []
+
+    def stage(name, count):
+        begun[name] = count
+        done.append(0.0)
+
+    def progress(amount):
+        done[-1] += amount
+
+    call(result, stage=stage, progress=progress)
+    assert begun == steps
+    assert done == pytest.approx(list(steps.values()))
+
+
 def test_run_reports_progress(tmp_path):
     done = []
     eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW), tmp_path / "result", progress=done.append)
@@ -124,7 +169,7 @@ def test_results_have_their_data(result):
 
 
 def test_results_open_without_xarray(result, monkeypatch):
-    monkeypatch.setattr(api, "find_spec", lambda name: None)
+    monkeypatch.setattr(opening, "find_spec", lambda name: None)
     with eqt_cli.open_results(result) as results:
         assert isinstance(results, Result)
     with pytest.raises(EqtError) as caught:
@@ -281,7 +326,45 @@ def test_a_page_that_cannot_be_written_is_refused_before_the_work(result, monkey
     def work(*arguments, **options):
         raise AssertionError("began")
 
-    monkeypatch.setattr(api, "verify_stored", work)
+    monkeypatch.setattr(reporting, "verify_stored", work)
     target = Path(result) / "results.h5"
     with pytest.raises(EqtError, match=r"results\.h5: "):
         eqt_cli.write_report(result, out=target)
+
+
+@pytest.fixture(scope="module")
+def examples(tmp_path_factory):
+    """A checkout with the results that examples read; its search is short."""
+    folder = tmp_path_factory.mktemp("examples")
+    shutil.copytree(ROOT / "configs", folder / "configs")
+    search = folder / "configs" / "tune_so2.yaml"
+    text = search.read_text(encoding="utf-8")
+    search.write_text(
+        text.replace("budget: 20", "budget: 1").replace("population: 20", "population: 5"),
+        encoding="utf-8",
+    )
+    eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW), folder / "results" / "paper")
+    sweep = eqt_cli.load_experiment(ROOT / "configs" / "sweep_gains.yaml", FEW)
+    eqt_cli.run(sweep, folder / "results" / "sweep_gains")
+    return folder
+
+
+PUBLIC = [name for name in eqt_cli.__all__ if inspect.isfunction(getattr(eqt_cli, name))]
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_the_example_of_a_function_works(examples, name, monkeypatch):
+    monkeypatch.chdir(examples)
+    function = getattr(eqt_cli, name)
+    (example,) = doctest.DocTestFinder(recurse=False).find(
+        function, name, globs={"eqt_cli": eqt_cli}
+    )
+    assert example.examples
+    said = []
+    doctest.DocTestRunner().run(example, out=said.append)
+    assert "".join(said) == ""
+
+
+@pytest.mark.parametrize("name", PUBLIC)
+def test_what_a_function_returns_is_said(name):
+    assert "Returns\n    -------\n" in getattr(eqt_cli, name).__doc__

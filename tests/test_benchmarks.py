@@ -1,10 +1,16 @@
-"""The equations that the benchmarks write out literally are those of the shipped configurations."""
+"""What the benchmarks compare is the same work, and what they measure with counts all of it."""
+
+import subprocess
+import sys
 
 import numpy as np
 import pytest
 
-from benchmarks.cases import load
+from benchmarks import profile, sampled, whole_command
+from benchmarks.cases import errors, load
 from benchmarks.contenders.plain_loop import body, literal
+from benchmarks.process import spent
+from eqt_cli.engines.solve_ivp import SolveIvp
 
 
 @pytest.mark.parametrize("t", [0.0, 1.7])
@@ -25,3 +31,60 @@ def test_literal_equations_are_those_of_the_configuration(name, t):
         np.testing.assert_allclose(G.pack(Q_dot), rate[:q], rtol=0, atol=1e-13)
         momentum_rate = loop.inertia.at(t).momentum(V_dot)
         np.testing.assert_allclose(momentum_rate, rate[q : q + m], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize("period", [0.1, 0.01])
+@pytest.mark.parametrize("way", ["plain loop", "MuJoCo"])
+def test_contenders_integrate_the_same_sampled_loop(way, period):
+    case = load("paper", 1, [f"control.period={period}", "time.duration=1", "time.samples=21"])
+    runs = np.array([0])
+    if way == "MuJoCo":
+        pytest.importorskip("mujoco")
+        references = sampled._references(case, period)
+        found = sampled._stepped(case, period, references, runs)
+    else:
+        found = sampled._plainly(case, period, runs)
+    own = sampled._by(case, SolveIvp(rtol=1e-10, atol=1e-13))(runs)
+    # Steps of 5 ms by MuJoCo's method: of order 4 since 4.0, of order 2 before.
+    assert errors(found, own).max() < (1e-4 if way == "MuJoCo" else 1e-8)
+
+
+def test_a_stage_is_not_counted_for_the_one_that_begins_it(monkeypatch):
+    clock = iter([1.0, 3.0, 7.0, 15.0, 31.0, 63.0])
+    monkeypatch.setattr(profile.time, "process_time", lambda: next(clock))
+    watch = profile.StopWatch()
+    with watch.stage("signals"), watch.stage(profile.INTEGRATION):
+        pass
+    with watch.stage("cross-check"):  # what it integrates is its own
+        monkeypatch.setattr(profile.time, "process_time", lambda: 63.0)
+        with watch.stage(profile.INTEGRATION):
+            monkeypatch.setattr(profile.time, "process_time", lambda: 127.0)
+    assert watch.seconds == {
+        profile.REST: 1.0 + 16.0,
+        "signals": 2.0 + 8.0,
+        profile.INTEGRATION: 4.0,
+        "cross-check": 96.0,
+    }
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_memory_is_that_of_all_processes():
+    child = "import time; x = bytearray(60_000_000); time.sleep(1)"
+    both = (
+        f"import subprocess, sys; x = bytearray(60_000_000); a = [sys.executable, '-c', {child!r}]"
+    )
+    assert spent(["-c", f"{both}; subprocess.run(a)"]).peak_memory > 120_000_000
+
+
+def test_an_earlier_commit_is_checked_out_for_a_while(tmp_path, monkeypatch):
+    monkeypatch.setattr(whole_command, "ROOT", tmp_path)
+    author = ["-c", "user.name=a", "-c", "user.email=a@b.c"]
+    (tmp_path / "file").write_text("first")
+    for command in (["init"], ["add", "file"], [*author, "commit", "--message", "first"]):
+        subprocess.run(["git", "-C", tmp_path, *command], check=True, capture_output=True)
+    (tmp_path / "file").write_text("second")
+    with whole_command.earlier("HEAD") as tree:
+        assert (tree / "file").read_text() == "first"
+    assert not tree.exists()
+    with pytest.raises(LookupError, match="no-such"), whole_command.earlier("no-such"):
+        pass

@@ -27,14 +27,23 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.mark.parametrize("page", PAGES)
-def test_commands_and_snippets(page, folder):
-    runner = [sys.executable, "-W", "error", ROOT / "tests" / "docs_runner.py", DOCS / page, folder]
+@pytest.fixture(scope="module")
+def runner():
+    """Carries out pages; it loads the libraries once for all."""
+    command = [sys.executable, "-W", "error", ROOT / "tests" / "docs_runner.py"]
     one_thread = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # the runner forks
-    done = subprocess.run(
-        runner, capture_output=True, text=True, check=False, cwd=ROOT, env=one_thread
-    )
-    assert done.returncode == 0, f"{done.stdout}\n{done.stderr}"
+    streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=ROOT, env=one_thread, **streams) as process:
+        yield process
+        process.stdin.close()
+
+
+@pytest.mark.parametrize("page", ["../README.md", *PAGES])
+def test_commands_and_snippets(page, folder, runner):
+    runner.stdin.write(f"{DOCS / page}\t{folder}\n")
+    runner.stdin.flush()
+    code = runner.stdout.readline()
+    assert code == "0\n", (folder / ".said").read_text(encoding="utf-8")
 
 
 @pytest.mark.skipif(find_spec("heyoka") is None, reason="800 runs take seconds with taylor only")
@@ -48,7 +57,7 @@ def test_table_of_the_first_tutorial(folder):
 
 
 def _rows(text):
-    lines = re.findall(r"^(?:eqt|gt|nog|asym) +200 .*", text, re.MULTILINE)
+    lines = re.findall(r"^(?:EqT|GT|nog|asym) +200 .*", text, re.MULTILINE)
     return [line.split()[:-1] for line in lines]
 
 
@@ -67,6 +76,29 @@ def test_equations_name_what_exists(entry):
 def test_every_numbered_equation_is_listed():
     listed = " ".join(entry["paper"] for entry in EQUATIONS)
     assert [n for n in range(1, 29) if not re.search(rf"\({n}\)", listed)] == []
+
+
+GALLERY = re.findall(
+    r"\[!\[[^]]+\]\(figures/([^)]+)\)\]\(([^)#]+)#([^)]+)\) \| [^|`\n]*`([^`]+)`",
+    (DOCS / "gallery.md").read_text(encoding="utf-8"),
+)
+
+
+def test_the_gallery_has_every_picture():
+    pictures = {path.name for path in (DOCS / "figures").glob("*.png")}
+    assert {picture for picture, *_ in GALLERY} == pictures
+
+
+@pytest.mark.parametrize(("picture", "page", "anchor", "command"), GALLERY)
+def test_a_picture_leads_to_its_command(picture, page, anchor, command):
+    sections = re.split(r"^#+ ", (DOCS / page).read_text(encoding="utf-8"), flags=re.MULTILINE)
+    found = [s for s in sections if _anchor(s.partition("\n")[0]) == anchor]
+    assert [command in section for section in found] == [True]
+
+
+def _anchor(heading):
+    """As a forge and Sphinx name a heading."""
+    return re.sub(r"[^\w\s-]", "", heading.lower()).replace(" ", "-")
 
 
 def test_links_and_files_of_the_site_need_no_network():

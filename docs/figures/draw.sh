@@ -44,7 +44,9 @@ numbers() {
 # numbers_of_paper: those of every figure that the paper's experiment has; of single runs, a few runs
 # show a change as well as many.
 numbers_of_paper() {
-	numbers paper torque distributions
+	numbers paper distributions
+	numbers torque --option bands=quantiles
+	name=${name}_feedback numbers torque --option share=feedback
 	numbers phase sphere --option runs=5
 }
 
@@ -56,14 +58,14 @@ picture() {
 	fi
 }
 
-# shrunk FILE COPY: a copy for the screen, at most 1400 pixels wide and of 64 colours.
+# shrunk FILE COPY: a copy for the screen, at most 1400 pixels wide and of 128 colours.
 shrunk() {
 	"$python" - "$@" <<-'END'
 		import sys
 		from PIL import Image
 		picture = Image.open(sys.argv[1]).convert("RGB")
 		picture.thumbnail((1400, picture.height), Image.Resampling.LANCZOS)
-		picture.quantize(64, dither=Image.Dither.NONE).save(sys.argv[2], optimize=True)
+		picture.quantize(128, dither=Image.Dither.NONE).save(sys.argv[2], optimize=True)
 	END
 }
 
@@ -90,7 +92,8 @@ echo "The paper's figures by engine solve_ivp"
 experiment paper configs/paper.yaml
 numbers_of_paper
 picture paper paper
-picture torque torque
+picture torque torque --width page
+picture torque_feedback torque --option share=feedback
 picture single_runs runs
 picture distributions distributions
 picture phase phase

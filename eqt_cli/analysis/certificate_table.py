@@ -1,11 +1,10 @@
 """Certificates as a table of text; it must not know how they were found."""
 
-from __future__ import annotations
-
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
-from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.analysis.certificates.base import Row, Verdict
 from eqt_cli.analysis.text_tables import Block, TextTable
 
 _KINDS = {
@@ -29,27 +28,66 @@ _LEGEND = {
 """What the verdicts other than holds and FAILS mean."""
 
 _HEADER = ["statement", "what", "law", "measured", "bound", "verdict", "remark"]
+_SPARE = ("bound", "measured", "statement")
+
+_LISTED = (Verdict.UNCLAIMED, Verdict.NOT_COVERED)
+"""Verdicts that say nothing of the experiment: a short table names their rows in one line."""
 
 
-def certificate_table(rows: Sequence[Row]) -> TextTable | None:
-    """A block per kind, in the order of the rows; None if there are none."""
+def titled(rows: Sequence[Row], titles: Mapping[str, str]) -> list[Row]:
+    """Rows with the controllers as tables write them."""
+    return [replace(row, controller=titles.get(row.controller, row.controller)) for row in rows]
+
+
+def certificate_table(rows: Sequence[Row], *, brief: bool = False) -> TextTable | None:
+    """A block per kind, in the order of the rows; None if there are none.
+
+    Parameters
+    ----------
+    brief
+        Only the rows that do not hold; those that are not claimed or not covered in the notes.
+    """
+    shown = [row for row in rows if row.verdict not in (_HOLDS, *_LISTED)] if brief else rows
     blocks = [
-        Block(title, [_cells(row) for row in rows if row.kind == kind])
+        Block(title, [_cells(row) for row in shown if row.kind == kind])
         for kind, title in _KINDS.items()
     ]
     blocks = [block for block in blocks if block.rows]
-    if not blocks:
+    notes = _notes(rows, brief=brief)
+    if not (blocks or notes):
         return None
     doubts = doubtful(rows)
     assumed = f"; of the hypotheses {'; '.join(doubts)}" if doubts else ""
-    occurring = {row.verdict for row in rows}
     return TextTable(
         "certificates",
         f"The paper's statements, checked on this experiment: {tally(rows)}{assumed}",
         _HEADER,
         blocks,
-        [f"{verdict}: {meaning}." for verdict, meaning in _LEGEND.items() if verdict in occurring],
+        notes,
+        _SPARE,
     )
+
+
+def _notes(rows: Sequence[Row], *, brief: bool) -> list[str]:
+    """What the verdicts mean that occur, and in a short table which rows have them."""
+    found: dict[Verdict, list[Row]] = {verdict: [] for verdict in _LEGEND}
+    for row in rows:
+        if row.verdict in found:
+            found[row.verdict].append(row)
+    return [
+        f"{verdict}: {_LEGEND[verdict]}"
+        + (f": {_named(having)}." if brief and verdict in _LISTED else ".")
+        for verdict, having in found.items()
+        if having
+    ]
+
+
+def _named(rows: Sequence[Row]) -> str:
+    """Rows by name, with the laws that they are about: ``decrease of L (lee2010, lee2012)``."""
+    laws: dict[str, list[str]] = {}
+    for row in rows:
+        laws.setdefault(row.name, []).extend([row.controller] if row.controller else [])
+    return "; ".join(f"{name} ({', '.join(of)})" if of else name for name, of in laws.items())
 
 
 def tally(rows: Sequence[Row]) -> str:

@@ -1,7 +1,5 @@
 """Tables of text: blocks of rows under a header; it knows neither contents nor output formats."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 
@@ -29,6 +27,10 @@ class TextTable:
         The rows.
     notes
         What a reader must know to read it.
+    spare
+        Headings of the columns that a narrow display leaves out, the least important first.
+    keys
+        How many of the first columns say what a row is about.
     """
 
     name: str
@@ -36,6 +38,8 @@ class TextTable:
     header: list[str]
     blocks: list[Block]
     notes: list[str] = field(default_factory=list)
+    spare: tuple[str, ...] = ()
+    keys: int = 1
 
     @property
     def rows(self) -> list[list[str]]:

@@ -1,24 +1,17 @@
 """Certificates of an experiment: of a configuration by a few runs, of a result by what it holds."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.analysis.certificates import (
-    Row,
-    Runs,
-    Setting,
-    Verdict,
-    hypothesis_rows,
-    identity_rows,
-    sampled,
-    trajectory_rows,
-)
+from eqt_cli.analysis.certificates import hypothesis_rows, identity_rows, trajectory_rows
+from eqt_cli.analysis.certificates.base import Row, Verdict
 from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.analysis.evidence.runs import Runs, Setting
+from eqt_cli.analysis.evidence.sample import sampled
 from eqt_cli.analysis.oracles import Oracle
 from eqt_cli.analysis.oracles.rows import Start, oracle_rows
 from eqt_cli.closed_loop import ErrorSystem
@@ -29,12 +22,12 @@ from eqt_cli.engines import Solution
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.execution.compute_part import Desired, measured, shared_reference
+from eqt_cli.execution.executors import Progress
+from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.results.result import Result
-
-Progress = Callable[[float], None]
 
 RUNS = 20
 """Runs per controller that a configuration is judged by, unless it has fewer."""
@@ -47,6 +40,9 @@ JUDGED = ("energy_residual", "group_drift", "final_pose_error", "final_velocity_
 
 SHOWN = ("lyapunov", "pose_error", "velocity_error")
 """The signals that certificates look at, where a result has them."""
+
+INTEGRATED = "runs integrated again"
+"""What is counted where states are needed that a result does not hold."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +74,7 @@ class Verification:
 def verify_experiment(
     experiment: Experiment,
     runs: int = RUNS,
-    progress: Progress = lambda runs: None,
+    steps: Steps = SILENT,
     workers: int = 1,
     oracles: Sequence[type[Oracle]] = (),
 ) -> Verification:
@@ -86,11 +82,13 @@ def verify_experiment(
 
     Parameters
     ----------
+    steps
+        Told of the new runs, and then of the statements.
     oracles
         Other programs whose rigid bodies eqt's is compared with.
     """
     with threadpool_limits(1):
-        verifier = _Verifier(experiment, runs, progress, workers, oracles)
+        verifier = _Verifier(experiment, runs, steps, steps.progress, workers, oracles)
         desired = shared_reference(verifier.study)
         found = [verifier.of_new_runs(label, desired) for label in experiment.loops]
         return verifier.verification(found, desired)
@@ -102,6 +100,7 @@ def verify_stored(
     *,
     trust_plugins: bool,
     workers: int = 1,
+    steps: Steps = SILENT,
     oracles: Sequence[type[Oracle]] = (),
 ) -> Verification:
     """Check every certificate of the experiment, or the point, that a result holds.
@@ -116,7 +115,9 @@ def verify_stored(
     experiment = results.experiment(trust_plugins=trust_plugins)
     results.single("one experiment is verified")
     with threadpool_limits(1):
-        verifier = _Verifier(experiment, ERROR_SYSTEM_RUNS, lambda runs: None, workers, oracles)
+        runs = min(ERROR_SYSTEM_RUNS, experiment.config.ensemble.runs)
+        progress = steps.begin(INTEGRATED, runs * len(experiment.loops))
+        verifier = _Verifier(experiment, runs, steps, progress, workers, oracles)
         if results.has("desired_pose"):
             desired = {name: results[name] for name in ("desired_pose", "desired_velocity")}
             for name, values in desired.items():
@@ -128,26 +129,31 @@ def verify_stored(
         return verifier.verification(found, desired)
 
 
+@dataclass(frozen=True)
 class _Verifier:
     """An experiment of which some runs per controller are integrated, as a run would do it."""
 
-    def __init__(
-        self,
-        experiment: Experiment,
-        runs: int,
-        progress: Progress,
-        workers: int,
-        oracles: Sequence[type[Oracle]],
-    ) -> None:
-        self.experiment, self.progress, self.workers = experiment, progress, workers
-        self.oracles = oracles
-        self.study = _study(experiment, min(runs, experiment.config.ensemble.runs))
+    experiment: Experiment
+    runs: int
+    steps: Steps
+    progress: Progress
+    workers: int
+    oracles: Sequence[type[Oracle]]
+
+    @cached_property
+    def study(self) -> Study:
+        """The first runs of the experiment."""
+        config = self.experiment.config
+        runs = min(self.runs, config.ensemble.runs)
+        ensemble = config.ensemble.model_copy(update={"runs": runs})
+        few = replace(self.experiment, config=config.model_copy(update={"ensemble": ensemble}))
+        return Study(None, few)
 
     def of_new_runs(self, label: str, reference: Desired) -> Runs:
         """The runs of the study."""
         batch, solution = self._solved(label)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-            signals, numbers = measured(batch, solution, reference)
+            signals, numbers = measured(batch, solution, reference, JUDGED + SHOWN)
         found = numbers | signals
         return self._runs(batch, solution, label, solution.status, found, reference)
 
@@ -242,7 +248,7 @@ class _Verifier:
         ]
         rigid = self.experiment.config.rigid is not False
         rows = [
-            *identity_rows(common, samples),
+            *identity_rows(common, samples, self.steps),
             *trajectory_rows(runs),
             *hypothesis_rows(Setting(loops, times, Qd[finite], Vd[finite], rigid)),
             *self._of_oracles(),
@@ -259,10 +265,3 @@ class _Verifier:
             seed = experiment.config.ensemble.seed
             random = generator(seed, Stream.CERTIFICATES, index)
             yield from oracle_rows(oracle, loops, start, random)
-
-
-def _study(experiment: Experiment, runs: int) -> Study:
-    """The first runs of an experiment."""
-    ensemble = experiment.config.ensemble.model_copy(update={"runs": runs})
-    config = experiment.config.model_copy(update={"ensemble": ensemble})
-    return Study(None, replace(experiment, config=config))

@@ -1,16 +1,13 @@
 """The command `eqt`: one file per command; heavy packages are imported inside the commands."""
 
-from __future__ import annotations
-
 import errno
 import os
 import sys
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from eqt_cli.core.errors import EqtError
+from eqt_cli.core import interruptions
+from eqt_cli.core.errors import EqtError, InterruptedRun
 
-INTERRUPTED = "eqt: interrupted; run the same command again"
+INTERRUPTED = "interrupted; run the same command again"
 
 FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 """What a full disk, or a quota, answers."""
@@ -18,26 +15,23 @@ FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 
 def main() -> None:
     """Run the command line and exit; the only place where errors become exit codes."""
-    from eqt_cli.core import interruptions
-
     with interruptions.as_exceptions(_interrupted_again):
         _run()
 
 
 def _run() -> None:
-    from eqt_cli.core.errors import EqtError
-    from eqt_cli.core.interruptions import exit_code
+    from eqt_cli.cli.shared.output import be_quiet
 
+    be_quiet(False)
     try:
         from eqt_cli.cli.app import app
 
         app()
-    except EqtError as error:
+    except (EqtError, KeyboardInterrupt) as error:
+        if isinstance(error, KeyboardInterrupt):  # before the commands, or after them
+            error = InterruptedRun(INTERRUPTED, interruptions.exit_code(error))
         _tell(error)
         sys.exit(error.exit_code)
-    except KeyboardInterrupt as error:
-        _say(INTERRUPTED)
-        sys.exit(exit_code(error))
     except OSError as error:
         if error.errno not in FULL:
             raise
@@ -51,9 +45,11 @@ def _run() -> None:
 def _tell(error: EqtError) -> None:
     """What went wrong, in words, and with --json also as the one document on stdout."""
     from eqt_cli.cli.shared.output import option, print_error
+    from eqt_cli.core.errors import ConfigError
 
     text = error.told(option)
-    _say(f"eqt:\n{text}" if "\n" in text else f"eqt: {text}")
+    heading = error.heading if isinstance(error, ConfigError) else ""
+    _say(f"{heading}\n{text}" if heading else f"eqt: {text}")
     if "--json" in sys.argv:
         print_error(error)
 
@@ -63,12 +59,12 @@ _said: list[str] = []
 
 
 def _say(message: str) -> None:
-    from eqt_cli.cli.shared.output import say
+    from eqt_cli.cli.shared.output import complain
 
     _said.append(message)
-    say(message)
+    complain(message)
 
 
 def _interrupted_again() -> None:
     if not _said:
-        _say(INTERRUPTED)
+        _say(f"eqt: {INTERRUPTED}")

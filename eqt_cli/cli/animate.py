@@ -1,14 +1,11 @@
 """`eqt animate`: one run of a result as a moving picture."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.help import RESULT, SELECTION
 from eqt_cli.cli.shared.output import print_found, say
 
 
@@ -22,26 +19,30 @@ class Format(StrEnum):
 def animate(
     result: options.Result,
     run: Annotated[
-        int, typer.Option("--run", metavar="K", help="Number of the run, counted from 0.")
+        int,
+        options.valued("--run", "K", "Run, counted from 0.", SELECTION),
     ] = 0,
     controller: Annotated[
         list[str] | None,
-        typer.Option("--controller", metavar="LABEL", help="Show this one only; may be repeated."),
+        options.valued("--controller", "LAW", "Show only this controller. Repeatable.", SELECTION),
     ] = None,
     format: Annotated[
         list[Format] | None,
-        typer.Option("--format", help="What to write; may be repeated; default: both."),
+        options.valued("--format", "NAME", "gif or html. Repeatable. Default: both.", RESULT),
     ] = None,
     seconds: Annotated[
-        float, typer.Option("--seconds", min=0.2, max=120, help="How long the GIF lasts.")
+        float,
+        options.valued(
+            "--seconds", "S", "Duration of the GIF in seconds.", RESULT, min=0.2, max=120
+        ),
     ] = 8.0,
-    out: Annotated[Path | None, options.out("Folder; default: RESULT/figures.")] = None,
+    out: Annotated[Path | None, options.out("Output folder. Default: RESULT/figures.")] = None,
     point: options.Point = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Show one run: bodies against the reference frame, error and torque as they go."""
+    """Show one run as a moving picture: bodies, tracking error and torque over time."""
     from eqt_cli import api
 
     files = api.animate(
@@ -53,7 +54,7 @@ def animate(
         seconds=seconds,
         point=point,
         trust_plugins=trust_plugins,
-        note=(lambda text: None) if quiet else say,
+        note=say,
     )
     sizes = {file: f"{file.stat().st_size / 1e6:.1f} MB" for file in files}
     text = "\n".join(f"animation  {file}  ({size})" for file, size in sizes.items())

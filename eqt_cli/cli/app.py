@@ -1,18 +1,18 @@
 """The tree of commands."""
 
-from __future__ import annotations
-
 import os
 import sys
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
 
 from eqt_cli.cli import (
+    INTERRUPTED,
     animate,
     compare,
     config,
+    docs,
     listing,
     pack,
     plot,
@@ -23,14 +23,13 @@ from eqt_cli.cli import (
     tune,
     verify,
 )
+from eqt_cli.cli.shared.help import COMPUTE, LOOK_UP, READ, Command, Group
 from eqt_cli.core.errors import InterruptedRun
 from eqt_cli.core.interruptions import exit_code
 from eqt_cli.core.version import __version__
 
-INTERRUPTED = "interrupted; run the same command again"
 
-
-class _Commands(TyperGroup):
+class _Commands(Group):
     """The commands; typer's own answers to signals differ from version to version."""
 
     def invoke(self, ctx: Any) -> Any:
@@ -76,15 +75,20 @@ def main(
     """Experiments with equivariant tracking control on matrix Lie groups: from YAML to figure."""
 
 
-app.command("run")(run.run)
-app.command("sweep")(sweep.sweep)
-app.command("tune")(tune.tune)
-app.command("pack")(pack.pack)
-app.command("plot")(plot.plot)
-app.command("compare")(compare.compare)
-app.command("verify")(verify.verify)
-app.command("report")(report.report)
-app.command("animate")(animate.animate)
-app.command("show")(show.show)
-app.command("list")(listing.list_components)
-app.add_typer(config.app, name="config")
+def _add(name: str, command: Callable[..., None], group: str) -> None:
+    app.command(name, cls=Command, rich_help_panel=group)(command)
+
+
+_add("run", run.run, COMPUTE)
+_add("sweep", sweep.sweep, COMPUTE)
+_add("tune", tune.tune, COMPUTE)
+_add("pack", pack.pack, COMPUTE)
+_add("show", show.show, READ)
+_add("compare", compare.compare, READ)
+_add("verify", verify.verify, READ)
+_add("plot", plot.plot, READ)
+_add("animate", animate.animate, READ)
+_add("report", report.report, READ)
+app.add_typer(config.app, name="config", rich_help_panel=LOOK_UP)
+_add("list", listing.list_components, LOOK_UP)
+_add("docs", docs.docs, LOOK_UP)

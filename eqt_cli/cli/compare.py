@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
 from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.output import print_json, print_records, print_text, say
-from eqt_cli.cli.shared.table_formats import as_csv, as_latex, as_text
+from eqt_cli.cli.shared.help import OUTPUT, SELECTION, STATISTICS
+from eqt_cli.cli.shared.output import (
+    count_of,
+    laid_out,
+    print_json,
+    print_records,
+    print_text,
+    print_verbatim,
+    room,
+    say,
+)
+from eqt_cli.cli.shared.table_formats import as_csv, as_latex
+from eqt_cli.cli.shared.unbroken import folded
 from eqt_cli.core.errors import EqtError, suggestion
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
     from eqt_cli.analysis.comparison.bootstrap import Resampling
+    from eqt_cli.analysis.comparison.notation import Plain
     from eqt_cli.analysis.text_tables import TextTable
     from eqt_cli.results.quantity import Quantity
     from eqt_cli.results.result import Result
@@ -25,6 +37,10 @@ if TYPE_CHECKING:
 
 MAPPED = "mean_pose_error"
 """What is compared over a sweep unless a user chooses."""
+
+
+PIPED = 100
+"""Characters of a line of text where the output is no terminal."""
 
 
 class Format(StrEnum):
@@ -48,10 +64,15 @@ class Table(StrEnum):
 
 def compare(
     result: options.Result,
+    more: options.MoreResults = None,
     metric: Annotated[
         list[str] | None,
         typer.Option(
-            "--metric", "-m", metavar="NAME", help="What to compare, see --list; may be repeated."
+            "--metric",
+            "-m",
+            metavar="NAME",
+            help="Metric to compare; --list shows all. Repeatable.",
+            rich_help_panel=SELECTION,
         ),
     ] = None,
     window: Annotated[
@@ -60,47 +81,71 @@ def compare(
             "--window",
             "-w",
             metavar="A:B",
-            help="Over which seconds, as 0:5 or 5: or : for all; may be repeated.",
+            help="Time window in seconds, such as 0:5, 5: or : for the whole run. Repeatable.",
+            rich_help_panel=SELECTION,
         ),
     ] = None,
     against: Annotated[
         list[str] | None,
-        typer.Option(
-            "--against",
-            metavar="LABEL",
-            help="Show pairs with this controller only; may be repeated.",
+        options.valued(
+            "--against", "LAW", "Show only pairs with this controller. Repeatable.", SELECTION
         ),
     ] = None,
-    table: Annotated[Table | None, typer.Option("--table", help="Print this table only.")] = None,
-    format: Annotated[Format, typer.Option("--format", help="How to print it.")] = Format.TEXT,
+    table: Annotated[
+        Table | None,
+        options.valued("--table", "NAME", f"Print only this table: {', '.join(Table)}.", SELECTION),
+    ] = None,
+    format: Annotated[
+        Format,
+        options.valued("--format", "NAME", "text, csv or latex.", OUTPUT),
+    ] = Format.TEXT,
     point: options.Point = None,
     confidence: Annotated[
-        float, typer.Option("--confidence", help="Of every interval by itself.")
+        float,
+        options.valued("--confidence", "P", "Confidence level of each interval.", STATISTICS),
     ] = 0.95,
     resamples: Annotated[
-        int, typer.Option("--resamples", metavar="N", help="Of the bootstrap.")
+        int,
+        options.valued("--resamples", "N", "Number of bootstrap resamples.", STATISTICS),
     ] = 9999,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the bootstrap.")] = 0,
+    seed: Annotated[
+        int,
+        options.valued("--seed", "N", "Random seed of the bootstrap.", STATISTICS, min=0),
+    ] = 0,
     robust: Annotated[
-        bool, options.flag("--robust", help="Of a sweep: how far each law carries.")
+        bool,
+        options.flag(
+            "--robust",
+            help="For a sweep: the range over which the runs of each law settle.",
+            group=SELECTION,
+        ),
     ] = False,
     share: Annotated[
-        float, typer.Option("--share", help="Of runs that must settle, for --robust.")
+        float,
+        options.valued("--share", "P", "Share of runs that must settle, for --robust.", STATISTICS),
     ] = 0.9,
     list_: Annotated[
-        bool, options.flag("--list", help="List what this result can be compared by.")
+        bool,
+        options.flag("--list", help="List the metrics of this result.", group=SELECTION),
     ] = False,
     json: options.Json = False,
+    verbose: Annotated[
+        bool,
+        options.flag("--verbose", "-v", help="Print all pairs and claims as tables.", group=OUTPUT),
+    ] = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Compare controllers run by run, with intervals, and test what the paper claims.
+    """Compare the controllers of a result run by run, and test the paper's claims.
 
-    Of a sweep: which law wins at which point, or one point with --point.
+    This prints the findings and the means; --verbose also prints every pair and every claim.
+
+    For a sweep, this shows which law is best at each point; --point selects one point.
     """
     from eqt_cli import api
     from eqt_cli.analysis.comparison.bootstrap import Resampling
-    from eqt_cli.analysis.comparison.records import records
+    from eqt_cli.analysis.comparison.notation import Latex, Plain
 
+    result = options.the_one("compare", [result, *(more or ())], " and compares its controllers")
     if json and format is not Format.TEXT:
         raise EqtError("--json prints one document for all tables; leave --format out")
     if list_:
@@ -108,79 +153,87 @@ def compare(
             _print_metrics(results, json)
         return
     how = Resampling(confidence, resamples, seed)
+    write = Latex() if format is Format.LATEX else Plain()
+    found = None
     if robust:
-        _print_robustness(result, share, confidence, format, json=json)
-        return
-    narrowed = bool(window or against)
-    if point is None and _print_whole(
-        result, metric or (), table, format, how, narrowed=narrowed, json=json
-    ):
-        return
-    _require_table_of_experiment(table)
-    comparison = api.compare(
-        result,
-        metric or (),
-        window or (),
-        point=point,
-        confidence=confidence,
-        resamples=resamples,
-        seed=seed,
-    )
-    _check_labels(comparison, against or ())
+        found = _robustness(result, share, confidence, write)
+    elif point is None:
+        found = _of_whole(result, metric or (), table, bool(window or against), how, write)
+    if found is None:
+        _require_table_of_experiment(table)
+        comparison = api.compare(result, metric or (), window or (), point=point, **vars(how))
+        against = _labels(comparison, against or ())
+        chosen = metric or window or against or table or format is not Format.TEXT
+        whole = None if chosen else verbose
+        found = _of_experiment(comparison, result, table, against, format, write, whole=whole)
     if json:
-        print_json(_document(comparison, result))
+        print_json(found.document)
     elif format is Format.CSV:
-        print_text(as_csv(records(comparison)[table or Table.PAIRS]))
-        if table is None and not quiet:
-            say("these are the pairs; --table controllers and --table claims print the others")
+        print_verbatim(as_csv(found.records))
     else:
-        _print_tables(comparison, table, against or (), format, quiet=quiet)
+        if found.findings:
+            print_text(*found.findings, "")
+        _print_tables(found.tables, format)
+    for remark in () if json else found.remarks:
+        say(remark)
 
 
-def _print_whole(
+def _print_tables(tables: Sequence[TextTable], format: Format) -> None:
+    if format is Format.LATEX:
+        print_verbatim("\n\n".join(map(as_latex, tables)))
+        return
+    for number, table in enumerate(tables):
+        print_text(*([""] * (number > 0)), laid_out(table))
+
+
+class _Found(NamedTuple):
+    """What there is to print: for programs, as rows, as tables, and what is said around them."""
+
+    document: dict[str, Any]
+    records: Sequence[Mapping[str, Any]]
+    tables: Sequence[TextTable]
+    remarks: Sequence[str] = ()
+    findings: Sequence[str] = ()
+
+
+def _of_whole(
     path: Path,
     metrics: Sequence[str],
     table: Table | None,
-    format: Format,
-    how: Resampling,
-    *,
     narrowed: bool,
-    json: bool,
-) -> bool:
-    """Print what there is of a sweep or of fronts as a whole; False of any other result."""
+    how: Resampling,
+    write: Plain,
+) -> _Found | None:
+    """What there is of a sweep or of fronts as a whole; None of any other result."""
     from eqt_cli import api
 
     with api.open_results(path, "arrays") as result:
-        is_sweep = result.is_sweep
-    if is_sweep:
-        _compare_sweep(path, metrics or (MAPPED,), table, format, how, narrowed=narrowed, json=json)
-        return True
-    if metrics or narrowed or table not in (None, Table.FRONTS):
-        return False
-    return _print_fronts(path, how, format, json=json)
+        if result.is_sweep:
+            return _of_sweep(path, result, metrics or (MAPPED,), table, narrowed, how, write)
+        if metrics or narrowed or table not in (None, Table.FRONTS):
+            return None
+        return _of_fronts(path, result, how, write)
 
 
 def _require_table_of_experiment(table: Table | None) -> None:
     if table in (Table.WINNERS, Table.POINTS):
-        raise EqtError(f"--table {table}: is of a sweep as a whole, and this is one experiment")
+        raise EqtError(f"--table {table} needs a whole sweep; this is a single experiment")
     if table is Table.FRONTS:
-        raise EqtError("--table fronts: is of `eqt tune` with two `objectives`, and this is not")
+        raise EqtError("--table fronts needs a result of `eqt tune` with two `objectives`")
 
 
-def _compare_sweep(
+def _of_sweep(
     path: Path,
+    result: Result,
     metrics: Sequence[str],
     table: Table | None,
-    format: Format,
-    how: Resampling,
-    *,
     narrowed: bool,
-    json: bool,
-) -> None:
-    """Print which law wins at which point of a sweep."""
+    how: Resampling,
+    write: Plain,
+) -> _Found:
+    """Which law wins at which point of a sweep."""
     from eqt_cli import api
     from eqt_cli.analysis.comparison.map_tables import map_records, map_tables
-    from eqt_cli.analysis.comparison.notation import Latex, Plain
 
     if narrowed or table not in (None, Table.WINNERS, Table.POINTS):
         raise EqtError(
@@ -188,13 +241,11 @@ def _compare_sweep(
             "a point of the sweep with --point, or --table winners or points"
         )
     maps = api.compare_sweep(path, metrics, **vars(how))
-    with api.open_results(path, "arrays") as result:
-        records = [record for found in maps for record in map_records(found, result)]
-        write = Latex() if format is Format.LATEX else Plain()
-        whole = table is Table.POINTS
-        made = [each for found in maps for each in map_tables(found, result, write, whole=whole)]
+    records = [record for found in maps for record in map_records(found, result)]
+    whole = table is Table.POINTS
+    made = [each for found in maps for each in map_tables(found, result, write, whole=whole)]
     shown = [each for each in made if table is None or each.name == table]
-    _print_as(format, {"path": str(path), "points": records}, records, shown, json=json)
+    return _Found({"path": str(path), "points": records}, records, shown)
 
 
 def _print_metrics(results: Result, json: bool) -> None:
@@ -217,19 +268,44 @@ def _windows(measure: Quantity) -> str:
     return "whole run" if measure.window == WHOLE else f"{measure.window} s"
 
 
-def _check_labels(comparison: Comparison, labels: list[str] | tuple[()]) -> None:
+def _labels(comparison: Comparison, names: Sequence[str]) -> list[str]:
+    """The labels of controllers that are named by them or as tables write them."""
+    from eqt_cli.results.origin import label_named
+
+    labels = [label_named(name, comparison.titles) for name in names]
     for label in labels:
         if label not in comparison.labels:
             hint = suggestion(label, comparison.labels)
             hint = hint or f"; the result holds: {', '.join(comparison.labels)}"
             raise EqtError(f"--against: no controller '{label}'{hint}")
+    return labels
 
 
-def _document(comparison: Comparison, path: Path) -> dict[str, object]:
+def _of_experiment(
+    comparison: Comparison,
+    path: Path,
+    table: Table | None,
+    against: Sequence[str],
+    format: Format,
+    write: Plain,
+    *,
+    whole: bool | None,
+) -> _Found:
+    """What there is of one experiment.
+
+    `whole` is for what a user chose nothing of: the findings, with all tables or the means only.
+    """
     from eqt_cli.analysis.comparison.records import records
+    from eqt_cli.analysis.comparison.tables import text_tables
 
-    tables = records(comparison)
-    return {
+    rows = records(comparison)
+    # A table of every pair of many controllers is long: without a wish, pairs with the first one.
+    narrowed = whole is None and table is None and format is Format.TEXT
+    made = text_tables(comparison, write, against or (comparison.labels[:1] if narrowed else ()))
+    briefly = whole is False
+    wanted = [Table.CONTROLLERS] if briefly else [table] if table else list(made)
+    shown = [made[name] for name in wanted if name in made]
+    document = {
         "path": str(path),
         "title": comparison.title,
         "group": comparison.group,
@@ -243,96 +319,70 @@ def _document(comparison: Comparison, path: Path) -> dict[str, object]:
             "resamples": comparison.resamples,
             "seed": comparison.seed,
         },
-        "levels": tables[Table.CONTROLLERS],
-        "pairs": tables[Table.PAIRS],
-        "claims": tables[Table.CLAIMS],
+        "levels": rows[Table.CONTROLLERS],
+        "pairs": rows[Table.PAIRS],
+        "claims": rows[Table.CLAIMS],
         "missing": comparison.missing,
     }
+    remarks = [folded(sentence, PIPED) for sentence in comparison.missing]
+    if format is Format.CSV:
+        more = "these are the pairs; --table controllers and --table claims print the others"
+        remarks = [more] if table is None else []
+    elif not shown:
+        alone = "the result holds one controller, so there are no pairs"
+        none = "no claim is known about these controllers"
+        remarks.append(f"nothing to show: {alone if len(comparison.labels) < 2 else none}")
+    elif briefly and len(comparison.labels) > 1:
+        remarks.append("next: --verbose prints all pairs and claims, --list all metrics")
+    elif narrowed and len(comparison.labels) > 2 and not against:
+        remarks.append("next: --table pairs prints every pair, --list all metrics")
+    found = () if whole is None else _findings(comparison)
+    return _Found(document, rows[table or Table.PAIRS], shown, remarks, found)
 
 
-def _print_tables(
-    comparison: Comparison,
-    table: Table | None,
-    against: list[str] | tuple[()],
-    format: Format,
-    *,
-    quiet: bool,
-) -> None:
-    from eqt_cli.analysis.comparison.notation import Latex, Plain
-    from eqt_cli.analysis.comparison.tables import text_tables
+def _findings(comparison: Comparison) -> list[str]:
+    """What was found, in a sentence for each claim; without claims, which law is best."""
+    from eqt_cli.analysis.comparison.findings import findings
 
-    # A table of every pair of many controllers is long: without a wish, pairs with the first one.
-    chosen = against or ((), comparison.labels[:1])[table is None and format is Format.TEXT]
-    notation = Latex() if format is Format.LATEX else Plain()
-    made = text_tables(comparison, notation, chosen)
-    shown = [made[name] for name in ([table] if table else made) if name in made]
-    print_text("\n\n".join(map(as_latex if format is Format.LATEX else as_text, shown)))
-    if quiet:
-        return
-    for sentence in comparison.missing:
-        say(textwrap.fill(sentence, 100))
-    if not shown:
-        say(f"nothing to show: {_why_empty(comparison)}")
-    elif table is None and len(comparison.labels) > 2 and not against and format is Format.TEXT:
-        say("next: --table pairs shows every pair, --list what else there is to compare")
+    sources = "; ".join(dict.fromkeys(row.source for row in comparison.judgements))
+    runs = count_of(comparison.runs, "run")
+    lines = [
+        f"{f'Claims of {sources}' if sources else 'Findings'}, tested on {runs} per controller"
+    ]
+    for found in findings(comparison, comparison.titles):
+        without = f" (without {found.absent})" if found.absent else ""
+        if found.claim:
+            lines.append(f"  {found.verdict}: “{found.claim}”{without}")
+        lines.append(f"{'    ' if found.claim else '  '}{found.words}")
+    return [_wrapped(line) for line in lines]
 
 
-def _print_robustness(
-    path: Path, share: float, confidence: float, format: Format, *, json: bool
-) -> None:
-    """Print how far each law of a sweep carries along the swept number."""
+def _wrapped(line: str) -> str:
+    indent = " " * (len(line) - len(line.lstrip()))
+    return folded(line, room() or PIPED, indent + "  ")
+
+
+def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _Found:
+    """How far each law of a sweep carries along the swept number."""
     from eqt_cli import api
-    from eqt_cli.analysis.comparison.notation import Latex, Plain
     from eqt_cli.analysis.comparison.robustness import robustness_table
 
     with api.open_results(path, "arrays") as result:
         if not result.is_sweep:
-            raise EqtError(f"--robust: asks a sweep, and {path} is a single experiment")
-        write = Latex() if format is Format.LATEX else Plain()
+            raise EqtError(f"--robust needs a sweep; {path} is a single experiment")
         table, rows = robustness_table(result, share, confidence, write)
-    _print_as(format, {"path": str(path), "share": share, "tested": rows}, rows, [table], json=json)
+    return _Found({"path": str(path), "share": share, "tested": rows}, rows, [table])
 
 
-def _print_fronts(path: Path, how: Resampling, format: Format, *, json: bool) -> bool:
-    """Print laws at equal cost; False where the result is not of a search with two objectives."""
-    from dataclasses import asdict
-
-    from eqt_cli import api
-    from eqt_cli.analysis.comparison.notation import Latex, Plain
+def _of_fronts(path: Path, result: Result, how: Resampling, write: Plain) -> _Found | None:
+    """Laws at equal cost; None where the result is not of a search with two objectives."""
     from eqt_cli.tuning.folder import record_beside
     from eqt_cli.tuning.fronts import at_equal_cost, equal_cost_table, fronts
 
-    with api.open_results(path, "arrays") as result:
-        record = record_beside(result)
-        if record is None or len(record["objectives"]) < 2:
-            return False
-        write = Latex() if format is Format.LATEX else Plain()
-        table = equal_cost_table(result, record, write, how)
-        found = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
+    record = record_beside(result)
+    if record is None or len(record["objectives"]) < 2:
+        return None
+    table = equal_cost_table(result, record, write, how)
+    found = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
     document = {"path": str(path), "objectives": record["objectives"], "fronts": found}
-    _print_as(format, document, found, [table], json=json)
-    return True
-
-
-def _print_as(
-    format: Format,
-    document: dict[str, Any],
-    rows: Sequence[Mapping[str, Any]],
-    tables: Sequence[TextTable],
-    *,
-    json: bool,
-) -> None:
-    """One finding in the form that is asked for."""
-    if json:
-        print_json(document)
-    elif format is Format.CSV:
-        print_text(as_csv(rows))
-    else:
-        write = as_latex if format is Format.LATEX else as_text
-        print_text("\n\n".join(map(write, tables)))
-
-
-def _why_empty(comparison: Comparison) -> str:
-    if len(comparison.labels) < 2:
-        return "the result holds one controller, so there are no pairs"
-    return "no claim is known about these controllers"
+    return _Found(document, found, [table])

@@ -9,11 +9,14 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion, options
+from eqt_cli.cli.shared.help import EXPERIMENT, OUTPUT, Command, Group
 from eqt_cli.cli.shared.output import (
+    count_of,
     print_found,
     print_json,
     print_records,
     print_text,
+    print_verbatim,
     problem_records,
     say,
     warn,
@@ -29,26 +32,27 @@ if TYPE_CHECKING:
 MOST_CHECKED = 300
 """Points of a sweep, spread over all of them."""
 
-app = typer.Typer(help="Write, check and describe configurations.", no_args_is_help=True)
+app = typer.Typer(cls=Group, help="Write, check and describe configurations.", no_args_is_help=True)
 
 
-@app.command("new")
+@app.command("new", cls=Command)
 def new(
     file: Annotated[
         Path | None,
-        typer.Argument(
-            metavar="FILE", help="File to write; default: NAME.yaml here, - for stdout."
-        ),
+        typer.Argument(metavar="FILE", help="File to write, or - for stdout. Default: NAME.yaml."),
     ] = None,
     source: Annotated[
-        str, options.named("--from", completion.shipped, "Shipped configuration to start from.")
+        str,
+        options.named(
+            "--from", completion.shipped, "Shipped configuration to start from.", EXPERIMENT
+        ),
     ] = "paper",
     quiet: options.Quiet = False,
 ) -> None:
-    """Write a shipped configuration to a file of your own."""
+    """Create a configuration of your own from a shipped one."""
     text = shipped.text(source)
     if file == Path("-"):
-        print_text(text.removesuffix("\n"))
+        print_verbatim(text)
         return
     file = file or Path(f"{source}.yaml")
     with refusals(file, "written"):
@@ -57,32 +61,38 @@ def new(
             with file.open("x", encoding="utf-8") as stream:
                 stream.write(text)
         except FileExistsError:
-            raise EqtError(f"{file}: exists already; give another name, or remove it") from None
+            raise EqtError(f"{file}: already exists; give another name, or remove it") from None
     print_text(str(file))
-    if not quiet:
-        say(f"next: eqt run {file}")
+    say(f"next: eqt run {file}")
 
 
-@app.command("check")
+@app.command("check", cls=Command)
 def check(
     config: Annotated[
         Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result.")
     ],
     set_: options.Set = None,
     resolved: Annotated[
-        bool, options.flag("--resolved", help="Print it with every default written out.")
+        bool,
+        options.flag("--resolved", help="Print the configuration with all defaults.", group=OUTPUT),
     ] = False,
     most_torque: Annotated[
         float | None,
-        typer.Option("--most-torque", metavar="TORQUE", help="The reference may ask for so much."),
+        options.valued(
+            "--most-torque",
+            "TORQUE",
+            "Report an error if the reference needs a larger torque.",
+            EXPERIMENT,
+        ),
     ] = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Check a configuration without running it, its reference over the whole horizon."""
+    """Check a configuration, and its reference over the whole horizon, without running it."""
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
+    from eqt_cli.execution.rehearsal import rehearse
     from eqt_cli.experiment.horizon import (
         check_reference,
         reference_over_horizon,
@@ -98,6 +108,8 @@ def check(
         shown = reference_over_horizon(found.base)
         jumps = check_reference(shown, most_torque, problems.at("reference"))
         problems.raise_if_any()
+        untried = rehearse(found, problems)
+        problems.raise_if_any()
         if source.data.get("tune"):
             search_from(source, trust_plugins=trust_plugins)
     except ConfigError as error:
@@ -106,22 +118,26 @@ def check(
         print_json(_document(config, problem_records(error.problems)))
         raise typer.Exit(error.exit_code) from error
     if resolved:
-        print_found(found.resolved, dump(found.resolved), json=json)
+        if json:
+            print_json(found.resolved)
+        else:
+            print_verbatim(dump(found.resolved))
         return
     experiment = found.base
     for remark in remarks(experiment, shown):
         warn(remark)
-    if not (quiet or json):
+    if not json:
         say(f"{config}: valid")
-    if len(found) > MOST_CHECKED and not (quiet or json):
+    if len(found) > MOST_CHECKED and not json:
         say(f"{config}: {MOST_CHECKED} of its {len(found)} points were checked; a run checks all")
     text = (
         f"{experiment.name}: {experiment.group.name}, "
         + (f"{len(found)} points × " if found.sweep else "")
-        + f"{len(experiment.loops)} controllers × {experiment.config.ensemble.runs} runs, "
+        + f"{count_of(len(experiment.loops), 'controller')} × "
+        f"{count_of(experiment.config.ensemble.runs, 'run')}, "
         f"{experiment.config.time.duration:g} s, engine {experiment.engine.name}"
     )
-    text = "\n".join([text, *(f"reference: {jump}" for jump in jumps)])
+    text = "\n".join([text, *(f"reference: {jump}" for jump in jumps), *untried])
     print_found(_document(config, [], found), text, json=json)
 
 
@@ -144,36 +160,32 @@ def _document(
     }
 
 
-@app.command("keys")
+@app.command("keys", cls=Command)
 def keys(
     key: Annotated[
         str | None,
         typer.Argument(
             metavar="KEY",
             autocompletion=completion.keys,
-            help="A key, as gains.kp, or a section, as gains; default: all.",
+            help="A key such as gains.kp, or a section such as gains. Default: all.",
         ),
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """Describe the keys of a configuration: value, default, meaning."""
+    """Describe the keys of a configuration: value, default and meaning."""
     from eqt_cli.config.json_schema import json_schema
     from eqt_cli.config.key_descriptions import keys_of, within
 
     found = keys_of(json_schema())
     if key is not None:
         found = within(found, key)
-    rows = [[_bare(text) for text in asdict(each).values()] for each in found]
+    rows = [[text.replace("`", "") for text in asdict(each).values()] for each in found]
     print_records(["key", "value", "default", "meaning"], rows, json=json)
 
 
-def _bare(text: str) -> str:
-    return text.replace("`", "")
-
-
-@app.command("schema")
+@app.command("schema", cls=Command)
 def schema() -> None:
-    """Print the JSON schema of configurations, for completion and checks in editors."""
+    """Print the JSON schema of configurations, which editors use for completion and checks."""
     from eqt_cli.config.json_schema import json_schema
 
     print_json(json_schema())

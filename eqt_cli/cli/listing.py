@@ -1,7 +1,5 @@
 """`eqt list`: the components there are."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -21,15 +19,16 @@ def list_components(
         typer.Argument(
             metavar="KIND",
             help=f"{', '.join(KINDS)} or configs.",
-            autocompletion=completion.kinds,
+            autocompletion=completion.words(*KINDS, "configs"),
         ),
     ] = None,
     plugin: Annotated[
-        list[Path] | None, typer.Option("--plugin", help="Load a plugin file first.")
+        list[Path] | None,
+        typer.Option("--plugin", metavar="FILE", help="Load a plugin file first. Repeatable."),
     ] = None,
     json: options.Json = False,
 ) -> None:
-    """List components by kind, with their options."""
+    """List the components of each kind, with their options."""
     kinds = [*KINDS, "configs"]
     if kind is not None and kind not in kinds:
         hint = suggestion(kind, kinds) or f"; known: {', '.join(kinds)}"

@@ -1,7 +1,5 @@
 """`eqt pack`: one result file from the parts that the shards of a job array have computed."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 
@@ -14,12 +12,12 @@ from eqt_cli.cli.shared.run_and_report import report
 
 def pack(
     folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="Result folder that all shards wrote to.")
+        Path, typer.Argument(metavar="FOLDER", help="Result folder to which all shards wrote.")
     ],
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
 ) -> None:
-    """Pack the parts of all shards into results.h5."""
+    """Join the parts of all shards to one results.h5."""
     from eqt_cli import api
 
     report(api.pack(folder, trust_plugins=trust_plugins, remark=warn), json=json)

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion, options
+from eqt_cli.cli.shared.help import LOOKS, RESULT, SELECTION
 from eqt_cli.cli.shared.output import print_found, say
+from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.core.files import YAML
 from eqt_cli.store.reserved_names import FILE_NAME
 
 if TYPE_CHECKING:
@@ -24,23 +27,24 @@ def plot(
         list[Path],
         typer.Argument(
             metavar="RESULT",
-            help="Result folder, or its results.h5; several are drawn in one figure. Or a CONFIG, "
-            "whose reference is drawn.",
+            help="Result folder, or the results.h5 in it. Several results are drawn in one figure. "
+            "A configuration gives a figure of its reference.",
         ),
     ],
     figure: Annotated[
         list[str] | None,
-        options.figure("Figure to draw, may be repeated; default: paper; of a CONFIG: reference."),
+        options.figure("Figure to draw. Repeatable. Default: paper, or reference for a CONFIG."),
     ] = None,
     set_: options.Set = None,
     option: Annotated[
         list[str] | None,
-        typer.Option(
+        options.valued(
             "--option",
-            metavar="KEY=VALUE",
+            "KEY=VALUE",
+            "Option of a figure: log=true for all that have it, paper.log=true for one. "
+            "`eqt list figures` shows the options.",
+            LOOKS,
             autocompletion=completion.figure_options,
-            help="Option of the figures that have it, as log=true, or of one, as paper.log=true; "
-            "`eqt list figures` names them.",
         ),
     ] = None,
     format_: Annotated[
@@ -48,47 +52,56 @@ def plot(
         options.named(
             "--format",
             completion.words("pdf", "svg", "png", "json"),
-            "pdf, svg, png, or json for the numbers; may be repeated; default: all pictures.",
+            "pdf, svg, png, or json for the numbers. Repeatable. Default: all pictures.",
+            RESULT,
         ),
     ] = None,
     width: Annotated[
         str,
         options.named(
-            "--width", completion.words("column", "page"), "column (3.5 in) or page (7.16 in)."
+            "--width",
+            completion.words("column", "page"),
+            "column (3.5 in) or page (7.16 in).",
+            LOOKS,
         ),
     ] = "column",
     degrees: Annotated[
-        bool, options.flag("--degrees", help="Show attitudes and their errors in degrees.")
+        bool,
+        options.flag("--degrees", help="Show attitudes and their errors in degrees.", group=LOOKS),
     ] = False,
     style: Annotated[
         list[str] | None,
-        typer.Option(
+        options.valued(
             "--style",
-            metavar="NAME_OR_FILE",
-            help="Matplotlib style sheet to lay over eqt's own; may be repeated, the last wins.",
+            "NAME|FILE",
+            "Matplotlib style sheet, applied after eqt's own. Repeatable; the last wins.",
+            LOOKS,
         ),
     ] = None,
     tex: Annotated[
-        bool, options.flag("--tex", help="Let LaTeX set the text; needs TeX Live.")
+        bool,
+        options.flag("--tex", help="Typeset the text with LaTeX; requires TeX Live.", group=LOOKS),
     ] = False,
     out: Annotated[
         Path | None,
-        options.out("Folder of the figures; default: RESULT/figures, or figures/NAME of a CONFIG."),
+        options.out("Output folder. Default: RESULT/figures, or figures/NAME for a CONFIG."),
     ] = None,
     check: Annotated[
         Path | None,
-        typer.Option(
+        options.valued(
             "--check",
-            metavar="DIR",
-            help="Draw nothing; compare the numbers with DIR/NAME.json, exit 4 if they differ.",
+            "DIR",
+            "Draw nothing. Compare the numbers with DIR/NAME.json; exit 4 if they differ.",
+            RESULT,
         ),
     ] = None,
     point: Annotated[
         list[int] | None,
-        typer.Option(
+        options.valued(
             "--point",
-            metavar="K",
-            help="One point of a sweep, counted from 0; several, repeated, in one figure.",
+            "K",
+            "Point of a sweep, counted from 0. Repeatable: one figure shows all of them.",
+            SELECTION,
         ),
     ] = None,
     trust_plugins: options.TrustPlugins = False,
@@ -97,14 +110,15 @@ def plot(
 ) -> None:
     """Draw figures of results, or the reference of a configuration, as PDF, SVG and PNG.
 
-    With --check, compare the numbers behind them with kept ones instead.
+    With --check, compare the numbers behind the figures with stored ones instead.
     """
     from eqt_cli import api
     from eqt_cli.plots.render import FORMATS
 
-    if len(result) > 1 and out is None and check is None:
-        raise EqtError("several results have no common folder; say with --out DIR where to draw")
-    names = figure or _default(result[0], point, quiet=quiet or json)
+    # A path that does not exist is reported where it is opened.
+    if len(result) > 1 and out is None and check is None and all(map(Path.exists, result)):
+        raise EqtError("figures of several results need a folder of their own; add --out DIR")
+    names = figure or _default(result[0], point, remark=not json)
     shown = _with_overrides(result, set_)
     figures = _options(names, option or (), degrees=degrees)
     if check is not None:
@@ -112,26 +126,29 @@ def plot(
             raise EqtError("--check draws nothing; leave --format, --style, --tex and --out out")
         _print_checks(api.check_figures(shown, figures, check, point=point), result, json)
         return
-    files = api.plot(
-        shown,
-        figures,
-        out,
-        formats=format_ or FORMATS,
-        width=width,
-        style=style or (),
-        tex=tex,
-        point=point,
-        trust_plugins=trust_plugins,
-        workers=options.cores(),
-        note=(lambda text: None) if quiet else say,
-    )
+    with progress(0) as advance:
+        files = api.plot(
+            shown,
+            figures,
+            out,
+            formats=format_ or FORMATS,
+            width=width,
+            style=style or (),
+            tex=tex,
+            point=point,
+            trust_plugins=trust_plugins,
+            workers=options.cores(),
+            note=say,
+            progress=advance,
+            stage=advance.begin,
+        )
     text = "\n".join(f"figure   {file}" for file in files)
     print_found({"figures": list(map(str, files))}, text, json=json)
 
 
 def _with_overrides(given: list[Path], set_: list[str] | None) -> list[Shown]:
     """What is drawn; configurations with what ``--set`` changes of them."""
-    from eqt_cli.api import YAML, LoadedExperiment
+    from eqt_cli.api import LoadedExperiment
     from eqt_cli.config.source import read_config
     from eqt_cli.experiment.read_study import study
 
@@ -155,7 +172,7 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
         lines += [f"figure '{name}', {difference}" for difference in one.differences]
         lines.append(
             f"figure '{name}': {'differs' if one.differences else 'agrees'}; {one.curves} "
-            f"curves, largest difference {one.largest:.1e} (bound {TOLERANCE:.0e})"
+            f"curves, largest difference {one.largest:.2g} (bound {TOLERANCE:.1g})"
         )
     document = {"checked": checked, "tolerance": TOLERANCE, "figures": found}
     print_found(document, "\n".join(lines), json=json)
@@ -163,9 +180,8 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
         raise typer.Exit(4)
 
 
-def _default(result: Path, point: Sequence[int] | None, *, quiet: bool) -> list[str]:
+def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list[str]:
     """The figures to draw where none is asked for."""
-    from eqt_cli.api import YAML
     from eqt_cli.results.result import open_result
 
     if result.suffix in YAML:
@@ -178,11 +194,11 @@ def _default(result: Path, point: Sequence[int] | None, *, quiet: bool) -> list[
         swept = results.swept_keys
     if 1 <= len(swept) <= 2:
         return ["sweep", "pareto"]
-    if swept and not quiet:
+    if swept and remark:
         keys = ", ".join(one.key for one in swept)
         say(
-            f"figure 'sweep' has room for two swept keys, and here are {len(swept)} ({keys}); "
-            "drawn is 'pareto', and --point draws single points"
+            f"figure 'sweep' shows at most two swept keys, and this result has {len(swept)} "
+            f"({keys}); drew 'pareto' instead; --point draws one point"
         )
     return ["pareto"]
 

@@ -1,7 +1,5 @@
 """`eqt run`: integrate an experiment and store it."""
 
-from __future__ import annotations
-
 from eqt_cli.cli.shared import options
 from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
 from eqt_cli.core.errors import EqtError
@@ -22,9 +20,9 @@ def run(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Integrate every run of every controller; results go to results/NAME.
+    """Simulate every run of every controller and store the result in results/NAME.
 
-    Run it again after an interruption: it continues.
+    After an interruption, run the same command again to continue.
     """
     from eqt_cli.api import LoadedExperiment
     from eqt_cli.config.source import read_config
@@ -33,7 +31,7 @@ def run(
     source = read_config(config, options.overrides(set_, engine))
     if source.data.get("sweep"):
         place = source.place(("sweep",))
-        raise EqtError(f"{place}: defines a sweep; use: eqt sweep {source.path}")
+        raise EqtError(f"{place}: defines a sweep; use `eqt sweep {source.path}`")
     found = LoadedExperiment(study(source, trust_plugins=trust_plugins))
     run_experiment(
         found,
@@ -43,5 +41,4 @@ def run(
         force=force,
         rerun_failed=rerun_failed,
         json=json,
-        quiet=quiet,
     )

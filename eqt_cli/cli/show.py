@@ -7,7 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import duration, print_found, print_json, print_records
+from eqt_cli.cli.shared.help import OUTPUT, SELECTION
+from eqt_cli.cli.shared.output import (
+    duration,
+    print_found,
+    print_json,
+    print_records,
+    print_verbatim,
+)
 from eqt_cli.config.signal_path import signal_path
 from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.folder_progress import Unfinished, unfinished
@@ -23,28 +30,36 @@ UNKNOWN = "at an unknown time"
 def show(
     result: options.Result,
     config: Annotated[
-        bool, options.flag("--config", help="Print the resolved configuration.")
+        bool, options.flag("--config", help="Print the resolved configuration.", group=SELECTION)
     ] = False,
     plugins: Annotated[
-        bool, options.flag("--plugins", help="Print the stored plugin sources.")
+        bool, options.flag("--plugins", help="Print the stored plugin sources.", group=SELECTION)
     ] = False,
-    variables: Annotated[bool, options.flag("--variables", help="List the variables.")] = False,
-    failed: Annotated[bool, options.flag("--failed", help="List every failed run.")] = False,
+    variables: Annotated[
+        bool, options.flag("--variables", help="List the variables.", group=SELECTION)
+    ] = False,
+    failed: Annotated[
+        bool, options.flag("--failed", help="List all failed runs.", group=SELECTION)
+    ] = False,
     table: Annotated[
-        bool, options.flag("--table", help="Print every run with its metrics, one row each.")
+        bool,
+        options.flag(
+            "--table", help="Print the metrics of every run, one run a row.", group=SELECTION
+        ),
     ] = False,
     format_: Annotated[
         str | None,
         options.named(
             "--format",
             completion.words("csv", "jsonl"),
-            "Of the table: csv or jsonl; default: csv.",
+            "Format of --table: csv or jsonl. Default: csv.",
+            OUTPUT,
         ),
     ] = None,
     point: options.Point = None,
     json: options.Json = False,
 ) -> None:
-    """Summarise a result: what was run, where, and what came out."""
+    """Summarise a result: what was run, with which versions, and the main numbers."""
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
     asked = ((config, _config), (plugins, _plugins), (variables, _variables), (failed, _failed))
@@ -54,12 +69,12 @@ def show(
         _unfinished(result, found, json)
         return
 
+    from eqt_cli import api
     from eqt_cli.cli.shared.run_table import print_run_table
-    from eqt_cli.results.result import open_result
 
     if json and table:
         raise EqtError("--json: a table has no such form; use --format jsonl, a document per row")
-    with open_result(result, point) as results:
+    with api.open_results(result, "arrays", point) as results:
         if table:
             print_run_table(results, format_ or "csv")
         else:
@@ -132,7 +147,10 @@ def _summary(results: Result, json: bool) -> None:
 
 def _config(results: Result, json: bool) -> None:
 
-    print_found(_stored(results, "config"), str(results.attributes["config"]), json=json)
+    if json:
+        print_json(_stored(results, "config"))
+    else:
+        print_verbatim(str(results.attributes["config"]))
 
 
 def _variables(results: Result, json: bool) -> None:
@@ -162,7 +180,10 @@ def _plugins(results: Result, json: bool) -> None:
     sources = _stored(results, "plugins")
     lines = [f"# {path}\n{source}" for path, source in sources.items()]
     text = "\n".join(line.removesuffix("\n") for line in lines)
-    print_found(sources, text, json=json, nothing="no plugins")
+    if text and not json:
+        print_verbatim(text)
+    else:
+        print_found(sources, json=json, nothing="no plugins")
 
 
 def _stored(results: Result, name: str) -> Any:

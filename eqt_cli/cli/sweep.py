@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from eqt_cli.cli.shared import completion, options
+from eqt_cli.cli.shared.help import COMPUTING, EXPERIMENT
 from eqt_cli.cli.shared.output import duration, print_found, say
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
@@ -27,15 +26,20 @@ def sweep(
     config: options.Config,
     grid: Annotated[
         list[str] | None,
-        typer.Option(
+        options.valued(
             "--grid",
-            metavar="KEY=A,B,…",
+            "KEY=A,B,…",
+            "Sweep a key over values, such as gains.kd=0.25,0.5,1. Repeatable: every "
+            "combination is one point.",
+            EXPERIMENT,
             autocompletion=completion.settings,
-            help="Add a block to the sweep, as gains.kd=0.25,0.5,1; several multiply.",
         ),
     ] = None,
     dry_run: Annotated[
-        bool, options.flag("--dry-run", help="Print points, expected time and size; store nothing.")
+        bool,
+        options.flag(
+            "--dry-run", help="Print the points, the expected time and size only.", group=COMPUTING
+        ),
     ] = False,
     out: options.Out = None,
     set_: options.Set = None,
@@ -50,9 +54,9 @@ def sweep(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Integrate every run at every point of the sweep; results go to results/NAME.
+    """Simulate every run at every point of a sweep and store the result in results/NAME.
 
-    Run it again after an interruption: it continues.
+    After an interruption, run the same command again to continue.
     """
     from eqt_cli.api import LoadedExperiment
     from eqt_cli.config.source import read_config
@@ -63,20 +67,20 @@ def sweep(
     if not source.data.get("sweep"):
         raise EqtError(
             f"{source.source.name}: defines no sweep; add a `sweep` section or --grid KEY=A,B, "
-            f"or use: eqt run {source.path}"
+            f"or use `eqt run {source.path}`"
         )
     found = LoadedExperiment(
         study(
             source,
             trust_plugins=trust_plugins,
             most_checked=MOST_CHECKED if dry_run else None,
-            watch=lambda points: progress(points, quiet=quiet, what="points checked"),
+            watch=lambda points: progress(points, "points checked"),
         )
     )
     chosen = executor_from(found, executor, workers, scheduler)
     if dry_run:
         points = len(found.study)
-        if points > MOST_CHECKED and not quiet:
+        if points > MOST_CHECKED:
             checked = f"{MOST_CHECKED} of its {points} points were checked"
             say(f"{config}: {checked}; a run checks all")
         _print_plan(found.study, chosen, json)
@@ -89,7 +93,6 @@ def sweep(
         force=force,
         rerun_failed=rerun_failed,
         json=json,
-        quiet=quiet,
     )
 
 

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.output import print_json, print_text, warn
+from eqt_cli.cli.shared.output import laid_out, print_json, print_text, warn
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.cli.shared.run_and_report import executor_from
-from eqt_cli.cli.shared.table_formats import as_text
 from eqt_cli.core.errors import InterruptedRun
 from eqt_cli.core.interruptions import exit_code
 
@@ -33,9 +32,10 @@ def tune(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Search for the best gains of each law; results go to results/NAME-tuned.
+    """Find the best gains of each law and store the result in results/NAME-tuned.
 
-    Run it again after an interruption: it continues. Exit code 4: a law has no feasible point.
+    After an interruption, run the same command again to continue. The exit code is 4 if a law has
+    no feasible gains.
     """
     from eqt_cli import api
     from eqt_cli.config.source import read_config
@@ -49,7 +49,7 @@ def tune(
     out = out or folder_of(search)
     best: dict[str, str] = {}
     try:
-        with progress(search.all_runs, quiet=quiet) as advance:
+        with progress(search.all_runs) as advance:
 
             def told(law: LawSearch, generation: int, population: Population) -> None:
                 best[law.label] = _best(search, law, population)
@@ -78,7 +78,7 @@ def tune(
 
 def _best(search: Search, law: LawSearch, population: Population) -> str:
     """The best of a law so far, in words."""
-    from eqt_cli.tuning.scores import as_measured
+    from eqt_cli.results.quantity_table import QUANTITIES
     from eqt_cli.tuning.tables import values_text
 
     best, scored = population.best, population.scores
@@ -87,7 +87,7 @@ def _best(search: Search, law: LawSearch, population: Population) -> str:
     values = values_text(law.values(population.shares[best].tolist()))
     name = search.objectives[0]
     front = f", {len(population.front)} on the front" if len(search.objectives) > 1 else ""
-    return f"{name} {as_measured(name, scored.objectives[best, 0]):.4g} at {values}{front}"
+    return f"{name} {QUANTITIES[name].cost(scored.objectives[best, 0]):.4g} at {values}{front}"
 
 
 def _report(done: Tuning, *, json: bool) -> None:
@@ -106,8 +106,8 @@ def _report(done: Tuning, *, json: bool) -> None:
         print_json({"folder": str(path), **done.record, "failed": failed, "causes": causes})
     else:
         with open_result(path) as result:
-            print_text("\n\n".join(map(as_text, tuning_tables(result, done.record))))
-        print_text()
+            for table in tuning_tables(result, done.record):
+                print_text(laid_out(table), "")
         for cause in causes:
             print_text(cause)
         print_text(f"results  {path}")

@@ -2,31 +2,38 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from eqt_cli.analysis.text_tables import Block
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import print_found, say, table
+from eqt_cli.cli.shared.help import EXPERIMENT
+from eqt_cli.cli.shared.output import complain, laid_out, print_json, print_text, say
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError
 
 if TYPE_CHECKING:
+    from rich.text import Text
+
+    from eqt_cli.analysis.certificates.base import Row
     from eqt_cli.analysis.verification import Verification
 
 
 def verify(
     target: Annotated[
-        Path, typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result.")
+        Path,
+        typer.Argument(metavar="CONFIG|RESULT", help="YAML configuration, or a result."),
     ],
     set_: options.Set = None,
     engine: options.Engine = None,
     runs: Annotated[
         int | None,
-        typer.Option(
-            "--runs", min=1, metavar="N", help="Runs per controller of a CONFIG; default: 20."
+        options.valued(
+            "--runs", "N", "Runs per controller of a CONFIG. Default: 20.", EXPERIMENT, min=1
         ),
     ] = None,
     oracle: Annotated[
@@ -34,17 +41,23 @@ def verify(
         options.named(
             "--oracle",
             completion.words("mujoco", "pinocchio"),
-            "Also compare the plant with that of mujoco or pinocchio; may be repeated.",
+            "Also compare the plant with that of mujoco or pinocchio. Repeatable.",
+            EXPERIMENT,
         ),
     ] = None,
     point: options.Point = None,
     workers: options.Workers = None,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
+    verbose: options.Verbose = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Check the paper's theorems on an experiment; exit 4 where one does not hold."""
+    """Test the paper's theorems on an experiment; exit 4 if one fails.
+
+    This prints the totals and every statement that does not hold; --verbose prints all statements.
+    """
     from eqt_cli import api
+    from eqt_cli.analysis.certificate_table import titled
     from eqt_cli.analysis.verification import RUNS
     from eqt_cli.config.source import read_config
     from eqt_cli.experiment.config_at_point import config_at, without_sweep
@@ -57,31 +70,57 @@ def verify(
                 f"{target}: a result is verified as it is; --set, --engine and --runs are for a "
                 "configuration"
             )
-        found = api.verify(
-            target, point=point, trust_plugins=trust_plugins, workers=workers, oracle=oracles
-        )
+        with progress(0) as advance:
+            found = api.verify(
+                target,
+                point=point,
+                trust_plugins=trust_plugins,
+                workers=workers,
+                progress=advance,
+                stage=advance.begin,
+                oracle=oracles,
+            )
     else:
         source = read_config(target, options.overrides(set_, engine))
         is_sweep = point is None and source.data.get("sweep")
         source = without_sweep(source) if point is None else config_at(source, point)
         loaded = api.LoadedExperiment(study(source, trust_plugins=trust_plugins))
-        if is_sweep and not quiet:
+        if is_sweep:
             say(f"{target}: verified without its sweep; choose one of its points with --point")
         count = min(runs or RUNS, loaded.experiment.config.ensemble.runs)
-        with progress(count * len(loaded.controllers), quiet=quiet) as advance:
-            found = api.verify(loaded, runs=runs, workers=workers, progress=advance, oracle=oracles)
-    causes = ["some runs failed"] if found.failed_runs else []
-    for row in found.failures:
-        law = f" ({row.controller})" if row.controller else ""
-        causes.append(f"{row.statement}: {row.name}{law} fails")
-    print_found(_document(target, found, causes), _text(found, causes), json=json)
+        with progress(count * len(loaded.controllers)) as advance:
+            found = api.verify(
+                loaded,
+                runs=runs,
+                workers=workers,
+                progress=advance,
+                stage=advance.begin,
+                oracle=oracles,
+            )
+    if json:
+        print_json(_document(target, found))
+    else:
+        print_text(*_pieces(found, verbose=verbose))
+    if quiet and not json:
+        for cause in _causes(titled(found.rows, found.experiment.titles), found.failed_runs):
+            complain(f"eqt: {target}: {cause}")
     if found.failed_runs:
         raise typer.Exit(3)
     if found.failures:
         raise typer.Exit(4)
 
 
-def _document(target: Path, found: Verification, causes: list[str]) -> dict[str, object]:
+def _causes(rows: Sequence[Row], failed_runs: int) -> list[str]:
+    """Why the command does not exit with 0."""
+    causes = ["some runs failed"] if failed_runs else []
+    for row in rows:
+        if row.verdict is row.verdict.FAILS:
+            law = f" ({row.controller})" if row.controller else ""
+            causes.append(f"{row.statement}: {row.name}{law} fails")
+    return causes
+
+
+def _document(target: Path, found: Verification) -> dict[str, object]:
 
     return {
         "verified": str(target),
@@ -91,22 +130,31 @@ def _document(target: Path, found: Verification, causes: list[str]) -> dict[str,
         "runs": found.runs,
         "failed": found.failed_runs,
         "holds": not found.failures,
-        "causes": causes,
+        "causes": _causes(found.rows, found.failed_runs),
         "rows": [asdict(row) for row in found.rows],
     }
 
 
-def _text(found: Verification, causes: list[str]) -> str:
-    from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally
+def _pieces(found: Verification, *, verbose: bool) -> Iterator[str | Text]:
+    """What is printed: the rows that do not hold, or all; then totals, doubts and causes."""
+    from eqt_cli.analysis.certificate_table import certificate_table, doubtful, tally, titled
 
-    lines = []
-    if (made := certificate_table(found.rows)) is not None:
+    rows = titled(found.rows, found.experiment.titles)
+    if (made := certificate_table(rows, brief=not verbose)) is not None:
         for block in made.blocks:
-            lines += [block.title, table(made.header, block.rows), ""]
+            blocks = [Block("", block.rows)]
+            yield block.title
+            yield laid_out(replace(made, caption="", blocks=blocks, notes=[]))
+            yield ""
         if made.notes:
-            lines += [*made.notes, ""]
+            yield from made.notes
+            yield ""
     experiment = found.experiment
     counted = f"{found.runs} runs with engine {experiment.engine.name}"
-    lines.append(f"{experiment.name} on {experiment.group.name}: {tally(found.rows)}, {counted}")
-    lines += [f"hypothesis {doubt}" for doubt in doubtful(found.rows)]
-    return "\n".join([*lines, *causes])
+    yield f"{experiment.name} on {experiment.group.name}: {tally(rows)}, {counted}"
+    yield from (f"hypothesis {doubt}" for doubt in doubtful(rows))
+    yield from _causes(rows, found.failed_runs)
+    if not verbose:
+        assumed = sum(row.kind == "hypothesis" for row in rows)
+        checked = f"{len(rows) - assumed} statements and {assumed} hypotheses were checked"
+        yield f"{checked}; --verbose lists them all"

@@ -3,8 +3,6 @@
 It is integrated by any engine like a closed loop; that both give the same E is a certificate.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 from typing import Any
@@ -22,12 +20,6 @@ class ErrorSystem(ClosedLoop):
 
     A flat state is that of the closed loop with E = (Q_E, P_E) in the place of X.
     """
-
-    @staticmethod
-    def of(loop: ClosedLoop) -> ErrorSystem:
-        """The error system of a closed loop."""
-        fields = {field.name: getattr(loop, field.name) for field in dataclasses.fields(loop)}
-        return ErrorSystem(**fields)
 
     def error(self, state: Array) -> State:
         """E of a flat state of this system."""

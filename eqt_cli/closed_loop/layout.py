@@ -1,7 +1,5 @@
 """The layout of a flat state: named stretches of numbers, one behind the other."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -48,7 +46,7 @@ class StateLayout:
 
         Stretches that the layout does not have are left out.
         """
-        state = np.empty(like.shape, dtype=like.dtype)
+        state = np.empty_like(like)
         for name, where in self.slices.items():
             state[..., where] = stretches[name]
         return state

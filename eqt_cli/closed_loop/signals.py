@@ -4,8 +4,6 @@ Each signal is computed from the same laws that were integrated; none has a form
 beyond a norm.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple

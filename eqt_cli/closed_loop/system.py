@@ -4,8 +4,6 @@ It joins the laws and owns no formula of its own. The same code runs on floats w
 axes and on object arrays of symbols; it knows no engine.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,15 +15,17 @@ import numpy as np
 
 from eqt_cli.closed_loop.layout import StateLayout
 from eqt_cli.controllers import Controller
-from eqt_cli.core.arrays import Array, dot
+from eqt_cli.core.arrays import Array, dot, stack
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.inertia import InertiaLaw
+from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
 from eqt_cli.mechanics.lie_poisson import lie_poisson
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
+from eqt_cli.references.base import Desired
 from eqt_cli.vehicle import Vehicle
 
 _STRETCH = {"pose": "desired_pose", "velocity": "desired_momentum"}
+DESIRED = tuple(_STRETCH.values())
 """The stretches that hold what of Q_d and V_d is integrated."""
 
 REFERENCE = "reference."
@@ -54,6 +54,11 @@ class ClosedLoop:
     reference: Reference
     controller: Controller
     vehicle: Vehicle = field(default_factory=Vehicle)
+
+    @classmethod
+    def of(cls, loop: "ClosedLoop") -> Self:
+        """The system of this kind that belongs to a closed loop."""
+        return cls(**{field.name: getattr(loop, field.name) for field in dataclasses.fields(loop)})
 
     # Numbers that may change from run to run without changing the structure.
 
@@ -209,25 +214,36 @@ class ClosedLoop:
 
     def tracking(self, t: Any, state: Array) -> Tracking:
         """Everything a law may read, at time t and a flat state ``(..., state_length)``."""
-        found, inertia = self.layout.split(state), self.inertia.at(t)
-        Qd, Pd = found.get(_STRETCH["pose"]), found.get(_STRETCH["velocity"])
-        if Qd is not None:
-            Qd = self.group.unpack(Qd)
-        desired = self.reference.desired(self.group, inertia, t, Qd, Pd)
-        batch = state.shape[:-1]
-        return Tracking(
+        found = self.layout.split(state)
+        desired, inertia = self._desired(t, state)
+        s = Tracking(
             G=self.group,
             inertia=inertia,
             gains=self.gains,
             t=t,
             Q=self.group.unpack(found["pose"]),
             P=found["momentum"],
-            Qd=_spread(desired.Q, batch, 2),
-            Pd=_spread(desired.P, batch, 1),
+            Qd=desired.Q,
+            Pd=desired.P,
             tau_d=desired.tau,
             memory=_of(MEMORY, found),
             vehicle=_of(VEHICLE, found),
         )
+        if desired.V is None or desired.V_dot is None:  # they follow from P_d and τ_d
+            return s
+        batch = state.shape[:-1]
+        return s.following(_spread(desired.V, batch, 1), _spread(desired.V_dot, batch, 1))
+
+    def _desired(self, t: Any, state: Array) -> tuple[Desired, Inertia]:
+        """The desired state at time t and a flat state, and the inertia that the law believes."""
+        found, inertia = self.layout.split(state), self.inertia.at(t)
+        Qd, Pd = map(found.get, DESIRED)
+        if Qd is not None:
+            Qd = self.group.unpack(Qd)
+        desired = self.reference.desired(self.group, inertia, t, Qd, Pd)
+        batch = state.shape[:-1]
+        Q, P = _spread(desired.Q, batch, 2), _spread(desired.P, batch, 1)
+        return desired._replace(Q=Q, P=P), inertia
 
     # The differential equation.
 
@@ -237,7 +253,7 @@ class ClosedLoop:
         acting, moving = self.acting_and_rates(s)
         Q_dot, P_dot = lie_poisson(self.group, s.Q, s.P, s.V, acting)
         outflow = self.outflow(s, acting)
-        work_rate = 0.0 if outflow is None else np.asarray(outflow)[..., None]
+        work_rate = 0.0 if outflow is None else stack([outflow])
         return self._derivative(s, Q_dot, P_dot, work_rate, state, moving)
 
     def _derivative(
@@ -250,17 +266,19 @@ class ClosedLoop:
         moving: Mapping[str, Array] = MappingProxyType({}),
     ) -> Array:
         """The derivative of a flat state from that of its system, with all that moves beside it."""
-        Qd_dot, Pd_dot = lie_poisson(self.group, s.Qd, s.Pd, s.Vd, s.tau_d)
         rates = {
             "pose": self.group.pack(Q_dot),
             "momentum": P_dot,
-            "desired_pose": self.group.pack(Qd_dot),
-            "desired_momentum": Pd_dot,
+            **self._desired_rates(s),
             "work": work_rate,
             **_named(MEMORY, self._memory_rate(s)),
             **_named(VEHICLE, moving),
         }
         return self.layout.join(rates, state)
+
+    def _desired_rates(self, s: Tracking) -> Mapping[str, Array]:
+        Qd_dot, Pd_dot = lie_poisson(self.group, s.Qd, s.Pd, s.Vd, s.tau_d)
+        return dict(zip(DESIRED, (self.group.pack(Qd_dot), Pd_dot), strict=True))
 
     def _memory_rate(self, s: Tracking) -> Mapping[str, Array | float]:
         if self._holds_memory:

@@ -1,12 +1,9 @@
 """Every kind of component by the name that `eqt list` gives it; importing this costs nothing."""
 
-from __future__ import annotations
-
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from eqt_cli.core.registry import Registry
+from eqt_cli.core.registry import Registry, registry_of
 
 KINDS = {
     "groups": "eqt_cli.groups",
@@ -29,8 +26,6 @@ KINDS = {
 
 def registry(kind: str) -> Registry[Any]:
     """The registry of a kind."""
-    from eqt_cli.core.registry import registry_of
-
     import_module(KINDS[kind])
     return registry_of(KINDS[kind])
 

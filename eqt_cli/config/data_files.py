@@ -1,7 +1,5 @@
 """Files with data that a configuration names: read once, and kept with it as text."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np
@@ -28,9 +26,10 @@ def data_file(source: ConfigSource, name: str) -> str:
     """
     if name not in source.files:
         if source.holds_files:
-            raise InputError(f"the result does not hold the content of {name}")
+            raise InputError(f"the result does not contain the file {name}")
         path = source.folder / name
-        is_result = path.suffix == ".h5" or (path / FILE_NAME).exists()
+        with refusals(path, "read", kind=InputError):
+            is_result = path.suffix == ".h5" or (path / FILE_NAME).exists()
         source.files[name] = _starts_of(path) if is_result else _text(path)
     return source.files[name]
 
@@ -40,7 +39,9 @@ def _text(path: Path) -> str:
         size = path.stat().st_size if path.exists() else 0
     if size > MOST_BYTES:
         most = MOST_BYTES // 2**20
-        raise InputError(f"{path}: holds {size / 2**20:,.0f} MiB; expected at most {most}")
+        raise InputError(
+            f"{path}: expected a file of at most {most} MiB, got {size / 2**20:,.0f} MiB"
+        )
     return text_of(path, "paths are relative to the configuration's folder", InputError)
 
 

@@ -1,7 +1,5 @@
 """One JSON schema of configurations, for editors: the models, and every registered component."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from pydantic import TypeAdapter
@@ -9,7 +7,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core import core_schema
 
 from eqt_cli.config.key_descriptions import keys_of
-from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement, OwnGainsSection, Section
+from eqt_cli.config.schema import DEFAULT_ENGINE, FIXED, Config, Judgement, OwnGainsSection
 from eqt_cli.controllers import controllers
 from eqt_cli.core.component import option_of_field
 from eqt_cli.core.problems import parse_key
@@ -37,7 +35,8 @@ def json_schema() -> dict[str, Any]:
     shared: dict[str, Any] = schema["$defs"]
     top = schema["properties"]
     top["group"]["examples"] = [name for kind in groups.all() for name in kind.examples()]
-    shared["OwnGainsSection"] = _section(OwnGainsSection, shared)
+    own_gains = OwnGainsSection.model_json_schema(schema_generator=_Generator)
+    shared |= own_gains.pop("$defs", {}) | {"OwnGainsSection": own_gains}
     own = {"$ref": "#/$defs/OwnGainsSection", "description": GAINS}
     top["controllers"]["items"] = _any_of(controllers, shared, {"label": LABEL, "gains": own})
     initial = shared["InitialSection"]["properties"]
@@ -58,13 +57,6 @@ def json_schema() -> dict[str, Any]:
         "title": "eqt experiment",
         **{key: value for key, value in schema.items() if key != "title"},
     }
-
-
-def _section(section: type[Section], shared: dict[str, Any]) -> dict[str, Any]:
-    """The schema of a section that no other one names; what it refers to goes to `shared`."""
-    schema = section.model_json_schema(schema_generator=_Generator)
-    shared |= schema.pop("$defs", {})
-    return dict(schema)
 
 
 def _listed(key: dict[str, Any], registry: Registry[Any], shared: dict[str, Any]) -> None:

@@ -1,7 +1,5 @@
 """The keys of a configuration with what they take, read off its JSON schema; it knows no key."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

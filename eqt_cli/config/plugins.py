@@ -1,7 +1,5 @@
 """Loads the plugins that a configuration names or a result stores."""
 
-from __future__ import annotations
-
 from eqt_cli.config.source import ConfigSource, source_of
 from eqt_cli.core.errors import ComponentError, Remedy
 from eqt_cli.core.files import text_of
@@ -30,7 +28,7 @@ def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dic
             sources[path] = text
             for component in added:
                 if component in owners:
-                    taken = f"{component} is defined by {owners[component]} already; rename one"
+                    taken = f"{owners[component]} already defines {component}; rename one of them"
                     problems.at("plugins", index).add(taken)
                 owners[component] = path
     return sources
@@ -66,9 +64,9 @@ def _text(source: ConfigSource, path: object, trusted: bool) -> str:
         return text_of(file, relative, ComponentError, f"plugin {file}")
     if not trusted:
         raise ComponentError(
-            f"the result holds the source of {path}, which is executed only on request",
+            f"the result contains the source of {path}, which eqt executes only on request",
             Remedy("read it with `eqt show --plugins`, then add {}", "trust_plugins"),
         )
     if path not in source.stored_plugins:
-        raise ComponentError(f"the result does not hold the source of {path}")
+        raise ComponentError(f"the result does not contain the source of {path}")
     return source.stored_plugins[path]

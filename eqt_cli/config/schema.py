@@ -4,14 +4,12 @@ What depends on the group or on a component (shapes, options, definiteness) is c
 `eqt_cli.experiment`. One JSON schema comes from these models and the registries.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAdapter
 
-from eqt_cli.core.option_types import Angle, Count, CountOrNone, Positive, Real, Runs
+from eqt_cli.core.option_types import Angle, Count, CountOrNone, Positive, Real, Runs, Samples
 from eqt_cli.core.validation import one_of
 from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.groups.angles import distance_of_turn
@@ -27,12 +25,12 @@ def _rank(value: Any) -> str | None:
 
 
 Row = list[Real]
-Matrix = Annotated[
+_Constant = (
     Annotated[Real, Tag("scalar")]
     | Annotated[Row, Tag("list")]
-    | Annotated[list[Row], Tag("matrix")],
-    one_of(_rank, "a number, a list (the diagonal) or a list of rows"),
-]
+    | Annotated[list[Row], Tag("matrix")]
+)
+Matrix = Annotated[_Constant, one_of(_rank, "a number, a list (the diagonal) or a list of rows")]
 """A number (times the identity), a list (a diagonal) or a list of rows."""
 
 
@@ -44,10 +42,7 @@ def _weight_kind(value: Any) -> str | None:
 
 
 Weight = Annotated[
-    Annotated[Real, Tag("scalar")]
-    | Annotated[Row, Tag("list")]
-    | Annotated[list[Row], Tag("matrix")]
-    | Annotated[list[Matrix], Tag("factors")],
+    _Constant | Annotated[list[Matrix], Tag("factors")],
     one_of(_weight_kind, "a number, a list (the diagonal) or a list of rows"),
 ]
 """A matrix, or for a product of groups a list with one matrix per factor."""
@@ -114,7 +109,7 @@ class TimeSection(Section):
 
     duration: Positive
     """Length of the horizon, s."""
-    samples: int = Field(default=401, ge=2)
+    samples: Samples = 401
     """Number of sample times."""
 
 
@@ -155,14 +150,12 @@ def _inertia_kind(value: Any) -> str | None:
     return _rank(value)
 
 
-InertiaValue = Annotated[
-    Annotated[Real, Tag("scalar")]
-    | Annotated[Row, Tag("list")]
-    | Annotated[list[Row], Tag("matrix")]
-    | Annotated[FactoredInertiaSection, Tag("factored")]
-    | Annotated[PrescribedInertiaSection, Tag("prescribed")],
-    one_of(_inertia_kind, "a number, a list (the diagonal), a list of rows or a mapping"),
-]
+_Varying = (
+    Annotated[FactoredInertiaSection, Tag("factored")]
+    | Annotated[PrescribedInertiaSection, Tag("prescribed")]
+)
+_INERTIAS = "a number, a list (the diagonal), a list of rows or a mapping"
+InertiaValue = Annotated[_Constant | _Varying, one_of(_inertia_kind, _INERTIAS)]
 """A constant tensor, or a mapping with expressions in t."""
 
 
@@ -185,9 +178,8 @@ def _plant_inertia_kind(value: Any) -> str | None:
 PlantInertia = Annotated[
     Annotated[DrawnMatrix, Tag("constant")]
     | Annotated[RelativeInertiaSection, Tag("relative")]
-    | Annotated[FactoredInertiaSection, Tag("factored")]
-    | Annotated[PrescribedInertiaSection, Tag("prescribed")],
-    one_of(_plant_inertia_kind, "a number, a list (the diagonal), a list of rows or a mapping"),
+    | _Varying,
+    one_of(_plant_inertia_kind, _INERTIAS),
 ]
 """As `InertiaValue`, or relative to it; constant numbers may be drawn for each run."""
 
@@ -251,13 +243,12 @@ class WorstRunSection(Section):
     """No run may have less."""
 
 
-def _bound_kind(value: Any) -> str | None:
-    return "each" if isinstance(value, dict) else _rank(value)
-
-
 Bound = Annotated[
     Annotated[Real, Tag("scalar")] | Annotated[WorstRunSection, Tag("each")],
-    one_of(_bound_kind, "a number (of the mean over runs) or {max: …} (of the worst run)"),
+    one_of(
+        lambda value: "each" if isinstance(value, dict) else _rank(value),
+        "a number (of the mean over runs) or {max: …} (of the worst run)",
+    ),
 ]
 """What a metric must keep to."""
 
@@ -386,10 +377,10 @@ class Judgement:
 
 FIXED = {
     "name": "names the experiment as a whole",
-    "store": "decides what the one result file holds",
+    "store": "decides what the common result file contains",
     "plugins": "is loaded once",
-    "sweep": "is what is being read",
-    "tune": "has points of its own",
-    "task": "gives the points laws of different kinds",
+    "sweep": "cannot contain itself",
+    "tune": "chooses its own points",
+    "task": "decides which laws can be used",
 }
 """Sections that all points share, and why."""

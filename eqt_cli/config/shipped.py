@@ -1,7 +1,5 @@
 """The configurations that come with eqt, found from a wheel and from a checkout alike."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from eqt_cli.core.errors import EqtError, suggestion

@@ -1,7 +1,5 @@
 """What a loop contains, as a path and as a sentence; it computes nothing and builds nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A configuration as a user gives it: a YAML file, or a result, with overrides."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -13,7 +11,7 @@ from typing import Any
 from eqt_cli.config import yaml_source
 from eqt_cli.config.yaml_source import Source
 from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
-from eqt_cli.core.files import refusals
+from eqt_cli.core.files import YAML, near, refusals
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.store.reader import ResultFile, open_results
@@ -107,8 +105,9 @@ def _text(path: Path) -> bytes:
         try:
             return path.read_bytes()
         except FileNotFoundError:
-            wanted = "create a configuration with `eqt config new`, or give a result"
-            raise EqtError(f"{path}: not found; {wanted}") from None
+            hint = near(path, lambda entry: entry.suffix in YAML or (entry / FILE_NAME).is_file())
+            hint = hint or ". Create one with `eqt config new`"
+            raise EqtError(f"{path}: not found{hint}") from None
 
 
 def _name(path: Path) -> str:
@@ -157,7 +156,7 @@ def _apply(config: ConfigSource, override: str, place: str) -> None:
             raise InputError(f"expected KEY=VALUE, got '{override}'")
         path = parse_key(key.strip())
     problems.raise_if_any()
-    value = _value(text, path, place)
+    value = yaml_source.parse_value(text, place, path)
     held: Any = config.data
     config.data = with_value(config.data, path, value, place)
     for earlier in [other for other in config.overrides if other[: len(path)] == path]:
@@ -168,32 +167,18 @@ def _apply(config: ConfigSource, override: str, place: str) -> None:
             config.overrides[path[:depth]] = place
 
 
-def _value(text: str, path: KeyPath, place: str) -> Any:
-    try:
-        return yaml_source.parse_value(text, place)
-    except ConfigError as error:
-        raise ConfigError(
-            InputProblem(_joined(dotted(path), problem.path), problem.message, place)
-            for problem in error.problems
-        ) from error
-
-
-def _joined(key: str, rest: str) -> str:
-    return f"{key}.{rest}" if rest and not rest.startswith("[") else key + rest
-
-
 def _unfit(container: Any, path: KeyPath, step: str | int) -> str | None:
     """Why the value at `path` has no place for `step`, if it has none."""
     name = dotted(path)
     if isinstance(step, str):
         if isinstance(container, dict):
             return None
-        return f"{name} is {_kind(container)}, not a mapping; set {name} as a whole"
+        return f"{name} is {_kind(container)}, not a mapping; set all of {name} instead"
     if not isinstance(container, list):
-        return f"{name} is {_kind(container)}, not a list; set {name} as a whole"
+        return f"{name} is {_kind(container)}, not a list; set all of {name} instead"
     if step < len(container):
         return None
-    return f"no entry {step}; {name} has {len(container)}, counted from 0"
+    return f"no entry {step}; {name} has {len(container)} entries, counted from 0"
 
 
 def _kind(value: Any) -> str:

@@ -90,15 +90,15 @@ def load(text: str | bytes, name: str) -> Source:
     return Source(name, root.plain(), root)
 
 
-def parse_value(text: str, name: str) -> Any:
-    """Read one value of any kind, as the value of an override; no text is null.
+def parse_value(text: str, name: str, path: KeyPath = ()) -> Any:
+    """Read one value of any kind, such as an override gives the key at `path`; no text is null.
 
     Raises
     ------
     ConfigError
         With every problem that was found, each at the place `name`.
     """
-    root = _Reader(name, located=False).read(text)
+    root = _Reader(name, located=False, below=path).read(text)
     return None if root is None else root.plain()
 
 
@@ -141,8 +141,8 @@ class _Node:
 class _Reader:
     """Builds the nodes of one text from the parser's events."""
 
-    def __init__(self, name: str, *, located: bool) -> None:
-        self._name = name
+    def __init__(self, name: str, *, located: bool, below: KeyPath = ()) -> None:
+        self._name, self._below = name, below
         self._located = located
         self._problems: list[InputProblem] = []
         self._anchors: dict[str, _Node | None] = {}  # None while the node is being built
@@ -162,9 +162,10 @@ class _Reader:
         raise ConfigError(self._problems)
 
     def _report(self, path: KeyPath, message: str, position: _Position | None) -> None:
-        self._problems.append(InputProblem(dotted(path), message, self._place(position)))
+        whole = dotted((*self._below, *path))
+        self._problems.append(InputProblem(whole, message, self._place(position)))
         if len(self._problems) == MOST_PROBLEMS:
-            more = InputProblem("", f"and perhaps more; told are {MOST_PROBLEMS}")
+            more = InputProblem("", f"and perhaps more; only the first {MOST_PROBLEMS} are shown")
             raise ConfigError([*self._problems, more])
 
     def _place(self, position: _Position | None) -> str:
@@ -487,7 +488,9 @@ def _resolved(text: str) -> _Scalar:
     if _FLOAT.fullmatch(text):
         value = float(text)
         if math.isinf(value):
-            raise ValueError(f"{_short(text)} is too large for a float; write .inf for infinity")
+            raise ValueError(
+                f"{_short(text)} is too large for a floating-point number; write .inf for infinity"
+            )
         return value
     if _SPECIAL_FLOAT.fullmatch(text):
         return float(text.replace(".", ""))

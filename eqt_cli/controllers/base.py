@@ -1,7 +1,5 @@
 """What a control law is; it knows no engine and no particular group."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, fields
@@ -28,7 +26,7 @@ class Controller(Component):
     name
         As written in a configuration: ``eqt``.
     title
-        As written in figures: ``EqT``.
+        As written in figures: ``EqT``. Default: the name.
     tasks
         The tasks of a configuration that it is for.
     energy
@@ -38,6 +36,8 @@ class Controller(Component):
     matched
         Whether its stiffness and damping for small errors are the Hessian of Υ and K_d, as those
         of the paper's laws are, so that equal gains make a fair comparison. None: not known.
+    claims_decrease
+        Whether L is claimed to fall along every trajectory; None where the law does not say.
     """
 
     title: ClassVar[str]
@@ -45,12 +45,20 @@ class Controller(Component):
     energy: ClassVar[str] = "½⟨P̃, Ṽ⟩ + Υ(Q_E)"
     theorem: ClassVar[str] = "Theorems 3.2, 6.2"
     matched: ClassVar[bool | None] = None
+    claims_decrease: ClassVar[bool | None] = None
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """A class with a torque of its own claims only what it says itself, not what it extends."""
+        """A class with a torque of its own claims only what it says itself, not what it extends.
+
+        And one with a name of its own has no title of another.
+        """
         super().__init_subclass__(**options)
+        if "name" in vars(cls) and "title" not in vars(cls):
+            cls.title = cls.name
         if "torque" in vars(cls):
-            for claim in {"claims_decrease", "dissipation", "matched"} - set(vars(cls)):
+            for claim in {"claims_decrease", "dissipation", "matched", "feedforward_torque"} - set(
+                vars(cls)
+            ):
                 setattr(cls, claim, vars(Controller)[claim])
 
     @property
@@ -71,11 +79,6 @@ class Controller(Component):
         numbers = {n: value for n, value in self.attributes.items() if _is_parameter(value)}
         return {name: np.atleast_1d(value) for name, value in numbers.items()}
 
-    @property
-    def claims_decrease(self) -> bool | None:
-        """Whether L is claimed to fall along every trajectory; None where the law does not say."""
-        return None
-
     def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
         """As `claims_decrease`, with these gains."""
         return self.claims_decrease
@@ -86,6 +89,10 @@ class Controller(Component):
     @abstractmethod
     def torque(self, s: Tracking) -> Array:
         """τ, body frame, ``(..., m)``."""
+
+    def feedforward_torque(self, s: Tracking) -> Array | None:
+        """The part of the torque without gains, body frame; None where the law does not say."""
+        return None
 
     def lyapunov(self, s: Tracking) -> Array:
         """L, the function that the law claims to fall, ``(...)``: its own, as `energy` says."""

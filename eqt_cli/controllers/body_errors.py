@@ -1,7 +1,5 @@
 """What laws share that shape an energy of the body error and cancel all other forces."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
@@ -20,11 +18,7 @@ class CancellingLaw(Controller):
     """
 
     matched: ClassVar[bool | None] = True
-
-    @property
-    def claims_decrease(self) -> bool | None:
-        """By the identity above."""
-        return True
+    claims_decrease: ClassVar[bool | None] = True
 
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""

@@ -1,7 +1,5 @@
 """The family of stabilising tracking laws τ(g, c, n, q), written once for every group."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
@@ -66,7 +64,7 @@ class Family(Controller):
 
     def __post_init__(self) -> None:
         if self.error == "body" and self.damping == "spatial":
-            raise ValueError("error: body has damping: body only; leave damping out")
+            raise ValueError("error: body always has damping: body; leave damping out")
         object.__setattr__(self, "damping", self.damping or self.error)
         # The frame as a number, so that one compiled law serves the whole family.
         object.__setattr__(self, "spatial", 1.0 if self.damping == "spatial" else 0.0)
@@ -81,7 +79,7 @@ class Family(Controller):
         return (Family, self.error, self.has_quadratic) if inherited else super().structure
 
     @property
-    def claims_decrease(self) -> bool | None:
+    def claims_decrease(self) -> bool | None:  # type: ignore[override]  # by its options
         """On the plane c + n = 1, where the two terms make up for the moving reference."""
         return abs(self.transport + self.connection - 1) <= 1e-12  # rounding of 0.1 + 0.9
 
@@ -93,17 +91,16 @@ class Family(Controller):
     def torque(self, s: Tracking) -> Array:
         """τ(g, c, n, q), body frame."""
         s = self._seen(s)
-        feedforward = s.feedforward(
-            self.gyroscopic,
-            self.transport,
-            self.connection,
-            self.quadratic if self.has_quadratic else None,
-        )
+        feedforward = self._feedforward(s)
         if self.error == "body":  # the desired pose is I, and damping has one frame
             return feedforward - s.body_damping - s.gradient
         spatial_force = s.gradient + self.spatial * s.spatial_damping
         body_force = (1 - self.spatial) * s.body_damping
         return feedforward - body_force - s.G.Ad_star(s.Qd, spatial_force)
+
+    def feedforward_torque(self, s: Tracking) -> Array:
+        """τ_d and the terms with g, c, n and q."""
+        return self._feedforward(self._seen(s))
 
     def lyapunov(self, s: Tracking) -> Array:
         """½⟨𝕀Ṽ, Ṽ⟩ + Υ(Q_E)."""
@@ -124,6 +121,14 @@ class Family(Controller):
             dot(self.spatial * s.spatial_damping, s.V_E)
             + dot((1 - self.spatial) * s.body_damping, s.V_tilde)
             + added
+        )
+
+    def _feedforward(self, s: Tracking) -> Array:
+        return s.feedforward(
+            self.gyroscopic,
+            self.transport,
+            self.connection,
+            self.quadratic if self.has_quadratic else None,
         )
 
     def _seen(self, s: Tracking) -> Tracking:

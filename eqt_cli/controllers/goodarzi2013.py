@@ -1,7 +1,5 @@
 """The attitude law of Goodarzi, Lee and Lee (2013) with integral action, on any group."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Proportional action on the logarithm of the body error; the feedforward cancels the rest."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The state feedback of Maithripala, Berg and Dayawansa (2006), damped by the kinetic energy."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -32,13 +30,9 @@ class Maithripala2006(Controller):
     title: ClassVar[str] = "Maithripala 2006"
     theorem: ClassVar[str] = "Maithripala, Berg, Dayawansa (2006)"
     matched: ClassVar[bool | None] = False
+    claims_decrease: ClassVar[bool | None] = True
 
     damping_rate: Positive = 0.5
-
-    @property
-    def claims_decrease(self) -> bool | None:
-        """L falls at the rate of `dissipation`."""
-        return True
 
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""

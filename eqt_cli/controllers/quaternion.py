@@ -1,7 +1,5 @@
 """Proportional action on the quaternion of the body error, for rotations of space."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -38,7 +36,7 @@ class Quaternion(CancellingLaw):
         """Only the rotations of space have quaternions."""
         super().check(G, problems)
         if not (G.compact and G.dimension == G.size == 3):
-            problems.add(f"{self.name} is a law for the rotations of space, SO3; group: {G.name}")
+            problems.add(f"{self.name} is a law for SO3 only; this experiment has group {G.name}")
 
     def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
         """Where the stiffness is the same about every axis."""

@@ -1,7 +1,5 @@
 """Sliding mode with a boundary layer, on any group."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

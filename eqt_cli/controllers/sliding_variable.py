@@ -1,7 +1,5 @@
 """What laws share that drive the variable s = V − V_r to zero, with a reference of their own."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
@@ -29,13 +27,9 @@ class SlidingVariable(Controller):
 
     energy: ClassVar[str] = "½⟨𝕀s, s⟩"
     matched: ClassVar[bool | None] = False
+    claims_decrease: ClassVar[bool | None] = True
 
     slope: Positive = 0.5
-
-    @property
-    def claims_decrease(self) -> bool | None:
-        """By the identity above."""
-        return True
 
     def torque(self, s: Tracking) -> Array:
         """τ, body frame."""

@@ -1,7 +1,5 @@
 """The law of Slotine and Li without its adaptation, on any group."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

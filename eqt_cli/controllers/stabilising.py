@@ -1,7 +1,5 @@
 """The stabilising law of Theorem 3.2, for an inertia that may vary in time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -35,7 +33,7 @@ class Stabilising(Controller):
         object.__setattr__(self, "compensation", 1.0 if self.feedforward else 0.0)
 
     @property
-    def claims_decrease(self) -> bool | None:
+    def claims_decrease(self) -> bool | None:  # type: ignore[override]  # by its options
         """With the feedforward: without it, a changing inertia may raise L."""
         return self.feedforward
 

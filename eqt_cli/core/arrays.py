@@ -6,8 +6,6 @@ element by element, to the function table that the owner of the symbol type has 
 `register_symbols`. That is what lets one law run on floats and be traced by a compiler.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -25,6 +23,7 @@ FUNCTIONS = "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log
 _NUMPY: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in FUNCTIONS},
     "less": np.less,
+    "smooth_less": np.less,
     "where": np.where,
 }
 _symbol_tables: dict[type, Mapping[str, Callable[..., Any]]] = {}
@@ -33,9 +32,16 @@ _symbol_tables: dict[type, Mapping[str, Callable[..., Any]]] = {}
 def register_symbols(symbol: type, table: Mapping[str, Callable[..., Any]]) -> None:
     """Say how the functions of this module act on one `symbol` type held in object arrays.
 
-    The table holds any of `FUNCTIONS`, ``less(a, b)`` and ``where(condition, a, b)``.
+    The table holds any of `FUNCTIONS`, ``less(a, b)``, ``where(condition, a, b)``, and
+    ``smooth_less(a, b)`` where that is not the same as ``less(a, b)``.
     """
-    _symbol_tables[symbol] = table
+    same = {"smooth_less": table["less"]} if "less" in table else {}
+    _symbol_tables[symbol] = same | dict(table)
+
+
+def as_array(x: Any) -> Any:
+    """An array; what stands for one, by NumPy's protocols, as it is."""
+    return x if hasattr(x, "__array_function__") else np.asarray(x)
 
 
 def apply(name: str, *arguments: Any) -> Any:
@@ -46,7 +52,7 @@ def apply(name: str, *arguments: Any) -> Any:
     TraceError
         If an argument holds symbols whose engine offers no such function.
     """
-    arrays = [np.asarray(argument) for argument in arguments]
+    arrays = [as_array(argument) for argument in arguments]
     if not any(array.dtype == object for array in arrays):
         return _NUMPY[name](*arrays)
     entries = np.broadcast(*arrays) if len(arrays) > 1 else ((entry,) for entry in arrays[0].flat)
@@ -108,8 +114,16 @@ def less(a: Any, b: Any) -> Any:
     return apply("less", a, b)
 
 
+def smooth_less(a: Any, b: Any) -> Any:
+    """a < b, elementwise, for a `where` that chooses between two forms of one smooth function.
+
+    As `less`, but an engine need not end a step where it changes: either form holds there.
+    """
+    return apply("smooth_less", a, b)
+
+
 def where(condition: Any, a: Any, b: Any) -> Any:
-    """a where the condition of `less` holds, b elsewhere, elementwise."""
+    """a where the condition of `less` or `smooth_less` holds, b elsewhere, elementwise."""
     return apply("where", condition, a, b)
 
 
@@ -150,7 +164,7 @@ _NEARLY_ZERO = 1e-100
 def _root(squares: Any) -> Any:
     """The root of a sum of squares."""
     root = sqrt(squares)
-    if np.asarray(root).dtype != object:
+    if as_array(root).dtype != object:
         return root
     return where(less(0.0, squares), root, _NEARLY_ZERO)  # at 0 a root itself has no series
 
@@ -164,7 +178,8 @@ def apply_matrix(matrix: Array, vector: Array) -> Array:
 
 def times(stack: Array, matrix: Array) -> Array:
     """A stack of matrices times one matrix, or times a stack, ``(..., k, m) · (..., m, n)``."""
-    if matrix.ndim == 2 and stack.ndim > 2:  # one product of two matrices instead of many
+    # One product of two matrices instead of many; what stands for an array does better by itself.
+    if matrix.ndim == 2 and stack.ndim > 2 and isinstance(stack, np.ndarray):
         rows = stack.reshape(-1, matrix.shape[0])
         return (rows @ matrix).reshape(*stack.shape[:-1], matrix.shape[-1])
     return stack @ matrix
@@ -177,10 +192,11 @@ def dot(p: Array, v: Array) -> Any:
 
 def stack(entries: Sequence[Any]) -> Array:
     """Scalars or arrays, numbers or symbols, as the entries of a new last axis."""
-    arrays = [np.asarray(entry) for entry in entries]
+    arrays = [as_array(entry) for entry in entries]
     dtype = object if any(array.dtype == object for array in arrays) else float
     shape = np.broadcast_shapes(*(array.shape for array in arrays))
-    out = np.empty((*shape, len(arrays)), dtype=dtype)
+    like = next((array for array in arrays if not isinstance(array, np.ndarray)), arrays[0])
+    out = np.empty_like(like, shape=(*shape, len(arrays)), dtype=dtype)
     for index, array in enumerate(arrays):
         out[..., index] = array
     return out

@@ -1,7 +1,5 @@
 """What all components that a configuration names have in common; it knows no kind of them."""
 
-from __future__ import annotations
-
 from abc import ABC
 from typing import Any, ClassVar
 

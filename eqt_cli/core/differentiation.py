@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import FUNCTIONS, apply, less, register_symbols, where
-from eqt_cli.core.expressions import Expression, power
+from eqt_cli.core.expressions import Expression
+from eqt_cli.core.expressions.evaluation import power
 
 _SLOPES: dict[str, Callable[[Any], Any]] = {
     "sin": lambda x: _of("cos", x),

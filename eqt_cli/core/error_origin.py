@@ -1,7 +1,5 @@
 """Finds the line of a plugin that an exception came from."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -1,7 +1,6 @@
 """The errors that eqt raises on purpose; it knows nothing of how a command prints them."""
 
-from __future__ import annotations
-
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -137,6 +136,21 @@ class ConfigError(EqtError):
     def __init__(self, problems: Iterable[InputProblem]) -> None:
         self.problems = tuple(problems)
         super().__init__("\n".join(map(str, self.problems)))
+
+    @property
+    def heading(self) -> str:
+        """How many errors there are, and in what: ``7 errors in bad.yaml``.
+
+        Nothing for a single one that is in no file, as in an option.
+        """
+        placed = [problem for problem in self.problems if problem.place or problem.path]
+        place = re.compile(r"(:\d+){1,2}$|\[\d+\]$")
+        names = dict.fromkeys(place.sub("", one.place) for one in placed if one.place)
+        if len(placed) == 1 and not re.search(r":\d+:\d+$", placed[0].place):
+            return ""
+        more = "more than " if len(placed) < len(self.problems) else ""
+        count = f"{len(placed)} error{'' if len(placed) == 1 else 's'}"
+        return f"{more}{count}{' in ' if names else ''}{' and '.join(map(printable, names))}"
 
     def told(self, word: Word) -> str:
         """Every problem with its place, and what to do about it."""

@@ -1,11 +1,13 @@
-"""Replaces small files in one step, and explains in words what the system refuses."""
+"""Reads and replaces small files, and explains in words what the system refuses."""
 
-from __future__ import annotations
-
+import json
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 from eqt_cli.core.errors import EqtError, Remedy
 
@@ -22,6 +24,21 @@ def replace_file(path: Path, content: bytes) -> None:
     finally:
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def write_record(path: Path, record: dict[str, Any]) -> None:
+    """Write what a folder says of itself, whole or not at all."""
+    text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
+    replace_file(path, text.encode())
+
+
+def read_record(path: Path, *keys: str) -> dict[str, Any] | None:
+    """What `write_record` has written; None where there is none, or none with these keys."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (FileNotFoundError, ValueError):
+        return None
+    return found if isinstance(found, dict) and set(keys) <= set(found) else None
 
 
 @contextmanager
@@ -49,6 +66,34 @@ def refusals(
         raise kind(f"{subject}: cannot be {done}: {said.lower()}", advice) from error
 
 
+YAML = (".yaml", ".yml")
+"""How files of configurations end, where results could be meant as well."""
+
+MOST_LISTED = 1000
+"""Entries of a folder among which a name is looked for that is like a missing one."""
+
+
+def near(path: Path, fits: Callable[[Path], bool]) -> str:
+    """`; did you mean 'results/sat'?` for the entry whose name is closest to a missing one.
+
+    It is looked for in the folder where the path should be, and in ``results``.
+
+    Parameters
+    ----------
+    fits
+        Whether an entry may be meant.
+    """
+    found: dict[str, Path] = {}
+    for folder in dict.fromkeys((path.parent, Path("results"))):
+        with suppress(OSError):
+            for entry in islice(folder.iterdir(), MOST_LISTED):
+                found.setdefault(entry.stem.lower(), entry)
+    for name in get_close_matches(path.stem.lower(), list(found), n=3, cutoff=0.6):
+        if fits(found[name]):
+            return f"; did you mean '{found[name]}'?"
+    return ""
+
+
 def text_of(
     path: Path, missing: str, kind: type[EqtError] = EqtError, subject: object = None
 ) -> str:
@@ -63,4 +108,4 @@ def text_of(
         try:
             return path.read_text(encoding="utf-8")
         except FileNotFoundError:
-            raise kind(f"{path}: does not exist; {missing}") from None
+            raise kind(f"{path}: not found; {missing}") from None

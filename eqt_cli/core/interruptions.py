@@ -4,8 +4,6 @@ The signal becomes an exception at a moment when it can be one: not while a libr
 which half would remain. It knows nothing of what is under way.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
@@ -92,12 +90,6 @@ def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
             signal.signal(number, handler if asked is None else signal.SIG_IGN)
 
 
-def ignored() -> None:
-    """Leave it to the parent what a signal means, which reaches a whole group of processes."""
-    for number in ASKED_BY:
-        signal.signal(number, signal.SIG_IGN)
-
-
 def _is_loading(frame: FrameType | None) -> bool:
     """Whether a module is being imported."""
     while frame is not None:
@@ -108,13 +100,12 @@ def _is_loading(frame: FrameType | None) -> bool:
 
 
 def of_worker() -> None:
-    """Leave signals to the parent, and end with it."""
-    ignored()
-    end_with_parent()
+    """Leave to the parent what a signal means, which reaches a whole group, and end with it.
 
-
-def end_with_parent() -> None:
-    """Have this process killed when the one that started it ends, however that ends."""
+    This process is killed when the one that started it ends, however that ends.
+    """
+    for number in ASKED_BY:
+        signal.signal(number, signal.SIG_IGN)
     if sys.platform == "linux":
         import ctypes
 

@@ -4,8 +4,6 @@ A result holds the source of its plugins, so that source must run for as long as
 read. Plugins of today import from `eqt_cli.extend`, whose names stay.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from functools import partial
@@ -19,16 +17,20 @@ _DRAWING = {
     "by_controller": "plots.drawing.layout",
     "callouts": "plots.drawing.point_labels",
     "disc": "plots.drawing.sphere_projection",
-    "ensembles": "plots.figure_data",
+    "ensembles": "plots.shown.controllers",
     "first_runs": "plots.base plots.drawing.curves",
-    "good_metrics": "plots.figure_data",
-    "good_runs": "plots.figure_data",
+    "good_metrics": "plots.shown.metrics",
+    "good_runs": "plots.shown.trajectories",
     "look": "plots.drawing.style",
     "metric_names": "plots.drawing.labels",
     "numbers": "plots.curve_data",
     "sheets": "plots.drawing.style_sheets",
-    "swept": "plots.figure_data results.result",
-    "verified": "plots.figure_data",
+    "figure_data": " ".join(
+        f"plots.shown.{name}"
+        for name in "controllers trajectories metrics sweep certificates reference fronts".split()
+    ),
+    "swept": "plots.shown.sweep results.result",
+    "verified": "plots.shown.certificates",
     **{name: f"plots.drawing.{name}" for name in "curves labels latex layout scales style".split()},
 }
 _FIGURES = "paper runs torque distributions phase sphere certificates sweep pareto"
@@ -58,19 +60,33 @@ MOVED = {
 """Modules by their old names; a package stands for all that is in it, and what one module held
 may be in several."""
 
+_OF_EXPRESSIONS = {
+    "tree": "Number Variable Negation Binary Call Node fold",
+    "piecewise": "Piecewise PIECEWISE",
+    "evaluation": "combine power",
+    "parser": "MAX_LENGTH MAX_NESTING",
+    "expression": "MOST_QUOTED",
+}
+
 RENAMED = {
+    "eqt_cli.core.expressions": {
+        name: f"eqt_cli.core.expressions.{module}"
+        for module, names in _OF_EXPRESSIONS.items()
+        for name in names.split()
+    },
     "eqt_cli.ensemble.axes": {
         "LISTED": "eqt_cli.ensemble.designs.base",
         "listed": "eqt_cli.ensemble.designs.base",
     },
     "eqt_cli.execution.executors": {"Ways": "eqt_cli.execution.executors.base:TaskContext"},
     "eqt_cli.execution.executors.base": {"Ways": "eqt_cli.execution.executors.base:TaskContext"},
-    "eqt_cli.plots.figure_data": {
-        "GoodMetrics": "eqt_cli.plots.figure_data:ShownMetrics",
-        "GoodRuns": "eqt_cli.plots.figure_data:ShownRuns",
-        "Swept": "eqt_cli.plots.figure_data:ShownSweep",
-        "Verified": "eqt_cli.plots.figure_data:ShownCertificates",
+    "eqt_cli.plots.shown.certificates": {
+        "Verified": "eqt_cli.plots.shown.certificates:ShownCertificates"
     },
+    "eqt_cli.plots.shown.metrics": {"GoodMetrics": "eqt_cli.plots.shown.metrics:ShownMetrics"},
+    "eqt_cli.plots.shown.sweep": {"Swept": "eqt_cli.plots.shown.sweep:ShownSweep"},
+    "eqt_cli.plots.shown.trajectories": {"GoodRuns": "eqt_cli.plots.shown.trajectories:ShownRuns"},
+    "eqt_cli.results.result": {"SweptKey": "eqt_cli.results.swept_key"},
     "eqt_cli.store.reader": {"Results": "eqt_cli.store.reader:ResultFile"},
     "eqt_cli.plots": {"Figure": "eqt_cli.plots.base", "OfCertificates": "eqt_cli.plots.base"},
 }

@@ -4,12 +4,11 @@ Components use them for their options; pydantic calls the hooks below when a con
 validated. Wherever a real number is expected, a constant expression such as ``-pi/2`` will do.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass
-from typing import Annotated, Any
+from functools import partial
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 from pydantic_core import core_schema
@@ -30,10 +29,12 @@ class _FiniteReal:
     """Marks a float that may also be written as a constant expression."""
 
     above: float | None = None
+    in_degrees: ClassVar[bool] = False
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         number = core_schema.float_schema(strict=True, allow_inf_nan=False, gt=self.above)
-        return core_schema.no_info_before_validator_function(_evaluated, number)
+        evaluated = partial(_evaluated, in_degrees=self.in_degrees)
+        return core_schema.no_info_before_validator_function(evaluated, number)
 
     def __get_pydantic_json_schema__(self, schema: Any, handler: Any) -> dict[str, Any]:
         return number_schema(self.above)
@@ -43,8 +44,9 @@ class _FiniteReal:
 class _Angle(_FiniteReal):
     """Marks an angle in radians that may also be written in degrees."""
 
+    in_degrees: ClassVar[bool] = True
+
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
-        from pydantic_core import core_schema
 
         number = super().__get_pydantic_core_schema__(source, handler)
         return core_schema.no_info_before_validator_function(_in_radians, number)
@@ -55,14 +57,28 @@ def _in_radians(value: Any) -> Any:
     return math.radians(_evaluated(degrees.group(1))) if degrees else value
 
 
-def _evaluated(value: Any) -> Any:
+def _evaluated(value: Any, *, in_degrees: bool = False) -> Any:
     if not isinstance(value, str):
         return value
     try:
         return constant(value)
     except ExpressionError as error:
-        raise ValueError(f"expected a number, got '{value}': {error}") from error
+        wrong = str(error)
+        if unit := _WITH_UNIT.fullmatch(value.strip()):
+            wrong = f"write {unit[1]} without a unit"
+            if unit[2].startswith("deg"):
+                radians = f"angles are in radians here: write {unit[1]}*pi/180"
+                wrong = f"write '{unit[1]} deg'" if in_degrees else radians
+        raise ValueError(f"expected a number, got '{value}': {wrong}") from error
 
+
+_WITH_UNIT = re.compile(
+    r"(?!0[xXbBoO])([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)(?: +|(?![eE]))(?!pi\b)([A-Za-z%][\w/*^² ]*)"
+)
+"""A number and a unit, as in ``20 s``, which people write where a key has its unit already.
+
+``2pi``, and what looks like the numbers ``0x10`` and ``1e``, have none.
+"""
 
 Real = Annotated[float, _FiniteReal()]
 """A finite number; in a configuration also a constant expression."""
@@ -84,6 +100,12 @@ MOST_POINTS = 10**7
 
 Runs = Annotated[int, Field(strict=True, ge=1, le=MOST_RUNS)]
 """A number of runs."""
+
+MOST_SAMPLES = 10**7
+"""Of a run: more than a day at 100 Hz, and 80 MB for each of its numbers."""
+
+Samples = Annotated[int, Field(strict=True, ge=2, le=MOST_SAMPLES)]
+"""A number of sample times, both ends included."""
 
 Points = Annotated[int, Field(strict=True, ge=1, le=MOST_POINTS)]
 """A number of points of a sweep, or of values along one of its axes."""

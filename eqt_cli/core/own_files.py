@@ -1,7 +1,5 @@
 """Tells which files eqt has written, by the marks that it leaves in them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

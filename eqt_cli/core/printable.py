@@ -4,8 +4,6 @@ Control characters can clear a screen or forge a line, and bidirectional ones re
 They are shown as Python and YAML write them, ESC as four characters from a backslash to 1b.
 """
 
-from __future__ import annotations
-
 import unicodedata
 from collections.abc import Callable
 

@@ -1,11 +1,10 @@
 """Collects what is wrong with an input, each with its place, so that all is reported together."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
-from typing import TypeAlias
+from functools import lru_cache
+from typing import Self, TypeAlias
 
 from eqt_cli.core.errors import ConfigError, InputError, InputProblem, Remedy
 
@@ -34,7 +33,7 @@ class Problems:
         self._path: KeyPath = ()
         self._found: dict[InputProblem, KeyPath] = {}
 
-    def at(self, *steps: str | int) -> Problems:
+    def at(self, *steps: str | int) -> Self:
         """The problems of a place within this one."""
         inner = copy(self)  # which shares the list
         inner._path = (*self._path, *steps)
@@ -47,7 +46,9 @@ class Problems:
         self._found.setdefault(problem, self._path)
         if len(self._found) > MOST_PROBLEMS:
             first = sorted(list(self._found)[:MOST_PROBLEMS], key=_position)
-            raise ConfigError([*first, InputProblem("", f"and more; told are {MOST_PROBLEMS}")])
+            raise ConfigError(
+                [*first, InputProblem("", f"and more; only the first {MOST_PROBLEMS} are shown")]
+            )
 
     @contextmanager
     def catching(self, *steps: str | int) -> Iterator[None]:
@@ -85,6 +86,7 @@ def dotted(path: KeyPath) -> str:
     return "".join(steps).removeprefix(".")
 
 
+@lru_cache(maxsize=256)
 def parse_key(text: str) -> KeyPath:
     """``controllers[0].label`` as ``("controllers", 0, "label")``.
 

@@ -69,7 +69,7 @@ class Registry(Generic[T]):
             except Exception as error:
                 raise ComponentError(
                     f"{self.kind} '{point.name}' of the entry point '{point.value}' cannot be "
-                    f"loaded: {error}; mend or uninstall the distribution that declares it"
+                    f"loaded: {error}; fix or uninstall the distribution that declares it"
                 ) from error
             if not (inspect.isclass(component) and issubclass(component, self.base)):
                 raise ComponentError(
@@ -100,13 +100,13 @@ class Registry(Generic[T]):
         Raises
         ------
         ComponentError
-            If there is none; the message lists what there is.
+            If there is none; the message names the closest, or else all there are.
         """
         component = self._found.get(name) or self._plugins.get(name)
         if component is None:
             names = self.names()
-            hint = suggestion(name, names) or ";"
-            raise ComponentError(f"unknown {self.kind} '{name}'{hint} known: {', '.join(names)}")
+            hint = suggestion(name, names) or f"; known: {', '.join(names)}"
+            raise ComponentError(f"unknown {self.kind} '{name}'{hint}")
         return component
 
     def all(self) -> list[type[T]]:
@@ -120,7 +120,7 @@ class Registry(Generic[T]):
             name = _name(component)
             if name in self._found:
                 raise ComponentError(
-                    f"plugin {source}: {self.kind} '{name}' exists already in eqt; "
+                    f"plugin {source}: {self.kind} '{name}' already exists in eqt; "
                     "give yours another name"
                 )
             self._plugins[name] = component
@@ -194,10 +194,8 @@ def _foreign_packages() -> frozenset[str]:
     return frozenset(value.partition(":")[0].partition(".")[0] for value in found)
 
 
-@lru_cache(maxsize=1)
-def _entry_points() -> Any:
-    """All entry points; finding them takes some 10 ms, and every registry asks."""
-    return entry_points()
+_entry_points = lru_cache(maxsize=1)(entry_points)
+"""All entry points; finding them takes some 10 ms, and every registry asks."""
 
 
 def _name(component: type) -> str:

@@ -1,7 +1,5 @@
 """Validates plain data and says what is wrong with it, unknown keys included."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
@@ -16,12 +14,12 @@ from pydantic.fields import FieldInfo
 from eqt_cli.core.component import option_of_field
 from eqt_cli.core.errors import suggestion
 from eqt_cli.core.problems import KeyPath, Problems
-from eqt_cli.core.registry import Registry
+from eqt_cli.core.registry import Registry, meanings
 
 T = TypeVar("T")
 
 _UNKNOWN_KEY = "unknown key"
-_MISSING = "missing; this key has no default"
+_MISSING = "missing; this key is required"
 
 _EXPECTED = {
     "float_type": "a number",
@@ -37,10 +35,10 @@ _EXPECTED = {
     "greater_than": "a number greater than {gt:g}",
     "greater_than_equal": "a whole number of at least {ge}",
     "less_than": "a whole number less than {lt}",
-    "less_than_equal": "a number of at most {le:.15g}",
+    "less_than_equal": "a number of at most {le:,.15g}",
     "too_short": "at least {min_length} entry",
     "literal_error": "{expected}",
-    "string_pattern_mismatch": "a letter or digit, then letters, digits, '.', '_' and '-'",
+    "string_pattern_mismatch": "letters, digits, '.', '_' and '-', with a letter or digit first",
 }
 """pydantic's kinds of errors: what was expected."""
 
@@ -73,7 +71,7 @@ def fields_of(model: type[BaseModel], data: Any, problems: Problems) -> dict[str
         if name in data:
             value = validated(field.rebuild_annotation(), data[name], problems.at(name))
         elif field.is_required():
-            problems.at(name).add(f"missing; expected: {_meaning(name, field)}")
+            problems.at(name).add(f"{_MISSING}: {_meaning(name, field)}")
             value = None
         else:
             value = field.get_default(call_default_factory=True)
@@ -92,13 +90,21 @@ def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[s
         if issubclass(owner, BaseModel):
             found |= {name: _meaning(name, field) for name, field in owner.model_fields.items()}
         else:
-            found |= dict.fromkeys(option_names(owner), "")
+            found |= dict.fromkeys(option_names(owner), "") | _meanings(owner)
     return found
+
+
+def _meanings(component: type) -> dict[str, str]:
+    """What the docstring of a component says of its options, by their names as written."""
+    said = meanings(component).items()
+    names = set(option_names(component))
+    found = {option_of_field(name): text.removesuffix(".") for name, text in said}
+    return {name: text for name, text in found.items() if name in names}
 
 
 def _meaning(name: str, field: FieldInfo) -> str:
     said = " ".join((field.description or "").split()).removesuffix(".")
-    return said + "".join(f", as {name}: {example}" for example in field.examples or ())
+    return said + "".join(f", for example {name}: {example}" for example in field.examples or ())
 
 
 def _owners(kind: Any) -> list[type]:
@@ -134,7 +140,7 @@ def _note_errors(
             unknown[path] = unknown_key(str(path[-1]), known)
         elif wrong == "missing":
             meaning = known.get(str(path[-1]))
-            messages[path] = f"missing; expected: {meaning}" if meaning else _MISSING
+            messages[path] = f"{_MISSING}: {meaning}" if meaning else _MISSING
         elif wrong == "value_error":
             messages[path] = str(context["error"])
         else:
@@ -147,7 +153,7 @@ def _note_errors(
             words, value = _listed(list(dict.fromkeys(alternatives))), _at(path, data)
             alone = len(path) <= 1 and isinstance(value, str)
             if alone and words == _EXPECTED["list_type"]:
-                words += f", as [{value}]"
+                words += f", such as [{value}]"
             messages.setdefault(path, f"expected {words}, got {shown(value)}")
     for path, message in (messages | unknown).items():
         problems.at(*path).add(message)
@@ -159,7 +165,7 @@ def unknown_key(key: str, known: Iterable[str], deeper: str | None = None) -> st
     if deeper:
         return f"{_UNKNOWN_KEY}; did you mean '{deeper}'?"
     others = [name for name in known if name != key]  # of a union, `key` may be known elsewhere
-    return _UNKNOWN_KEY + (suggestion(key, others) or f"; known here: {', '.join(others)}")
+    return _UNKNOWN_KEY + (suggestion(key, others) or f"; expected one of {', '.join(others)}")
 
 
 def shown(value: Any) -> str:
@@ -218,9 +224,7 @@ def _below(path: KeyPath, ancestor: KeyPath) -> bool:
     return len(path) > len(ancestor) and path[: len(ancestor)] == ancestor
 
 
-@lru_cache(maxsize=256)
-def _adapter(kind: Any) -> TypeAdapter[Any]:
-    return TypeAdapter(kind)
+_adapter = lru_cache(maxsize=256)(TypeAdapter)
 
 
 # Components ---------------------------------------------------------------------------------------
@@ -231,11 +235,12 @@ def component(
     value: Any,
     problems: Problems,
     common: tuple[str, ...] = (),
+    group: Any = None,
 ) -> T | None:
     """The component that `value` asks for, or None after noting what is wrong with it.
 
     `eqt`, or `{kind: family, gyroscopic: 0.5}`; `common` are the keys that a mapping takes beside
-    `kind` and the component's own.
+    `kind` and the component's own; the `group` is what a component is checked against.
     """
     if not isinstance(value, str | Mapping):
         problems.add(f"expected text or a mapping, got {shown(value)}")
@@ -248,7 +253,10 @@ def component(
         at_kind.add(f"missing; {expected}" if kind is None else f"{expected}, got {shown(kind)}")
         return None
     with at_kind.catching():
-        return validated(registry.get(kind), options, problems, ("kind", *common))
+        found: Any = validated(registry.get(kind), options, problems, ("kind", *common))
+        if found is not None and group is not None:
+            found.check(group, problems)
+        return found
     return None
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
@@ -19,6 +19,9 @@ from eqt_cli.core.problems import Problems
 
 ROUNDING = 1e-12
 """Relative: what times that are meant to be equal, as 3·0.1 and 0.3, may differ by."""
+
+REHEARSED = 1e-9
+"""Of the horizon: an engine goes so far in one step or two."""
 
 
 class Status(IntEnum):
@@ -162,11 +165,7 @@ class Problem:
         varying = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
         states = np.concatenate([problem.states for problem in problems])
         pairs = [problem.errors for problem in problems if problem.errors is not None]
-        errors = (
-            (np.concatenate([pose for pose, _ in pairs]), np.concatenate([b for _, b in pairs]))
-            if pairs
-            else None
-        )
+        errors: Any = tuple(map(np.concatenate, zip(*pairs, strict=True))) or None
         return Problem(first.loop, states, first.times, varying, errors)
 
     def batched_loop(self, extra_axes: int = 0) -> ClosedLoop:
@@ -192,8 +191,7 @@ def _nearest(instants: Array, times: Array) -> Array:
     low, high = ordered[above - 1], ordered[above]
     nearest = np.where(instants - low < high - instants, low, high)
     near = np.abs(nearest - instants) <= ROUNDING * np.maximum(1.0, np.abs(instants))
-    found: Array = np.where(near, nearest, instants)
-    return found
+    return np.where(near, nearest, instants)
 
 
 @dataclass(frozen=True)
@@ -220,13 +218,9 @@ class Solution:
     @staticmethod
     def empty(problem: Problem) -> Solution:
         """A solution to be filled in, run by run."""
-        runs, n = problem.states.shape
-        return Solution(
-            states=np.full((runs, len(problem.times), n), np.nan),
-            status=np.zeros(runs, dtype=np.int32),
-            steps=np.zeros(runs, dtype=np.int64),
-            messages=[""] * runs,
-        )
+        solution = Solution.unfilled(problem)
+        solution.states[:] = np.nan
+        return solution
 
     @staticmethod
     def unfilled(problem: Problem) -> Solution:
@@ -248,8 +242,11 @@ Progress = Callable[[float], None]
 """Called now and then with the number of runs done since the last call, in fractions of a run."""
 
 
-SampledFunction = Callable[[ClosedLoop, Any, Array], dict[str, Array]]
-"""Arrays by name, of a loop, a time and a flat state, in operations that laws may use."""
+SampledFunction = Callable[..., dict[str, Array]]
+"""Arrays by name, of a loop, a time and rows of numbers, the first of which is a flat state.
+
+It is written in operations that laws may use; equal functions give the same arrays.
+"""
 
 
 @dataclass(frozen=True)
@@ -264,6 +261,8 @@ class Engine(Component):
     """Of engines that can redo the runs of another, the lowest does; None if it does not."""
     part_runs: ClassVar[int] = 50
     """About how many runs make a part: enough to outweigh a file, few enough to lose."""
+    counted: ClassVar[str] = "steps"
+    """What its solutions count as its work."""
     rtol: float
     """The accuracy that the results are judged by."""
 
@@ -279,21 +278,42 @@ class Engine(Component):
         `workers` bounds the threads of an engine that can use several; it never changes a result.
         """
 
+    def rehearse(self, problem: Problem) -> None:
+        """Raise what `solve` would raise at its start, at little cost; nothing is kept of it."""
+        start, stop = problem.times[[0, -1]]
+        little = np.array([start, start + REHEARSED * (stop - start)])
+        self.solve(replace(problem, times=little), lambda runs: None)
+
+    def blocks(self, problem: Problem) -> list[Array]:
+        """The runs that are best solved and evaluated together; it never changes a result."""
+        return [np.arange(problem.runs)]
+
     def evaluate(
-        self, function: SampledFunction, problem: Problem, states: Array
+        self, function: SampledFunction, problem: Problem, *rows: Array
     ) -> dict[str, Array]:
-        """Arrays that follow from loop, time and state, at every sample of every run, by name.
+        """Arrays that follow from loop, time and rows of numbers, at every sample of every run.
 
         Parameters
         ----------
-        states : (runs, samples, n)
+        rows : (runs, samples, n) each
+            Flat states, and whatever else the function takes.
 
         Returns
         -------
         dict
-            ``(runs, samples, …)`` each.
+            ``(runs, samples, …)`` each, by name.
         """
-        return function(problem.batched_loop(extra_axes=1), problem.times, states)
+        return function(problem.batched_loop(extra_axes=1), problem.times, *rows)
+
+    def work_for_stability(self, rates: Array, duration: float) -> float:
+        """What it takes of `counted` so that no decaying error grows; 0 where it has no such limit.
+
+        Parameters
+        ----------
+        rates : (instants, n)
+            The eigenvalues of the linearised loop at instants spread over the duration, 1/s.
+        """
+        return 0.0
 
     @abstractmethod
     def tightened(self, factor: float) -> Engine:

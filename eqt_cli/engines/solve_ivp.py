@@ -14,16 +14,19 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-import scipy.sparse
-from scipy.integrate import solve_ivp
 
-from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
+from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Span, Status
+from eqt_cli.engines.recorded_field import RecordedField
 
+EXPLICIT = ("DOP853", "RK45", "RK23")
 EXPLICIT_BLOCK = 100
+REHEARSED_EVALUATIONS = 200
+"""Of a block, or of a run of it, before a configuration is run."""
+
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 """SciPy raises a smaller `rtol` to this value; below it a tighter solve would be no tighter."""
 
@@ -47,6 +50,7 @@ class SolveIvp(Engine):
 
     name: ClassVar[str] = "solve_ivp"
     cross_check_rank: ClassVar[int | None] = 1
+    counted: ClassVar[str] = "evaluations"
 
     method: Literal["DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"] = "DOP853"
     rtol: Positive = 1e-9
@@ -57,8 +61,7 @@ class SolveIvp(Engine):
     @property
     def runs_per_block(self) -> int:
         """The nominal block: `block`, or the method's default."""
-        explicit = self.method in ("DOP853", "RK45", "RK23")
-        return self.block or (EXPLICIT_BLOCK if explicit else 1)
+        return self.block or (EXPLICIT_BLOCK if self.method in EXPLICIT else 1)
 
     def check(self, problems: Problems) -> None:
         """A relative tolerance that SciPy cannot work with, or that asks for nothing."""
@@ -70,6 +73,16 @@ class SolveIvp(Engine):
         """Both tolerances times `factor`."""
         rtol = max(self.rtol * factor, SMALLEST_RTOL)
         return dataclasses.replace(self, rtol=rtol, atol=self.atol * factor)
+
+    def work_for_stability(self, rates: Array, duration: float) -> float:
+        """Evaluations: as many a step as the method has stages, if it is explicit."""
+        if self.method not in EXPLICIT:
+            return 0.0
+        import scipy.integrate
+
+        method = getattr(scipy.integrate, self.method)
+        function = stability.runge_kutta(method.A, method.B)
+        return int(method.n_stages) * stability.steps(function, rates, duration)
 
     def runs_at_once(self, most: int) -> int:
         """Whole blocks, so that the same runs share a block whatever the memory."""
@@ -85,10 +98,17 @@ class SolveIvp(Engine):
             if part is None:
                 for run in range(runs.start, runs.stop):
                     one = slice(run, run + 1)
-                    solution.place(one, self._solve_run(problem.select(one)))
+                    alone = self._solve_block(problem.select(one), lambda runs: None)
+                    assert alone is not None  # a single run always has an outcome
+                    solution.place(one, alone)
             else:
                 solution.place(runs, part)
         return solution
+
+    def rehearse(self, problem: Problem) -> None:
+        """As any engine, but by a few steps: a motion that is too fast for them is no error."""
+        brief = dataclasses.replace(self, max_steps=min(self.max_steps, REHEARSED_EVALUATIONS))
+        Engine.rehearse(brief, problem)
 
     def _solve_block(self, block: Problem, progress: Progress) -> Solution | None:
         """The block's solution, or None where any of its runs fails in a block of several."""
@@ -119,26 +139,25 @@ class SolveIvp(Engine):
                 return patient._integrate(shorter, _Reporter(shorter, lambda runs: None))
         return run.states[:, None]
 
-    def _solve_run(self, run: Problem) -> Solution:
-        solution = self._solve_block(run, lambda runs: None)
-        assert solution is not None  # a single run always has an outcome
-        return solution
-
     def _integrate(self, block: Problem, count: _Reporter) -> Array:
         whole = block.batched_loop()
-        state, found = block.states, []
+        state, found, field = block.states, [], RecordedField(whole.vector_field)
         for span in block.spans:
             if span.tick is not None:
                 with np.errstate(all="ignore"):  # a state that is not finite is found below
                     state = whole.after_instant(span.start, state, block.errors_at(span.tick))
-            states = self._integrate_span(whole.holding(whole.held(span.start)), state, span, count)
+            if held := whole.held(span.start):
+                field = RecordedField(whole.holding(held).vector_field)
+            states = self._integrate_span(field, state, span, count)
             state = states[:, -1]
             found.append(states[:, span.wanted])
         return np.concatenate(found, axis=1) if len(found) > 1 else found[0]
 
     def _integrate_span(
-        self, loop: ClosedLoop, state: Array, span: Span, count: _Reporter
+        self, derivatives: RecordedField, state: Array, span: Span, count: _Reporter
     ) -> Array:
+        from scipy.integrate import solve_ivp  # slow to import; readers of results do without
+
         shape, times = state.shape, span.grid
         # Where the field changes at an end, its value there may be that of the other side.
         first, last = (
@@ -151,7 +170,7 @@ class SolveIvp(Engine):
         def field(t: float, y: Array) -> Array:
             count(t, self.max_steps)
             inside = min(max(t, first), last)
-            derivative: Array = loop.vector_field(inside, y.reshape(shape)).ravel()
+            derivative: Array = derivatives(inside, y.reshape(shape)).ravel()
             if not np.isfinite(derivative).all():
                 count.non_finite_at = t
             return derivative
@@ -247,6 +266,8 @@ def _jacobian_options(method: str, runs: int, n: int) -> dict[str, Any]:
     if runs == 1:
         return {}
     if method in ("Radau", "BDF"):
+        import scipy.sparse
+
         ones = np.ones((n, n))
         return {"jac_sparsity": scipy.sparse.block_diag([ones] * runs, format="csc")}
     if method == "LSODA":

@@ -1,7 +1,5 @@
 """One axis of a design: the values listed for it, or the range it is drawn from."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
@@ -52,7 +50,9 @@ class Range:
     def check(self, problems: Problems) -> None:
         """Note bounds in the wrong order, or that do not fit the scale."""
         if self.low >= self.high:
-            problems.at("high").add(f"expected more than low = {self.low:g}, got {self.high:g}")
+            problems.at("high").add(
+                f"expected more than {self.low:g}, the value of low, got {self.high:g}"
+            )
         if self.scale == "log" and self.low <= 0:
             expected = "expected a number greater than 0 on a log scale"
             problems.at("low").add(f"{expected}, got {self.low:g}")
@@ -105,7 +105,7 @@ class Drawn(Range):
         """Also bounds of an integer axis that are not whole."""
         super().check(problems)
         if self.integer and not (self.low.is_integer() and self.high.is_integer()):
-            problems.at("low").add("expected whole numbers as bounds of an integer axis")
+            problems.at("low").add("expected whole numbers as low and high, since integer is true")
 
     def at(self, share: float) -> float | int:
         """Also a whole number, each for an equal part of the way; 1 itself belongs to `high`."""

@@ -1,7 +1,5 @@
 """Initial poses of a product of groups, from one distribution per factor."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

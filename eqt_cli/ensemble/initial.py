@@ -1,7 +1,5 @@
 """The initial states of an ensemble's runs."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

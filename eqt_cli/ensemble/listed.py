@@ -1,7 +1,5 @@
 """Initial states that are listed, one for each run; it knows no file."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

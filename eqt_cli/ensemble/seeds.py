@@ -3,8 +3,6 @@
 Run k draws the same numbers whatever the number of runs, workers or controllers, and in any order.
 """
 
-from __future__ import annotations
-
 from enum import IntEnum
 from zlib import crc32
 

@@ -1,16 +1,31 @@
 """What several distributions are made of: given coordinates, and independent normals."""
 
-from __future__ import annotations
-
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.component import Component
 from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
+
+
+class Distribution(Component):
+    """What is drawn for each run: a frozen dataclass whose fields are its options."""
+
+    @abstractmethod
+    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+        """The numbers of one run."""
+
+    def draw_of_run(self, G: MatrixLieGroup, generator: np.random.Generator, run: int) -> Array:
+        """The same, for a distribution that knows its runs."""
+        return self.draw(G, generator)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Note what of its options does not fit the group."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +53,22 @@ class Spread:
             got = f"got a list of {len(self.std)}"
             problems.add(f"expected a number or a list of {length}, {got}")
         elif np.min(self.std) < 0:
-            problems.add(f"expected no negative standard deviation, got {np.min(self.std):g}")
+            problems.add(f"expected a standard deviation of at least 0, got {np.min(self.std):g}")
+
+
+@dataclass(frozen=True)
+class NormalCoordinates:
+    """m independent normal coordinates."""
+
+    std: Real | list[Real] = 1.0
+
+    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
+        """std · N(0, 1)^m."""
+        return Spread(self.std).draw(G.dimension, generator)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """A wrong number of standard deviations, or a negative one."""
+        Spread(self.std).check(G.dimension, problems)
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """A sweep: blocks of designs that multiply, the first one changing slowest."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from math import prod
 from typing import Any, ClassVar, Self
@@ -50,7 +48,7 @@ class Sweep(Design):
                 if other := next((k for k in seen if _overlap(k, key)), None):
                     what = "is swept" if other == key else f"overlaps with {other}, which is swept"
                     at_key = problems.at(index, *_key_path(block, key))
-                    at_key.add(f"{key} {what} by an earlier block")
+                    at_key.add(f"{key} {what} by an earlier block; remove one of them")
                     return None
                 seen.append(key)
         return None if problems else counted(cls(list(blocks.values()), section), problems)
@@ -100,7 +98,7 @@ class Sweep(Design):
 def _block(entry: Any, problems: Problems) -> Design | None:
     if not isinstance(entry, Mapping) or len(entry) != 1:
         names = ", ".join(designs.names())
-        problems.add(f"expected one block, such as {{grid: {{…}}}}; known: {names}")
+        problems.add(f"expected one design, such as {{grid: {{…}}}}, and one only; known: {names}")
         return None
     ((name, section),) = entry.items()
     with problems.catching(name):

@@ -1,7 +1,5 @@
 """Groups runs of equal structure, of many points, into problems that an engine solves at once."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 from collections.abc import Callable, Hashable, Iterator
@@ -10,7 +8,7 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop import ClosedLoop, ReferenceSystem
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.initial import draw_initial_states
@@ -42,6 +40,13 @@ class Batch:
     problem: Problem
     kind: Hashable
 
+    def select(self, runs: Array) -> "Batch":
+        """The same batch for some of its runs."""
+        problem = self.problem.select(runs)
+        return dataclasses.replace(
+            self, rows=self.rows[runs], points=self.points[runs], problem=problem
+        )
+
 
 def batches(study: Study, label: str, entries: Array) -> Iterator[Batch]:
     """The runs of one controller, counted over all points, as problems of equal structure each.
@@ -53,11 +58,9 @@ def batches(study: Study, label: str, entries: Array) -> Iterator[Batch]:
     yield from _batches(study, label, points, Q, V, runs)
 
 
-def reference_batches(study: Study, label: str, points: Array) -> Iterator[Batch]:
-    """The references of some points by themselves: closed loops started where all errors are 0.
-
-    They belong to no run, so that what is drawn for each run has its mean.
-    """
+def reference_batches(study: Study, points: Array) -> Iterator[Batch]:
+    """The references of some points by themselves; they belong to no run."""
+    label = next(iter(study.base.loops))  # all controllers have the same
     experiments = [study.experiment(int(point)) for point in points]
     Q = np.array([experiment.initial_pose for experiment in experiments])
     V = np.array([experiment.initial_velocity for experiment in experiments])
@@ -109,6 +112,8 @@ def _problem(
     distinct, which = np.unique(points, return_inverse=True)
     experiments = [study.experiment(int(point)) for point in distinct]
     loops = [experiment.loops[label] for experiment in experiments]
+    if runs is None:
+        loops = [ReferenceSystem.of(loop) for loop in loops]
     Qd = np.array([experiment.initial_pose for experiment in experiments])[which]
     Vd = np.array([experiment.initial_velocity for experiment in experiments])[which]
     varying = _varying(loops, which)
@@ -116,7 +121,9 @@ def _problem(
         varying |= _drawn(experiments, label, which, runs)
     problem = Problem(loops[0], Q, experiments[0].times, varying)
     states = problem.batched_loop().initial_state(Q, V, Qd, Vd)
-    errors = _errors(problem, experiments, which, runs) if loops[0].vehicle.measures else None
+    errors = None
+    if runs is not None and loops[0].vehicle.measures:
+        errors = _errors(problem, experiments, which, runs)
     return dataclasses.replace(problem, states=states, errors=errors)
 
 
@@ -141,13 +148,10 @@ def _drawn(
 
 
 def _errors(
-    problem: Problem, experiments: list[Experiment], which: Array, runs: Array | None
+    problem: Problem, experiments: list[Experiment], which: Array, runs: Array
 ) -> tuple[Array, Array]:
-    """The errors of measurement in each run; a reference has none."""
+    """The errors of measurement in each run."""
     G, vehicle, instants = problem.loop.group, problem.loop.vehicle, problem.control_instants
-    if runs is None:
-        exact = np.broadcast_to(G.identity, (len(which), instants, G.size, G.size))
-        return exact, np.zeros((len(which), instants, G.dimension))
     randoms = (random_of for _, random_of in _by_run(experiments, which, runs))
     found = [vehicle.measurement_errors(G, instants, random_of) for random_of in randoms]
     return np.array([pose for pose, _ in found]), np.array([velocity for _, velocity in found])

@@ -1,19 +1,19 @@
 """Computes one part: integrates its runs, measures them, and hands over a table."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 
-from eqt_cli.closed_loop import ClosedLoop, StateLayout
+from eqt_cli.closed_loop import ClosedLoop, ReferenceSystem, StateLayout
 from eqt_cli.closed_loop.signals import at_state, knows_energy
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
-from eqt_cli.engines import Problem, Solution, Status
+from eqt_cli.engines import Solution, Status
 from eqt_cli.execution.batches import Batch, batches, initial_states, reference_batches
-from eqt_cli.execution.cross_check import chosen_entries, difference, distance
+from eqt_cli.execution.cross_check import chosen_entries, largest, squares
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.parts import Part
@@ -21,8 +21,7 @@ from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.critical_points import distance_to_unstable
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.results.quantity_table import DESIRED, MEASURED, with_keys_of
-from eqt_cli.store.reader import ResultFile
-from eqt_cli.store.table import Table, Variable
+from eqt_cli.store.table import Attribute, Table, Variable
 
 LEADING = {Per.TRAJECTORY: "kept", Per.RUN: "entry", Per.INITIAL: "start", Per.DESIRED: "reference"}
 """The leading dimension of each kind of variable in the table of a part."""
@@ -36,6 +35,10 @@ ROWS = "rows_of_numbers"
 CHECKED = "checked_"
 """What begins the names of the stretches of states, ``(checked, sample, …)``, of the runs that are
 redone when the parts are packed."""
+
+POSE_ERROR, DRIFT = "pose error", "drift from the group"
+RESIDUAL, ERROR = "residual of the reference, squared", "error, squared"
+"""What metrics are made of at every sample and no signal, which has a name without spaces."""
 
 Desired = Mapping[str, Array]
 """The quantities `DESIRED` at every sample, ``(samples, …)``, or of several points."""
@@ -58,48 +61,26 @@ def reference_table(study: Study) -> Table:
 
 
 def solve_references(study: Study, points: Array) -> dict[str, Array]:
-    """The references of some points by themselves, `DESIRED` as ``(points, samples, …)``.
-
-    They are those of the first controller; a law that fails even where all errors are 0 must not
-    harm the others, so then the next one is asked.
-    """
-    times = study.base.times
-    found: list[tuple[Array, ...]] = [()] * len(points)
-    label, first = next(iter(study.base.loops.items()))
-    if not first.reference.starts_from:  # it is no part of a state
-        for row, point in enumerate(points):
-            loop = study.experiment(int(point)).loops[label]
-            found[row] = _desired(loop, times, np.zeros((len(times), loop.state_length)))
-        return _by_name(found)
-    missing = np.arange(len(points))
-    for label in study.base.loops:
-        failed: list[int] = []
-        for batch in reference_batches(study, label, points[missing]):
-            solution = batch.engine.solve(batch.problem, lambda runs: None)
-            for row, states in zip(missing[batch.rows], solution.states, strict=True):
-                loop = study.experiment(int(points[row])).loops[label]
-                found[row] = _desired(loop, times, states)
-                if not np.isfinite(states).all():
-                    failed.append(int(row))
-        missing = np.array(sorted(failed), dtype=int)
-        if not failed:
-            break
-    return _by_name(found)
+    """The references of some points by themselves, `DESIRED` as ``(points, samples, …)``."""
+    times, label = study.base.times, next(iter(study.base.loops))  # all laws have the same
+    systems = [ReferenceSystem.of(study.experiment(int(point)).loops[label]) for point in points]
+    states = np.empty((len(points), len(times), systems[0].state_length))
+    if systems[0].state_length:  # else it is evaluated
+        for batch in reference_batches(study, points):
+            states[batch.rows] = batch.engine.solve(batch.problem, lambda runs: None).states
+    found = [_desired(system, times, own) for system, own in zip(systems, states, strict=True)]
+    columns = zip(*found, strict=True)
+    return {name: np.array(values) for name, values in zip(DESIRED, columns, strict=True)}
 
 
-def _desired(loop: ClosedLoop, times: Array, states: Array) -> tuple[Array, ...]:
-    """`DESIRED` of a flat state at every sample, ``(samples, …)`` each."""
-    s = loop.tracking(times, states)
+def _desired(system: ReferenceSystem, times: Array, states: Array) -> tuple[Array, ...]:
+    """`DESIRED` of a reference at every sample, ``(samples, …)`` each."""
+    s = system.tracking(times, states)
     # What is made of numbers alone has no axis of time.
     return tuple(
         np.broadcast_to(values, (len(times), *values.shape[values.ndim - axes :]))
         for values, axes in ((s.Qd, 2), (s.Vd, 1), (s.tau_d, 1))
     )
-
-
-def _by_name(found: list[tuple[Array, ...]]) -> dict[str, Array]:
-    columns = zip(*found, strict=True)
-    return {name: np.array(values) for name, values in zip(DESIRED, columns, strict=True)}
 
 
 def compute_part(study: Study, part: Part, shared: Desired | None, context: TaskContext) -> Table:
@@ -116,12 +97,15 @@ def compute_part(study: Study, part: Part, shared: Desired | None, context: Task
         own = solve_references(study, gathered.points)
         gathered.add_references(own)
     for batch in batches(study, gathered.label, gathered.entries):
-        reference = shared
-        if own is not None:
-            where = np.searchsorted(gathered.points, batch.points)
-            reference = {name: values[where] for name, values in own.items()}
-        assert reference is not None
-        gathered.add(batch, *_solved(batch, reference, context))
+        # Threads share a problem by runs; one thread takes it in blocks that fit its cache.
+        alone = context.threads == 1
+        for runs in batch.engine.blocks(batch.problem) if alone else [np.arange(len(batch.rows))]:
+            block, reference = batch.select(runs), shared
+            if own is not None:
+                where = np.searchsorted(gathered.points, block.points)
+                reference = {name: values[where] for name, values in own.items()}
+            assert reference is not None
+            gathered.add(block, *_solved(block, reference, gathered.names(block), context))
     return gathered.table()
 
 
@@ -168,9 +152,11 @@ class PartArrays:
         if len(starts):
             Q, V = initial_states(study, part.points[starts], part.run_numbers[starts])
             self.data |= {"initial_pose": Q, "initial_velocity": V}
-        self.check_rows = np.flatnonzero(np.isin(self.entries, chosen_entries(study)))
+        self._kept = _places(self.kept_rows, len(part))
+        check_rows = np.flatnonzero(np.isin(self.entries, chosen_entries(study)))
+        self._checked = _places(check_rows, len(part))
         self.state_layout = base.loops[self.label].layout
-        shape = (len(self.check_rows), base.config.time.samples, self.state_layout.length)
+        shape = (len(check_rows), base.config.time.samples, self.state_layout.length)
         self.check_states = np.full(shape, np.nan)
 
     def add_references(self, found: Desired) -> None:
@@ -178,6 +164,11 @@ class PartArrays:
         for name in DESIRED:
             if name in self.data:
                 self.data[name][:] = found[name][:, self.samples]
+
+    def names(self, batch: Batch) -> tuple[str, ...]:
+        """The quantities that are kept of some runs: no signals where no trajectory is."""
+        kept = {Per.RUN} if (self._kept[batch.rows] < 0).all() else {Per.RUN, Per.TRAJECTORY}
+        return tuple(entry.name for entry in self.quantities if entry.per in kept)
 
     def add(
         self,
@@ -192,16 +183,14 @@ class PartArrays:
             "status": solution.status,
             "message": np.array(solution.messages, dtype=object),
         }
-        # Among the kept rows of the part, those of the batch; and where they are in the batch.
-        kept, inside = np.isin(self.kept_rows, batch.rows), np.isin(batch.rows, self.kept_rows)
+        kept, checked = self._kept[batch.rows], self._checked[batch.rows]
         for quantity in self.quantities:
             if quantity.per is Per.RUN:
                 self.data[quantity.name][batch.rows] = per_run[quantity.name]
-            elif quantity.per is Per.TRAJECTORY:
-                found = signals[quantity.name][inside]
-                self.data[quantity.name][kept] = found[:, self.samples]
-        checked = np.isin(self.check_rows, batch.rows)
-        self.check_states[checked] = solution.states[np.isin(batch.rows, self.check_rows)]
+            elif quantity.per is Per.TRAJECTORY and (kept >= 0).any():
+                found = signals[quantity.name][kept >= 0]
+                self.data[quantity.name][kept[kept >= 0]] = found[:, self.samples]
+        self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
 
     def table(self) -> Table:
         """All of it; the numbers per run are rows of one array.
@@ -216,11 +205,18 @@ class PartArrays:
         }
         numbers = np.array([self.data[name] for name in rows])
         variables[NUMBERS] = Variable(("quantity", LEADING[Per.RUN]), numbers)
-        if len(self.check_rows):
+        if len(self.check_states):
             for name, values in self.state_layout.split(self.check_states).items():
                 dims = ("checked", "sample", f"entry_of_{name}")
                 variables[CHECKED + name] = Variable(dims, values)
         return Table(variables, {}, {ROWS: " ".join(rows)})
+
+
+def _places(chosen: Array, count: int) -> Array:
+    """The place of each of `count` rows among the chosen ones; −1 where it is none of them."""
+    places = np.full(count, -1)
+    places[chosen] = np.arange(len(chosen))
+    return places
 
 
 def _blank(quantity: Quantity, shape: tuple[int, ...]) -> Array:
@@ -230,7 +226,45 @@ def _blank(quantity: Quantity, shape: tuple[int, ...]) -> Array:
     return np.full(shape, missing, dtype=quantity.dtype)
 
 
-def checked_states(results: ResultFile, layout: StateLayout) -> Array:
+class StoredPart(Protocol):
+    """What a finished part holds, wherever that is: arrays by name, and attributes."""
+
+    @property
+    def path(self) -> Path:
+        """Its file."""
+
+    @property
+    def attributes(self) -> Mapping[str, Attribute]:
+        """What is said of all of it."""
+
+    def has(self, name: str) -> bool:
+        """Whether it holds an array of this name."""
+
+    def __getitem__(self, name: str) -> Array:
+        """The array of this name."""
+
+
+@dataclass(frozen=True)
+class KeptPart:
+    """A part in memory, which is in a file as well."""
+
+    path: Path
+    table: Table
+
+    @property
+    def attributes(self) -> Mapping[str, Attribute]:
+        """Those of the table."""
+        return self.table.attributes
+
+    def has(self, name: str) -> bool:
+        """Whether the table has such a variable."""
+        return name in self.table.variables
+
+    def __getitem__(self, name: str) -> Array:
+        return self.table.variables[name].data
+
+
+def checked_states(results: StoredPart, layout: StateLayout) -> Array:
     """The states that a part holds of the runs that are redone, ``(checked, samples, n)``."""
     return np.concatenate([results[CHECKED + name] for name in layout.lengths], axis=-1)
 
@@ -240,7 +274,7 @@ def is_number(quantity: Quantity) -> bool:
     return quantity.per is Per.RUN and quantity.dtype is not None and quantity.dtype.kind == "f"
 
 
-def read_part(results: ResultFile, quantities: Sequence[Quantity]) -> dict[str, Array]:
+def read_part(results: StoredPart, quantities: Sequence[Quantity]) -> dict[str, Array]:
     """Every variable that a part holds, by name.
 
     Raises
@@ -258,7 +292,7 @@ def read_part(results: ResultFile, quantities: Sequence[Quantity]) -> dict[str, 
     }
 
 
-def lacking(results: ResultFile, quantities: Sequence[Quantity]) -> list[str]:
+def lacking(results: StoredPart, quantities: Sequence[Quantity]) -> list[str]:
     """What every run must have and a part does not hold, as it is of another version of eqt."""
     rows = _rows(results)
     return [
@@ -269,72 +303,121 @@ def lacking(results: ResultFile, quantities: Sequence[Quantity]) -> list[str]:
     ]
 
 
-def _rows(results: ResultFile) -> list[str]:
+def _rows(results: StoredPart) -> list[str]:
     """The quantities of the rows of numbers."""
     return str(results.attributes.get(ROWS, "")).split()
 
 
 def _solved(
-    batch: Batch, reference: Desired, context: TaskContext
+    batch: Batch, reference: Desired, names: tuple[str, ...], context: TaskContext
 ) -> tuple[Solution, dict[str, Array], dict[str, Array]]:
-    """The solution of a batch, its signals and its metrics."""
-    problem, experiment = batch.problem, batch.experiment
-    solution = batch.engine.solve(problem, context.progress, context.threads)
+    """The solution of a batch, its signals and its metrics, as far as they are wanted."""
+    engine, problem, solver = batch.engine, batch.problem, batch.experiment.solver
+    solution = engine.solve(problem, context.progress, context.threads)
+    tighter = None
+    if solver.estimates_errors:
+        tighter = engine.tightened(0.1).solve(problem, lambda runs: None, context.threads)
     with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-        signals, metrics = measured(batch, solution, reference)
-        metrics["error_estimate"] = _error_estimate(batch, solution, context.threads)
-    _judge(solution, metrics["error_estimate"], experiment.solver.judgement.max_error)
+        signals, metrics = measured(batch, solution, reference, names, tighter)
+    _judge(solution, metrics["error_estimate"], solver.judgement.max_error)
     return solution, signals, metrics
 
 
 def measured(
-    batch: Batch, solution: Solution, reference: Desired
+    batch: Batch,
+    solution: Solution,
+    reference: Desired,
+    names: tuple[str, ...],
+    tighter: Solution | None = None,
 ) -> tuple[dict[str, Array], dict[str, Array]]:
-    """The signals of a solution, and what of its runs is one number each."""
-    problem: Problem = batch.problem
-    times = problem.times
-    signals = batch.engine.evaluate(_sampled, problem, solution.states)
-    loop = problem.batched_loop(extra_axes=1)
-    if not knows_energy(loop, times, solution.states):
-        signals["energy_balance"] = np.full_like(signals["energy_balance"], np.nan)
+    """The signals of a solution, and what of its runs is one number each.
+
+    Parameters
+    ----------
+    reference
+        By itself, which the reference of every run is compared with.
+    names
+        The signals and metrics that are wanted.
+    tighter
+        The solution at a tenth of the tolerance, from which errors are estimated.
+    """
+    problem, times, states = batch.problem, batch.problem.times, solution.states
     config = batch.experiment.config
+    rows = [with_keys_of(config, metric) for metric in MEASURED if metric.name in names]
+    wanted = {*names, *(name for metric in rows for name in metric.signals)}
+    given = [states, _in_rows(reference, states.shape[:2])]
+    if tighter is not None:
+        given.append(tighter.states)
+    found = batch.engine.evaluate(Sampled(tuple(sorted(wanted))), problem, *given)
+    loop = problem.batched_loop(extra_axes=1)
+    if not knows_energy(problem.loop, times, states[:1]):
+        found["energy_balance"] = np.full_like(found["energy_balance"], np.nan)
     metrics = {
         metric.name: metric.measure(
             times,
-            signals,
+            found,
             metric.window,
             **{name: getattr(config, key) for name, key in metric.settings.items()},
         )
-        for metric in (with_keys_of(config, metric) for metric in MEASURED)
+        for metric in rows
     }
+    away = distance_to_unstable(loop.group, loop.gains.K, found[POSE_ERROR])
+    estimate = np.full(problem.runs, np.nan) if tighter is None else largest(found[ERROR])
     metrics |= {
-        "group_drift": loop.group.drift(signals["pose"]).max(axis=-1),
-        "unstable_distance": distance_to_unstable(
-            loop.group, loop.gains.K, signals["pose_error_matrix"]
-        ).min(axis=-1),
-        "reference_residual": difference(
-            signals["desired_pose"] - reference["desired_pose"],
-            signals["desired_velocity"] - reference["desired_velocity"],
-        ),
+        "group_drift": found[DRIFT].max(axis=-1),
+        "unstable_distance": away.min(axis=-1),
+        "reference_residual": largest(found[RESIDUAL]),
+        "error_estimate": estimate,
     }
-    return signals, metrics
+    return found, metrics
 
 
-def _sampled(loop: ClosedLoop, t: Any, states: Array) -> dict[str, Array]:
-    """The signals, and what else is measured at every sample: Q_E, Q_d and V_d."""
-    s = loop.tracking(t, states)
-    found = dict(at_state(loop, s, loop.work(states)))
-    return found | {"pose_error_matrix": s.Q_E, "desired_pose": s.Qd, "desired_velocity": s.Vd}
+def _in_rows(reference: Desired, shape: tuple[int, ...]) -> Array:
+    """The desired pose and velocity of every run at every sample, ``(runs, samples, n)``."""
+    pose, velocity = reference["desired_pose"], reference["desired_velocity"]
+    flat = pose.reshape(*velocity.shape[:-1], -1)
+    rows = np.concatenate([flat, velocity], axis=-1)
+    return np.broadcast_to(rows, (*shape, rows.shape[-1]))
 
 
-def _error_estimate(batch: Batch, solution: Solution, threads: int) -> Array:
-    """The distance of every run to a solve at a tenth of the tolerance; NaN without one."""
-    problem = batch.problem
-    if not batch.experiment.solver.estimates_errors:
-        return np.full(problem.runs, np.nan)
-    tighter = batch.engine.tightened(0.1).solve(problem, lambda runs: None, threads)
-    loop = problem.batched_loop(extra_axes=1)
-    return distance(loop, problem.times, solution.states, tighter.states)
+@dataclass(frozen=True)
+class Sampled:
+    """What is measured at a sample, of floats or symbols.
+
+    Attributes
+    ----------
+    names
+        The signals that are wanted, among other names.
+    """
+
+    names: tuple[str, ...]
+
+    def __call__(
+        self, loop: ClosedLoop, t: Any, states: Array, desired: Array, tighter: Array | None = None
+    ) -> dict[str, Array]:
+        """The signals, and what else metrics are made of, by name.
+
+        Parameters
+        ----------
+        desired
+            The desired pose, flat, and behind it the desired velocity.
+        tighter
+            The states of a more accurate solution.
+        """
+        s, G = loop.tracking(t, states), loop.group
+        signals = at_state(loop, s, loop.work(states))
+        found = {name: values for name, values in signals if name in self.names}
+        pose, velocity = np.split(desired, [G.size**2], axis=-1)
+        pose = pose.reshape(*pose.shape[:-1], G.size, G.size)
+        found |= {
+            POSE_ERROR: s.Q_E,
+            DRIFT: G.drift(s.Q),
+            RESIDUAL: squares(s.Qd - pose, s.Vd - velocity),
+        }
+        if tighter is not None:
+            other = loop.tracking(t, tighter)
+            found[ERROR] = squares(s.Q - other.Q, s.V - other.V)
+        return found
 
 
 def _judge(solution: Solution, estimate: Array, limit: float | None) -> None:

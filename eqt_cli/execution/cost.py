@@ -1,7 +1,5 @@
 """What a study costs: the time that it takes, its size on the disk, and the memory it needs."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import time

@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.core.arrays import Array, frobenius, norm
+from eqt_cli.closed_loop import ClosedLoop, OwnStarts
+from eqt_cli.closed_loop.own_starts import STARTS
+from eqt_cli.config.schema import Judgement
+from eqt_cli.core.arrays import Array, stack
 from eqt_cli.core.errors import TraceError
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.result import CrossCheck
+from eqt_cli.results.origin import CrossCheck
+
+Way = Callable[[Experiment], tuple[Engine, str]]
+"""The engine that redoes the runs of an experiment, and its name."""
 
 BOUND_PER_RTOL = 1000.0
 """Allowed difference per unit of `rtol`: what the trajectories themselves amplify (up to 70 times
@@ -26,6 +31,34 @@ MOST_SPANS = 200
 """From one known instant to the next, that an engine in Python redoes. Each takes it a step of its
 own at least, some milliseconds: all of a motion through thousands of waypoints would take minutes,
 and show no other fault than its beginning."""
+
+SHARE = 0.1
+"""Of the work of the runs: what the check may cost where as many runs are checked as by default."""
+
+FREE = 15_000
+"""Compiled steps of a run, a twentieth of a second, which the check may cost however short the runs
+are: a tenth of what any experiment takes to begin."""
+
+EVALUATION = 40
+"""Compiled steps of a run that take as long as one evaluation of a vectorised law in Python: 125 µs
+and, with all that is measured of a run, 3 µs were measured. The check is cut by counts, so that it
+is the same on every machine."""
+
+EVALUATIONS = 28
+"""In Python, to come as far as one compiled step (2,820 and 100 in 20 s of the paper's runs)."""
+
+TIGHTER = 2
+"""Times as many evaluations at a hundredth of the tolerances, at an order of 8."""
+
+BLOCK = 200
+"""Runs that share the evaluations of an engine in Python."""
+
+SAME = 1e-9
+"""What rates of a piece may differ by, relative and in SI units, when others are beside it."""
+
+MOST_PIECES = 16
+"""Of the horizon, which such an engine redoes side by side, each from the state that was found
+there: all of it is seen in as many evaluations as one piece takes."""
 
 
 @lru_cache(maxsize=8)
@@ -40,26 +73,35 @@ def chosen_entries(study: Study) -> Array:
     return np.sort(random.choice(entries, size=count, replace=False))
 
 
-def cross_check(study: Study, found: Mapping[str, Sequence[Array]]) -> CrossCheck | None:
+def cross_check(
+    study: Study,
+    found: Mapping[str, Sequence[Array]],
+    steps: Mapping[str, Array],
+    progress: Callable[[float], None] = lambda runs: None,
+) -> CrossCheck | None:
     """Solve the chosen runs again and compare; None where none are chosen.
 
     Parameters
     ----------
     found
         For each controller the states that were found for its chosen runs, some at a time.
+    steps
+        For each controller the work of all of its runs, as the engine counts it.
+    progress
+        Told how many more runs are checked, in fractions.
     """
     chosen = chosen_entries(study)
     if not len(chosen):
         return None
     groups = _by_kind(study, chosen, found)
-    _, method = _another_way(study.base)
+    way = _another_way
     try:
-        differences, until = _differences(groups, _another_way)
+        differences, redone = _differences(study, groups, way, steps, progress)
     except TraceError:  # the results do not depend on what another engine cannot compile
-        _, method = _tighter(study.base)
-        differences, until = _differences(groups, _tighter)
-    if until < study.base.times[-1]:
-        method = f"{method} over the first {until:.3g} s"
+        way = _tighter
+        differences, redone = _differences(study, groups, way, steps, progress)
+    _, method = way(study.base)
+    method = " ".join(filter(None, (method, redone.words(study.base.times))))
     largest = float(differences.max()) if len(differences) else float("nan")
     bound = BOUND_PER_RTOL * study.base.engine.rtol
     return CrossCheck(method, len(chosen), largest, bound)
@@ -74,33 +116,162 @@ def together(checks: Sequence[CrossCheck | None]) -> CrossCheck | None:
     return replace(worst, runs=sum(check.runs for check in done))
 
 
+def _affordable(study: Study, way: Way, groups: int, steps: Mapping[str, Array]) -> float:
+    """How much of the horizon the check can redo for `SHARE` of the work of the runs, or `FREE`.
+
+    All of it by a compiled engine, whose time is that of compiling; and where a number of runs is
+    asked for that is not the default.
+    """
+    base = study.base
+    engine, _ = way(base)
+    if engine.threads or base.solver.judgement.cross_check != Judgement.cross_check:
+        return 1.0
+    counted = [np.nan_to_num(own) for own in steps.values()]
+    longest = max((float(own.max(initial=0.0)) for own in counted), default=0.0)
+    if base.engine.threads:
+        solves = 2 if base.solver.estimates_errors else 1
+        work = solves * sum(float(own.sum()) for own in counted)
+        cost = groups * longest * EVALUATIONS * EVALUATION
+    else:
+        blocks = [own.mean() * -(-own.size // BLOCK) for own in counted if own.size]
+        work = EVALUATION * float(sum(blocks))
+        cost = groups * longest * TIGHTER * EVALUATION
+    budget = max(SHARE * work, FREE / len(study.shapes))
+    return min(1.0, budget / cost) if cost else 1.0
+
+
+@dataclass(frozen=True)
+class _Pieces:
+    """The pieces of the horizon that are redone, each from the state that was found at its start.
+
+    Attributes
+    ----------
+    starts
+        The samples at which they begin.
+    length
+        How many samples each has, with its first.
+    """
+
+    starts: tuple[int, ...]
+    length: int
+
+    @staticmethod
+    def of(problem: Problem, engine: Engine, part: float) -> _Pieces:
+        """As many pieces as make the whole horizon affordable, or less of it where they do not.
+
+        They share the evaluations of one block of the engine. Where it solves runs one by one, or
+        the vector field changes at known instants, there is one piece, as far as `MOST_SPANS` go.
+        """
+        steps, side_by_side = len(problem.times) - 1, engine.runs_at_once(1) // problem.runs
+        number = min(steps, MOST_PIECES, int(np.ceil(1 / part)), max(1, side_by_side))
+        if len(problem.spans) > 1 or number == 1:
+            return _Pieces.beginning(problem, part)
+        length = min(-(-steps // number), int(np.ceil(part * steps)))
+        starts = np.linspace(0, steps - length, number).round().astype(int)
+        return _Pieces(tuple(starts.tolist()), length + 1)
+
+    @staticmethod
+    def beginning(problem: Problem, part: float) -> _Pieces:
+        """A part of the horizon, from its start."""
+        return _Pieces((0,), _beginning(problem, part))
+
+    def can_share_evaluations(self, whole: Problem, states: Array) -> bool:
+        """Whether the field gives each piece its own time: a user's part may take one time only."""
+        if len(self.starts) == 1:
+            return True
+        t, together = float(whole.times[0]), self.problem(whole, states)
+        loop, alone = whole.batched_loop(), []
+        with np.errstate(all="ignore"):
+            try:
+                rates = together.batched_loop().vector_field(t, together.states)
+            except Exception:
+                return False
+            for start in self.starts:
+                t = float(whole.times[start])
+                alone.append(loop.holding(loop.held(t)).vector_field(t, states[:, start]))
+        expected = np.concatenate(alone)
+        return rates.shape == expected.shape and np.allclose(rates, expected, SAME, SAME)
+
+    def problem(self, whole: Problem, states: Array) -> Problem:
+        """All pieces of all runs as one problem; `states` are those that were found."""
+        times = whole.times[: self.length]
+        if len(self.starts) == 1:
+            return replace(whole, times=times)
+        number = len(self.starts)
+        varying = {name: np.concatenate([own] * number) for name, own in whole.varying.items()}
+        later = whole.times[list(self.starts)] - whole.times[0]
+        return Problem(
+            OwnStarts.of(whole.loop),
+            np.concatenate([states[:, start] for start in self.starts]),
+            times,
+            varying | {STARTS: np.repeat(later, whole.runs)[:, None]},
+        )
+
+    def differences(self, whole: Problem, states: Array, again: Array) -> Array:
+        """For each run the sum of the differences of its pieces."""
+        loop, total = whole.batched_loop(extra_axes=1), np.zeros(whole.runs)
+        for start, redone in zip(self.starts, np.split(again, len(self.starts)), strict=True):
+            samples = slice(start, start + self.length)
+            total += distance(loop, whole.times[samples], states[:, samples], redone)
+        return total
+
+    def reach(self) -> int:
+        """From how many samples to the next it is redone."""
+        return len(self.starts) * (self.length - 1)
+
+    def words(self, times: Array) -> str:
+        """What is redone of the horizon; empty where it is all, at once."""
+        seconds = f"{times[self.length - 1] - times[0]:.3g} s"
+        if len(self.starts) > 1:
+            return f"in {len(self.starts)} pieces of {seconds}"
+        return f"over the first {seconds}" if self.length < len(times) else ""
+
+
 def _differences(
-    groups: list[list[tuple[Batch, Array]]], way: Callable[[Experiment], tuple[Engine, str]]
-) -> tuple[Array, float]:
-    """How far another way comes from each of the runs that did not fail, and until when it goes."""
-    found, until = [], np.inf
+    study: Study,
+    groups: list[list[tuple[Batch, Array]]],
+    way: Way,
+    steps: Mapping[str, Array],
+    progress: Callable[[float], None],
+) -> tuple[Array, _Pieces]:
+    """How far another way comes from each of the runs that did not fail, and what it redoes."""
+    part, found, redone = _affordable(study, way, len(groups), steps), [np.empty(0)], []
     for group in groups:
         engine, _ = way(group[0][0].experiment)
         problem = Problem.joined([batch.problem for batch, _ in group])
-        if not engine.threads:
-            problem = _beginning(problem)
-        until = min(until, float(problem.times[-1]))
-        states = np.concatenate([states for _, states in group])[:, : len(problem.times)]
-        again = engine.solve(problem, lambda runs: None)
-        loop = problem.batched_loop(extra_axes=1)
-        with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-            distances = distance(loop, problem.times, states, again.states)
-        good = np.isfinite(states).all(axis=(1, 2))
-        found.append(np.nan_to_num(distances[good], nan=np.inf))
-    return np.concatenate(found), until
+        everything = _Pieces((0,), len(problem.times))
+        pieces = everything if engine.threads else _Pieces.of(problem, engine, part)
+        states = np.concatenate([states for _, states in group])
+        good = np.flatnonzero(np.isfinite(states).all(axis=(1, 2)))
+        progress(problem.runs - len(good))
+        if not len(good):
+            continue
+        whole, states = problem.select(good), states[good]
+        if not pieces.can_share_evaluations(whole, states):
+            pieces = _Pieces.beginning(problem, part)
+        redone.append(pieces)
+        share = 1 / len(pieces.starts)
+        again = engine.solve(pieces.problem(whole, states), _scaled(progress, share))
+        with np.errstate(all="ignore"):  # where the other engine failed, or came far
+            distances = pieces.differences(whole, states, again.states)
+        found.append(np.nan_to_num(distances, nan=np.inf))
+    all_of_it = _Pieces((0,), len(study.base.times))
+    return np.concatenate(found), min(redone, key=_Pieces.reach, default=all_of_it)
 
 
-def _beginning(problem: Problem) -> Problem:
-    """As many of its samples as `MOST_SPANS` reach, and no fewer than two."""
-    if len(problem.spans) <= MOST_SPANS:
-        return problem
-    reached = np.searchsorted(problem.times, problem.spans[MOST_SPANS].start, side="right")
-    return replace(problem, times=problem.times[: max(int(reached), 2)])
+def _scaled(progress: Callable[[float], None], share: float) -> Callable[[float], None]:
+    return lambda runs: progress(share * runs)
+
+
+def _beginning(problem: Problem, part: float) -> int:
+    """How many samples a part of the horizon has, as far as `MOST_SPANS` reach; two at least."""
+    times = problem.times
+    end = times[0] + part * (times[-1] - times[0])
+    if len(problem.spans) > MOST_SPANS:
+        end = min(end, problem.spans[MOST_SPANS].start)
+    if end >= times[-1]:
+        return len(times)
+    return max(int(np.searchsorted(times, end, side="right")), 2)
 
 
 def _by_kind(
@@ -123,7 +294,18 @@ def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:
 
 def difference(pose: Array, velocity: Array) -> Array:
     """max over samples of max(‖ΔQ‖_F, ‖ΔV‖), ``(runs,)``."""
-    return np.maximum(frobenius(pose), norm(velocity)).max(axis=-1)
+    return largest(squares(pose, velocity))
+
+
+def squares(pose: Array, velocity: Array) -> Array:
+    """‖ΔQ‖_F² and ‖ΔV‖² at every sample, ``(..., 2)``, of floats or symbols."""
+    return stack([(pose * pose).sum(axis=(-2, -1)), (velocity * velocity).sum(axis=-1)])
+
+
+def largest(squares: Array) -> Array:
+    """The root of the largest over all samples, ``(runs, samples, 2) -> (runs,)``."""
+    found: Array = np.sqrt(squares.max(axis=(-2, -1)))
+    return found
 
 
 def _another_way(experiment: Experiment) -> tuple[Engine, str]:

@@ -1,9 +1,7 @@
 """The folder of a result: what it holds, whose it is, and that nothing in it is lost."""
 
-from __future__ import annotations
-
-import json
 import shutil
+from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +9,7 @@ from typing import Any
 
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import OTHER_FOLDER, START_OVER, EqtError, Remedy
-from eqt_cli.core.files import refusals, replace_file
+from eqt_cli.core.files import read_record, refusals, replace_file, write_record
 from eqt_cli.core.own_files import is_eqts
 from eqt_cli.core.problems import KeyPath, dotted
 from eqt_cli.core.validation import shown
@@ -48,15 +46,7 @@ class ResultFolder:
     def manifest(self) -> dict[str, Any] | None:
         """What the folder's last experiment was; None if it holds none."""
         with self._refusals():
-            try:
-                text = (self.path / MANIFEST).read_text(encoding="utf-8")
-            except FileNotFoundError:
-                return None
-        try:
-            manifest: dict[str, Any] = json.loads(text)
-            return manifest if "digest" in manifest else None
-        except (ValueError, TypeError):
-            return None
+            return read_record(self.path / MANIFEST, "digest")
 
     def is_complete(self, study: Study) -> bool:
         """Whether the folder already holds the finished results of this very experiment."""
@@ -83,16 +73,17 @@ class ResultFolder:
             removed = self._clear(study, force)
             self.path.mkdir(parents=True, exist_ok=True)
             # First, so that what follows is known as eqt's own, whenever this process may die.
-            self._write(MANIFEST, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
+            write_record(self.path / MANIFEST, manifest)
             self.write_config(study)
             self.parts.folder.mkdir(exist_ok=True)
         return removed
 
     def write_config(self, study: Study, name: str = CONFIG) -> None:
         """Write the complete configuration, with what it refers to beside it."""
-        plugins = self._copy_plugins(study)
-        files = self._copy_files(study)
-        self._write(name, dump(_renamed(study.resolved, files) | {"plugins": plugins}))
+        plugins = self._copied(PLUGINS, study.base.plugins)
+        files = self._copied(FILES, study.files, ".csv")
+        data = _renamed(study.resolved, files) | {"plugins": list(plugins.values())}
+        replace_file(self.path / name, dump(data).encode())
 
     def tidy(self) -> None:
         """Remove what killed processes left unfinished."""
@@ -103,11 +94,8 @@ class ResultFolder:
     def finish(self, manifest: dict[str, Any]) -> None:
         """Write down how the run went, and remove the parts, which the result file holds."""
         with self._refusals():
-            self._write(MANIFEST, json.dumps(manifest, indent=2, ensure_ascii=False) + "\n")
+            write_record(self.path / MANIFEST, manifest)
             shutil.rmtree(self.parts.folder, ignore_errors=True)
-
-    def _write(self, name: str, text: str) -> None:
-        replace_file(self.path / name, text.encode())
 
     def _refusals(self) -> AbstractContextManager[None]:
         return refusals(self.path, "used", OTHER_FOLDER)
@@ -139,7 +127,7 @@ class ResultFolder:
             )
         if begun and not force and (manifest or {}).get("plan") != study.plans.data:
             raise EqtError(
-                f"{self.path}: holds parts that another version of eqt has cut differently",
+                f"{self.path}: was begun by another version of eqt, which cuts runs differently",
                 Remedy("finish with that version"),
                 START_OVER,
             )
@@ -148,23 +136,17 @@ class ResultFolder:
         removed = [path for entry in there for path in _removed(entry)]
         return [str(path) for path in removed] if force else []
 
-    def _copy_plugins(self, study: Study) -> list[str]:
-        """Keep the sources, so that the folder runs again wherever it is; returns their paths."""
-        copies = []
-        for index, (path, text) in enumerate(study.base.plugins.items()):
-            copy = f"{PLUGINS}/{index}-{Path(path).name}"
-            (self.path / PLUGINS).mkdir(exist_ok=True)
-            self._write(copy, text)
-            copies.append(copy)
-        return copies
+    def _copied(self, folder: str, texts: Mapping[str, str], suffix: str = "") -> dict[str, str]:
+        """Keep what a configuration refers to, so that the folder runs again wherever it is.
 
-    def _copy_files(self, study: Study) -> dict[str, str]:
-        """Keep the files with data, likewise; returns their new paths by the old ones."""
+        Returns the new paths by the old ones.
+        """
         copies = {}
-        for index, (path, text) in enumerate(study.files.items()):
-            copies[path] = f"{FILES}/{index}-{Path(path).stem}.csv"
-            (self.path / FILES).mkdir(exist_ok=True)
-            self._write(copies[path], text)
+        for index, (path, text) in enumerate(texts.items()):
+            name = Path(path).stem + suffix if suffix else Path(path).name
+            copies[path] = f"{folder}/{index}-{name}"
+            (self.path / folder).mkdir(exist_ok=True)
+            replace_file(self.path / copies[path], text.encode())
         return copies
 
 

@@ -1,7 +1,5 @@
 """How far an unfinished result has come, told from a listing of its folder; it opens no part."""
 
-from __future__ import annotations
-
 import json
 import os
 import time

@@ -1,20 +1,18 @@
 """One writer per result folder: a lock that ends with its process, however that ends."""
 
-from __future__ import annotations
-
 import errno
 import json
 import os
 import platform
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from datetime import UTC, datetime
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
-from eqt_cli.core.files import refusals
+from eqt_cli.core.files import read_record, refusals
+from eqt_cli.execution.provenance import now
 
 LOCK = ".lock"
 
@@ -74,7 +72,8 @@ def locked(
             )
         if not shared:
             os.ftruncate(handle, 0)
-            os.write(handle, json.dumps(_holder()).encode())
+            own = {"pid": os.getpid(), "host": platform.node(), "since": now()}
+            os.write(handle, json.dumps(own).encode())
         yield
     finally:
         if not shared:
@@ -135,14 +134,7 @@ def _lock(handle: int, path: Path, shared: bool) -> bool:
     return True
 
 
-def _holder() -> dict[str, Any]:
-    started = datetime.now(UTC).isoformat(timespec="seconds")
-    return {"pid": os.getpid(), "host": platform.node(), "since": started}
-
-
 def _read(path: Path) -> dict[str, Any] | None:
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return None
-    return found if isinstance(found, dict) and {"pid", "host"} <= set(found) else None
+    with suppress(OSError):
+        return read_record(path, "pid", "host")
+    return None

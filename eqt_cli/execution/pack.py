@@ -1,9 +1,8 @@
 """From the files of parts to the one result file, part by part, so that the memory suffices."""
 
-from __future__ import annotations
-
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import asdict
 from pathlib import Path
 
@@ -29,6 +28,11 @@ from eqt_cli.store.reader import ResultFile as StoredFile
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.table import Attribute
 
+PACKING, CHECKING = "parts packed", "runs cross-checked"
+"""What a user is told of."""
+
+_ByController = dict[int, dict[str, list[Array]]]
+
 COPIED_BYTES = 64 * 2**20
 
 
@@ -46,8 +50,18 @@ class BrokenPart(ResultError):
         self.path = path
 
 
-def pack(task: PartTask, results: Path, attributes: Mapping[str, Attribute]) -> None:
+def pack(
+    task: PartTask,
+    results: Path,
+    attributes: Mapping[str, Attribute],
+    during: Callable[[str, int], AbstractContextManager[Callable[[float], None]]],
+) -> None:
     """Write the result file from the parts, all of which must exist.
+
+    Parameters
+    ----------
+    during
+        Told the steps of it that take long: their names, and of how much they consist.
 
     Raises
     ------
@@ -62,9 +76,17 @@ def pack(task: PartTask, results: Path, attributes: Mapping[str, Attribute]) -> 
             shared, decimate = task.shared(index), study.base.config.store.decimate
             for name, values in (shared or {}).items():
                 place.put(name, values[::decimate])
-        states = _put_parts(task, file)
-        pieces = map(study.piece, range(len(study.shapes)))
-        check = together([cross_check(piece, states[k]) for k, piece in enumerate(pieces)])
+        with during(PACKING, len(task)) as progress:
+            found = _put_parts(task, file, progress)
+        pieces = [study.piece(index) for index in range(len(study.shapes))]
+        redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in pieces)
+        with during(CHECKING, redone) as progress:
+            check = together(
+                [
+                    cross_check(piece, found.states[k], found.steps(k), progress)
+                    for k, piece in enumerate(pieces)
+                ]
+            )
         fields = {} if check is None else asdict(check)
         checked = {f"cross_check_{name}": value for name, value in fields.items()}
         file.root.describe({**attributes, **checked})
@@ -85,7 +107,7 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
             _copy(group, old.at(point), layout.quantities)
         for written in (file.root, *file.groups):
             written.replaces = True
-        _put_parts(task, file)
+        _put_parts(task, file, lambda parts: None)
         file.root.describe({**old.attributes, **attributes})
     with open_results(results) as new:
         return int(np.count_nonzero(new["status"]))
@@ -110,19 +132,32 @@ def _rows(shape: tuple[int, ...]) -> Iterator[slice]:
         yield slice(start, min(start + step, shape[0]))
 
 
-def _put_parts(task: PartTask, file: ResultFile) -> dict[int, dict[str, list[Array]]]:
-    """Put all that finished parts hold in its place.
+class _Found:
+    """What the cross-check needs of the parts, by piece and controller."""
 
-    Returns, by piece and controller, the states of the runs that the cross-check redoes.
-    """
-    states: dict[int, dict[str, list[Array]]] = defaultdict(lambda: defaultdict(list))
+    def __init__(self) -> None:
+        self.states: _ByController = defaultdict(lambda: defaultdict(list))
+        self._steps: _ByController = defaultdict(lambda: defaultdict(list))
+
+    def add_steps(self, piece: int, label: str, steps: Array) -> None:
+        """The work of the runs of a part."""
+        self._steps[piece][label].append(steps)
+
+    def steps(self, piece: int) -> dict[str, Array]:
+        """The work of all runs of each controller."""
+        return {label: np.concatenate(own) for label, own in self._steps[piece].items()}
+
+
+def _put_parts(task: PartTask, file: ResultFile, progress: Callable[[float], None]) -> _Found:
+    """Put all that finished parts hold in its place."""
+    gathered = _Found()
     for item, listed in sorted(task.files.listed().items()):
         index, part = task.part(item)
         study, place = task.study.piece(index), file.places[index]
         layout = Layout(study)
         label, loop = list(study.base.loops.items())[part.controller]
         try:
-            with open_results(listed.path) as results:
+            with task.opened(item, listed.path) as results:
                 digest = task.study.digest
                 if results.attributes.get("digest", digest) != digest:
                     raise ResultError(f"{listed.path}: is a part of another experiment")
@@ -132,10 +167,13 @@ def _put_parts(task: PartTask, file: ResultFile) -> dict[int, dict[str, list[Arr
                         _put(place, layout, entry, found[entry.name], part)
                 chosen = chosen_entries(study)
                 if ((chosen >= part.start) & (chosen < part.stop)).any():
-                    states[index][label].append(checked_states(results, loop.layout))
+                    gathered.states[index][label].append(checked_states(results, loop.layout))
+                if "steps" in found:
+                    gathered.add_steps(index, label, found["steps"])
         except ResultError as error:
             raise BrokenPart(listed.path, str(error)) from error
-    return states
+        progress(1)
+    return gathered
 
 
 def _put(place: Destination, layout: Layout, entry: Quantity, data: Array, part: Part) -> None:

@@ -1,8 +1,7 @@
 """What a worker does: open the study once, compute the parts that it is told, and save them."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -14,6 +13,8 @@ from eqt_cli.core.error_origin import blamed
 from eqt_cli.core.errors import ResultError
 from eqt_cli.execution.compute_part import (
     Desired,
+    KeptPart,
+    StoredPart,
     compute_part,
     lacking,
     lost_part,
@@ -28,6 +29,9 @@ from eqt_cli.results.quantity_table import DESIRED
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.table import Table
 
+KEPT_BYTES = 64 * 2**20
+"""Of finished parts, in memory, so that packing them need not read them back."""
+
 
 @dataclass(frozen=True, eq=False)
 class PartTask:
@@ -38,11 +42,15 @@ class PartTask:
     chosen
         The parts to compute, each with the index of its piece of the study; None for those of the
         study's plan, which are all.
+    keeps
+        Whether parts that this process has saved stay in memory, up to `KEPT_BYTES`, until they are
+        packed. In other processes, whose tasks arrive by pickle, none do.
     """
 
     study: Study
     files: PartFiles
     chosen: tuple[tuple[int, Part], ...] | None = None
+    keeps: bool = False
 
     def __len__(self) -> int:
         return len(self.study.plans) if self.chosen is None else len(self.chosen)
@@ -78,8 +86,26 @@ class PartTask:
     def _save(self, item: int, table: Table) -> int:
         failed = int(np.count_nonzero(table.variables["status"].data))
         attributes = {**table.attributes, "digest": self.study.digest}
-        self.files.save(item, Table(table.variables, {}, attributes), failed)
+        whole = Table(table.variables, {}, attributes)
+        self.files.save(item, whole, failed)
+        self._kept.pop(item, None)
+        if self.keeps and _bytes(whole, *self._kept.values()) <= KEPT_BYTES:
+            self._kept[item] = whole
         return failed
+
+    @cached_property
+    def _kept(self) -> dict[int, Table]:
+        """Parts that are in files, too, by number."""
+        return {}
+
+    @contextmanager
+    def opened(self, item: int, path: Path) -> Iterator[StoredPart]:
+        """What a finished part holds, once from memory where it is kept, else from its file."""
+        if item in self._kept:
+            yield KeptPart(path, self._kept.pop(item))
+        else:
+            with open_results(path) as results:
+                yield results
 
     @blamed()
     def prepare(self) -> None:
@@ -119,3 +145,7 @@ class PartTask:
 
     def __getstate__(self) -> dict[str, Any]:
         return {"study": self.study, "files": self.files, "chosen": self.chosen}
+
+
+def _bytes(*tables: Table) -> int:
+    return sum(entry.data.nbytes for table in tables for entry in table.variables.values())

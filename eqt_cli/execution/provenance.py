@@ -1,7 +1,5 @@
 """Where a result comes from: versions, machine, state of the code; nothing that affects numbers."""
 
-from __future__ import annotations
-
 import os
 import platform
 import subprocess

@@ -1,7 +1,5 @@
 """Runs of a finished result that failed: what of it is computed once more."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Where all points of a sweep have one shape, variables have a dimension `point`. 
 the root holds what there is one of for every run, and a group for each point holds all of it.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -41,7 +39,6 @@ class Destination(Protocol):
 
     def put(self, name: str, data: Array, positions: Positions = ()) -> None:
         """Write part of a variable, at positions along (point,) and its further axes."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -235,12 +232,6 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
     return found
 
 
-def titles(study: Study) -> dict[str, str]:
-    """How every controller is written in figures: by its law's title unless it has a label."""
-    laws = {label: loop.controller for label, loop in study.base.loops.items()}
-    return {label: law.title if label == law.name else label for label, law in laws.items()}
-
-
 def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
     """The attributes with which a result can be understood and run again."""
     groups = {study.piece(index).base.group.name: None for index in range(len(study.shapes))}
@@ -261,7 +252,7 @@ def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
         **({"files": json.dumps(study.files, ensure_ascii=False)} if study.files else {}),
         "digest": study.digest,
         "group": ", ".join(groups),
-        "titles": json.dumps(titles(study), ensure_ascii=False),
+        "titles": json.dumps(study.base.titles, ensure_ascii=False),
         "provenance": json.dumps(provenance, ensure_ascii=False),
         "references": "Hampsey, van Goor, Banavar, Mahony (2025), arXiv 2511.18800",
         **own,

@@ -1,13 +1,11 @@
 """A study from configuration to result folder: what is missing is computed, then all is packed."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import time
 import warnings
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,15 +14,16 @@ import numpy as np
 
 from eqt_cli.core.errors import EqtError, EqtWarning, Remedy
 from eqt_cli.execution.cost import check_resources
-from eqt_cli.execution.executors import MOST_TRIES, Executor
+from eqt_cli.execution.executors import MOST_TRIES, Executor, Progress
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
-from eqt_cli.execution.pack import BrokenPart, pack, replace_runs
+from eqt_cli.execution.pack import CHECKING, BrokenPart, pack, replace_runs
 from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.provenance import OTHERS, differences, now, provenance, together
 from eqt_cli.execution.rerun_failed import rerun_of
 from eqt_cli.execution.result_layout import described
+from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity_table import quantities
 from eqt_cli.store.reader import open_results
@@ -32,7 +31,6 @@ from eqt_cli.store.reader import open_results
 RERUN = "reruns"
 """The folder, in that of a result, of failed runs that are computed once more."""
 
-Progress = Callable[[float], None]
 Remark = Callable[[EqtWarning], None]
 
 
@@ -72,7 +70,7 @@ class Execution:
     packed
         Whether the result file is there; a shard alone does not write it.
     seconds
-        Wall time of simulation and writing, s.
+        Wall time of simulation, writing and cross-check, s.
     """
 
     folder: ResultFolder
@@ -96,6 +94,7 @@ def execute(
     progress: Progress = _silent,
     resumed: Progress = _silent,
     remark: Remark = warn,
+    stage: Stage | None = None,
 ) -> Execution:
     """Compute what of a study is not in its folder yet, and pack the result file.
 
@@ -115,6 +114,9 @@ def execute(
         Told at the start how many runs earlier sessions have done.
     remark
         Told what a user should know and no error is.
+    stage
+        Told the name of each step after the runs, and of how much it consists; what `progress` is
+        told then counts for this step. Without it, these steps tell nothing.
 
     Raises
     ------
@@ -130,7 +132,7 @@ def execute(
         locks.enter_context(locked(out, shared=shard is not None, remark=remark))
         if shard:
             locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
-        session = _Session(study, folder, executor or Serial(), progress, resumed, remark)
+        session = _Session(study, folder, executor or Serial(), progress, resumed, remark, stage)
         if complete:
             return session.rerun(complete.failed)
         if rerun_failed:
@@ -187,11 +189,12 @@ class _Session:
     progress: Progress
     resumed: Progress
     remark: Remark
+    stage: Stage | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.plan, self.files = self.study.plans, self.folder.parts
-        self.task = PartTask(self.study, self.files)
+        self.task = PartTask(self.study, self.files, keeps=True)
 
     def run(self, force: bool, shard: Shard | None) -> Execution:
         earlier = self.folder.manifest or {}
@@ -212,6 +215,8 @@ class _Session:
         if shard is None:
             with _timed(self.seconds, "writing"):
                 self._pack(manifest["provenance"])
+            checking = self.seconds.setdefault("cross-check", 0.0)
+            self.seconds["writing"] = round(self.seconds["writing"] - checking, 3)
         listed = self.files.listed()
         failed = sum(listed[number].failed for number in wanted)
         if shard is None:
@@ -277,7 +282,7 @@ class _Session:
         attributes, mended = described(self.study, origin), set[Path]()
         while True:
             try:
-                pack(self.task, self.folder.results, attributes)
+                pack(self.task, self.folder.results, attributes, self._during)
                 return
             except BrokenPart as broken:
                 if broken.path in mended:  # what computing it again does not cure
@@ -286,6 +291,12 @@ class _Session:
                 self._forget_outdated(self.task, range(len(self.plan)))
                 broken.path.unlink(missing_ok=True)
                 self._compute(self.task)
+
+    @contextmanager
+    def _during(self, name: str, count: int) -> Iterator[Progress]:
+        """Count the progress of a step by itself; the cross-check is also timed by itself."""
+        with _timed(self.seconds, "cross-check") if name == CHECKING else nullcontext():
+            yield Steps(self.progress, self.stage).begin(name, count)
 
     def _tell_versions(self, earlier: Sequence[dict[str, Any]], here: dict[str, Any]) -> None:
         """Say that not all runs are of the same versions, if they are not."""
@@ -320,14 +331,9 @@ class _Session:
         }
 
 
-class _timed:
-    """Adds the wall time of its block to `seconds`, under a name."""
-
-    def __init__(self, seconds: dict[str, float], name: str) -> None:
-        self.seconds, self.name = seconds, name
-
-    def __enter__(self) -> None:
-        self.started = time.perf_counter()
-
-    def __exit__(self, *_: object) -> None:
-        self.seconds[self.name] = round(time.perf_counter() - self.started, 3)
+@contextmanager
+def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
+    """Note the wall time of the block, under a name."""
+    started = time.perf_counter()
+    yield
+    seconds[name] = round(time.perf_counter() - started, 3)

@@ -3,9 +3,8 @@
 Every section is built even where another is broken; what depends on a broken section is skipped.
 """
 
-from __future__ import annotations
-
 import json
+import re
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
@@ -22,7 +21,6 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.error_origin import blamed
 from eqt_cli.core.errors import EqtWarning
 from eqt_cli.core.problems import Problems
-from eqt_cli.core.registry import Registry
 from eqt_cli.core.validation import (
     as_section,
     component,
@@ -99,6 +97,21 @@ class Experiment:
         return self.solver.engine
 
     @property
+    def titles(self) -> dict[str, str]:
+        """How tables and figures write the controllers, by label: EqT for ``eqt``.
+
+        A label that begins with the name of its law, as "eqt, start", is written "EqT, start"; any
+        other as it is.
+        """
+        laws = {label: loop.controller for label, loop in self.loops.items()}
+        return {
+            label: law.title + label.removeprefix(law.name)
+            if re.match(rf"{re.escape(law.name)}\b", label)
+            else label
+            for label, law in laws.items()
+        }
+
+    @property
     def times(self) -> Array:
         """The sample times, s."""
         return np.linspace(0.0, self.config.time.duration, self.config.time.samples)
@@ -112,8 +125,8 @@ class Experiment:
             return []
         return [
             EqtWarning(
-                f"{self.source.place(('inertia',))}: inertia: no rigid body has it; its {broken}; "
-                "correct it, or add `rigid: false` if more moves than one rigid body"
+                f"{self.source.place(('inertia',))}: inertia: not the inertia of a rigid body: its "
+                f"{broken}; correct it, or add `rigid: false` if the system is not one rigid body"
             )
         ]
 
@@ -231,10 +244,12 @@ def _start(
     if section.file is not None:
         return start_from_file(section, G, desired, source, problems)
     if "relative" in section.model_fields_set:
-        problems.at("relative").add("is about the poses of a `file`; there is none")
+        problems.at("relative").add(
+            "applies only to poses from a `file`; give `file` too, or remove this key"
+        )
     poses = _poses(section.pose, G, problems.at("pose"))
     at_velocity = problems.at("velocity")
-    velocities = _fitting(velocity_distributions, section.velocity, G, at_velocity)
+    velocities = component(velocity_distributions, section.velocity, at_velocity, group=G)
     if poses is None or velocities is None:
         return None
     resolved = {"pose": _poses_section(poses), "velocity": as_section(velocities)}
@@ -262,7 +277,7 @@ def _agreeing(
         return config.model_copy(update={"ensemble": ensemble})
     if config.ensemble.runs > start.rows:
         problems.at("ensemble", "runs").add(
-            f"expected at most {start.rows}, as many as {config.initial.file} has rows, "
+            f"expected at most {start.rows}, the number of rows of {config.initial.file}, "
             f"got {config.ensemble.runs}"
         )
     return config
@@ -314,7 +329,7 @@ def _controllers(
         label = entry.pop("label", None) if isinstance(entry, dict) else None
         own = entry.pop("gains", None) if isinstance(entry, dict) else None
         gains = validated(OwnGainsSection, own, here.at("gains")) if own is not None else None
-        law = _fitting(controllers, entry, G, here, OF_EVERY_LAW)
+        law = component(controllers, entry, here, OF_EVERY_LAW, G)
         if law is None:
             continue
         if task is not None and task not in law.tasks:
@@ -324,7 +339,9 @@ def _controllers(
         if not isinstance(label, str) or not label.strip() or not label.isprintable():
             here.at("label").add(f"expected text on one line, got {shown(label)}")
         elif label in laws:
-            here.add(f"label '{label}' is taken by an earlier controller; give this one a `label`")
+            here.add(
+                f"an earlier controller has the label '{label}'; give this one another `label`"
+            )
         else:
             laws[label] = _Entry(law, index, gains.model_dump(exclude_none=True) if gains else {})
     return laws
@@ -332,38 +349,26 @@ def _controllers(
 
 def _wrong_task(law: Controller, task: str) -> str:
     fitting = ", ".join(kind.name for kind in controllers.all() if task in kind.tasks)
-    return f"{law.name} is for task: {' or '.join(law.tasks)}; task: {task} takes {fitting}"
-
-
-def _fitting(
-    registry: Registry[Any],
-    value: Any,
-    G: MatrixLieGroup | None,
-    problems: Problems,
-    common: tuple[str, ...] = (),
-) -> Any:
-    """A component, checked against the group where there is one."""
-    found = component(registry, value, problems, common)
-    if found is not None and G is not None:
-        found.check(G, problems)
-    return found
+    return f"{law.name} is a law for task: {' or '.join(law.tasks)}; for task: {task} use {fitting}"
 
 
 def _poses(value: Any, G: MatrixLieGroup | None, problems: Problems) -> PoseDistribution | None:
     """One distribution, or one per factor of a product."""
     if not isinstance(value, list):
-        return _fitting(pose_distributions, value, G, problems)
+        return component(pose_distributions, value, problems, group=G)
     factors = G.factors if isinstance(G, ProductGroup) else ()
     if len(value) != len(factors):
         if G is not None:
-            expected = f"one entry per factor of {G.name}" if factors else "one distribution"
+            each = f"{len(factors)} entries, one per factor of {G.name}"
+            expected = each if factors else "one distribution"
             problems.add(f"expected {expected}, got a list of {len(value)}")
         return None
     entries = [
-        _fitting(pose_distributions, entry, factor, problems.at(index))
+        component(pose_distributions, entry, problems.at(index), group=factor)
         for index, (entry, factor) in enumerate(zip(value, factors, strict=True))
     ]
-    return None if None in entries else FactorPoses(tuple(entries))
+    known = tuple(entry for entry in entries if entry is not None)
+    return FactorPoses(known) if len(known) == len(entries) else None
 
 
 def _poses_section(poses: PoseDistribution) -> Any:

@@ -1,9 +1,6 @@
 """The configuration of one point of a sweep; it computes nothing."""
 
-from __future__ import annotations
-
 import dataclasses
-from functools import lru_cache
 
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.core.errors import EqtError
@@ -24,7 +21,7 @@ def at_point(source: ConfigSource, sweep: Sweep | None, point: int) -> ConfigSou
     data, overrides = source.data, dict(source.overrides)
     for key, value in sweep.point(point).items():
         place = source.place(("sweep", *sweep.place(point, key)))
-        path = path_of(key)
+        path = parse_key(key)
         data = with_value(data, path, value, place)
         overrides[path] = place
     return dataclasses.replace(source, data=data, overrides=overrides)
@@ -32,13 +29,7 @@ def at_point(source: ConfigSource, sweep: Sweep | None, point: int) -> ConfigSou
 
 def section_of(key: str) -> str:
     """The section that a dotted key is in."""
-    return str(path_of(key)[0])
-
-
-@lru_cache(maxsize=256)
-def path_of(key: str) -> tuple[str | int, ...]:
-    """A dotted key as steps."""
-    return parse_key(key)
+    return str(parse_key(key)[0])
 
 
 def without_sweep(source: ConfigSource) -> ConfigSource:

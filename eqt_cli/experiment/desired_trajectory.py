@@ -1,7 +1,5 @@
 """The `reference` to track, or the `target` to come to rest at: Q_d, V_d and what drives them."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -66,13 +64,13 @@ def desired_from(
     at_reference, at_target = problems.at("reference"), problems.at("target")
     if task == "stabilise":
         if reference is not None:
-            at_reference.add("belongs to task: track; task: stabilise has a target")
+            at_reference.add("is a key of task: track; give a target for task: stabilise")
         return _rest(target or TargetSection(), G, at_target)
     if target is not None:
-        at_target.add("belongs to task: stabilise; task: track has a reference")
+        at_target.add("is a key of task: stabilise; give a reference for task: track")
     if reference is None:
         if task == "track":
-            at_reference.add("missing; task: track needs the trajectory to follow")
+            at_reference.add("missing; task: track needs a reference to follow")
         return None
     return _tracked(reference, G, source, at_reference)
 
@@ -98,7 +96,7 @@ def _tracked(
     takes = tuple(DEFAULTS) if kind is None else kind.starts_from
     own = [] if kind is None else option_names(kind)
     for key in (key for key in DEFAULTS if key in section and key not in (*takes, *own)):
-        problems.at(key).add(f"follows from a reference of kind {name}; leave {key} out")
+        problems.at(key).add(f"a reference of kind {name} determines its {key}; remove this key")
         section = {name: value for name, value in section.items() if name != key}
     common = {key: section.get(key, DEFAULTS[key]) for key in takes}
     options = {"kind": "torque"} | {k: v for k, v in section.items() if k not in common}
@@ -136,10 +134,12 @@ def check_horizon(
     """Note a run that begins before the reference does, or outlasts it."""
     first, last = reference.ends(G)
     if first > 0:
-        problems.at("reference").add(f"begins at {first:g} s; runs begin at 0 s")
+        problems.at("reference").add(
+            f"begins at {first:g} s, but runs begin at 0 s; shift its times"
+        )
     if last < duration:
         problems.at("time", "duration").add(
-            f"expected at most {last:g} s, where the reference ends, got {duration:g}"
+            f"expected at most {last:g} s, the end of the reference, got {duration:g}"
         )
 
 

@@ -1,7 +1,5 @@
 """The `gains` section: the navigation weight and the Rayleigh tensor, checked for definiteness."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from eqt_cli.core.arrays import Array

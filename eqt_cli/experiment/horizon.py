@@ -1,23 +1,20 @@
 """The reference of an experiment over the whole horizon, before anything is run."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import ClassVar
 
 import numpy as np
 
-from eqt_cli.controllers import Controller
+from eqt_cli.closed_loop import ReferenceSystem
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.core.errors import EqtWarning
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.numerics import ill_conditioned, stiff
 from eqt_cli.mechanics.tracking import Tracking
-from eqt_cli.vehicle import Vehicle
 
 SAMPLES = 2001
 """At which the reference is looked at, and on both sides of every known instant."""
@@ -31,20 +28,11 @@ MOST_EVALUATIONS = 10_000
 MOST_WRITTEN = 1_000
 """Characters of an experiment; one of more has fewer evaluations, each of which takes longer."""
 
+LINEARISED = 8
+"""At so many of the times a loop is linearised, beside the start."""
+
 JUMP = 1e-6
 """Relative to the largest value on the horizon: what is less is not called a jump."""
-
-
-@dataclass(frozen=True)
-class Following(Controller):
-    """The desired torque and nothing else, with which a system on the reference stays there."""
-
-    name: ClassVar[str] = "following"
-    title: ClassVar[str] = "following"
-
-    def torque(self, s: Tracking) -> Array:
-        """τ_d."""
-        return s.tau_d + 0 * s.P
 
 
 @dataclass(frozen=True)
@@ -81,17 +69,17 @@ class Horizon:
 
 def reference_over_horizon(experiment: Experiment) -> Horizon:
     """Q_d, V_d, V̇_d and τ_d from the start to the end."""
-    loop = replace(next(iter(experiment.loops.values())), controller=Following(), vehicle=Vehicle())
+    system = ReferenceSystem.of(next(iter(experiment.loops.values())))
     stop = float(experiment.times[-1])
-    instants = np.array([t for t in loop.instants if 0 < t < stop])
+    instants = np.array([t for t in system.instants if 0 < t < stop])
     times = np.unique([*np.linspace(0.0, stop, SAMPLES), *instants])
     Qd, Vd = experiment.initial_pose, experiment.initial_velocity
-    state = loop.initial_state(Qd, Vd, Qd, Vd)
+    state = system.initial_state(Qd, Vd, Qd, Vd)
     states = np.broadcast_to(state, (len(times), len(state)))
     spent = None
-    if loop.reference.starts_from:
+    if len(state):
         engine = SolveIvp(rtol=RTOL, atol=1e-3 * RTOL, max_steps=_affordable(experiment))
-        solution = engine.solve(Problem(loop, state[None], times), lambda runs: None)
+        solution = engine.solve(Problem(system, state[None], times), lambda runs: None)
         states = solution.states[0]
         if solution.status[0] == Status.STEP_LIMIT:
             spent = engine.max_steps
@@ -99,14 +87,14 @@ def reference_over_horizon(experiment: Experiment) -> Horizon:
             times, states = times[:known], states[:known]
             instants = instants[instants <= times[-1]]
     with np.errstate(all="ignore"):
-        s = loop.tracking(times, states)
+        s = system.tracking(times, states)
         torque = s.tau_d + 0 * s.P
         shown = Horizon(times, s.Qd, s.Vd, s.Vd_dot, torque, [], spent)
         if not len(instants):
             return shown
         where = np.searchsorted(times, instants)
         sides = [
-            loop.tracking(np.nextafter(instants, towards), states[where])
+            system.tracking(np.nextafter(instants, towards), states[where])
             for towards in (-np.inf, np.inf)
         ]
         jumps = list(_jumps(shown, instants, *sides))
@@ -144,23 +132,42 @@ def check_reference(shown: Horizon, most_torque: float | None, problems: Problem
     finite, sizes = shown.finite, norm(shown.torque)
     if not finite.all():
         t = shown.times[np.flatnonzero(~finite)[0]]
-        problems.add(f"leaves the real numbers at about t = {t:.4g} s")
+        problems.add(f"has no finite real value at about t = {t:.4g} s; correct its expressions")
     elif most_torque is not None and sizes.max() > most_torque:
         t = shown.times[sizes.argmax()]
         problems.add(
-            f"asks for a torque of {sizes.max():.4g} at t = {t:.4g} s, more than {most_torque:g}"
+            f"needs a torque of {sizes.max():.4g} at t = {t:.4g} s, more than {most_torque:g}"
         )
     remarks = [f"{what} jumps by {by:.3g} at t = {t:g} s" for t, what, by in shown.jumps]
     if shown.spent is not None:
-        until = f"{shown.times[-1]:.4g} s, which took {shown.spent} evaluations"
-        remarks.append(f"checked to t = {until}")
+        until = f"t = {shown.times[-1]:.4g} s only, after {shown.spent:,} evaluations"
+        remarks.append(f"checked until {until}")
     return remarks
 
 
 def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWarning]:
     """What a user should know of an experiment, and of its reference, before it is run."""
-    below = limits_below_reference(experiment, shown)
-    return [*experiment.remarks, *map(EqtWarning, below)]
+    return [
+        *experiment.remarks,
+        *_hard_on_numbers(experiment, shown),
+        *map(EqtWarning, limits_below_reference(experiment, shown)),
+    ]
+
+
+def _hard_on_numbers(experiment: Experiment, shown: Horizon | None) -> Iterator[EqtWarning]:
+    """What rounding or stiffness do, with the section that is the reason."""
+    finite = np.flatnonzero(shown.finite) if shown is not None else ()
+    along = [
+        (float(shown.times[k]), shown.pose[k], shown.velocity[k])
+        for k in np.linspace(1, len(finite) - 1, LINEARISED).astype(int)
+        if shown is not None and 1 < len(finite) == len(shown.times)
+    ]
+    for section, said in (
+        ("inertia", ill_conditioned(experiment)),
+        ("gains", stiff(experiment, along)),
+    ):
+        if said:
+            yield EqtWarning(f"{experiment.source.place((section,))}: {section}: {said}")
 
 
 def limits_below_reference(experiment: Experiment, shown: Horizon | None = None) -> list[str]:
@@ -183,7 +190,7 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         if taken[when, axis] > most:
             t = shown.times[shown.finite][when]
             found.append(
-                f"{place}: {actuator.name} gives {most:.4g}, and the reference alone takes "
+                f"{place}: {actuator.name} gives at most {most:.4g}, but the reference alone needs "
                 f"{taken[when, axis]:.4g} at t = {t:.4g} s; no law can follow it there"
             )
     return found

@@ -1,7 +1,5 @@
 """The `inertia` section: a tensor, constant or varying in time, checked over the horizon."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

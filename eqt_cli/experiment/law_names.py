@@ -1,23 +1,19 @@
 """The laws that have a name of their own, found among the points of a sweep over their options."""
 
-from __future__ import annotations
-
 from collections.abc import Hashable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from eqt_cli.config.source import with_value
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.problems import Problems
+from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import component, option_names
 from eqt_cli.experiment.build import OF_EVERY_LAW
-from eqt_cli.experiment.config_at_point import path_of, section_of
-
-if TYPE_CHECKING:
-    from eqt_cli.experiment.study import Study
+from eqt_cli.experiment.config_at_point import section_of
+from eqt_cli.experiment.study import Study
 
 LAW = "law"
 """The variable of a sweep that holds their names."""
@@ -51,7 +47,7 @@ def law_names(study: Study) -> Array | None:
         values = sweep.point(point)
         data: Any = {"controllers": study.source.data["controllers"]}
         for key in keys:
-            data = with_value(data, path_of(key), values[key])
+            data = with_value(data, parse_key(key), values[key])
         for index, entry in enumerate(data["controllers"]):
             law = _law(entry)
             identity = _identity(law)

@@ -1,7 +1,5 @@
 """Matrices from numbers, diagonals or rows, with checks that say what is wrong with them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from eqt_cli.core.arrays import Array
@@ -41,9 +39,9 @@ def require_minimum(K: Array, group: MatrixLieGroup) -> None:
     eigenvalues = _eigenvalues(navigation.hessian_at_identity(group, K))
     if not _positive(eigenvalues):
         raise InputError(
-            "expected a weight whose navigation function has a non-degenerate minimum at I, "
-            f"got Hessian eigenvalues {_listed(eigenvalues)} on {group.name}; "
-            "all must be positive (on SO3: the sums of two eigenvalues of kp)"
+            "expected a weight whose navigation function has a non-degenerate minimum at I, that "
+            f"is, a Hessian on {group.name} with positive eigenvalues (on SO3: the sums of two "
+            f"eigenvalues of kp), got {_listed(eigenvalues)}"
         )
 
 
@@ -58,7 +56,7 @@ def _eigenvalues(matrix: Array) -> Array:
     size = float(np.abs(matrix).max())
     if size and not 1 / LARGEST <= size <= LARGEST:
         raise InputError(
-            f"expected a largest entry from {1 / LARGEST:g} to {LARGEST:g}, got {size:g}; "
+            f"expected the largest entry to be from {1 / LARGEST:g} to {LARGEST:g}, got {size:g}; "
             "choose other units"
         )
     return np.linalg.eigvalsh(matrix)

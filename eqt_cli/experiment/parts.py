@@ -72,12 +72,11 @@ class Part:
 
         return np.arange(self.start, self.stop)
 
-    def slabs(self, kept: int | None = None) -> Iterator[Slab]:
+    def slabs(self, kept: int) -> Iterator[Slab]:
         """The entries as rectangular blocks, at most three.
 
-        With `kept`, only the first so many runs of each point count, and `rows` count those.
+        Only the first `kept` runs of each point count, and `rows` count those.
         """
-        kept = self.runs if kept is None else kept
         row, entry = 0, self.start
         while entry < self.stop:
             point, first = divmod(entry, self.runs)
@@ -151,14 +150,10 @@ class Plans:
         """The number of runs of all plans."""
         return sum(plan.total for plan in self.plans)
 
-    def first(self, index: int) -> int:
-        """The number of the first part of a plan."""
-        return self._ends[index - 1] if index else 0
-
     def where(self, number: int) -> tuple[int, int]:
         """The plan that a part belongs to, and its number there."""
         index = bisect_right(self._ends, number)
-        return index, number - self.first(index)
+        return index, number - (self._ends[index - 1] if index else 0)
 
     def runs_of(self, number: int) -> int:
         """The number of runs of a part."""

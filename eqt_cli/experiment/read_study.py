@@ -1,7 +1,5 @@
 """From a configuration to a study: the sweep is read, and every point of it checked."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 
@@ -23,17 +21,13 @@ MOST_GROUPS = 1000
 """Points that differ in shape have a group each, and every group takes milliseconds to open."""
 
 RUNS = (
-    "ensemble.runs cannot be swept: run k starts from the same state however many there are, so "
-    "the first 50 of 200 runs are the ensemble of 50; ask for the most, and choose among them"
+    "ensemble.runs cannot be swept: run k starts from the same state however many runs there are, "
+    "so the first 50 of 200 runs are the ensemble of 50; set the largest number, and use the first "
+    "runs of it"
 )
 
 
 Watch = Callable[[int], AbstractContextManager[Callable[[float], None]]]
-
-
-def unwatched(total: int) -> AbstractContextManager[Callable[[float], None]]:
-    """Nobody is told."""
-    return nullcontext(lambda amount: None)
 
 
 def add_grids(source: ConfigSource, grids: Mapping[str, str]) -> None:
@@ -65,7 +59,7 @@ def study(
     *,
     trust_plugins: bool = False,
     most_checked: int | None = None,
-    watch: Watch = unwatched,
+    watch: Watch = lambda points: nullcontext(lambda amount: None),
 ) -> Study:
     """Check a configuration and everything that its sweep makes of it.
 
@@ -97,9 +91,8 @@ def study(
     found = Study(sweep, base)
     if found.is_ragged and len(found) > MOST_GROUPS:
         raise EqtError(
-            f"{source.place(('sweep',))}: {len(found)} points that differ in group, times or parts "
-            f"are too many for one file; sweep at most {MOST_GROUPS}, or these keys one after the "
-            "other"
+            f"{source.place(('sweep',))}: {len(found):,} points that differ in group, times or "
+            f"parts are too many for one file; sweep at most {MOST_GROUPS:,}, or split the sweep"
         )
     with watch(len(found)) as advance:
         _check_points(found, spread(len(found), most_checked), advance)
@@ -117,9 +110,13 @@ def _require_sweepable(key: str) -> None:
     """Raise an `InputError` if points cannot differ in a key."""
     name = section_of(key)
     if name in FIXED:
-        raise InputError(f"{name} cannot be swept: it {FIXED[name]}; run one after the other")
+        raise InputError(
+            f"{name} cannot be swept: it {FIXED[name]}; run one experiment for each value"
+        )
     if key == "time":
-        raise InputError("time is swept by its keys: zip time.duration and time.samples")
+        raise InputError(
+            "time cannot be swept as a whole; sweep time.duration and time.samples with zip"
+        )
     if key == "ensemble.runs":
         raise InputError(RUNS)
     if name not in Config.model_fields:
@@ -154,12 +151,12 @@ def _unlike(experiment: Experiment, base: Experiment) -> str | None:
     if list(experiment.loops) != list(base.loops):
         labels, first = (", ".join(one.loops) for one in (experiment, base))
         return (
-            f"the controllers are {labels}, and {first} at point 0; "
-            "give each a `label` that stays the same"
+            f"the controllers are {labels}, but {first} at point 0; "
+            "give each a `label` that is the same at all points"
         )
     runs, most = experiment.config.ensemble.runs, base.config.ensemble.runs
     if runs != most:
-        return f"ensemble.runs is {runs}, and {most} at point 0; {RUNS}"
+        return f"ensemble.runs is {runs}, but {most} at point 0; {RUNS}"
     return None
 
 
@@ -170,8 +167,8 @@ def _unlike_states(found: Study, point: int, first: int) -> str | None:
         length, expected = loops[label].state_length, loop.state_length
         if length != expected:
             return (
-                f"the loop of controller '{label}' has {length} states, and {expected} at point "
-                f"{first}; run laws of different memory, and references that are not integrated "
-                "alike, one after the other"
+                f"the loop of controller '{label}' has {length} states, but {expected} at point "
+                f"{first}; run laws with different numbers of states, and references that are "
+                "integrated differently, as separate experiments"
             )
     return None

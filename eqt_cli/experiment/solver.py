@@ -1,8 +1,7 @@
 """The `solver` section: one engine is used, the keys of all engines are checked and kept."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
+from itertools import repeat
 from typing import Any
 
 from eqt_cli.config.schema import DEFAULT_ENGINE, Judgement
@@ -45,7 +44,8 @@ def solver_from(section: dict[str, Any], problems: Problems) -> Solver | None:
     for key in section:
         if key not in known:
             problems.at(key).add(unknown_key(key, known))
-    judgement, *built = (_with_own_keys(owner, section, problems) for owner in owners)
+    own = ({key: section[key] for key in option_names(kind) if key in section} for kind in owners)
+    judgement, *built = map(validated, owners, own, repeat(problems))
     engine = next((entry for entry in built if entry and entry.name == name), None)
     if engine is not None:
         engine.check(problems)
@@ -65,11 +65,6 @@ def _require_available(name: Any) -> None:
     unavailable = engines.get(name).unavailable()
     if unavailable:
         raise InputError(unavailable)
-
-
-def _with_own_keys(owner: type[Any], section: dict[str, Any], problems: Problems) -> Any:
-    options = {key: section[key] for key in option_names(owner) if key in section}
-    return validated(owner, options, problems)
 
 
 def _can_check(engine: Engine) -> bool:

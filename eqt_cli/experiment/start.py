@@ -1,7 +1,5 @@
 """Where the runs of an experiment start: by distributions, or by the rows of a file."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -58,7 +56,7 @@ def start_from_file(
     assert name is not None
     for key in ("pose", "velocity"):
         if key in section.model_fields_set:
-            problems.at(key).add(f"is given by {name}, row by row; leave it out")
+            problems.at(key).add(f"{name} gives the {key}, one row per run; remove this key")
     if G is None:
         return None
     with problems.catching("file"):

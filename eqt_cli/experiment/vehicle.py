@@ -1,7 +1,5 @@
 """The sections `plant` and `actuators`: what is between the laws and the motion."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any
@@ -69,12 +67,12 @@ def vehicle_from(
         _parts(sensors, told.velocity, G, at_sensors.at("velocity")),
     )
     if found.measures and clock is None:
-        at_sensors.add("are read at control instants; give control.period")
+        at_sensors.add("act at control instants; set control.period")
     _check_order(found, problems.at("actuators"))
     if clock is not None and horizon / clock.period > MOST_INSTANTS:
         problems.at("control").at("period").add(
-            f"expected at least {horizon / MOST_INSTANTS:g} s, for at most {MOST_INSTANTS:,} "
-            f"instants in {horizon:g} s; got {clock.period:g}"
+            f"expected at least {horizon / MOST_INSTANTS:g} s, which makes {MOST_INSTANTS:,} "
+            f"control instants in {horizon:g} s, got {clock.period:g}"
         )
     if any(problems.at(name) for name in SECTIONS):
         return Vehicle()
@@ -100,10 +98,10 @@ def _check_order(vehicle: Vehicle, problems: Problems) -> None:
     moving = ""
     for index, actuator in enumerate(vehicle.actuators):
         if actuator.sampled and vehicle.control is None:
-            problems.at(index).add(f"{actuator.name} acts at control instants; give control.period")
+            problems.at(index).add(f"{actuator.name} acts at control instants; set control.period")
         elif actuator.sampled and moving:
             problems.at(index).add(
-                f"{actuator.name} acts on a command that is held; put it before {moving}"
+                f"{actuator.name} acts on a held command; put it before {moving}"
             )
         moving = actuator.name if actuator.moves else moving
 
@@ -111,13 +109,11 @@ def _check_order(vehicle: Vehicle, problems: Problems) -> None:
 def _parts(
     registry: Registry[Any], entries: list[Any] | None, G: MatrixLieGroup, problems: Problems
 ) -> tuple[Any, ...]:
-    found = []
-    for index, entry in enumerate(entries or ()):
-        part = component(registry, entry, problems.at(index))
-        if part is not None:
-            part.check(G, problems.at(index))
-            found.append(part)
-    return tuple(found)
+    found = (
+        component(registry, entry, problems.at(index), group=G)
+        for index, entry in enumerate(entries or ())
+    )
+    return tuple(part for part in found if part is not None)
 
 
 def _inertia(

@@ -13,18 +13,18 @@ def group_named(name: str) -> MatrixLieGroup:
     Raises
     ------
     ComponentError
-        If there is none; the message lists examples of what there is.
+        If there is none; the message names the closest, or else examples of what there is.
     """
     for kind in groups.all():
         group = kind.named(name)
         if group is not None:
             return group
     known = [example for kind in groups.all() for example in kind.examples()]
-    hint = suggestion(name, known)
     simple = [example for example in known if "*" not in example]
     products = [example for example in known if example not in simple]
     listed = ", ".join(simple) + f" and products such as {products[0]}" * bool(products)
-    raise ComponentError(f"unknown group '{name}'{hint or ';'} known: {listed}")
+    hint = suggestion(name, known) or f"; known: {listed}"
+    raise ComponentError(f"unknown group '{name}'{hint}")
 
 
 __all__ = ["MatrixLieGroup", "Part", "group_named", "groups"]

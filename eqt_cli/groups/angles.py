@@ -4,8 +4,6 @@ Each is a power series in a quantity so small that few terms suffice, of a funct
 singularity was taken out before. It knows no group and no pose.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -28,8 +26,7 @@ def distance_of_turn(angle: float) -> float:
 
 def turn_of_distance(distance: Array) -> Array:
     """The angle, rad, of rotations with these ‖I − R‖_F; undoes `distance_of_turn`."""
-    angle: Array = 2 * np.arcsin(np.minimum(distance / FARTHEST, 1.0))
-    return angle
+    return 2 * np.arcsin(np.minimum(distance / FARTHEST, 1.0))
 
 
 def ratio_to_sine(c: Any) -> Any:

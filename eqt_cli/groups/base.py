@@ -2,10 +2,9 @@
 
 A group is its basis and four closed forms (`inverse`, `exp`, `log`, `drift`). Nothing here, nor
 in any law built on it, knows which group it works with. All operators take leading batch axes, and
-all but `exp` and `drift` also take object arrays of symbols.
+all but `exp` also take object arrays of symbols; without a `drift` that does, all that is measured
+of runs is computed on arrays, which takes longer where there are many.
 """
-
-from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -149,27 +148,39 @@ class MatrixLieGroup(ABC):
 
     # Motion along one algebra element, which engines trace where it depends on time.
 
-    def screw(self, V: Array) -> tuple[Array, Array]:
-        """What `exp_along` needs of algebra elements, ``(..., m) -> (..., 3, n), (..., k)``.
+    def screw(self, V: Array) -> tuple[Array, Array, Array]:
+        """A frame in which algebra elements are simple: h, numbers and rates with V = Ad_h U.
 
-        ``exp_along(terms, a * rates)`` is exp(aV) for every number a; n and k are up to the group.
+        ``(..., m) -> (..., d, d), (..., n), (..., k)``; h is constant, n and k are up to the group.
+        ``h exp_along(numbers, a * rates) h⁻¹`` is exp(aV) for every number a, and
+        ``along(numbers, a * rates)`` is aU. Entries that are 0 cost nothing once compiled.
         """
-        return np.stack([V, V, V], axis=-2), np.ones((*V.shape[:-1], 1))
+        frame = np.broadcast_to(self.identity, (*V.shape[:-1], self.size, self.size))
+        return frame, V, np.ones((*V.shape[:-1], 1))
 
-    def exp_along(self, terms: Array, angles: Array) -> Array:
-        """exp along what `screw` gives the terms of, by ``(..., k)`` angles, also of symbols.
+    def along(self, numbers: Array, angles: Array) -> Array:
+        """The algebra element by what `screw` gives, ``(..., n), (..., k) -> (..., m)``."""
+        return numbers * angles
+
+    def exp_along(self, numbers: Array, angles: Array) -> Array:
+        """Its exponential, ``(..., n), (..., k) -> (..., d, d)``, also of symbols.
 
         Raises
         ------
         TraceError
             Of symbols, where the group does not say how.
         """
-        if angles.dtype == object or terms.dtype == object:
+        if angles.dtype == object or numbers.dtype == object:
             raise TraceError(
                 f"group '{self.name}' has no method `exp_along` that takes symbols; "
                 "give it one, as EuclideanGroup has, or use `engine: solve_ivp`"
             )
-        return self.exp(angles * terms[..., 0, :])
+        return self.exp(self.along(numbers, angles))
+
+    def gram_rate(self, Q: Array, V: Array) -> Array:
+        """The rate of QᵀQ along Q̇ = Q V^; a group may give a shorter form of what this equals."""
+        half = transpose(Q) @ (Q @ self.hat(V))
+        return half + transpose(half)
 
     # What follows from the basis alone.
 
@@ -274,7 +285,7 @@ class MatrixLieGroup(ABC):
     def _with_entries(self, entries: Array, others: Array | float) -> Array:
         if self.pose_length == self.size**2:
             return entries.reshape(*entries.shape[:-1], self.size, self.size)
-        Q = np.empty((*entries.shape[:-1], self.size, self.size), dtype=entries.dtype)
+        Q = np.empty_like(entries, shape=(*entries.shape[:-1], self.size, self.size))
         Q[...] = others
         rows, columns = self._free_entries
         Q[..., rows, columns] = entries

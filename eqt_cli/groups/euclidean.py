@@ -4,8 +4,6 @@ A pose is the matrix [[R, x_1 … x_k], [0, I]]. The exponentials of rotations a
 SciPy's; this module arranges them by columns and knows no law.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
@@ -13,11 +11,13 @@ import numpy as np
 from eqt_cli.core.arrays import (
     Array,
     apply_matrix,
+    cos,
     dot,
     frobenius,
     less,
     norm,
     sin,
+    smooth_less,
     sqrt,
     stack,
     transpose,
@@ -75,10 +75,11 @@ class EuclideanGroup(MatrixLieGroup):
 
     @property
     def parts(self) -> tuple[Part, ...]:
-        """The rotation, then each translation column."""
+        """The rotation, if there is one, then each translation column."""
         n = self.space
         rotation = slice(0, self.rotations)
-        parts = [Part("rotation", rotation, (slice(0, n), slice(0, n)), "1", "rad/s", "N m")]
+        turning = Part("rotation", rotation, (slice(0, n), slice(0, n)), "1", "rad/s", "N m")
+        parts = [turning] if self.rotations else []
         for index, unit in enumerate(self.column_units):
             axes = slice(self.rotations + n * index, self.rotations + n * (index + 1))
             entries = (slice(0, n), slice(n + index, n + index + 1))
@@ -133,6 +134,12 @@ class EuclideanGroup(MatrixLieGroup):
             inverse[..., :n, n:] = -(inverse[..., :n, :n] @ self.translations(Q))
         return inverse
 
+    def gram_rate(self, Q: Array, V: Array) -> Array:
+        """Without what does not change: RᵀR = I."""
+        rate = super().gram_rate(Q, V)
+        rate[..., : self.space, : self.space] = 0.0
+        return rate
+
     def Ad_matrix(self, Q: Array) -> Array:
         """[[A, 0], [−(E·x) A, R]] with A = R in space and 1 in the plane, for each column x.
 
@@ -142,7 +149,7 @@ class EuclideanGroup(MatrixLieGroup):
         R = self.rotation(Q)
         if n == 3 and not self.columns:
             return R
-        matrix = np.zeros((*Q.shape[:-2], self.dimension, self.dimension), dtype=Q.dtype)
+        matrix = np.zeros_like(Q, shape=(*Q.shape[:-2], self.dimension, self.dimension))
         A = R if n == 3 else np.eye(1)
         matrix[..., turns, turns] = A
         for index in range(len(self.columns)):
@@ -161,26 +168,65 @@ class EuclideanGroup(MatrixLieGroup):
             translations[..., index] = _left_jacobian_times(turn, columns[..., index, :])
         return self.assemble(rotation, translations)
 
-    def screw(self, V: Array) -> tuple[Array, Array]:
-        """X, X² and X³ of the axis with unit rotation, by their entries, and the rate of rotation.
+    def screw(self, V: Array) -> tuple[Array, Array, Array]:
+        """In space a frame whose last axis is the axis of rotation; the rate of rotation.
 
-        Where there is no rotation, the axis is V and the rate 1.
+        The numbers are 1 or −1, or 0 where there is no rotation, and the velocities of the columns
+        over the rate, which is 1 where there is no rotation.
         """
-        rates = norm(V[..., : self.rotations])[..., None]
-        rates = np.where(rates <= SMALLEST_RATE * norm(V)[..., None], 1.0, rates)
-        X = self.hat(V / rates)
-        return self.pack(np.stack([X, X @ X, X @ X @ X], axis=-3)), rates
+        turn, columns = V[..., : self.rotations], self._columns(V)
+        rates = norm(turn)[..., None]
+        turns = rates > SMALLEST_RATE * norm(V)[..., None]
+        rates = np.where(turns, rates, 1.0)
+        axis = np.where(turns, turn / rates, 0.0)
+        rotation = np.broadcast_to(np.eye(self.space), (*V.shape[:-1], self.space, self.space))
+        if self.rotations == 3:
+            rotation, axis = _frame_along(np.where(turns, axis, [0.0, 0.0, 1.0])), 1.0 * turns
+            columns = columns @ rotation
+        frame = self.assemble(rotation, np.zeros((*V.shape[:-1], self.space, len(self.columns))))
+        columns = (columns / rates[..., None]).reshape(*V.shape[:-1], -1)
+        return frame, np.concatenate([axis, columns], axis=-1), rates
 
-    def exp_along(self, terms: Array, angles: Array) -> Array:
-        """I + φX + (1 − cos φ)X² + (φ − sin φ)X³.
+    def along(self, numbers: Array, angles: Array) -> Array:
+        """A rotation about the last axis with the velocities of the columns."""
+        U = angles * numbers
+        if self.rotations < 3:
+            return U
+        return np.concatenate([np.zeros((*U.shape[:-1], 2), dtype=U.dtype), U], axis=-1)
 
-        X⁴ = −X² where its rotation is of unit rate, and X² = 0 where it has none. The factors
+    def exp_along(self, numbers: Array, angles: Array) -> Array:
+        """I + θX + ω(1 − cos φ)X² + (φ − sin φ)X³ with φ = ωθ and ω = 1, −1 or 0.
+
+        X⁴ = −X² where there is a rotation, and X² = 0 where there is none. The factors of columns
         lose no digits that count where φ is small and the translation along the axis large.
         """
-        X, X2, X3 = (self._with_entries(terms[..., k, :], 0.0) for k in range(3))
-        phi = angles[..., None]
-        half = sin(phi / 2)
-        return self.identity + phi * X + 2 * half * half * X2 + (phi - sin(phi)) * X3
+        n = self.space
+        batch = np.broadcast_shapes(numbers.shape[:-1], angles.shape[:-1])
+        dtype = np.result_type(numbers, angles)
+        Q = np.zeros_like(angles, shape=(*batch, self.size, self.size), dtype=dtype)
+        Q[...] = self.identity
+        if not self.rotations:
+            Q[..., :n, n] = angles * numbers
+            return Q
+        turns = numbers[..., :1]
+        phi = turns * angles
+        if not self.columns:
+            sine, cosine = sin(phi), cos(phi)
+        else:
+            half = sin(phi / 2)
+            sine, versine = 2 * half * cos(phi / 2), 2 * half * half
+            cosine, lag = 1 - versine, phi - sine
+        Q[..., 0, :1] = Q[..., 1, 1:2] = cosine
+        Q[..., 0, 1:2], Q[..., 1, :1] = -sine, sine
+        for index in range(len(self.columns)):
+            first = 1 + n * index
+            x, y, *z = (numbers[..., k : k + 1] for k in range(first, first + n))
+            column = slice(n + index, n + index + 1)
+            Q[..., 0, column] = angles * x - turns * (lag * x + versine * y)
+            Q[..., 1, column] = angles * y - turns * (lag * y - versine * x)
+            if z:
+                Q[..., 2, column] = angles * z[0]
+        return Q
 
     def log(self, Q: Array) -> Array:
         """log in closed form, with rotation angles in [0, π] (n = 3) or [−π, π] (n = 2)."""
@@ -229,11 +275,10 @@ class EuclideanGroup(MatrixLieGroup):
         trace = diagonal[0] + diagonal[1] + diagonal[2]
         sines = [R[..., k - 1, k - 2] - R[..., k - 2, k - 1] for k in range(3)]
         sums = [R[..., k - 1, k - 2] + R[..., k - 2, k - 1] for k in range(3)]
-        far = less(trace, FAR_TRACE)
-        # Elsewhere the axis does not matter, and an engine is to see no comparison change there.
-        first, second, third = (where(far, entry, k) for k, entry in enumerate(diagonal))
-        is_second = less(first, second)
-        is_third = less(where(is_second, second, first), third)
+        far = smooth_less(trace, FAR_TRACE)
+        first, second, third = diagonal
+        is_second = smooth_less(first, second)
+        is_third = smooth_less(where(is_second, second, first), third)
 
         def chosen(w: Any, x: Any, y: Any, z: Any) -> Any:
             return where(far, where(is_third, z, where(is_second, y, x)), w)
@@ -250,7 +295,7 @@ class EuclideanGroup(MatrixLieGroup):
         return scale * w / 2, stack([scale * entry for entry in entries])
 
     def _half_turn_in_plane(self, c: Array, s: Array) -> tuple[Array, Array]:
-        far = less(1 + 2 * c, FAR_TRACE)
+        far = smooth_less(1 + 2 * c, FAR_TRACE)
         square = where(far, 2 - 2 * c, 2 + 2 * c)
         w, y = where(far, 2 * s, square), where(far, square, 2 * s)
         scale = where(less(w, 0.0), -1.0, 1.0) / sqrt(square)
@@ -286,6 +331,14 @@ def _rotation_generators(n: int) -> Array:
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         generators[i, k, j], generators[i, j, k] = 1.0, -1.0
     return generators
+
+
+def _frame_along(axis: Array) -> Array:
+    """Rotations that take e_z to these unit vectors; entries are 0 where they can be."""
+    other = np.eye(3)[np.argmin(np.abs(axis), axis=-1)]
+    y = np.cross(axis, other)
+    y = y / norm(y)[..., None]
+    return np.stack([np.cross(y, axis), y, axis], axis=-1)
 
 
 def _rate(unit: str) -> str:

@@ -1,13 +1,12 @@
 """Direct products of groups, as block-diagonal matrices."""
 
-from __future__ import annotations
-
 from dataclasses import replace
+from functools import cached_property, reduce
 from typing import Self
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, maximum
 from eqt_cli.core.errors import ComponentError
 from eqt_cli.groups.base import MatrixLieGroup, Part
 
@@ -103,7 +102,7 @@ class ProductGroup(MatrixLieGroup):
 
     def Ad_matrix(self, Q: Array) -> Array:
         """Block by block."""
-        matrix = np.zeros((*Q.shape[:-2], self.dimension, self.dimension), dtype=Q.dtype)
+        matrix = np.zeros_like(Q, shape=(*Q.shape[:-2], self.dimension, self.dimension))
         for factor, block, coordinates in self._layout():
             matrix[..., coordinates, coordinates] = factor.Ad_matrix(Q[..., block, block])
         return matrix
@@ -114,23 +113,32 @@ class ProductGroup(MatrixLieGroup):
             [factor.exp(V[..., coordinates]) for factor, _, coordinates in self._layout()]
         )
 
-    def screw(self, V: Array) -> tuple[Array, Array]:
-        """Terms and rates of the factors, one behind the other."""
-        found = [factor.screw(V[..., coordinates]) for factor, _, coordinates in self._layout()]
-        terms, rates = zip(*found, strict=True)
-        return np.concatenate(terms, axis=-1), np.concatenate(rates, axis=-1)
+    def screw(self, V: Array) -> tuple[Array, Array, Array]:
+        """Block by block; numbers and rates of the factors one behind the other."""
+        found = [factor.screw(V[..., own]) for factor, _, own in self._layout()]
+        frames, numbers, rates = zip(*found, strict=True)
+        joined = np.concatenate(numbers, axis=-1), np.concatenate(rates, axis=-1)
+        return self.assemble(list(frames)), *joined
 
-    def exp_along(self, terms: Array, angles: Array) -> Array:
+    def along(self, numbers: Array, angles: Array) -> Array:
         """Block by block."""
-        lengths = [factor.screw(np.zeros(factor.dimension)) for factor in self.factors]
-        of_terms = _slices([terms.shape[-1] for terms, _ in lengths])
-        of_angles = _slices([rates.shape[-1] for _, rates in lengths])
-        return self.assemble(
-            [
-                factor.exp_along(terms[..., own], angles[..., turns])
-                for factor, own, turns in zip(self.factors, of_terms, of_angles, strict=True)
-            ]
+        return np.concatenate(
+            [G.along(numbers[..., own], angles[..., turns]) for G, own, turns in self._screws],
+            axis=-1,
         )
+
+    def exp_along(self, numbers: Array, angles: Array) -> Array:
+        """Block by block."""
+        return self.assemble(
+            [G.exp_along(numbers[..., own], angles[..., turns]) for G, own, turns in self._screws]
+        )
+
+    @cached_property
+    def _screws(self) -> list[tuple[MatrixLieGroup, slice, slice]]:
+        """Each factor, and where its numbers and rates are."""
+        found = [factor.screw(np.zeros(factor.dimension)) for factor in self.factors]
+        own = _slices([len(numbers) for _, numbers, _ in found])
+        return list(zip(self.factors, own, _slices([len(r) for *_, r in found]), strict=True))
 
     def log(self, Q: Array) -> Array:
         """Block by block."""
@@ -145,12 +153,13 @@ class ProductGroup(MatrixLieGroup):
     def drift(self, Q: Array) -> Array:
         """The largest drift of a factor."""
         drifts = [factor.drift(Q[..., block, block]) for factor, block, _ in self._layout()]
-        return np.max(drifts, axis=0)
+        return reduce(maximum, drifts)
 
     def assemble(self, poses: list[Array]) -> Array:
         """The pose with these poses of the factors as its blocks."""
         dtype = np.result_type(*poses)
-        Q = np.zeros((*poses[0].shape[:-2], self.size, self.size), dtype=dtype)
+        shape = (*poses[0].shape[:-2], self.size, self.size)
+        Q = np.zeros_like(poses[0], shape=shape, dtype=dtype)
         for pose, block in zip(poses, self.blocks, strict=True):
             Q[..., block, block] = pose
         return Q

@@ -1,14 +1,11 @@
 """R^n, as a factor of products: translations without rotations."""
 
-from __future__ import annotations
-
 import re
 from typing import Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.groups.base import Part
 from eqt_cli.groups.euclidean import EuclideanGroup
 
 
@@ -38,12 +35,6 @@ class VectorGroup(EuclideanGroup):
     def examples(cls) -> tuple[str, ...]:
         """A line and a space."""
         return "R1", "R3"
-
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        """The translation."""
-        n = self.space
-        return (Part("translation", slice(0, n), (slice(0, n), slice(n, n + 1)), "m", "m/s", "N"),)
 
     def Ad_matrix(self, Q: Array) -> Array:
         """I: the group is commutative."""

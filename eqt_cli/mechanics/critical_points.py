@@ -9,7 +9,7 @@ unit eigenvectors of that weight in space, all of an eigenspace where an eigenva
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import reduce
+from functools import lru_cache, reduce
 
 import numpy as np
 
@@ -119,11 +119,18 @@ def distance_to_unstable(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
     if K.ndim > 2:
         weights = K.reshape(len(K), *K.shape[-2:])
         return np.stack([distance_to_unstable(G, *pair) for pair in zip(weights, Q, strict=True)])
-    found = critical_sets(G, K)
-    if found is None or len(found) < 2:
+    unstable = _unstable_sets(G, np.asarray(K, dtype=float).tobytes())
+    if not unstable:
         return np.full(Q.shape[:-2], np.nan)
-    squares = [each.squared_distance(Q) for each in found[1:]]
+    squares = [each.squared_distance(Q) for each in unstable]
     return np.sqrt(reduce(np.minimum, squares))
+
+
+@lru_cache(maxsize=64)
+def _unstable_sets(G: MatrixLieGroup, weight: bytes) -> tuple[CriticalSet, ...]:
+    """All but the identity, where they are known; found once for all runs of a weight."""
+    found = critical_sets(G, np.frombuffer(weight).reshape(G.size, G.size))
+    return tuple(found or ())[1:]
 
 
 def _of_rigid_motions(G: EuclideanGroup, K: Array) -> list[CriticalSet]:

@@ -1,7 +1,5 @@
 """The extended Lie-Poisson system on any matrix Lie group; it knows no control."""
 
-from __future__ import annotations
-
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 

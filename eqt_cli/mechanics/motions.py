@@ -5,13 +5,15 @@ It knows no kind of reference.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array, apply_matrix
+from eqt_cli.core.arrays import Array, as_array, stack, transpose
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup
 
@@ -30,56 +32,102 @@ TINY = 1e-300
 
 
 class Factor(NamedTuple):
-    """One factor exp(a(t) ξ).
+    """One factor exp(a(t) ξ) in the frame of its axis, where it is exp(U(a)).
 
     Attributes
     ----------
-    vector : (..., m)
-        ξ.
-    terms, rates : (..., 3, n), (..., k)
-        The same as the group's `screw` gives it.
-    a, rate, second : (..., 1)
-        a, a' and a''.
+    numbers : (..., n)
+        Of U, as the group's `screw` gives it.
+    angles : (..., 3, k)
+        a, a' and a'', each times the rates of the `screw`.
     """
 
-    vector: Array
-    terms: Array
-    rates: Array
-    a: Array
-    rate: Array
-    second: Array
+    numbers: Array
+    angles: Array
 
 
-def motion_along(
-    G: MatrixLieGroup, Q: Array, factors: Iterable[Factor]
-) -> tuple[Array, Array, Array]:
-    """Q, V = Q⁻¹Q̇ and V̇ of a product of factors.
+def screws(G: MatrixLieGroup, pose: Array, vectors: Array) -> tuple[Array, Array, Array]:
+    """Q_0 Π exp(a_k ξ_k) as L_0 exp(U_1) L_1 exp(U_2) … L_K, each in the frame h_k of its axis.
 
-    With A = exp(aξ), Q ← QA changes V to W + a'ξ with W = Ad_{A⁻¹}V, and V̇ to
-    Ad_{A⁻¹}V̇ + a'[W, ξ] + a''ξ.
+    So L_0 = Q_0 h_1, L_k = h_k⁻¹ h_{k+1} and L_K = h_K⁻¹.
 
     Parameters
     ----------
-    Q : (..., d, d)
-        Q_0, which is constant.
+    pose : (..., d, d)
+        Q_0.
+    vectors : (..., K, m)
+        ξ_k.
+
+    Returns
+    -------
+    links : (..., K + 1, d, d)
+    numbers, rates : (..., K, n), (..., K, k)
+        The same as the group's `screw` gives it.
     """
-    V = V_dot = None
-    for factor in factors:
-        A = G.exp_along(factor.terms, factor.a * factor.rates)
-        Q = Q @ A
-        rate, second = factor.rate * factor.vector, factor.second * factor.vector
-        if V is None or V_dot is None:
-            V, V_dot = rate, second
+    frames, numbers, rates = G.screw(vectors)
+    before = np.concatenate([pose[..., None, :, :], G.inverse(frames)], axis=-3)
+    after = np.broadcast_to(G.identity, pose.shape)[..., None, :, :]
+    return before @ np.concatenate([frames, after], axis=-3), numbers, rates
+
+
+def motion_along(
+    G: MatrixLieGroup, links: Array, factors: Sequence[Factor]
+) -> tuple[Array, Array, Array]:
+    """Q, V = Q⁻¹Q̇ and V̇ of a product of factors.
+
+    Q = L_0 exp(U_1) L_1 … exp(U_K) L_K from the last factor to the first: with T_k all that follows
+    exp(U_k), V is the sum of y_k = Ad_{T_k⁻¹}U_k', and y_k changes at the rate
+    Ad_{T_k⁻¹}U_k'' + [y_k, y_{k+1} + … + y_K]. L_K, which is constant, is left to the end, because
+    no entry of the last axis but one is other than 0 before.
+
+    Parameters
+    ----------
+    links : (..., K + 1, d, d)
+        The same as `screws` gives it.
+    """
+    T = moving = None  # V and V̇ as rows
+    for k in reversed(range(len(factors))):
+        numbers, angles = factors[k]
+        A, link = G.exp_along(numbers, angles[..., 0, :]), links[..., k, :, :]
+        rows = G.along(numbers[..., None, :], angles[..., 1:, :])
+        if T is None or moving is None:
+            T, moving = link @ A, rows
             continue
-        adjoint = G.Ad_matrix(G.inverse(A))
-        W = apply_matrix(adjoint, V)
-        V = W + rate
-        V_dot = apply_matrix(adjoint, V_dot) + factor.rate * G.ad(W, factor.vector) + second
-    assert V is not None and V_dot is not None
-    return Q, V, V_dot
+        rows = rows @ transpose(G.Ad_matrix(G.inverse(T)))
+        bracket = G.ad(rows[..., 0, :], moving[..., 0, :])
+        moving = rows + moving
+        moving[..., 1, :] = moving[..., 1, :] + bracket
+        T = link @ (A @ T)
+    assert T is not None and moving is not None
+    last = links[..., len(factors), :, :]
+    moving = moving @ transpose(G.Ad_matrix(G.inverse(last)))
+    return T @ last, moving[..., 0, :], moving[..., 1, :]
 
 
 # Motions in pieces --------------------------------------------------------------------------------
+
+
+class Piece(NamedTuple):
+    """One of `Pieces`, or one for each of some times."""
+
+    since: Array
+    links: Array
+    numbers: Array
+    angles: Array
+
+    def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
+        """Q, V and V̇ at time t."""
+        local = as_array(as_array(t) - self.since)
+        powers = [np.ones_like(local), local]
+        for p in range(2, self.angles.shape[-1]):
+            powers.append(powers[p // 2] * powers[p - p // 2])
+        stacked = stack(powers[: self.angles.shape[-1]])
+        angles = (self.angles @ stacked[..., None, None, :, None])[..., 0]
+        factors = [
+            Factor(self.numbers[..., k, :], angles[..., k, :, :])
+            for k in range(self.numbers.shape[-2])
+        ]
+        return motion_along(G, self.links, factors)
 
 
 @dataclass(frozen=True)
@@ -88,67 +136,68 @@ class Pieces:
 
     Attributes
     ----------
-    starts : (n,)
+    starts : (N,)
         t_i, s.
-    poses : (n, d, d)
-        Q_i.
-    vectors : (n, factors, m)
-        ξ_ik.
-    coefficients : (n, factors, degree + 1)
-        Of a_ik, in ascending powers.
+    links, numbers : (N, K + 1, d, d), (N, K, n)
+        The same as `screws` gives it.
+    angles : (N, K, 3, k, degree + 1)
+        The coefficients of a_ik, a_ik' and a_ik'' in ascending powers, times the rates of the
+        `screw`.
     """
 
     starts: Array
-    poses: Array
-    vectors: Array
-    coefficients: Array
+    links: Array
+    numbers: Array
+    angles: Array
 
-    def at(self, G: MatrixLieGroup, t: Any) -> dict[str, Array]:
+    @classmethod
+    def of(
+        cls, G: MatrixLieGroup, starts: Array, poses: Array, vectors: Array, polynomials: Array
+    ) -> Pieces:
+        """From Q_i, ``(N, d, d)``, ξ_ik, ``(N, K, m)``, and the a_ik, ``(N, K, degree + 1)``."""
+        links, numbers, rates = screws(G, poses, vectors)
+        rate, second = derivative(polynomials), derivative(derivative(polynomials))
+        angles = np.stack([polynomials, rate, second], axis=-2)
+        return cls(starts, links, numbers, rates[:, :, None, :, None] * angles[..., None, :])
+
+    @cached_property
+    def _flat(self) -> Array:
+        parts = (self.links, self.numbers, self.angles)
+        return np.concatenate([part.reshape(len(self.starts), -1) for part in parts], axis=1)
+
+    @cached_property
+    def _varying(self) -> Array:
+        """Which numbers are more than a 0, 1 or −1 that all pieces share: these are structure."""
+        first = self._flat[0]
+        plain = np.isin(first, (-1.0, 0.0, 1.0)) & (self._flat == first).all(axis=0)
+        return np.flatnonzero(~plain)
+
+    def at(self, t: Any) -> dict[str, Array]:
         """The numbers of the piece that a time, or each of some times, is in."""
         # An engine may begin a span at a sample time that is t_i but for rounding.
         late = t + SAME_TIME * np.maximum(1.0, np.abs(t))
         index = np.maximum(np.searchsorted(self.starts, late, side="right") - 1, 0)
-        vectors = self.vectors[index]
-        terms, rates = G.screw(vectors)
-        return {
-            "since": self.starts[index],
-            "pose": G.pack(self.poses[index]),
-            "vectors": vectors,
-            "terms": terms,
-            "rates": rates,
-            "coefficients": self.coefficients[index],
-        }
+        return {"since": self.starts[index], "numbers": self._flat[index][..., self._varying]}
+
+    def piece(self, held: Mapping[str, Array]) -> Piece:
+        """The piece with the numbers of `at`, which may be symbols, and with the structure."""
+        varying = held["numbers"]
+        flat = np.empty((*varying.shape[:-1], self._flat.shape[1]), dtype=varying.dtype)
+        flat[...] = self._flat[0]
+        flat[..., self._varying] = varying
+        parts, first = [], 0
+        for shape in (part.shape[1:] for part in (self.links, self.numbers, self.angles)):
+            last = first + math.prod(shape)
+            parts.append(flat[..., first:last].reshape(*flat.shape[:-1], *shape))
+            first = last
+        return Piece(held["since"], *parts)
 
 
-def motion_of_piece(
-    G: MatrixLieGroup, piece: Mapping[str, Array], t: Any
-) -> tuple[Array, Array, Array]:
-    """Q, V and V̇ at time t by the numbers of `Pieces.at`, which may be symbols."""
-    local = np.asarray(t) - piece["since"]
-    coefficients = piece["coefficients"]
-    a, rate, second = polynomial(coefficients, np.asarray(local)[..., None])
-    factors = (
-        Factor(
-            piece["vectors"][..., k, :],
-            piece["terms"][..., k, :, :],
-            piece["rates"][..., k, :],
-            a[..., k, None],
-            rate[..., k, None],
-            second[..., k, None],
-        )
-        for k in range(coefficients.shape[-2])
-    )
-    return motion_along(G, G.unpack(piece["pose"]), factors)
-
-
-def polynomial(coefficients: Array, t: Array) -> tuple[Array, Array, Array]:
-    """Σ c_p t^p with its first two derivatives; ``(..., degree + 1)`` and ``(...)``."""
-    value = rate = second = 0.0 * coefficients[..., 0]
-    for p in reversed(range(coefficients.shape[-1])):
-        second = second * t + 2 * rate
-        rate = rate * t + value
-        value = value * t + coefficients[..., p]
-    return value, rate, second
+def derivative(polynomials: Array) -> Array:
+    """That of polynomials by their coefficients in ascending powers, ``(..., degree + 1)``."""
+    shifted = np.zeros_like(polynomials)
+    shifted[..., :-1] = polynomials[..., 1:] * np.arange(1, polynomials.shape[-1])
+    return shifted
 
 
 CUBIC = np.array([[0.0, 3.0, -3.0, 1.0], [0.0, 0.0, 3.0, -2.0], [0.0, 0.0, 0.0, 1.0]])
@@ -197,7 +246,7 @@ def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
         if sizes[-1] <= ROUNDING or stalled:
             vectors = np.stack([first, middle, last], axis=1)
             coefficients = CUBIC / h[:, :, None] ** np.arange(4)
-            return Pieces(times[:-1], poses[:-1], vectors, coefficients)
+            return Pieces.of(G, times[:-1], poses[:-1], vectors, coefficients)
         V = V + change
     raise InputError("no smooth motion was found through these poses; give more where they turn")
 
@@ -209,7 +258,8 @@ def eased(G: MatrixLieGroup, start: float, end: float, pose: Array, turn: Array)
     """
     quintic = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0]) / (end - start) ** np.arange(6)
     still = np.zeros(6)
-    return Pieces(
+    return Pieces.of(
+        G,
         np.array([min(start, 0.0) - 1.0, start, end]),
         np.stack([pose, pose, pose @ G.exp(turn)]),
         np.stack([turn, turn, turn])[:, None],

@@ -1,7 +1,5 @@
 """The navigation function Υ(Q) = ½ tr((Q − I) K (Q − I)ᵀ) and its gradient, on any group."""
 
-from __future__ import annotations
-
 from eqt_cli.core.arrays import Array, times, transpose
 from eqt_cli.groups import MatrixLieGroup
 
@@ -29,10 +27,11 @@ def gradient(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
 
 
 def gradient_rate(G: MatrixLieGroup, K: Array, Q: Array, V: Array) -> Array:
-    """The rate of `gradient` along a motion with body velocity V, Q̇ = Q V^."""
-    rate = Q @ G.hat(V)
-    change = transpose(rate) @ times(Q - G.identity, K) + transpose(Q) @ times(rate, K)
-    return G.contract(change)
+    """The rate of `gradient` along a motion with body velocity V, Q̇ = Q V^.
+
+    Its entries are those of the covector of (d(QᵀQ)/dt − Q̇ᵀ)K.
+    """
+    return G.contract(times(G.gram_rate(Q, V) - transpose(Q @ G.hat(V)), K))
 
 
 def hessian_at_identity(G: MatrixLieGroup, K: Array) -> Array:

@@ -1,7 +1,5 @@
 """Whether an inertia can be that of a rigid body, by its principal moments."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from eqt_cli.core.arrays import Array
@@ -38,6 +36,6 @@ def not_rigid(G: MatrixLieGroup, law: InertiaLaw, horizon: float) -> str:
 def _in_words(moments: Array) -> str:
     low, middle, high = (f"{moment:.4g}" for moment in moments)
     return (
-        f"principal moments {low}, {middle} and {high} kg m² break the triangle inequality: "
+        f"principal moments {low}, {middle} and {high} kg m² violate the triangle inequality: "
         f"{low} + {middle} < {high}"
     )

@@ -4,8 +4,6 @@ The paper's own structure, on any group of the registry; it knows no inertia and
 are plain tuples of arrays with leading batch axes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,7 +6,7 @@ This is all that a control law may read. Everything is computed once, when first
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -82,7 +82,7 @@ class Tracking:
     @cached_property
     def Pd_dot(self) -> Array:
         """Ṗ_d = τ_d + ad*_{V_d} P_d."""
-        return self.tau_d + self.G.ad_star(self.Vd, self.Pd)
+        return self.G.ad_star(self.Vd, self.Pd) + self.tau_d
 
     @cached_property
     def V_tilde(self) -> Array:
@@ -116,7 +116,8 @@ class Tracking:
         """The same motion with another desired velocity, which changes at the rate V̇_d."""
         G, inertia = self.G, self.inertia
         Pd, Pd_dot = inertia.momentum(Vd), inertia.momentum(Vd_dot) + inertia.rate_force(Vd)
-        other = replace(self, Pd=Pd, tau_d=Pd_dot - G.ad_star(Vd, Pd))
+        own = {each.name: getattr(self, each.name) for each in fields(self)}
+        other = Following(**own | {"Pd": Pd, "tau_d": Pd_dot - G.ad_star(Vd, Pd)})
         vars(other).update(V=self.V, Vd=Vd, Vd_dot=Vd_dot, Pd_dot=Pd_dot)  # known already
         return other
 
@@ -145,15 +146,17 @@ class Tracking:
 
         The terms with g and q have no power. Without a q, its term is left out.
         """
+        G, turned = self.G, g * self.Pd
+        if q is not None:
+            turned = turned + q * self.P_tilde
+        turning = G.ad_star(self.V_tilde, turned)
+        return self._driving(turning, c, n) + self.inertia_force
+
+    def _driving(self, turning: Array, c: Any, n: Any) -> Array:
+        """τ_d − turning − c ad*_{V_d} 𝕀Ṽ + n 𝕀 ad_V V_d."""
         G = self.G
-        force = (
-            self.tau_d
-            - g * G.ad_star(self.V_tilde, self.Pd)
-            - c * G.ad_star(self.Vd, self.P_tilde)
-            + n * self.inertia.momentum(G.ad(self.V, self.Vd))
-            + self.inertia_force
-        )
-        return force if q is None else force - q * G.ad_star(self.V_tilde, self.P_tilde)
+        carried = n * self.inertia.momentum(G.ad(self.V, self.Vd))
+        return self.tau_d - turning - G.ad_star(self.Vd, c * self.P_tilde) + carried
 
     @cached_property
     def cancelling_feedforward(self) -> Array:
@@ -201,3 +204,14 @@ class Tracking:
     def lyapunov(self) -> Array:
         """L = ½⟨P_E, 𝕀̄_t⁻¹P_E⟩ + Υ(Q_E) = ½⟨P̃, Ṽ⟩ + Υ(Q_E), Theorems 3.2 and 6.2."""
         return self.kinetic_error + navigation.potential(self.G, self.gains.K, self.Q_E)
+
+
+class Following(Tracking):
+    """A motion whose desired velocity is given with its rate, from which τ_d follows."""
+
+    def _driving(self, turning: Array, c: Any, n: Any) -> Array:
+        """The same from V̇_d by τ_d = 𝕀V̇_d + 𝕀̇V_d − ad*_{V_d} P_d, with one product of each kind."""
+        G, inertia = self.G, self.inertia
+        driving = inertia.momentum(self.Vd_dot + n * G.ad(self.V, self.Vd))
+        carried = G.ad_star(self.Vd, self.Pd + c * self.P_tilde)
+        return driving + inertia.rate_force(self.Vd) - turning - carried

@@ -7,20 +7,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar, cast
 
-from eqt_cli.analysis.certificates import Row
+from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.core.component import Component
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
 from eqt_cli.experiment.build import Experiment
-from eqt_cli.plots.figure_data import (
-    ShownCertificates,
-    ShownFronts,
-    ShownMetrics,
-    ShownReference,
-    ShownRuns,
-    ShownSweep,
-)
+from eqt_cli.plots.shown.certificates import ShownCertificates
+from eqt_cli.plots.shown.fronts import ShownFronts
+from eqt_cli.plots.shown.metrics import ShownMetrics
+from eqt_cli.plots.shown.reference import ShownReference
+from eqt_cli.plots.shown.sweep import ShownSweep
+from eqt_cli.plots.shown.trajectories import ShownRuns
 from eqt_cli.results.result import Result
 
 if TYPE_CHECKING:
@@ -83,7 +81,7 @@ class Figure(Component, Generic[S]):
             If an option will not do, the results lack what the figure shows, or it cannot be drawn
             in this style.
         """
-        from eqt_cli.plots.drawing.layout import add_remarks, freeze
+        from eqt_cli.plots.drawing.layout import add_letters, add_remarks, freeze
         from eqt_cli.plots.drawing.style import HOUSE, house_style
 
         problems = Problems(lambda path: f"figure '{self.name}'")
@@ -94,6 +92,7 @@ class Figure(Component, Generic[S]):
         shown = self.subject(cast(Sequence[Result], results), certificates)
         with house_style(style or HOUSE):
             drawing = self.compose(shown, width)
+            add_letters(drawing)
             add_remarks(drawing, shown.notes())
             freeze(drawing)
         return drawing
@@ -130,15 +129,18 @@ class OverTime(Figure[ShownRuns]):
 
 @dataclass(frozen=True)
 class OfFirstRuns(OverTime):
-    """A figure of single runs as paths, each with its start and end.
+    """A figure of single runs as paths with their starts, ends and directions, before a density.
 
     Attributes
     ----------
     runs
         How many runs of each controller are drawn at most, the first ones.
+    density
+        Shade where all runs pass.
     """
 
-    runs: int = 20
+    runs: int = 5
+    density: bool = True
 
     def check(self, problems: Problems) -> None:
         """At least one run is drawn."""

@@ -1,7 +1,5 @@
 """The numbers behind the curves of a drawing; it knows no single figure and no file format."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from collections.abc import Iterator
@@ -13,15 +11,13 @@ from matplotlib.collections import PathCollection, PolyCollection, QuadMesh
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.plots.drawing.layout import COLOUR_SCALE, NO_NUMBERS
 
 MOST_SAMPLES = 101
 """Samples of a curve that are kept, at most: the first, the last, and others evenly between."""
 
 _UNNAMED = re.compile(r"_child\d+")
 """What Matplotlib calls a curve that nobody named."""
-
-_COLOURS = "<colorbar>"
-"""What Matplotlib calls the panel of a colour scale, which shows no numbers of its own."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +57,7 @@ def curves(drawing: Drawing) -> list[Curve]:
         across = plain(axes.get_xlabel()) or (named[-1] if named else "")
         up = plain(axes.get_ylabel()) or up
         panel = str(axes.get_label()) or f"panel {number}"
-        if panel == _COLOURS:
+        if panel == COLOUR_SCALE:
             continue
         for name, x, y in _shown(axes):
             chosen = _kept(len(x))
@@ -72,7 +68,7 @@ def curves(drawing: Drawing) -> list[Curve]:
 def plain(label: str) -> str:
     r"""A label without its typesetting: ``‖τ‖ (N m)`` for ``$\|\tau\|$ $(\mathrm{N\,m})$``."""
     words = label.replace(r"\|", "‖").replace(r"\,", " ")
-    return re.sub(r"[${}\\]", "", re.sub(r"\\([a-z]+) ?", _letter, words))
+    return re.sub(r"[${}\\]", "", re.sub(r"\\([a-z]+)(?: (?=\w))?", _letter, words))
 
 
 def _letter(command: re.Match[str]) -> str:
@@ -90,6 +86,8 @@ def _shown(axes: Axes) -> Iterator[tuple[str, Array, Array]]:
         x, y = map(_numbers, line.get_data(orig=False))
         yield _name(line.get_label(), f"line {index}"), x, y
     for index, shape in enumerate(axes.collections, start=1):
+        if shape.get_label() == NO_NUMBERS:
+            continue
         name = _name(shape.get_label(), f"{index}")
         if isinstance(shape, QuadMesh):
             cells = _numbers(shape.get_array()).ravel()

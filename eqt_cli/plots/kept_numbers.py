@@ -1,7 +1,5 @@
 """Curves as a file to keep, and what has changed since; it knows no figure and no drawing."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,14 +14,19 @@ from eqt_cli.core.files import refusals
 from eqt_cli.plots.curve_data import Curve
 
 TOLERANCE = 1e-6
-"""How far a curve may lie from its baseline, over the largest value of the baseline's curve.
+"""How far a curve may lie from its baseline, over the largest value of the baseline's panel.
 
 Across as well as up: a box plot has its numbers there, and the path of a run in both directions.
+Of the panel, not of the curve: a component that is 0 but for rounding differs between processors by
+all that it is, and nobody sees it beside the others.
 
 The bound of a run's cross-check by the other engine: 1000 times the relative tolerance 1e-9 of the
 shipped experiments. Other processors and versions of the libraries round differently, and so move
 adaptive steps, by much less; no eye sees a thousandth of a panel.
 """
+
+SMALLEST_SCALE = 1e-6
+"""The largest value that a panel of zeros is taken to have: 1e-12 in it is rounding."""
 
 DIGITS = 9
 """Significant digits that are kept, so that rounding is far below `TOLERANCE`."""
@@ -41,7 +44,7 @@ class Check:
     curves
         How many are in both.
     largest
-        The largest difference, over the largest value of its curve.
+        The largest difference, over the largest value of its panel.
     differences
         What lies beyond `TOLERANCE`, or is in one of the two only; a sentence each.
     """
@@ -78,13 +81,24 @@ def compare(found: Sequence[Curve], baseline: Sequence[Curve]) -> Check:
     both = [(new[key], old[key]) for key in old if key in new]
     texts = [f"{_named(old[key])}: is missing" for key in old if key not in new]
     texts += [f"{_named(new[key])}: is not in the baseline" for key in new if key not in old]
-    texts += [text for pair in both for text in _differences(*pair)]
-    largest = max((_largest(*pair) for pair in both if _comparable(*pair)), default=0.0)
+    scales = _scales(baseline)
+    texts += [text for pair in both for text in _differences(*pair, *scales[pair[1].panel])]
+    relative = (_largest(*pair, *scales[pair[1].panel]) for pair in both if _comparable(*pair))
+    largest = max(relative, default=0.0)
     return Check(len(both), largest, texts)
 
 
-def _differences(new: Curve, old: Curve) -> Iterator[str]:
-    """What is wrong with one curve."""
+def _scales(curves: Sequence[Curve]) -> dict[str, tuple[float, float]]:
+    """The largest value of each panel, across and up."""
+    scales: dict[str, tuple[float, float]] = {}
+    for curve in curves:
+        across, up = scales.get(curve.panel, (SMALLEST_SCALE, SMALLEST_SCALE))
+        scales[curve.panel] = max(across, _size(curve.x)), max(up, _size(curve.y))
+    return scales
+
+
+def _differences(new: Curve, old: Curve, across: float, up: float) -> Iterator[str]:
+    """What is wrong with one curve, whose panel has these scales."""
     for place in ("across", "up"):
         got, expected = getattr(new, place), getattr(old, place)
         if got != expected:
@@ -95,8 +109,8 @@ def _differences(new: Curve, old: Curve) -> Iterator[str]:
             f"{len(old.x)} over {_span(old.x)}"
         )
         return
-    for found, kept in ((new.x, old.x), (new.y, old.y)):
-        error, tolerance = _error(found, kept), TOLERANCE * _scale(kept)
+    for found, kept, scale in ((new.x, old.x, across), (new.y, old.y, up)):
+        error, tolerance = _error(found, kept), TOLERANCE * scale
         wrong = np.flatnonzero(error > tolerance)
         if len(wrong):
             worst = int(np.argmax(error))
@@ -109,7 +123,7 @@ def _differences(new: Curve, old: Curve) -> Iterator[str]:
                 f"{found[worst]:.{DIGITS}g}, expected {kept[worst]:.{DIGITS}g}"
             )
             samples = f"{len(wrong)} of {len(error)} samples"
-            yield f"{_named(new)}: {samples} {how} within {tolerance:.1e}"
+            yield f"{_named(new)}: {samples} {how} within {tolerance:.2g}"
             return
 
 
@@ -132,7 +146,7 @@ def _comparable(new: Curve, old: Curve) -> bool:
     return new.x.shape == old.x.shape
 
 
-def _scale(values: Array) -> float:
+def _size(values: Array) -> float:
     return float(np.max(np.abs(values), initial=0.0, where=np.isfinite(values)))
 
 
@@ -146,11 +160,10 @@ def _error(new: Array, old: Array) -> Array:
     return np.where(seen[0] == seen[1], error, np.inf)
 
 
-def _largest(new: Curve, old: Curve) -> float:
-    """The largest difference, across or up, over the largest value in that direction."""
-    pairs = ((new.x, old.x), (new.y, old.y))
-    errors = [(float(np.max(_error(*pair), initial=0.0)), _scale(pair[1])) for pair in pairs]
-    return max(error / scale if error else 0.0 for error, scale in errors)
+def _largest(new: Curve, old: Curve, across: float, up: float) -> float:
+    """The largest difference, across or up, over the scale of the panel in that direction."""
+    pairs = ((new.x, old.x, across), (new.y, old.y, up))
+    return max(float(np.max(_error(x, kept), initial=0.0)) / scale for x, kept, scale in pairs)
 
 
 def _record(curve: Curve) -> str:

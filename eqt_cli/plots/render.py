@@ -1,12 +1,10 @@
 """From results to the files of one figure; it knows no single figure."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
-from eqt_cli.analysis.certificates import Row
+from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import summary
@@ -16,15 +14,17 @@ from eqt_cli.plots import kept_numbers
 from eqt_cli.plots.base import Figure, OfCertificates
 from eqt_cli.plots.curve_data import curves
 from eqt_cli.plots.drawing.style import HOUSE, WIDTHS, Style
-from eqt_cli.plots.figure_data import names
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.kept_numbers import Check
 from eqt_cli.plots.save import Format, encode, write
+from eqt_cli.plots.shown.controllers import names
 from eqt_cli.results.result import Result
 
 Choice = TypeVar("Choice", bound=str)
 
 FORMATS: tuple[Format, ...] = get_args(Format)
+DRAWN = "figures drawn"
+"""What is counted while they are."""
 NUMBERS: Literal["json"] = "json"
 """The format that is no picture, but the numbers behind the curves."""
 

@@ -1,18 +1,15 @@
 """Drawings as files that are equal, byte for byte, whenever they are made; it knows no result."""
 
-from __future__ import annotations
-
 import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
 from string import ascii_uppercase
 from typing import Any, Literal
 
-from matplotlib.backends.backend_pdf import PdfFile
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
@@ -35,7 +32,8 @@ def encode(
 ) -> bytes:
     """The file's content, in the style of the drawing; it holds no date and no random name."""
     buffer = BytesIO()
-    with house_style(style), _quiet_font_tools(), _steady_names_of_fonts():
+    names = _steady_names_of_fonts() if format == "pdf" else nullcontext()
+    with house_style(style), _quiet_font_tools(), names:
         drawing.savefig(buffer, format=format, metadata=_metadata(format, title, description))
     return buffer.getvalue()
 
@@ -98,6 +96,8 @@ def _steady_names_of_fonts() -> Iterator[None]:
 
     Matplotlib takes a hash of Python, which differs between processes, for the fonts of TeX.
     """
+    from matplotlib.backends.backend_pdf import PdfFile  # slow to import
+
     file: Any = PdfFile
     own = getattr(file, "_get_subset_prefix", None)
     if own is None:  # before Matplotlib 3.10, which embeds fonts of TeX whole

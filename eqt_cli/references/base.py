@@ -1,34 +1,53 @@
 """What a reference is: a desired motion Q_d(t), V_d(t), V̇_d(t) and the force τ_d that it takes."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping
 from copy import copy
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, stack
 from eqt_cli.core.component import Component
 from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.mechanics.motions import Pieces, motion_of_piece
+from eqt_cli.mechanics.motions import Piece, Pieces
 
 T = TypeVar("T")
 
 
-def check_expressions(entries: list[str | float], G: MatrixLieGroup, problems: Problems) -> None:
-    """Note expressions that do not parse, or a number of them that is not m."""
-    if len(entries) != G.dimension:
-        expected = f"expected {G.dimension} expressions for {G.name}"
-        problems.add(f"{expected}, got {len(entries)}")
-    for index, entry in enumerate(entries):
-        with problems.catching(index):
-            formula(entry)
+class InExpressions:
+    """What is given by an option with expressions in t, one per coordinate."""
+
+    expressed: ClassVar[str]
+    """The option."""
+
+    @cached_property
+    def expressions(self) -> list[Expression]:
+        """The expressions, parsed."""
+        return [formula(entry) for entry in getattr(self, self.expressed)]
+
+    def at(self, t: Any) -> Array:
+        """Their values, ``(..., m)``."""
+        return stack([expression.evaluate({"t": t}) for expression in self.expressions])
+
+    def instants(self, *group: MatrixLieGroup) -> Array:
+        """Where an expression changes its piece."""
+        return instants_of(self.expressions)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Expressions that do not parse, or a number of them that is not m."""
+        problems, entries = problems.at(self.expressed), getattr(self, self.expressed)
+        if len(entries) != G.dimension:
+            expected = f"expected {G.dimension} expressions for {G.name}"
+            problems.add(f"{expected}, got {len(entries)}")
+        for index, entry in enumerate(entries):
+            with problems.catching(index):
+                formula(entry)
 
 
 def instants_of(expressions: Iterable[Expression]) -> Array:
@@ -45,11 +64,15 @@ class Desired(NamedTuple):
         Q_d.
     P, tau : (..., m)
         P_d = 𝕀V_d and τ_d, body frame.
+    V, V_dot : (..., m)
+        V_d and V̇_d, where they are known without P_d and τ_d.
     """
 
     Q: Array
     P: Array
     tau: Array
+    V: Array | None = None
+    V_dot: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -131,7 +154,7 @@ class MovingReference(Reference):
     ) -> Desired:
         P = inertia.momentum(V)
         tau = inertia.momentum(acceleration) + inertia.rate_force(V) - G.ad_star(V, P)
-        return Desired(Q, P, tau)
+        return Desired(Q, P, tau, V, acceleration)
 
 
 @dataclass(frozen=True)
@@ -194,8 +217,13 @@ class PiecewiseReference(ClosedReference):
 
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
         """The motion of the piece that is held, or else of those that the times are in."""
-        held = vars(self).get("_held") or self.held(G, t)
-        return motion_of_piece(G, held, t)
+        kept = vars(self)
+        if "_held" not in kept:
+            return self.holding(self.held(G, t)).motion(G, t)
+        if "_piece" not in kept:
+            kept["_piece"] = self.prepared(G, self.pieces).piece(kept["_held"])
+        piece: Piece = kept["_piece"]
+        return piece.motion(G, t)
 
     def instants(self, G: MatrixLieGroup) -> Array:
         """Where a piece begins."""
@@ -203,10 +231,11 @@ class PiecewiseReference(ClosedReference):
 
     def held(self, G: MatrixLieGroup, t: Any) -> dict[str, Array]:
         """The numbers of a piece."""
-        return self.prepared(G, self.pieces).at(G, t)
+        return self.prepared(G, self.pieces).at(t)
 
     def holding(self, held: Mapping[str, Array]) -> Self:
         """The same in one piece, or in one for each run."""
         found = copy(self)
         vars(found)["_held"] = held
+        vars(found).pop("_piece", None)
         return found

@@ -1,7 +1,5 @@
 """A reference that moves with a constant body velocity."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -40,7 +38,7 @@ class ConstantReference(PiecewiseReference):
         if pose is None:
             raise InputError(f"expected a pose of {G.name}, got {self.pose}")
         V = vector(self.velocity, G.dimension, G)
-        return Pieces(np.zeros(1), pose[None], V[None, None], np.array([[[0.0, 1.0]]]))
+        return Pieces.of(G, np.zeros(1), pose[None], V[None, None], np.array([[[0.0, 1.0]]]))
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A pose or a velocity that will not do."""

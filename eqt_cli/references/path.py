@@ -1,21 +1,19 @@
 """A reference that is a product of turns and moves, each by an expression in time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, stack
 from eqt_cli.core.differentiation import value_and_derivatives
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.mechanics.motions import Factor, motion_along
+from eqt_cli.mechanics.motions import Factor, motion_along, screws
 from eqt_cli.references.base import ClosedReference, instants_of
 from eqt_cli.written.files import coordinate_names
 from eqt_cli.written.poses import pose_from, vector
@@ -48,7 +46,7 @@ class PathFactor:
         names = coordinate_names(G)
         if self.axis not in names:
             raise InputError(
-                f"expected one of {', '.join(names)}, or {G.dimension} numbers, for {G.name}, "
+                f"expected {', '.join(names)} or a list of {G.dimension} numbers for {G.name}, "
                 f"got '{self.axis}'"
             )
         return np.eye(G.dimension)[names.index(self.axis)]
@@ -74,18 +72,18 @@ class PathReference(ClosedReference):
 
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
         """The product, its velocity and its acceleration."""
-        start, vectors = self.prepared(G, self._constants)
+        links, numbers, rates = self.prepared(G, self._constants)
         factors = []
-        for factor, xi in zip(self.factors, vectors, strict=True):
+        for factor, own, rate in zip(self.factors, numbers, rates, strict=True):
             derivatives = value_and_derivatives(factor.expression, t)
-            a, rate, second = (np.asarray(x)[..., None] for x in derivatives)
-            factors.append(Factor(xi, *G.screw(xi), a, rate, second))
-        return motion_along(G, start, factors)
+            angles = stack(derivatives)[..., None] * rate
+            factors.append(Factor(own, angles))
+        return motion_along(G, links, factors)
 
-    def _constants(self, G: MatrixLieGroup) -> tuple[Array, list[Array]]:
+    def _constants(self, G: MatrixLieGroup) -> tuple[Array, Array, Array]:
         pose = pose_from(self.pose, G, Problems())
         assert pose is not None
-        return pose, [factor.vector(G) for factor in self.factors]
+        return screws(G, pose, np.stack([factor.vector(G) for factor in self.factors]))
 
     def instants(self, G: MatrixLieGroup) -> Array:
         """Where an expression changes its piece."""
@@ -95,7 +93,9 @@ class PathReference(ClosedReference):
         """A pose, an axis or an expression that will not do, and no factors at all."""
         pose_from(self.pose, G, problems.at("pose"))
         if not self.factors:
-            problems.at("factors").add("expected one factor or more, as [{axis: wz, by: 0.1*t}]")
+            problems.at("factors").add(
+                "expected at least one factor, such as [{axis: wz, by: 0.1*t}]"
+            )
         for index, factor in enumerate(self.factors):
             here = problems.at("factors", index)
             with here.catching("axis"):

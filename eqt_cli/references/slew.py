@@ -1,7 +1,5 @@
 """A reference that turns, or moves, from one pose to another and is at rest before and after."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 

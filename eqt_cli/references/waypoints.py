@@ -1,7 +1,5 @@
 """A reference that goes through given poses at given times."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass, field
@@ -110,7 +108,7 @@ class WaypointsReference(PiecewiseReference):
 
     def _check_points(self, points: list[Waypoint], G: MatrixLieGroup, problems: Problems) -> None:
         if len(points) < 2:
-            problems.add(f"expected two waypoints or more, got {len(points)}")
+            problems.add(f"expected at least two waypoints, got {len(points)}")
         for index, point in enumerate(points):
             pose_from(point.pose, G, problems.at(index, "pose"))
             if index and not point.t > points[index - 1].t:

@@ -1,7 +1,5 @@
 """One run as a page that plays it: bodies against the reference, error and torque as they go."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -11,10 +9,22 @@ from markupsafe import Markup
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.animation.motion import Course, Motion, motion
-from eqt_cli.plots.animation.scene import AZIMUTH, ELEVATION, FACES, corners
-from eqt_cli.report.document import TEMPLATES, environment
+from eqt_cli.plots.animation.scene import (
+    AXES,
+    AZIMUTH,
+    ELEVATION,
+    FACES,
+    INERTIAL,
+    TRAIL,
+    Scene,
+    corners,
+    scene_of,
+)
+from eqt_cli.plots.drawing.labels import norm_symbol
+from eqt_cli.report.environment import TEMPLATES, environment
 from eqt_cli.report.run_curves import looks
 from eqt_cli.report.run_table import columns
+from eqt_cli.results.quantity import plain
 from eqt_cli.results.result import Result
 
 SAMPLES = 401
@@ -46,14 +56,15 @@ def animation(result: Result, run: int, controllers: Sequence[str] = ()) -> str:
             labels=[ensemble.title for ensemble in shown.ensembles],
             run=run,
             samples=len(shown.times),
-            data=_document(shown, result),
+            data=_document(scene_of(shown), result),
             css=Markup("".join((TEMPLATES / name).read_text(encoding="utf-8") for name in css)),
             js=Markup((TEMPLATES / js).read_text(encoding="utf-8")),
         )
     )
 
 
-def _document(shown: Motion, result: Result) -> dict[str, Any]:
+def _document(scene: Scene, result: Result) -> dict[str, Any]:
+    shown = scene.motion
     kept = np.unique(np.linspace(0, len(shown.times) - 1, SAMPLES).round().astype(int))
     styles, heads = looks(result), columns(result, list(shown.norms))
     return {
@@ -66,23 +77,39 @@ def _document(shown: Motion, result: Result) -> dict[str, Any]:
         ],
         "reference": _course(shown.reference, kept, shown),
         "moves": shown.has_translation,
-        "length": shown.length,
-        "extent": shown.extent,
-        "centre": _rounded(shown.centre),
+        "length": scene.length,
+        "columns": scene.columns,
+        "centre": [_places(track[kept], shown) for track in scene.centre],
+        "reach": _rounded(scene.reach[kept]),
+        "ground": [[_rounded(end) for end in line] for line in scene.ground],
+        "trail": TRAIL,
+        "axes": AXES,
+        "inertial": list(INERTIAL),
         "view": [float(AZIMUTH), float(ELEVATION)],
         "corners": corners().tolist(),
         "faces": [list(face) for face in FACES],
         "panels": [
-            {**head, "curves": [_rounded(curve[kept]) for curve in values]}
-            for head, values in zip(heads, shown.norms.values(), strict=True)
+            {
+                **head,
+                "name": plain(norm_symbol(result, result.quantity(name))),
+                "curves": [_rounded(curve[kept]) for curve in values],
+            }
+            for head, (name, values) in zip(heads, shown.norms.items(), strict=True)
         ],
     }
 
 
 def _course(course: Course, kept: Array, shown: Motion) -> dict[str, Any]:
     flat = course.rotation[kept].reshape(len(kept), 9)
-    places = [_rounded(place) for place in course.position[kept]] if shown.has_translation else []
-    return {"rotation": [_rounded(row) for row in flat], "position": places}
+    return {
+        "rotation": [_rounded(row) for row in flat],
+        "position": _places(course.position[kept], shown),
+    }
+
+
+def _places(track: Array, shown: Motion) -> list[list[float | None]]:
+    """Places over time; none where nothing moves, and all are the origin."""
+    return [_rounded(place) for place in track] if shown.has_translation else []
 
 
 def _rounded(values: Array) -> list[float | None]:

@@ -1,24 +1,27 @@
 """A result as one HTML page that needs no network and no other file."""
 
-from __future__ import annotations
-
 import re
+from base64 import b64encode
 from collections.abc import Sequence
-from pathlib import Path
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-from markupsafe import Markup, escape
+from markupsafe import Markup
 
-from eqt_cli.analysis.certificate_table import certificate_table
-from eqt_cli.analysis.certificates import Row
+from eqt_cli.analysis.certificate_table import certificate_table, titled
+from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.comparison import compare
+from eqt_cli.analysis.comparison.findings import findings
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.text_tables import TextTable
-from eqt_cli.core.printable import printable
+from eqt_cli.core.errors import EqtError
 from eqt_cli.core.version import __version__
+from eqt_cli.execution.steps import SILENT, Steps
+from eqt_cli.report.animation import animation
+from eqt_cli.report.environment import TEMPLATES, environment
+from eqt_cli.report.experiment import given, laws
 from eqt_cli.report.figures import COMPARED, DEFAULT, FRONTS, SWEPT, Wanted, inline_figures
 from eqt_cli.report.point_table import best_points, point_table
 from eqt_cli.report.run_curves import curves
@@ -31,9 +34,9 @@ from eqt_cli.tuning.tables import tuning_tables
 _NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
 """A number, perhaps with a percent sign, a spread or an interval."""
 
-_NORM = re.compile("‖[^‖]*‖")
 
-TEMPLATES = Path(__file__).with_name("templates")
+RANKS = ("mean_pose_error", "early_torque")
+"""Numbers by which the run that is animated is the median one; the first that is stored."""
 
 
 def report(
@@ -41,6 +44,9 @@ def report(
     wanted: Sequence[Wanted] | None = None,
     certificates: Sequence[Row] = (),
     unverified: str = "",
+    author: str = "",
+    notes: str = "",
+    steps: Steps = SILENT,
 ) -> str:
     """The page about an experiment or a sweep.
 
@@ -57,9 +63,13 @@ def report(
         What the verification of the result found.
     unverified
         Why there are no certificates, if there are none.
+    author, notes
+        Who answers for the page, and remarks for its reader; blank lines part their paragraphs.
+    steps
+        Told of the figures.
     """
     shown = _default(result) if wanted is None else wanted
-    drawn, remarks = inline_figures(result, shown, certificates)
+    drawn, remarks = inline_figures(result, shown, certificates, steps)
     return (
         environment()
         .get_template("report.html.j2")
@@ -68,14 +78,20 @@ def report(
             result=result,
             failed=len(result.failures),
             lead=lead(result),
+            author=author,
+            notes=[" ".join(part.split()) for part in re.split(r"\n\s*\n", notes) if part.strip()],
+            given=given(result),
+            laws=laws(result),
+            functions=result.lyapunov_functions,
             accuracy=list(accuracy(result)),
             provenance=provenance(result),
             config=str(result.attributes.get("config", "")).rstrip(),
             figures=[{"key": f.key, "svg": Markup(f.svg), "caption": f.caption} for f in drawn],
             remarks=remarks,
-            certificates=_table(certificate_table(certificates)),
+            certificates=_table(certificate_table(titled(certificates, result.titled))),
             unverified=unverified,
             css=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),
+            font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
             js=Markup((TEMPLATES / "report.js").read_text(encoding="utf-8")),
             **(_of_sweep(result) if result.is_sweep else _of_experiment(result)),
         )
@@ -100,11 +116,16 @@ def _of_experiment(result: Result) -> dict[str, Any]:
     tuned = tuning_tables(result, record) if record else []
     made: dict[str, TextTable] = {}
     missing: list[str] = []
+    found, confidence = [], 0.0
     if not _has_fronts(record):
         comparison = compare(result)
         made, missing = text_tables(comparison, Plain()), comparison.missing
+        found = findings(comparison, dict(zip(result.labels, result.titles, strict=True)))
+        confidence = comparison.confidence
     return {
         "best": None,
+        "findings": found,
+        "confidence": f"{100 * confidence:g}",
         "tuned": [_table(table) for table in tuned],
         "headline": result.headline(),
         "means": columns(result, [name for name, of in HEADLINE.items() if of is np.mean]),
@@ -114,47 +135,41 @@ def _of_experiment(result: Result) -> dict[str, Any]:
         "missing": missing,
         "picker": curves(result),
         "table": run_table(result),
+        **_animated(result),
     }
+
+
+def _animated(result: Result) -> dict[str, Any]:
+    """The animation of the median run of the first law; None where no body can be shown."""
+    by = next((name for name in RANKS if result.has(name)), None)
+    runs = [run for run in result.stored_runs if by and np.isfinite(result[by][0, run])]
+    with suppress(EqtError):
+        if by and runs:
+            middle = sorted(runs, key=lambda run: float(result[by][0, run]))[(len(runs) - 1) // 2]
+            return {
+                "animation": animation(result, int(middle)),
+                "animated": int(middle),
+                "animated_by": result.quantity(by).described,
+            }
+    return {"animation": None}
 
 
 def _of_sweep(result: Result) -> dict[str, Any]:
     """As of an experiment; a mean over all points means little."""
-    absent = ("headline", "means", "claims", "levels", "pairs", "missing", "picker")
+    absent = (
+        "findings",
+        "headline",
+        "means",
+        "claims",
+        "levels",
+        "pairs",
+        "missing",
+        "picker",
+        "animation",
+    )
     best, table = _table(best_points(result)), point_table(result)
     made: dict[str, Any] = {"best": best, "table": table, "tuned": []}
     return dict.fromkeys(absent) | made
-
-
-def environment() -> Environment:
-    """Where templates are found, and how they are filled in: everything is escaped.
-
-    Markup of HTML, and what no page can show, such as an order of reading that is turned around.
-    """
-    made = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=_finalized,
-    )
-    made.filters["typeset"] = _typeset
-    return made
-
-
-def _finalized(value: Any) -> Any:
-    is_text = isinstance(value, str) and not isinstance(value, Markup)
-    return printable(value, "\n\t") if is_text else value
-
-
-def _typeset(text: str) -> Markup:
-    """The paper's symbols with their subscripts; all else is only escaped."""
-    escaped = str(escape(printable(text)))
-    for symbol in ("Q_E", "Q_d", "V_d", "P_d", "K_d", "τ_d", "τ_ff", "𝕀_t"):
-        letter, index = symbol.split("_")
-        escaped = re.sub(rf"\b{symbol}\b", f"{letter}<sub>{index}</sub>", escaped)
-    escaped = re.sub(r"\bAd_\{([^}]*)\}", r"Ad<sub>\1</sub>", escaped)
-    return Markup(_NORM.sub(lambda norm: norm[0].replace(" ", "\u00a0"), escaped))
 
 
 def _table(table: TextTable | None) -> dict[str, Any] | None:

@@ -1,19 +1,18 @@
 """Figures as SVG inside an HTML page; it knows no single figure beyond its name and options."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.etree import ElementTree
 
-from eqt_cli.analysis.certificates import Row
+from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import description
+from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.plots.base import OfCertificates
 from eqt_cli.plots.figures import figures
-from eqt_cli.plots.render import figure_from
+from eqt_cli.plots.render import DRAWN, figure_from
 from eqt_cli.plots.save import encode
 from eqt_cli.results.result import Result
 
@@ -68,11 +67,10 @@ class Drawn:
 DEFAULT = (
     Wanted(
         "paper",
-        {"bands": "quantiles"},
+        {"log": True},
         "Means over runs of pose error, velocity error, torque and Lyapunov function L, as in "
-        "Figure 3 of the paper. Shaded: from the 10 % to the 90 % quantile over runs.",
+        "Figure 3 of the paper; errors and L on logarithmic axes.",
     ),
-    Wanted("paper", {"log": True}, "The same means; errors and L on a logarithmic scale."),
     Wanted("torque"),
     Wanted("commands", needs="command"),
     Wanted("distributions"),
@@ -113,17 +111,26 @@ FRONTS = (
 
 
 def inline_figures(
-    result: Result, wanted: Sequence[Wanted], certificates: Sequence[Row] = ()
+    result: Result,
+    wanted: Sequence[Wanted],
+    certificates: Sequence[Row] = (),
+    steps: Steps = SILENT,
 ) -> tuple[list[Drawn], list[str]]:
     """The figures that can be drawn of a result, and remarks on the others."""
-    drawn, remarks = [], []
-    for number, figure in enumerate(wanted, start=1):
-        if figure.name not in figures.names() or _is_idle(result, figure, certificates):
-            continue
+    drawn: list[Drawn] = []
+    remarks = []
+    due = [
+        figure
+        for figure in wanted
+        if figure.name in figures.names() and not _is_idle(result, figure, certificates)
+    ]
+    advance = steps.begin(DRAWN, len(due))
+    for figure in due:
         try:
-            drawn.append(_draw(result, figure, f"figure{number}", certificates))
+            drawn.append(_draw(result, figure, f"figure{len(drawn) + 1}", certificates))
         except EqtError as error:
             remarks.append(str(error).removeprefix(f"{result.path}: "))
+        advance(1)
     return drawn, remarks
 
 

@@ -1,7 +1,5 @@
 """The points of a sweep as a table, and the best of them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from eqt_cli.analysis.comparison.notation import Plain
@@ -32,7 +30,9 @@ def point_table(result: Result) -> Document:
     order = sorted(order, key=lambda row: failed[row[1], row[0]] == 0)[:MOST_ROWS]
     return {
         "item": "point",
-        "columns": [{"metric": "", "name": key.key, "unit": "", "given": True} for key in keys]
+        "columns": [
+            {"metric": "", "name": key.key, "unit": "", "better": "", "given": True} for key in keys
+        ]
         + columns(result, names)
         + [column for name in counts for column in _columns_of_ends(result, name)],
         "controllers": result.labels,
@@ -95,7 +95,12 @@ def _columns_of_ends(result: Result, name: str) -> list[Document]:
     """Their heads."""
     called = result.quantity(name).described
     return [
-        {"metric": f"{name}_{end}", "name": f"{called}, {end} end of its interval", "unit": ""}
+        {
+            "metric": f"{name}_{end}",
+            "name": f"{called}, {end} end of its interval",
+            "unit": "",
+            "better": "",
+        }
         for end in ("low", "high")
     ]
 

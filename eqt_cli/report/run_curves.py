@@ -1,7 +1,5 @@
 """Every stored run in a few bytes, for a page that draws the one that is picked."""
 
-from __future__ import annotations
-
 from base64 import b64encode
 from typing import Any
 

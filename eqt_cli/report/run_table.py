@@ -1,7 +1,5 @@
 """The table of single runs: columns, units and rows as plain data; it knows no page."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -9,7 +7,8 @@ import numpy as np
 
 from eqt_cli.results.quantity import FLOAT, Per
 from eqt_cli.results.quantity_table import QUANTITIES
-from eqt_cli.results.result import Result, meaning_of
+from eqt_cli.results.result import Result
+from eqt_cli.results.stored_runs import meaning_of
 
 MOST_ROWS = 8000
 """Rows that a page holds, controllers times runs; failed runs are among them before good ones."""
@@ -58,16 +57,27 @@ def run_table(result: Result) -> Document:
 
 
 def columns(result: Result, names: Sequence[str]) -> list[Document]:
-    """Heads of columns: which number of a result, what it is, its unit if it is no pure number."""
+    """Heads of columns: which number of a result, what it is, its unit if it is no pure number.
+
+    ``better`` says which values are the better ones; nothing where neither are.
+    """
+    quantities = [result.quantity(name) for name in names]
     return [
-        {"metric": name, "name": result.quantity(name).described, "unit": unit_of(result, name)}
-        for name in names
+        {
+            "metric": name,
+            "name": quantity.described,
+            "unit": unit_of(result, name),
+            "better": "" if quantity.better == "neither" else quantity.better,
+        }
+        for name, quantity in zip(names, quantities, strict=True)
     ]
 
 
 def unit_of(result: Result, name: str) -> str:
-    """The unit of a metric; nothing for a pure number."""
+    """The unit of a metric; nothing for a pure number, ``N m and N`` for several together."""
     unit = result.units(name)
+    if unit == "mixed" and (parts := result.part_units(name)):
+        return " and ".join(parts)
     return "" if unit == "1" else unit
 
 

@@ -1,12 +1,11 @@
 """What was run, where and how accurately, as words; it must not know how a page shows them."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
+from eqt_cli.analysis.comparison.findings import listed
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.result import Result
 
@@ -34,14 +33,14 @@ def accuracy(result: Result) -> Iterator[str]:
     if estimates.size:
         yield (
             "Global error, estimated run by run from a tighter solve: largest "
-            f"{estimates.max():.1e}, median {np.median(estimates):.1e}."
+            f"{estimates.max():.2g}, median {np.median(estimates):.2g}."
         )
     check = result.cross_check
     if check is not None:
         yield (
             f"Cross-check by {check.method} on {check.runs} runs per controller: largest "
-            f"difference {check.difference:.1e}, {'within' if check.holds else 'BEYOND'} the bound "
-            f"of {check.bound:.0e}."
+            f"difference {check.difference:.2g}, {'within' if check.holds else 'BEYOND'} the bound "
+            f"of {check.bound:.1g}."
         )
 
 
@@ -59,15 +58,11 @@ def _energy(result: Result) -> Iterator[str]:
         return
     largest = max(kept[title].max() for title in balanced)
     others = [title for title, found in residuals.items() if found.size and not kept[title].size]
-    whose = f" of {_listed(balanced)}; none is claimed of {_listed(others)}" if others else ""
+    whose = f" of {listed(balanced)}; none is claimed of {listed(others)}" if others else ""
     yield (
-        f"Energy balance: |L(t) + ∫dissipation − L(0)| stays below {largest:.0e} of L(0) "
+        f"Energy balance: |L(t) + ∫dissipation − L(0)| stays below {largest:.1g} of L(0) "
         f"in every run{whose}."
     )
-
-
-def _listed(words: list[str]) -> str:
-    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
 def _finite(result: Result, name: str) -> Array:

@@ -4,14 +4,10 @@ A file may come from a stranger, or from a disk that has failed: it is a sound H
 things that eqt never says. It must not know what readers do with it.
 """
 
-from __future__ import annotations
-
-import json
-from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel, Json, NonNegativeInt, TypeAdapter, ValidationError
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.store.reader import ResultFile
@@ -29,8 +25,11 @@ def check_attributes(result: ResultFile) -> None:
         With the first that is.
     """
     for name, expected in _EXPECTED.items():
-        if name in result.attributes and not _KINDS[expected](result.attributes[name]):
-            raise result.refusal(f"its attribute '{name}' is not {expected}")
+        if name in result.attributes:
+            try:
+                _KINDS[expected].validate_python(result.attributes[name], strict=True)
+            except ValidationError:
+                raise result.refusal(f"its attribute '{name}' is not {expected}") from None
     there = [name for name in CROSS_CHECK if f"cross_check_{name}" in result.attributes]
     if there and len(there) < len(CROSS_CHECK):
         lacking = next(name for name in CROSS_CHECK if name not in there)
@@ -91,62 +90,29 @@ def _rises(values: Array) -> bool:
 # Attributes ---------------------------------------------------------------------------------------
 
 
-def _mapping(value: Any) -> Any:
-    """A mapping that is stored as JSON; None if it is none."""
-    with suppress(ValueError, RecursionError):
-        found = json.loads(value) if isinstance(value, str) else None
-        return found if isinstance(found, dict) else None
-    return None
-
-
-def _is_text(value: Any) -> bool:
-    return isinstance(value, str)
-
-
-def _is_count(value: Any) -> bool:
-    return isinstance(value, int) and value >= 0
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float)
-
-
-def _maps_to_text(value: Any) -> bool:
-    found = _mapping(value)
-    return found is not None and all(isinstance(entry, str) for entry in found.values())
-
-
-def _is_origin(value: Any) -> bool:
+class _Origin(BaseModel):
     """Versions and times, and those of other sessions."""
-    found = _mapping(value)
-    if found is None:
-        return False
-    others = found.get("other_sessions", [])
-    named = all(isinstance(found.get(name, ""), str) for name in ("eqt", "python", "started"))
-    return named and isinstance(others, list) and all(isinstance(one, dict) for one in others)
+
+    eqt: str = ""
+    python: str = ""
+    started: str = ""
+    other_sessions: list[dict[str, Any]] = []
 
 
-def _is_told_of_functions(value: Any) -> bool:
+class _Functions(BaseModel):
     """Which function L is, by label, and which laws do not claim that it falls."""
-    found = _mapping(value)
-    if found is None:
-        return False
-    functions, unclaimed = found.get("functions", {}), found.get("unclaimed", [])
-    return (
-        isinstance(functions, dict)
-        and all(isinstance(text, str) for text in functions.values())
-        and isinstance(unclaimed, list)
-        and all(isinstance(label, str) for label in unclaimed)
-    )
+
+    functions: dict[str, str] = {}
+    unclaimed: list[str] = []
 
 
-_KINDS: dict[str, Callable[[Any], bool]] = {
-    "text": _is_text,
-    "a number": _is_number,
-    "a whole number of at least 0": _is_count,
-    "a mapping in JSON from names to texts": _maps_to_text,
-    "versions and times in JSON": _is_origin,
-    "names of functions in JSON": _is_told_of_functions,
+_KINDS: dict[str, TypeAdapter[Any]] = {
+    "text": TypeAdapter(str),
+    "a number": TypeAdapter(float),
+    "a whole number of at least 0": TypeAdapter(NonNegativeInt),
+    "a mapping in JSON from names to texts": TypeAdapter(Json[dict[str, str]]),
+    "versions and times in JSON": TypeAdapter(Json[_Origin]),
+    "names of functions in JSON": TypeAdapter(Json[_Functions]),
 }
 
 _EXPECTED = {

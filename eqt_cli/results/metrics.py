@@ -3,8 +3,6 @@
 This is the only file that a new one takes. It knows neither files nor controllers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

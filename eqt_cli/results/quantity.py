@@ -164,6 +164,10 @@ class Quantity:
         signal = signal_of(self.signals[0]) if self.signals else None
         return self.own_symbol or (signal.symbol if signal else "")
 
+    def cost(self, values: Any) -> Any:
+        """The values, or their negatives where more of it is better; undoes itself."""
+        return -values if self.better == "higher" else values
+
     @property
     def attributes(self) -> dict[str, Attribute]:
         """What a result file says of it."""

@@ -1,24 +1,19 @@
 """The table of quantities: everything that a result holds or can be asked for, by name."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eqt_cli.closed_loop.signals import SIGNALS, signal_of
+from eqt_cli.config.schema import Config
+from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Status
-from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.experiment.build import Experiment
 from eqt_cli.results.metrics import METRICS, energy_residual
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.table import Variable
 from eqt_cli.vehicle import Vehicle
-
-if TYPE_CHECKING:
-    from eqt_cli.config.schema import Config
-    from eqt_cli.experiment.build import Experiment
 
 STATUS_MEANINGS = "; ".join(f"{status.value} {status.name.lower()}" for status in Status)
 
@@ -152,7 +147,9 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
             continue
         quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
-        units = quantity.unit(_unit_of_signal(quantity, group))
+        units = quantity.unit(
+            _SIGNALS[quantity.signals[0]].units(group) if quantity.signals else ""
+        )
         found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
         if quantity.per is Per.TRAJECTORY:
             signal = _SIGNALS[quantity.name]
@@ -161,10 +158,6 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
                 for part in signal.parts(group)
             ]
     return found
-
-
-def _unit_of_signal(quantity: Quantity, group: MatrixLieGroup) -> str:
-    return _SIGNALS[quantity.signals[0]].units(group) if quantity.signals else ""
 
 
 def quantity_of(name: str, long_name: str = "") -> Quantity:
@@ -184,30 +177,20 @@ def quantity_of(name: str, long_name: str = "") -> Quantity:
 def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:
     """What the positions along the dimensions mean; `kept` runs keep their trajectories."""
 
-    def counted(dim: str, size: int, long_name: str) -> Variable:
-        return Variable((dim,), np.arange(size), {"units": "1", "long_name": long_name})
+    def along(dim: str, values: Array, long_name: str, **units: str) -> Variable:
+        return Variable((dim,), values, {**units, "long_name": long_name})
 
-    group, runs = experiment.group, experiment.config.ensemble.runs
-    found = {
-        "controller": Variable(
-            ("controller",),
-            np.array(list(experiment.loops), dtype=object),
-            {"long_name": "control law"},
-        ),
-        "run": counted("run", runs, "run, with its own initial state"),
-        "time": Variable(
-            ("time",),
-            experiment.times[:: experiment.config.store.decimate],
-            {"units": "s", "long_name": "time"},
-        ),
-        "row": counted("row", group.size, "row of a pose matrix"),
-        "col": counted("col", group.size, "column of a pose matrix"),
-        "axis": Variable(
-            ("axis",),
-            np.array(group.axis_names, dtype=object),
-            {"long_name": "algebra coordinate"},
-        ),
-    }
+    G, runs, labels = experiment.group, experiment.config.ensemble.runs, list(experiment.loops)
+    times = experiment.times[:: experiment.config.store.decimate]
+    found = [
+        along("controller", np.array(labels, dtype=object), "control law"),
+        along("run", np.arange(runs), "run, with its own initial state", units="1"),
+        along("time", times, "time", units="s"),
+        along("row", np.arange(G.size), "row of a pose matrix", units="1"),
+        along("col", np.arange(G.size), "column of a pose matrix", units="1"),
+        along("axis", np.array(G.axis_names, dtype=object), "algebra coordinate"),
+    ]
     if 0 < kept < runs:
-        found["stored_run"] = counted("stored_run", kept, "run whose trajectory is stored")
-    return found
+        stored = np.arange(kept)
+        found.append(along("stored_run", stored, "run whose trajectory is stored", units="1"))
+    return {variable.dims[0]: variable for variable in found}

@@ -1,7 +1,5 @@
 """HDF5 files that appear complete or not at all; it must not know what is written."""
 
-from __future__ import annotations
-
 import errno
 import io
 import os

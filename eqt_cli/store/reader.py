@@ -1,7 +1,5 @@
 """Reading result files, also those of strangers; it must not know what the numbers mean."""
 
-from __future__ import annotations
-
 import copy
 import operator
 import stat
@@ -17,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from eqt_cli.core.errors import Remedy, ResultError, suggestion
+from eqt_cli.core.files import YAML, near
 from eqt_cli.store import safety
 from eqt_cli.store.reserved_names import FILE_NAME, FORMAT, FORMAT_ATTRIBUTE, POINT
 from eqt_cli.store.table import Attribute
@@ -30,28 +29,6 @@ Selection = Positions | str | Sequence[str]
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _AGAIN = "copy it again or run the experiment again"
 _RESTORE = f"eqt writes no such file: {_AGAIN}"
-
-
-def open_results(path: str | Path) -> ResultFile:
-    """Open a result file, after checking that it is safe to read.
-
-    Parameters
-    ----------
-    path
-        The file, or the result folder that holds it as ``results.h5``.
-
-    Returns
-    -------
-    ResultFile
-        To be used as a context manager, which closes the file.
-
-    Raises
-    ------
-    ResultError
-        If there is no such file, it was not written by eqt, is damaged, points to other files or
-        declares more data than it holds.
-    """
-    return ResultFile(path)
 
 
 class ResultFile:
@@ -291,6 +268,28 @@ class ResultFile:
         return self._entries[name]
 
 
+def open_results(path: str | Path) -> ResultFile:
+    """Open a result file, after checking that it is safe to read.
+
+    Parameters
+    ----------
+    path
+        The file, or the result folder that holds it as ``results.h5``.
+
+    Returns
+    -------
+    ResultFile
+        To be used as a context manager, which closes the file.
+
+    Raises
+    ------
+    ResultError
+        If there is no such file, it was not written by eqt, is damaged, points to other files or
+        declares more data than it holds.
+    """
+    return ResultFile(path)
+
+
 def _opened(path: Path) -> Any:
     """The file, open for reading and, where HDF5 lets us, without locks.
 
@@ -334,9 +333,9 @@ def _find(path: Path) -> Path:
             start = stream.read(len(_SIGNATURE))
     except FileNotFoundError as error:
         if file == path:
-            raise ResultError(
-                f"{path}: does not exist; give a result folder or its {FILE_NAME}"
-            ) from error
+            hint = near(path, lambda entry: (entry / FILE_NAME).is_file())
+            hint = hint or f"; give a result folder or its {FILE_NAME}"
+            raise ResultError(f"{path}: not found{hint}") from error
         raise ResultError(
             f"{path}: the folder holds no {FILE_NAME}; run its experiment to the end first"
         ) from error
@@ -344,6 +343,11 @@ def _find(path: Path) -> Path:
         raise ResultError(
             f"{file}: cannot be read: {error.strerror}; check the path and its permissions"
         ) from error
+    if start != _SIGNATURE and file.suffix in YAML:
+        raise ResultError(
+            f"{file} is a configuration, not a result; run it with `eqt run {file}`, then give the "
+            f"result folder, such as results/{file.stem}"
+        )
     if start != _SIGNATURE:
         raise ResultError(f"{file}: is not an HDF5 file; give the {FILE_NAME} that eqt wrote")
     return file

@@ -1,7 +1,5 @@
 """The names that a result file reserves for itself; it must not know what the file is about."""
 
-from __future__ import annotations
-
 import re
 
 NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")

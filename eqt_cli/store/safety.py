@@ -5,8 +5,6 @@ need is let through: datasets of numbers or strings, each in bytes of its own, d
 or in one group for each point of a sweep.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import prod
@@ -164,7 +162,6 @@ def attribute(owner: Any, name: str, size: int) -> Attribute:
         return value.decode()
     if isinstance(value, str):
         value.encode()  # fails where h5py has let bytes through that are no UTF-8
-        return value
     return value
 
 

@@ -4,8 +4,6 @@ A broken object size makes the HDF5 library loop for ever (its issue 1707, open 
 rest of what eqt writes, these heaps carry no checksum. It must not know what the strings say.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from mmap import mmap
 

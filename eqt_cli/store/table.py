@@ -1,7 +1,5 @@
 """Named, dimensioned arrays in memory; it must not know files or what the numbers mean."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any

@@ -1,7 +1,5 @@
 """Writing a table to an HDF5 file in one step that either happens or does not."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Literal
 

@@ -6,8 +6,6 @@ generation is a function of the scores of those before it and of a seed, so that
 from what is stored, bit for bit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from zlib import crc32

@@ -3,9 +3,6 @@
 The folder itself is that of the confirmation, an ordinary result.
 """
 
-from __future__ import annotations
-
-import json
 import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
-from eqt_cli.core.files import refusals, replace_file
+from eqt_cli.core.files import read_record, refusals, write_record
 from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import Result
@@ -27,13 +24,10 @@ def record_beside(result: Result) -> dict[str, Any] | None:
     record = TuningFolder(result.path.parent).record
     if record is None or "laws" not in record:  # of a search that is under way
         return None
-    labels = {label for law in record["laws"] for label in labels_of(law)}
-    return record if labels <= set(result.labels) else None
-
-
-def labels_of(law: dict[str, Any]) -> list[str]:
-    """The labels of a law's winners in the held-out runs, and that of its start."""
-    return [*(winner["label"] for winner in law["winners"]), law["start"]]
+    labels = {winner["label"] for law in record["laws"] for winner in law["winners"]}
+    return (
+        record if labels | {law["start"] for law in record["laws"]} <= set(result.labels) else None
+    )
 
 
 @dataclass(frozen=True)
@@ -46,17 +40,12 @@ class TuningFolder:
     def record(self) -> dict[str, Any] | None:
         """What the folder says of its tuning; None where it holds none."""
         with refusals(self.path, "used", OTHER_FOLDER):
-            try:
-                found: dict[str, Any] = json.loads((self.path / TUNING).read_text("utf-8"))
-                return found if "digest" in found else None
-            except (FileNotFoundError, ValueError, TypeError):
-                return None
+            return read_record(self.path / TUNING, "digest")
 
     def write_record(self, record: dict[str, Any]) -> None:
         """Write it, whole or not at all."""
         with refusals(self.path, "used", OTHER_FOLDER):
-            text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
-            replace_file(self.path / TUNING, text.encode())
+            write_record(self.path / TUNING, record)
 
     def generation(self, law: LawSearch, number: int) -> Path:
         """The folder of one generation, an ordinary sweep."""

@@ -1,7 +1,5 @@
 """Fronts on held-out runs, and what laws differ by where they cost the same."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -13,7 +11,9 @@ from eqt_cli.analysis.comparison.bootstrap import Intervals, Resampling, interva
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
+from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result
+from eqt_cli.tuning.ranking import front
 
 Record = Mapping[str, Any]
 
@@ -48,13 +48,7 @@ class Front:
     @property
     def best(self) -> Array:
         """The winners that none betters on the held-out runs either, by rising cost."""
-        cost, error = self.means.T
-        order = np.lexsort((error, cost))
-        order = order[np.isfinite(cost[order]) & np.isfinite(error[order])]
-        least = np.minimum.accumulate(error[order])
-        strictly = np.ones(len(order), dtype=bool)
-        strictly[1:] = least[1:] < least[:-1]
-        return order[strictly]
+        return front(*self.means.T)
 
     def at(self, cost: float) -> Array:
         """The error of every run where the mean cost is this, ``(runs,)``.
@@ -71,8 +65,7 @@ class Front:
         weight = (costs[upper] - cost) / (costs[upper] - costs[upper - 1])
         slope = (errors[upper] - errors[upper - 1]) / (costs[upper] - costs[upper - 1])
         mixed = [weight * x[one] + (1 - weight) * x[other] for x in (self.cost, self.error)]
-        found: Array = mixed[1] - slope * (mixed[0] - cost)
-        return found
+        return mixed[1] - slope * (mixed[0] - cost)
 
     @property
     def span(self) -> tuple[float, float]:
@@ -111,10 +104,15 @@ class AtEqualCost:
         """Whether the interval leaves out 0."""
         return self.low > 0
 
+    @property
+    def lead(self) -> str:
+        """By how much the one is better, with the interval: ``3.1 % [1.0, 5.2]``."""
+        return f"{100 * self.relative:.1f} % [{100 * self.low:.1f}, {100 * self.high:.1f}]"
+
 
 def fronts(result: Result, record: Record) -> list[Front]:
     """The fronts of a search on its held-out runs, of laws with two winners or more."""
-    cost, error = (_less_is_better(result, name) for name in record["objectives"])
+    cost, error = (result.quantity(m).cost(result.counted(m)) for m in record["objectives"])
     found = []
     for law in record["laws"]:
         labels = [winner["label"] for winner in law["winners"]]
@@ -123,12 +121,6 @@ def fronts(result: Result, record: Record) -> list[Front]:
         if len(front.best) > 1:
             found.append(front)
     return found
-
-
-def _less_is_better(result: Result, name: str) -> Array:
-    """A metric of every run; its negative where more of it is better."""
-    sign = -1 if result.quantity(name).better == "higher" else 1
-    return sign * result.counted(name)
 
 
 def at_equal_cost(
@@ -169,30 +161,22 @@ def _compared(
 
 def sentences(result: Result, record: Record, how: Resampling) -> list[str]:
     """Every two laws in the middle of the range that both fronts reach, in words."""
-    cost, error = record["objectives"]
+    cost, error = map(result.quantity, record["objectives"])
     write = Plain()
-    unit = write.unit(result.units(cost))
+    unit = write.unit(result.units(cost.name))
+    more = "more" if error.better == "higher" else "less"
     told = []
     for pair in at_equal_cost(fronts(result, record), how, (0.5,)):
-        where = (
-            f"At equal {_name(result, cost)} of {abs(pair.cost):.3g}{f' {unit}' if unit else ''}"
-        )
-        if pair.decided:
-            lead = f"{100 * pair.relative:.1f} % [{100 * pair.low:.1f}, {100 * pair.high:.1f}]"
-            more = "more" if result.quantity(error).better == "higher" else "less"
-            measure = _name(result, error)
-            told.append(f"{where}, {pair.better} has {lead} {more} {measure} than {pair.worse}.")
-        else:
-            told.append(
-                f"{where}, {pair.better} and {pair.worse} do not differ in {_name(result, error)} "
-                f"as far as these runs tell ({100 * pair.relative:.1f} % "
-                f"[{100 * pair.low:.1f}, {100 * pair.high:.1f}])."
+        better, worse = law_title(pair.better), law_title(pair.worse)
+        at = f"At equal {write.name(cost)} of {abs(pair.cost):.3g}{f' {unit}' if unit else ''}"
+        what = f"has {pair.lead} {more} {write.name(error)} than {worse}."
+        if not pair.decided:
+            what = (
+                f"and {worse} do not differ in {write.name(error)} as far as these runs tell "
+                f"({pair.lead})."
             )
+        told.append(f"{at}, {better} {what}")
     return told
-
-
-def _name(result: Result, metric: str) -> str:
-    return Plain().name(result.quantity(metric))
 
 
 def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampling) -> TextTable:
@@ -200,12 +184,10 @@ def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampli
     cost, error = record["objectives"]
     rows = [
         [
-            write.text(f"{pair.better}, {pair.worse}"),
+            write.text(f"{law_title(pair.better)}, {law_title(pair.worse)}"),
             f"{abs(pair.cost):.4g}",
             *(f"{abs(x):.4g}" for x in (pair.error, pair.other_error)),
-            write.text(
-                f"{100 * pair.relative:.1f} % [{100 * pair.low:.1f}, {100 * pair.high:.1f}]"
-            ),
+            write.text(pair.lead),
         ]
         for pair in at_equal_cost(fronts(result, record), how)
     ]

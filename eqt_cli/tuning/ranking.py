@@ -61,11 +61,18 @@ def best_of(scores: Scores) -> int:
 def first_front(scores: Scores) -> Array:
     """The feasible points that no other dominates, by the first objective; of equals the first."""
     feasible = np.flatnonzero(scores.feasible)
-    ranked = ranks(scores.at(feasible))
-    chosen = feasible[ranked == 0]
-    order = np.lexsort(scores.objectives[chosen].T[::-1])
-    _, firsts = np.unique(scores.objectives[chosen][order], axis=0, return_index=True)
-    return chosen[order][np.sort(firsts)]
+    objectives = scores.objectives[feasible]
+    return feasible[front(objectives[:, 0], objectives[:, -1])]
+
+
+def front(cost: Array, error: Array) -> Array:
+    """The points that no other betters in both, by rising cost; NaN is bettered by all."""
+    order = np.lexsort((error, cost))
+    order = order[np.isfinite(cost[order]) & np.isfinite(error[order])]
+    least = np.minimum.accumulate(error[order])
+    strictly = np.ones(len(order), dtype=bool)
+    strictly[1:] = least[1:] < least[:-1]
+    return order[strictly]
 
 
 def dominates(one: Scores, other: Scores) -> Array:

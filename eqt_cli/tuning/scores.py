@@ -1,7 +1,5 @@
 """What the runs of a result say of its points: objectives, violated bounds, failed runs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -30,7 +28,8 @@ def scores(result: Result, objectives: Sequence[str], constraints: Sequence[Cons
     violation = missing.mean(axis=1)
     for bound in constraints:
         violation = violation + excess(bound, values[bound.metric])
-    found = np.stack([_sign(name) * mean_over_runs(values[name]) for name in objectives], axis=1)
+    means = [QUANTITIES[name].cost(mean_over_runs(values[name])) for name in objectives]
+    found = np.stack(means, axis=1)
     settling = result.metric("settling_time")[:, 0]
     return Scores(found, violation, (~good).sum(axis=1), (good & np.isnan(settling)).sum(axis=1))
 
@@ -44,13 +43,3 @@ def excess(bound: Constraint, values: Array) -> Array:
         found = mean_over_runs(values)
     over = (found - bound.bound) * (1 if bound.above else -1) / (abs(bound.bound) or 1.0)
     return np.where(np.isfinite(over), np.maximum(over, 0.0), 1.0)
-
-
-def as_measured(name: str, objective: float) -> float:
-    """The metric of which this is the objective."""
-    return _sign(name) * objective
-
-
-def _sign(name: str) -> int:
-    """-1 of metrics of which more is better."""
-    return -1 if QUANTITIES[name].better == "higher" else 1

@@ -1,7 +1,5 @@
 """What is searched for: the section `tune` of a configuration, read for each of its laws."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Sequence
@@ -13,11 +11,10 @@ from typing import Any
 from eqt_cli.config.schema import LogRange, TuneSection, WorstRunSection
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.core.errors import ConfigError, EqtError, InputError, suggestion
-from eqt_cli.core.problems import KeyPath, Problems, dotted
+from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.experiment.build import Experiment, build
-from eqt_cli.experiment.config_at_point import path_of
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity_table import quantities
 
@@ -83,7 +80,7 @@ class LawSearch:
         """The experiment with these values."""
         data = self.source.data
         for key, value in values.items():
-            data = with_value(data, path_of(key), value)
+            data = with_value(data, parse_key(key), value)
         return replace(self.source, data=data)
 
 
@@ -185,7 +182,7 @@ def search_from(source: ConfigSource, *, trust_plugins: bool = False) -> Search:
     """
     if not source.data.get("tune"):
         raise EqtError(
-            f"{source.source.name}: says nothing of what to tune; add a section, as "
+            f"{source.source.name}: has no section `tune`; add one, such as "
             "tune: {over: {gains.kp: {log: [0.1, 10]}}, objective: mean_pose_error}"
         )
     if source.data.get("sweep"):
@@ -238,7 +235,7 @@ def _axis(key: str, section: TuneSection, base: Experiment, problems: Problems) 
 
 def _require_tunable(key: str, base: Experiment) -> None:
     """Raise an `InputError` if a key is not a law's to choose."""
-    path = path_of(key)
+    path = parse_key(key)
     if path[0] == "gains" and len(path) > 1:
         return
     if path[0] != "controllers":
@@ -301,12 +298,12 @@ def _laws(base: Experiment, ranges: dict[str, Drawn]) -> tuple[LawSearch, ...]:
     """One search for each law, over the keys that are its own and those of all."""
     found: list[LawSearch] = []
     shared = base.resolved["gains"]
-    ranges = dict(sorted(ranges.items(), key=lambda item: path_of(item[0])[0] == "controllers"))
+    ranges = dict(sorted(ranges.items(), key=lambda item: parse_key(item[0])[0] == "controllers"))
     for index, entry in enumerate(base.resolved["controllers"]):
         own = entry.get("gains", {})
         law = {key: value for key, value in entry.items() if key != "gains"}
         data = _without_search(base.source.data) | {"controllers": [law], "gains": shared | own}
-        keys = {_own_key(path_of(key), index): axis for key, axis in ranges.items()}
+        keys = {_own_key(parse_key(key), index): axis for key, axis in ranges.items()}
         axes = {key: axis for key, axis in keys.items() if key}
         label = str(entry["label"])
         slug = _slug(label, [other.slug for other in found])
@@ -337,7 +334,7 @@ def _start(data: dict[str, Any], axes: dict[str, Drawn]) -> tuple[float, ...] | 
     shares = []
     for key, axis in axes.items():
         held: Any = data
-        for step in path_of(key):
+        for step in parse_key(key):
             inside = isinstance(held, dict) and step in held
             inside |= isinstance(held, list) and isinstance(step, int) and step < len(held)
             held = held[step] if inside else None

@@ -1,7 +1,5 @@
 """What a tuning found, as tables of text: from its record and its held-out runs."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -16,6 +14,7 @@ from eqt_cli.analysis.comparison.pairs import Pair
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.problems import parse_key
+from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result, mean_over_runs
 from eqt_cli.tuning.fronts import equal_cost_table
 from eqt_cli.tuning.scores import excess
@@ -61,7 +60,7 @@ def _front_points(result: Result, record: Record, how: Resampling) -> TextTable:
         known = {law["start"]: "", **{w["label"]: values_text(w["values"]) for w in law["winners"]}}
         for label, values in known.items():
             k = result.labels.index(label)
-            rows.append([label, values, *(column[k] for column in cells)])
+            rows.append([result.titles[k], values, *(column[k] for column in cells)])
     names = [
         f"{write.name(result.quantity(name))} {write.unit(result.units(name))}".strip()
         for name in record["objectives"]
@@ -98,9 +97,10 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
                 found = levels[winner["label"]]
                 after = write.spread(found.mean, found.low, found.high)
                 change = relative(pairs[winner["label"], law["start"]])
-                rows.append([winner["label"], values_text(winner["values"]), before, after, change])
+                named = result.titled[winner["label"]]
+                rows.append([named, values_text(winner["values"]), before, after, change])
             if not law["winners"]:
-                rows.append([law["label"], "no feasible point", before, "-", "-"])
+                rows.append([law_title(law["label"]), "no feasible point", before, "-", "-"])
         measured = next(iter(levels.values())).measured
         unit = write.unit(measured.unit)
         title = write.name(measured.quantity) + (f" in {unit}" if unit else "")
@@ -129,7 +129,7 @@ def _counted(result: Result) -> Iterator[str]:
     """How many of the held-out runs failed, or had not settled by their end."""
     unsettled = result.censored("settling_time").sum(axis=-1)
     for what, counts in (("failed", result.failed.values()), ("unsettled at the end", unsettled)):
-        listed = [f"{x} {n}" for x, n in zip(result.labels, counts, strict=True) if n]
+        listed = [f"{x} {n}" for x, n in zip(result.titles, counts, strict=True) if n]
         if listed:
             yield f"Runs {what}, of {result.runs}: {'; '.join(listed)}."
 
@@ -149,7 +149,7 @@ def _bounds(result: Result, record: Record, write: Plain) -> TextTable:
                 k = result.labels.index(label)
                 rows.append(
                     [
-                        label,
+                        result.titles[k],
                         str(bound),
                         fixed(float(found[k]), 3),
                         str(int(beyond[k].sum())),

@@ -11,10 +11,10 @@ import numpy as np
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.arrays import Array
-from eqt_cli.execution.executors import Executor
+from eqt_cli.execution.executors import Executor, Progress
 from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
-from eqt_cli.execution.run_study import Execution, Progress, Remark, execute
+from eqt_cli.execution.run_study import Execution, Remark, execute
 from eqt_cli.experiment.read_study import study
 from eqt_cli.results.result import open_result
 from eqt_cli.store.reserved_names import FILE_NAME

@@ -1,5 +1,3 @@
 """What is between a law and the motion: actuators, forces and the plant."""
 
-from eqt_cli.vehicle.vehicle import Vehicle
-
-__all__ = ["Vehicle"]
+from eqt_cli.vehicle.vehicle import Vehicle as Vehicle

@@ -1,7 +1,5 @@
 """What all parts of a vehicle have in common: numbers that may differ from run to run."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -80,6 +78,6 @@ def check_deviations(value: Numbers, G: MatrixLieGroup, problems: Problems) -> N
     check_numbers(value, problems)
     for entry in value if isinstance(value, list) else [value]:
         if not problems and lowest(entry) < 0:
-            problems.add(f"expected no negative standard deviation, got {lowest(entry):g}")
+            problems.add(f"expected a standard deviation of at least 0, got {lowest(entry):g}")
     if isinstance(value, list) and len(value) != G.dimension:
         problems.add(f"expected {G.dimension} entries for {G.name}, got {len(value)}")

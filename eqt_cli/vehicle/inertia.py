@@ -1,7 +1,5 @@
 """The inertia that the plant has, where it is not the one that the law believes."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """Numbers of a vehicle that may differ from run to run: given, or drawn from a distribution."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
@@ -60,10 +58,11 @@ class Uniform(Drawn):
         """Two numbers in order."""
         problems = problems.at("uniform")
         if len(self.uniform) != 2:
-            problems.add(f"expected the least and the greatest, got {len(self.uniform)} numbers")
+            got = f"got {len(self.uniform)}"
+            problems.add(f"expected two numbers, the lowest and the highest, {got}")
         elif self.uniform[0] > self.uniform[1]:
             low, high = self.uniform
-            problems.add(f"expected the least number first, got [{low:g}, {high:g}]")
+            problems.add(f"expected the smaller number first, got [{low:g}, {high:g}]")
         elif positive and self.uniform[0] <= 0:
             problems.add(f"expected numbers greater than 0, got {self.uniform[0]:g}")
 
@@ -93,10 +92,10 @@ class Normal(Drawn):
         """A mean, and a standard deviation that is not negative."""
         problems = problems.at("normal")
         if len(self.normal) != 2:
-            got = f"got {len(self.normal)} numbers"
-            problems.add(f"expected the mean and the standard deviation, {got}")
+            got = f"got {len(self.normal)}"
+            problems.add(f"expected two numbers, the mean and the standard deviation, {got}")
         elif self.normal[1] < 0:
-            problems.add(f"expected no negative standard deviation, got {self.normal[1]:g}")
+            problems.add(f"expected a standard deviation of at least 0, got {self.normal[1]:g}")
         elif positive and self.normal[0] <= 0:
             problems.add(f"expected a mean greater than 0, got {self.normal[0]:g}")
 

@@ -1,7 +1,5 @@
 """The clock of a controller: when the law is evaluated, and when its command arrives."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 

@@ -1,7 +1,5 @@
 """What flies: the parts between the law's command and the motion; it knows no law and no engine."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Poses in files: tables with named columns, and trajectories in the formats TUM and EuRoC."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Iterator, Sequence

@@ -4,8 +4,6 @@ A pose is `identity`, a matrix, or a rotation and translations by name; for a pr
 also a list with one of these per factor.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Callable
 from itertools import pairwise
@@ -89,7 +87,8 @@ def pose_from(value: Any, G: MatrixLieGroup, problems: Problems) -> Array | None
             return Q
         raise InputError(
             f"expected an element of {G.name}, got a matrix that is {violation:.2g} away from one "
-            f"(at most {GROUP_TOLERANCE:g} is rounding); give {_alternatives(G)}"
+            f"(rounding may leave {GROUP_TOLERANCE:g}); write all digits, or give "
+            f"{_alternatives(G)}"
         )
     return None
 
@@ -100,13 +99,14 @@ def _rows(value: Any) -> int:
 
 def _alternatives(G: MatrixLieGroup) -> str:
     """The ways to write a pose of this group."""
-    matrix = f"a {G.size}×{G.size} matrix with all its digits"
+    matrix = f"a {G.size}×{G.size} matrix"
     if isinstance(G, ProductGroup):
         return f"identity, {matrix}, or a list of {len(G.factors)} poses for {G.name}"
     if isinstance(G, EuclideanGroup):
         parts = ", ".join(f"{key}: …" for key in _lengths(G))
-        others = " (or quaternion, euler, matrix for rotvec)" if G.rotations == 3 else ""
-        return f"identity, {matrix}, or {{{parts}}}{others} for {G.name}"
+        others = " (quaternion, euler or matrix may replace rotvec)"
+        turns = others if G.rotations == 3 else ""
+        return f"identity, {matrix} or {{{parts}}} for {G.name}{turns}"
     return f"identity or {matrix} for {G.name}"
 
 
@@ -123,17 +123,18 @@ def _from_parts(value: dict[str, Any], G: EuclideanGroup, problems: Problems) ->
     rotation = np.eye(G.space)
     for key, entry in value.items():
         if key not in known:
-            problems.at(key).add(f"unknown key; a pose of {G.name} has {', '.join(known)}")
+            problems.at(key).add(f"unknown key; a pose of {G.name} takes {', '.join(known)}")
         elif key in G.columns:
             numbers = validated(Real | list[Real], entry, problems.at(key))
             if numbers is not None:
                 with problems.catching(key):
                     parts[key] = vector(numbers, lengths[key], G)
         elif first := next((turn for turn in turns if turn in value and turn != key), None):
-            problems.at(key).add(f"the rotation is given by {first} already; give one of the two")
+            problems.at(key).add(f"{first} already gives the rotation; give one of the two")
         else:
-            found = turns[key](entry, G, problems.at(key))
-            rotation = rotation if found is None else found
+            with problems.catching(key):
+                found = turns[key](entry, G, problems.at(key))
+                rotation = rotation if found is None else found
     if problems:
         return None
     columns = np.array([parts[name] for name in G.columns]).reshape(-1, G.space).T
@@ -144,7 +145,7 @@ def _from_parts(value: dict[str, Any], G: EuclideanGroup, problems: Problems) ->
 
 
 def _turns(G: EuclideanGroup) -> dict[str, Callable[[Any, EuclideanGroup, Problems], Any]]:
-    """The ways to write a rotation of this group."""
+    """The ways to write a rotation of this group; they raise what is wrong, or note it deeper."""
     if not G.rotations:
         return {}
     if G.space == 2:
@@ -162,33 +163,31 @@ def _rotvec(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
     if numbers is None:
         return None
     turn = np.zeros(G.dimension)
-    with problems.catching():
-        turn[: G.rotations] = vector(numbers, G.rotations, G)
-        return G.rotation(G.exp(turn))
-    return None
+    turn[: G.rotations] = vector(numbers, G.rotations, G)
+    return G.rotation(G.exp(turn))
 
 
 def _rotation_matrix(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
     rows = validated(list[list[Real]], value, problems)
     if rows is None:
         return None
-    with problems.catching():
-        R = square(rows, G.space, G)
-        Q = G.assemble(R, np.zeros((G.space, len(G.columns))))
-        if (violation := G.violation(Q)) <= GROUP_TOLERANCE:
-            return R
-        raise InputError(
-            f"expected a rotation matrix, got one that is {violation:.2g} away from one "
-            f"(at most {GROUP_TOLERANCE:g} is rounding)"
-        )
-    return None
+    R = square(rows, G.space, G)
+    Q = G.assemble(R, np.zeros((G.space, len(G.columns))))
+    if (violation := G.violation(Q)) <= GROUP_TOLERANCE:
+        return R
+    raise InputError(
+        f"expected a rotation matrix, got a matrix that is {violation:.2g} away from one "
+        f"(rounding may leave {GROUP_TOLERANCE:g}); write all digits"
+    )
 
 
 def _quaternion(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
     order = next(iter(value)) if isinstance(value, dict) and len(value) == 1 else None
     if order not in ("xyzw", "wxyz"):
-        problems.add(f"expected {{xyzw: […]}} or {{wxyz: […]}}, got {shown(value)}")
-        return None
+        raise InputError(
+            "expected {xyzw: […]} or {wxyz: […]}, where w is the scalar part, got "
+            f"{shown(value)}"
+        )
     numbers = validated(list[Real], value[order], problems.at(order))
     if numbers is None:
         return None
@@ -196,7 +195,9 @@ def _quaternion(value: Any, G: EuclideanGroup, problems: Problems) -> Array | No
         q = vector(numbers, 4, G)
         size = float(np.linalg.norm(q))
         if not abs(size - 1) <= QUATERNION_TOLERANCE:
-            raise InputError(f"expected a quaternion of norm 1, got norm {size:.6g}")
+            raise InputError(
+                f"expected a quaternion of norm 1, got norm {size:.6g}; divide it by its norm"
+            )
         return G.rotation_towards(q if order == "xyzw" else np.roll(q, -1))
     return None
 
@@ -204,24 +205,21 @@ def _quaternion(value: Any, G: EuclideanGroup, problems: Problems) -> Array | No
 def _euler(value: Any, G: EuclideanGroup, problems: Problems) -> Array | None:
     keys = {"sequence", "angles"}
     if not isinstance(value, dict) or value.keys() != keys:
-        problems.add(f"expected {{sequence: ZYX, angles: […]}}, got {shown(value)}")
-        return None
+        raise InputError(f"expected {{sequence: ZYX, angles: […]}}, got {shown(value)}")
     sequence = value["sequence"]
-    if not isinstance(sequence, str) or not re.fullmatch(r"[xyz]{1,3}|[XYZ]{1,3}", sequence):
-        problems.at("sequence").add(
-            "expected up to three axes such as ZYX (about the turned axes) or xyz (about the "
-            f"fixed ones), got {shown(sequence)}"
-        )
-        return None
-    if any(one == other for one, other in pairwise(sequence)):
-        problems.at("sequence").add(f"expected another axis after each, got {sequence}")
-        return None
     angles = validated(list[Angle], value["angles"], problems.at("angles"))
-    if angles is None:
-        return None
-    if len(angles) != len(sequence):
+    with problems.catching("sequence"):
+        if not isinstance(sequence, str) or not re.fullmatch(r"[xyz]{1,3}|[XYZ]{1,3}", sequence):
+            raise InputError(
+                "expected up to three axes such as ZYX (about the turned axes) or xyz (about the "
+                f"fixed ones), got {shown(sequence)}"
+            )
+        if any(one == other for one, other in pairwise(sequence)):
+            raise InputError(f"expected no axis twice in a row, got {sequence}")
+    if not problems and len(angles) != len(sequence):
         wrong = f"expected {len(sequence)} angles for {sequence}, got {len(angles)}"
         problems.at("angles").add(wrong)
+    if problems:
         return None
     from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
 

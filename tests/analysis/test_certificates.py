@@ -16,10 +16,10 @@ from eqt_cli.analysis.certificates import (
     certificates,
     hypothesis_rows,
     identity_rows,
-    sampled,
     trajectory_rows,
 )
 from eqt_cli.analysis.evidence.runs import STATES_PER_RTOL
+from eqt_cli.analysis.evidence.sample import sampled
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.layout import StateLayout
 from eqt_cli.controllers import Controller, controllers
@@ -65,7 +65,9 @@ def identities(loop, seed=0, **options):
 
 
 def runs(**changes):
-    shown = DECAYING[:, : len(changes.get("times", TIMES))]
+    given = [changes.get(name) for name in ("pose_error", "velocity_error")]
+    counts = [len(errors) for errors in given if errors is not None]
+    shown = DECAYING[: min(counts, default=2), : len(changes.get("times", TIMES))]
     known = {
         "label": "eqt",
         "claims_decrease": True,
@@ -417,12 +419,17 @@ def ending(*levels, stays=()):
 
 def pose_errors(*levels, stays=()):
     errors = ending(*levels, stays=stays)
-    return {"pose_error": errors, "final_pose_error": errors[:, -1]}
+    return {"pose_error": errors, "final_pose_error": errors[:, -1]} | energy(errors, stays)
+
+
+def energy(errors, stays):
+    """L of runs that stay, which is quadratic in what stays."""
+    return {"lyapunov": errors**2 / 2} if len(stays) else {}
 
 
 def velocity_errors(*levels, stays=(), scale=1.0):
     errors = scale * ending(*levels, stays=stays)
-    return {"velocity_error": errors, "final_velocity_error": errors[:, -1]}
+    return {"velocity_error": errors, "final_velocity_error": errors[:, -1]} | energy(errors, stays)
 
 
 def test_runs_under_way_are_counted_and_their_decay_is_measured():
@@ -464,7 +471,22 @@ def test_a_slow_oscillation_is_no_offset():
 def test_noise_does_not_hide_an_offset():
     noise = np.random.default_rng(1).uniform(-1e-3, 1e-3, (1, 101))
     errors = np.maximum(2 * np.exp(-2 * TIMES), 0.02) + noise
-    assert "an error of 0.02 stays" in trajectory("Q → Q_d", pose_error=errors).remark
+    row = trajectory("Q → Q_d", pose_error=errors, lyapunov=errors**2 / 2)
+    assert "an error of 0.02 stays" in row.remark
+
+
+def test_an_error_that_pauses_while_L_falls_does_not_stay():
+    """As a slow sliding mode on SE(3), and `nog` there, whose errors decay later."""
+    errors = np.maximum(2 * np.exp(-3 * TIMES), 0.2)[None]
+    falling = 5 * np.exp(-0.2 * TIMES)[None]
+    paused = trajectory(
+        "Q → Q_d", pose_error=errors, final_pose_error=errors[:, -1], lyapunov=falling
+    )
+    assert (paused.verdict, "stays" in paused.remark) == ("undecided", False)
+    still = trajectory(
+        "Q → Q_d", pose_error=errors, final_pose_error=errors[:, -1], lyapunov=errors**2
+    )
+    assert "an error of 0.2 stays in 1 of 1 runs" in still.remark
 
 
 def test_a_velocity_error_that_stays_is_an_offset():

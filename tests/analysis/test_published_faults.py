@@ -10,7 +10,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from eqt_cli.analysis.certificates import Verdict, identity_rows, sampled
+from eqt_cli.analysis.certificates import Verdict, identity_rows
+from eqt_cli.analysis.evidence.sample import sampled
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import controllers
 from eqt_cli.controllers.eqt import EqT

@@ -10,7 +10,8 @@ import pytest
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.robustness import reaches, robustness_table
 from eqt_cli.core.errors import EqtError
-from eqt_cli.results.result import Result, SweptKey
+from eqt_cli.results.result import Result
+from eqt_cli.results.swept_key import SweptKey
 
 RUNS = 100
 
@@ -24,6 +25,7 @@ class Stored(Result):
         counts = np.array(settled)[..., None]
         self.settled = (np.arange(RUNS) < counts).astype(float)
         self.labels = [f"law {k}" for k in range(counts.shape[1])]
+        self.titles = self.labels
         self.dimensions = {"run": RUNS, "point": len(counts)}
         self.swept_keys = list(keys)
 

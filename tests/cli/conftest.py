@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -78,6 +79,33 @@ def eqt(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
         return Done(int(exit_.value.code or 0), out, err)
 
     return call
+
+
+@pytest.fixture(scope="session")
+def _prepared() -> dict[tuple[object, ...], Path]:
+    """Copies of the current folder, by the commands that were called in it."""
+    return {}
+
+
+@pytest.fixture
+def prepare(
+    eqt: Eqt,
+    folder: Path,
+    tmp_path_factory: pytest.TempPathFactory,
+    _prepared: dict[tuple[object, ...], Path],
+) -> Callable[..., None]:
+    """Calls commands in the untouched folder, or lays down what they made for an earlier test."""
+
+    def laid_down(*commands: tuple[object, ...]) -> None:
+        if commands in _prepared:
+            shutil.copytree(_prepared[commands], folder, dirs_exist_ok=True)
+            return
+        for command in commands:
+            assert eqt(*command, "--quiet").code == 0
+        _prepared[commands] = tmp_path_factory.mktemp("prepared") / "folder"
+        shutil.copytree(folder, _prepared[commands])
+
+    return laid_down
 
 
 @pytest.fixture

@@ -53,8 +53,8 @@ def test_a_report_without_certificates_says_so(eqt, monkeypatch):
     monkeypatch.setattr(registry, "_loaded_plugins", {})
     for one in registry._registries:
         monkeypatch.setattr(one, "_plugins", {})
-    done = eqt("report", "results/c")
+    done = eqt("report", "results/c", "--figure", "paper")
     assert done.code == 0
     said = "the page has no certificates; the result could not be verified: "
     assert done.err.splitlines()[1].startswith(said)
-    assert said not in eqt("report", "results/c", "--trust-plugins").err
+    assert said not in eqt("report", "results/c", "--figure", "paper", "--trust-plugins").err

@@ -10,7 +10,7 @@ import pytest
 
 @pytest.fixture(scope="module")
 def compared(invoke, paper_result):
-    return invoke("compare", paper_result)
+    return invoke("compare", paper_result, "--verbose")
 
 
 def claim(invoke, paper_result, text):
@@ -58,23 +58,55 @@ def test_all_four_are_stabilising(invoke, paper_result):
 
 def test_tables_in_the_terminal(compared):
     lines = compared.stdout.splitlines()
-    assert lines[0] == "Means over 60 runs per controller; ± half the 95 % bootstrap interval"
-    assert [line for line in lines if line.startswith("eqt −")] == [
-        "eqt − gt",
-        "eqt − nog",
-        "eqt − asym",
-    ]
-    asked = "Claims of Hampsey et al. (2025), section 7, asked of this experiment"
+    assert "Means over 60 runs per controller; ± half the 95 % bootstrap interval" in lines
+    asked = "Claims of Hampsey et al. (2025), section 7, tested on this experiment"
     assert f"{asked}, at 60 runs per controller" in lines
+
+
+def test_by_default_the_findings_and_the_means(invoke, paper_result):
+    done = invoke("compare", paper_result)
+    lines = done.stdout.splitlines()
+    claims = "Claims of Hampsey et al. (2025), section 7, tested on 60 runs per controller"
+    assert lines[:2] == [claims, "  supported: “All four of these controls are stabilising”"]
+    assert "Means over 60 runs per controller; ± half the 95 % bootstrap interval" in lines
+    assert not [line for line in lines if line.startswith("EqT −")]
+    assert done.stderr == "next: --verbose prints all pairs and claims, --list all metrics\n"
+
+
+def test_two_results_are_refused_with_what_to_do(invoke, paper_result):
+    done = invoke("compare", paper_result, "other", code=2)
+    assert done.stderr == (
+        "eqt: compare takes one result and compares its controllers; got 2. To compare across "
+        "experiments, put the laws in one configuration, as entries of `controllers` with labels "
+        "and gains of their own. To draw both in one figure: "
+        f"`eqt plot {paper_result} other --out figures/both`\n"
+    )
+    done = invoke("report", "a", "b", "c", code=2)
+    assert done.stderr.startswith("eqt: report takes one result; got 3. To compare across ")
+    assert done.stderr.endswith(" To draw all in one figure: `eqt plot a b c --out figures/all`\n")
+
+
+def test_verbose_adds_all_pairs_to_the_findings(invoke, paper_result):
+    brief, done = invoke("compare", paper_result), invoke("compare", paper_result, "--verbose")
+    findings, _, _ = brief.stdout.partition("Means over 60 runs")
+    assert done.stdout.startswith(findings)
+    titled = [line for line in done.stdout.splitlines() if line.startswith(("EqT −", "GT −"))]
+    assert titled == ["EqT − GT", "EqT − nog", "EqT − asym", "GT − nog", "GT − asym"]
+    assert done.stderr == ""
 
 
 def test_against_chooses_pairs(invoke, paper_result):
     out = invoke("compare", paper_result, "--against", "gt", "--metric", "mean_torque").stdout
-    assert [line for line in out.splitlines() if line[:4] in ("eqt ", "gt −")] == [
-        "eqt − gt",
-        "gt − nog",
-        "gt − asym",
+    assert [line for line in out.splitlines() if line[:4] in ("EqT ", "GT −")] == [
+        "EqT − GT",
+        "GT − nog",
+        "GT − asym",
     ]
+
+
+def test_a_law_is_named_as_tables_write_it_too(invoke, paper_result):
+    asked = ["compare", paper_result, "--metric", "mean_torque", "--against"]
+    assert invoke(*asked, "GT").stdout == invoke(*asked, "gt").stdout
 
 
 def test_against_an_unknown_controller(invoke, paper_result):
@@ -203,5 +235,5 @@ def test_how_far_laws_carry_is_asked_of_a_sweep(eqt, folder):
     done = eqt("compare", "r", "--robust")
     assert (done.code, done.err) == (
         2,
-        "eqt: --robust: asks a sweep, and r is a single experiment\n",
+        "eqt: --robust needs a sweep; r is a single experiment\n",
     )

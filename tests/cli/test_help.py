@@ -69,6 +69,8 @@ def test_help_names_and_explains_every_argument_and_option(
     for parameter in COMMANDS[words].params:
         if parameter.name in ("install_completion", "show_completion"):
             continue  # typer's own
+        if getattr(parameter, "hidden", False):
+            continue  # there only to be refused in words
         assert parameter.help
         assert parameter.help in shown
         for name in (option for option in parameter.opts if option.startswith("-")):

@@ -13,8 +13,8 @@ Eqt = Callable[..., Any]
 
 
 @pytest.fixture
-def result(eqt: Eqt, folder: Path) -> str:
-    assert eqt("run", "c.yaml", "--out", "out", "-q").code == 0
+def result(prepare: Callable[..., None]) -> str:
+    prepare(("run", "c.yaml", "--out", "out"))
     return "out"
 
 
@@ -83,7 +83,8 @@ def test_options_go_to_the_figures_that_have_them(eqt: Eqt, result: str) -> None
         ("lgo=true", "none of paper, torque has an option 'lgo'; did you mean 'log'?"),
         (
             "x=1",
-            "none of paper, torque has an option 'x'; they have: controllers, log, bands, degrees",
+            "none of paper, torque has an option 'x'; they have: controllers, log, bands, degrees, "
+            "share",
         ),
         ("papr.log=true", "figure 'papr' is not drawn; did you mean 'paper'?"),
         ("sweep.metric=effort", "figure 'sweep' is not drawn; drawn are: paper, torque"),
@@ -98,7 +99,7 @@ def test_an_option_that_no_figure_has(eqt: Eqt, result: str, option: str, said: 
 def test_an_option_of_one_figure_is_refused_by_it(eqt: Eqt, result: str) -> None:
     done = eqt("plot", result, *BOTH, "--option", "torque.log=true")
     assert done.code == 2
-    assert done.err.startswith("eqt: figure 'torque': log: unknown key; known here: ")
+    assert done.err.startswith("eqt: figure 'torque': log: unknown key; expected one of ")
 
 
 def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt: Eqt) -> None:
@@ -106,8 +107,8 @@ def test_a_sweep_of_three_keys_says_why_it_is_drawn_as_a_front_only(eqt: Eqt) ->
     eqt("sweep", "c.yaml", *grid, "--out", "out")
     done = eqt("plot", "out", "--format", "svg")
     assert done.err == (
-        "figure 'sweep' has room for two swept keys, and here are 3 (gains.kp, gains.kd, "
-        "ensemble.seed); drawn is 'pareto', and --point draws single points\n"
+        "figure 'sweep' shows at most two swept keys, and this result has 3 (gains.kp, gains.kd, "
+        "ensemble.seed); drew 'pareto' instead; --point draws one point\n"
     )
     assert done.out.endswith(f"figure   {Path('out/figures/pareto.svg')}\n")
     assert eqt("plot", "out", "--format", "svg", "-q").err == ""

@@ -13,11 +13,13 @@ Eqt = Callable[..., Any]
 
 
 @pytest.fixture
-def kept(eqt: Eqt, folder: Path) -> Path:
+def kept(prepare: Callable[..., None], folder: Path) -> Path:
     """The numbers of a result, and the result of kd 1 % larger beside it."""
-    assert eqt("run", "c.yaml", "--out", "one", "-q").code == 0
-    assert eqt("run", "c.yaml", "--set", "gains.kd=0.505", "--out", "two", "-q").code == 0
-    assert eqt("plot", "one", "--format", "json", "--out", "kept", "-q").code == 0
+    prepare(
+        ("run", "c.yaml", "--out", "one"),
+        ("run", "c.yaml", "--set", "gains.kd=0.505", "--out", "two"),
+        ("plot", "one", "--format", "json", "--out", "kept"),
+    )
     return folder / "kept"
 
 

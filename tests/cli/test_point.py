@@ -25,9 +25,9 @@ HOW = "choose one of 0 to 3 with --point, as `eqt show out --table` lists them"
 
 
 @pytest.fixture(params=POINT_3, ids=["rectangular", "ragged"])
-def grid(request: pytest.FixtureRequest, eqt: Eqt) -> tuple[str, ...]:
+def grid(request: pytest.FixtureRequest, prepare: Callable[..., None]) -> tuple[str, ...]:
     """A sweep of four points in the folder `out`."""
-    assert eqt("sweep", "c.yaml", *request.param, "--quiet", "--out", "out").code == 0
+    prepare(("sweep", "c.yaml", *request.param, "--out", "out"))
     chosen: tuple[str, ...] = request.param
     return chosen
 
@@ -63,9 +63,9 @@ def _loaded(text: str) -> dict[str, Any]:
 
 @pytest.mark.usefixtures("grid")
 def test_plot_draws_points_by_themselves_and_side_by_side(eqt: Eqt) -> None:
-    done = eqt("plot", "out", "--point", 3, "--figure", "runs", "--format", "svg", "--quiet")
+    done = eqt("plot", "out", "--point", 3, "--figure", "runs", "--format", "svg")
     assert (done.code, done.out) == (0, f"figure   {Path('out/figures/point_3/runs.svg')}\n")
-    done = eqt("plot", "out", "--point", 0, "--point", 3, "--format", "json", "--quiet")
+    done = eqt("plot", "out", "--point", 0, "--point", 3, "--format", "json")
     path = Path("out/figures/point_0_3/paper.json")
     assert (done.code, done.out) == (0, f"figure   {path}\n")
     assert "eqt, c, point 3" in path.read_text(encoding="utf-8")
@@ -135,7 +135,7 @@ def test_a_configuration_without_a_sweep_has_no_points(eqt: Eqt) -> None:
 @pytest.mark.usefixtures("grid")
 def test_report_and_animate(eqt: Eqt) -> None:
     folder = Path("out/figures/point_3")
-    done = eqt("report", "out", "--point", 3)
+    done = eqt("report", "out", "--point", 3, "--figure", "paper")
     assert done.out.startswith(f"report   {folder / 'report.html'}  (")
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "c, point 3" in page
@@ -151,12 +151,11 @@ def test_report_and_animate(eqt: Eqt) -> None:
 
 
 @pytest.mark.parametrize("command", ["show", "plot", "compare", "report", "animate", "verify"])
-def test_points_that_are_not_there(eqt: Eqt, command: str) -> None:
-    eqt("sweep", "c.yaml", *RAGGED, "--quiet", "--out", "out")
+def test_points_that_are_not_there(eqt: Eqt, prepare: Callable[..., None], command: str) -> None:
+    prepare(("sweep", "c.yaml", *RAGGED, "--out", "out"), ("run", "c.yaml", "--out", "single"))
     done = eqt(command, "out", "--point", 4)
     file = Path("out/results.h5")
     assert (done.code, done.err) == (2, f"eqt: {file}: has no point 4; choose one of 0 to 3\n")
-    eqt("run", "c.yaml", "--quiet", "--out", "single")
     done = eqt(command, "single", "--point", 0)
     assert (done.code, done.err) == (
         2,
@@ -165,11 +164,13 @@ def test_points_that_are_not_there(eqt: Eqt, command: str) -> None:
     )
 
 
-def test_the_summary_of_a_sweep_over_durations_names_none(eqt: Eqt) -> None:
-    eqt("sweep", "c.yaml", *RAGGED, "--quiet", "--out", "out")
+def test_the_summary_of_a_sweep_over_durations_names_none(
+    eqt: Eqt, prepare: Callable[..., None]
+) -> None:
+    prepare(("sweep", "c.yaml", *RAGGED, "--out", "out"))
     shown = eqt("show", "out").out
     assert "sizes    point 4, controller 2, run 3\n" in shown
-    assert "controller  runs  mean ‖τ‖, first 5 s  mean ‖I − Q_E‖  final ‖I − Q_E‖" in shown
+    assert "law  runs  mean ‖τ‖, first 5 s  mean ‖I − Q_E‖  final ‖I − Q_E‖" in shown
 
 
 def test_dry_run_tells_the_size_of_groups(eqt: Eqt) -> None:

@@ -39,7 +39,7 @@ def test_a_wrong_configuration_is_2_with_errors_on_stderr(process: Eqt) -> None:
 def test_failed_runs_are_3(process: Eqt) -> None:
     done = process("run", "c.yaml", "--quiet", "--set", "solver.max_steps=20")
     assert done.code == 3
-    assert done.out.startswith("controller  runs")
+    assert done.out == ""
     assert "6 runs failed: 6 step limit" in done.err
 
 
@@ -105,7 +105,7 @@ def test_ctrl_c_is_130_and_the_same_command_starts_again(process: Eqt, folder: P
     [
         (["config", "schema"], 0),
         (["list"], 0),
-        (["run", "c.yaml"], 0),
+        (["run", "c.yaml", "--quiet"], 0),  # no progress, where it is slow
         (["config", "check", "c.yaml", "--json", "--set", "time.samples=1"], 2),
     ],
 )
@@ -276,7 +276,7 @@ def test_entry_points_of_every_kind_run(process: Eqt, folder: Path) -> None:
             "MyLaw",
             "import eqt_does_not_exist",
             "controller 'x' of the entry point 'mine:MyLaw' cannot be loaded: No module named "
-            "'eqt_does_not_exist'; mend or uninstall the distribution that declares it",
+            "'eqt_does_not_exist'; fix or uninstall the distribution that declares it",
         ),
         (
             "MyLaw",

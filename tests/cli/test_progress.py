@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from eqt_cli.cli.shared import progress
+from eqt_cli.cli.shared import output, progress
 
 Eqt = Callable[..., Any]
 
@@ -25,6 +25,12 @@ class Clock:
         return self.now
 
 
+@pytest.fixture(autouse=True)
+def not_quiet() -> None:
+    """What a command of another test was told holds in its process until the next command."""
+    output.be_quiet(False)
+
+
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
@@ -36,7 +42,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 def test_lines_tell_rate_and_remaining_time(
     clock: Clock, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with progress.progress(800, quiet=False) as advance:
+    with progress.progress(800) as advance:
         for second, runs in ((0.5, 50), (1.5, 50), (2.0, 40), (6.4, 60), (6.6, 200)):
             clock.now = 100.0 + second
             advance(runs)
@@ -51,7 +57,7 @@ def test_lines_tell_rate_and_remaining_time(
 def test_a_guess_waits_for_more_than_the_first_runs(
     clock: Clock, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with progress.progress(100_000, quiet=False, what="points checked") as advance:
+    with progress.progress(100_000, "points checked") as advance:
         for second, points in ((2.0, 8), (10.0, 1992), (20.0, 97_999.999), (30.0, 0.002)):
             clock.now = 100.0 + second
             advance(points)
@@ -64,14 +70,17 @@ def test_a_guess_waits_for_more_than_the_first_runs(
 
 
 def test_short_work_shows_nothing(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
-    with progress.progress(8, quiet=False) as advance:
+    with progress.progress(8) as advance:
         clock.now += 0.9
         advance(8)
     assert capsys.readouterr() == ("", "")
 
 
-def test_quiet_work_shows_nothing(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
-    with progress.progress(8, quiet=True) as advance:
+def test_quiet_work_shows_nothing(
+    clock: Clock, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(output, "_silent", True)
+    with progress.progress(8) as advance:
         clock.now += 60
         advance(4)
     assert capsys.readouterr() == ("", "")
@@ -87,7 +96,7 @@ def test_a_terminal_has_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    with progress.progress(8, quiet=False) as advance:
+    with progress.progress(8) as advance:
         advance(3)
         advance(2)
     assert "5/8 runs" in terminal.getvalue()
@@ -99,7 +108,7 @@ def test_a_terminal_that_cannot_move_its_cursor_has_lines(
     monkeypatch.setenv("TERM", "dumb")
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    with progress.progress(8, quiet=False) as advance:
+    with progress.progress(8) as advance:
         clock.now += 2
         advance(4)
     assert terminal.getvalue() == "4/8 runs, 2.0 runs/s, 2 s left\n"
@@ -108,7 +117,7 @@ def test_a_terminal_that_cannot_move_its_cursor_has_lines(
 def test_short_work_on_a_terminal_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    with progress.progress(8, quiet=False) as advance:
+    with progress.progress(8) as advance:
         advance(8)
     assert terminal.getvalue() == ""
 
@@ -118,9 +127,21 @@ def test_a_run_tells_how_far_it_is(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(progress, "LINE_EVERY", 0.0)
     done = eqt("run", "c.yaml", "--set", "solver.block=1")
     lines = done.err.splitlines()
-    assert all(re.fullmatch(r"\d/6 runs, [\d.]+ runs/s, \d+ s left", line) for line in lines)
-    assert lines[-1].startswith("6/6 runs, ")
+    runs = [line for line in lines if re.fullmatch(r"\d/6 runs, [\d.]+ runs/s, \d+ s left", line)]
+    assert runs[-1].startswith("6/6 runs, ")
+    packed = [line for line in lines if "parts packed" in line]
+    assert len(packed) > 0
+    assert lines == runs + packed
     assert "runs/s" not in done.out
+
+
+def test_a_step_that_begins_counts_anew(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
+    with progress.progress(8) as advance:
+        advance(8)
+        advance.begin("runs cross-checked", 12)
+        clock.now += 2
+        advance(6)
+    assert capsys.readouterr().err == "6/12 runs cross-checked, 3.0 runs/s, 2 s left\n"
 
 
 def test_a_quiet_run_tells_nothing(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,14 +8,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import h5py
 import pytest
 
 Eqt = Callable[..., Any]
 
 
 @pytest.fixture
-def result(eqt: Eqt) -> str:
-    eqt("run", "c.yaml", "--out", "out")
+def result(prepare: Callable[..., None]) -> str:
+    prepare(("run", "c.yaml", "--out", "out"))
     return "out"
 
 
@@ -30,7 +31,7 @@ def test_the_summary(eqt: Eqt, result: str) -> None:
     assert re.fullmatch(r"digest   [0-9a-f]{16}", digest)
     assert sizes == "sizes    controller 2, run 3, time 11, row 3, col 3, axis 3"
     assert blank == ""
-    assert header.startswith("controller  runs  mean ‖τ‖")
+    assert header.startswith("law  runs  mean ‖τ‖")
 
 
 def test_a_file_shows_the_same_as_its_folder(eqt: Eqt, result: str) -> None:
@@ -174,12 +175,16 @@ def test_parts_of_an_unfinished_result_are_not_there(eqt: Eqt, folder: Path, par
 @pytest.mark.parametrize(
     ("path", "said"),
     [
-        ("no", "eqt: no: does not exist; give a result folder or its results.h5\n"),
+        ("no", "eqt: no: not found; give a result folder or its results.h5\n"),
         (
             ".",
             "eqt: .: the folder holds no results.h5; run its experiment to the end first\n",
         ),
-        ("c.yaml", "eqt: c.yaml: is not an HDF5 file; give the results.h5 that eqt wrote\n"),
+        (
+            "c.yaml",
+            "eqt: c.yaml is a configuration, not a result; run it with `eqt run c.yaml`, then give "
+            "the result folder, such as results/c\n",
+        ),
     ],
 )
 def test_what_is_no_result(eqt: Eqt, path: str, said: str) -> None:
@@ -192,3 +197,13 @@ def test_a_format_is_of_the_table(eqt: Eqt) -> None:
     done = eqt("show", "results/c", "--format", "csv")
     assert (done.code, done.out) == (2, "")
     assert done.err == "eqt: --format: is of --table; --json prints the rest for programs\n"
+
+
+def test_poses_that_leave_the_group_are_told(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--set", "solver.cross_check=1")
+    with h5py.File("results/c/results.h5", "a") as file:
+        file["group_drift"][0, 1] = 2e-3
+    assert eqt("show", "results/c").err == (
+        "eqt: poses leave the group by 0.002, more than the bound of the cross-check, 0.001; "
+        "tighten solver.rtol\n"
+    )

@@ -76,13 +76,13 @@ def test_run_and_sweep_name_each_other(eqt: Eqt) -> None:
     assert done.code == 2
     assert done.err == (
         "eqt: c.yaml: defines no sweep; add a `sweep` section or --grid KEY=A,B, "
-        "or use: eqt run c.yaml\n"
+        "or use `eqt run c.yaml`\n"
     )
     with Path("c.yaml").open("a", encoding="utf-8") as file:
         file.write("sweep: [{grid: {gains.kp: [1, 2]}}]\n")
     done = eqt("run", "c.yaml")
     assert done.code == 2
-    assert done.err == ("eqt: c.yaml:10:1: defines a sweep; use: eqt sweep c.yaml\n")
+    assert done.err == ("eqt: c.yaml:10:1: defines a sweep; use `eqt sweep c.yaml`\n")
 
 
 def test_the_result_of_a_sweep_is_swept_again(eqt: Eqt) -> None:
@@ -90,7 +90,7 @@ def test_the_result_of_a_sweep_is_swept_again(eqt: Eqt) -> None:
     done = eqt("run", "swept")
     result = Path("swept/results.h5")
     assert done.code == 2
-    assert done.err.endswith(f": defines a sweep; use: eqt sweep {result}\n")
+    assert done.err.endswith(f": defines a sweep; use `eqt sweep {result}`\n")
     assert done.err.startswith(f"eqt: {result}[config]:")
 
 
@@ -158,5 +158,5 @@ def test_a_value_that_is_given_twice(eqt: Eqt) -> None:
     done = eqt("sweep", "c.yaml", "--grid", "gains.kp=0.5,1,0.50")
     assert done.code == 2
     assert done.err == (
-        "eqt: --grid[0]: sweep[0].grid.gains.kp[2]: 0.5 is there already; give every value once\n"
+        "eqt: --grid[0]: sweep[0].grid.gains.kp[2]: 0.5 is listed twice; give each value once\n"
     )

@@ -14,9 +14,9 @@ FOREIGN = "exists, and is no figure or page that eqt wrote; choose another place
 
 
 @pytest.fixture
-def result(eqt: Eqt) -> Path:
+def result(prepare: Callable[..., None]) -> Path:
     """A result in the folder `out`."""
-    assert eqt("run", "c.yaml", "--quiet", "--out", "out").code == 0
+    prepare(("run", "c.yaml", "--out", "out"))
     return Path("out")
 
 

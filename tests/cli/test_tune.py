@@ -37,7 +37,7 @@ def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt: Eqt, config: P
         "Searched: 2 generations of 5 points, each of 3 runs, for every law.",
         "What was asked for, on the held-out runs",
         "Paired differences on the same initial states",
-        "eqt − gt",
+        "EqT − GT",
         "results  results/t-tuned",
         "next     eqt run results/t-tuned/tuned/eqt.yaml",
     ):

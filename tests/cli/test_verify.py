@@ -77,7 +77,7 @@ def row(document: Any, name: str, controller: str = "") -> Any:
 
 
 def test_a_configuration(eqt: Eqt) -> None:
-    done = eqt("verify", "c.yaml")
+    done = eqt("verify", "c.yaml", "-v")
     assert (done.code, done.err) == (0, "")
     blocks = done.out.split("\n\n")
     assert [block.split(",")[0].split(":")[0] for block in blocks] == [
@@ -93,6 +93,42 @@ def test_a_configuration(eqt: Eqt) -> None:
     assert first.startswith("eq. (1)  ") and first.endswith("  holds")
     assert "Morse-Bott" in blocks[2]
     assert done.out.splitlines()[-2].endswith(" 0 fail, 6 runs with engine solve_ivp")
+
+
+def test_without_verbose_only_what_does_not_hold_is_listed(eqt: Eqt) -> None:
+    rows = json.loads(eqt("verify", "c.yaml", "--json").out)["rows"]
+    done = eqt("verify", "c.yaml")
+    assert (done.code, done.err) == (0, "")
+    blocks = done.out.split("\n\n")
+    listed = [line for block in blocks[:2] for line in block.splitlines()[3:]]
+    assert len(listed) == sum(row["verdict"] != "holds" for row in rows)
+    assert not any("  holds" in line for line in listed)
+    *_, totals, _, hint = done.out.splitlines()
+    assert totals.endswith(" 0 fail, 6 runs with engine solve_ivp")
+    assumed = sum(row["kind"] == "hypothesis" for row in rows)
+    checked = f"{len(rows) - assumed} statements and {assumed} hypotheses were checked"
+    assert hint == f"{checked}; --verbose lists them all"
+    tally = totals.split(": ")[1].split(", ")[:-1]
+    assert sum(int(count.split()[0]) for count in tally) == len(rows) - assumed
+
+
+def test_what_is_not_claimed_is_named_in_one_line(eqt: Eqt) -> None:
+    off_plane = "controllers=[{kind: family, label: off, transport: 0.2}, {kind: family, label: b}]"
+    done = eqt("verify", "c.yaml", "--set", off_plane)
+    [line] = [line for line in done.out.splitlines() if line.startswith("unclaimed: ")]
+    assert line.startswith("unclaimed: the paper does not claim this for the law: ")
+    assert "decrease of L (off)" in line
+
+
+@pytest.mark.usefixtures("plugins")
+def test_quiet_prints_only_what_fails(eqt: Eqt) -> None:
+    assert (done := eqt("verify", "c.yaml", "--quiet")).out + done.err == ""
+    done = eqt("verify", "c.yaml", *AWAY, "--quiet")
+    assert (done.code, done.out) == (4, "")
+    assert done.err.splitlines() == [
+        "eqt: c.yaml: Theorems 3.2, 6.2: rate of L (Away) fails",
+        "eqt: c.yaml: Theorems 3.2, 6.2: energy balance (Away) fails",
+    ]
 
 
 def test_json_is_one_document(eqt: Eqt) -> None:
@@ -181,9 +217,9 @@ def test_a_result_is_verified_as_it_is(eqt: Eqt, option: tuple[str, str]) -> Non
 def test_a_statement_that_does_not_hold_ends_with_4(eqt: Eqt) -> None:
     done = eqt("verify", "c.yaml", *AWAY)
     assert done.code == 4
-    assert done.out.splitlines()[-2:] == [
-        "Theorems 3.2, 6.2: rate of L (away) fails",
-        "Theorems 3.2, 6.2: energy balance (away) fails",
+    assert done.out.splitlines()[-3:-1] == [
+        "Theorems 3.2, 6.2: rate of L (Away) fails",
+        "Theorems 3.2, 6.2: energy balance (Away) fails",
     ]
     document = json.loads(eqt("verify", "c.yaml", *AWAY, "--json").out)
     assert document["holds"] is False
@@ -207,7 +243,7 @@ def test_a_law_of_which_every_run_fails_is_not_asked_about_none(eqt: Eqt) -> Non
         "verify", "c.yaml", "--set", "plugins=[nan.py]", "--set", "controllers=[eqt, escape]"
     )
     assert (done.code, done.err) == (3, "")
-    assert done.out.endswith("some runs failed\n")
+    assert done.out.splitlines()[-2] == "some runs failed"
 
 
 def test_a_hypothesis_never_fails(eqt: Eqt) -> None:
@@ -243,7 +279,7 @@ def test_runs_bounds_what_is_integrated(eqt: Eqt) -> None:
 def test_hypotheses_in_doubt_stand_in_the_summary(eqt: Eqt) -> None:
     off_plane = "controllers=[{kind: family, label: off, transport: 0.2}]"
     torque = 'reference={torque: ["exp(t)", "0", "0"]}'
-    done = eqt("verify", "c.yaml", "--set", off_plane, "--set", torque)
+    done = eqt("verify", "c.yaml", "--verbose", "--set", off_plane, "--set", torque)
     assert done.code == 0
     summary, *doubts = done.out.splitlines()[-3:]
     assert "hold, " in summary and " unclaimed, 0 fail, 3 runs" in summary

@@ -21,6 +21,11 @@ SHORT = ("ensemble.runs=2", "time.duration=2", "time.samples=3", "solver.cross_c
 # on: a tenth of the tolerance 1e-7 that these configurations ask for.
 ROUNDING = {"rtol": 1e-7, "atol": 1e-8}
 
+# The first version found the reference from a run without errors, this one by itself, with steps of
+# its own: both are right to the tolerance 1e-7, which 2 s of motion carry on.
+REFERENCE = ("desired_pose", "desired_velocity", "reference_residual")
+TOLERANCE = {"rtol": 0.0, "atol": 5e-7}
+
 
 @pytest.mark.parametrize("name", SHIPPED)
 def test_a_shipped_configuration_is_the_same_experiment(name: str) -> None:
@@ -51,7 +56,8 @@ def test_a_configuration_gives_its_result_again(name: str, tmp_path: Path) -> No
             assert now.units(variable) == then.units(variable)
             values = then[variable]
             if values.dtype.kind == "f":
-                np.testing.assert_allclose(now[variable], values, **ROUNDING, err_msg=variable)
+                within = TOLERANCE if variable in REFERENCE else ROUNDING
+                np.testing.assert_allclose(now[variable], values, **within, err_msg=variable)
             else:
                 np.testing.assert_array_equal(now[variable], values, err_msg=variable)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.problems import Problems
+from eqt_cli.engines.recorded_field import Recording
 
 # Tens of last places of torques up to a hundred.
 ROUNDING = 1e-11
@@ -72,6 +73,14 @@ def test_symbols_give_the_same_as_floats(loop, states, symbols):
     # Symbols are added in another order than NumPy's products.
     found = back(traced.vector_field(to(0.3), to(y)))
     np.testing.assert_allclose(found, loop.vector_field(0.3, y), rtol=0, atol=ROUNDING)
+
+
+def test_a_recording_gives_the_same_as_the_law(loop, states):
+    y, other = states(loop, (3,)), states(loop, (3,), seed=4)
+    loop = loop.holding(loop.held(0.3))
+    found = Recording(loop.vector_field, 0.3, y).repeat(0.31, other)
+    # NumPy adds in another order.
+    np.testing.assert_allclose(found, loop.vector_field(0.31, other), rtol=0, atol=ROUNDING)
 
 
 def test_structure_is_hashable_and_parameters_are_arrays(loop):

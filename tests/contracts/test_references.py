@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from eqt_cli.engines.recorded_field import Recording
+
 # Tens of last places of torques up to ten.
 ROUNDING = 1e-12
 
@@ -36,6 +38,13 @@ def test_symbols_give_the_same_as_floats(loop, states, symbols):
     found = back(traced.tracking(to(0.3), to(y)).tau_d)
     expected = loop.tracking(0.3, y).tau_d
     np.testing.assert_allclose(*np.broadcast_arrays(found, expected), rtol=0, atol=ROUNDING)
+
+
+def test_a_recording_gives_the_same_as_the_reference(loop, states):
+    y, other = states(loop, (3,)), states(loop, (3,), seed=4)
+    loop = loop.holding(loop.held(0.3))
+    found = Recording(loop.vector_field, 0.3, y).repeat(0.31, other)
+    np.testing.assert_allclose(found, loop.vector_field(0.31, other), rtol=0, atol=10 * ROUNDING)
 
 
 def test_a_velocity_that_is_kept_is_kept(loop, states):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.problems import Problems
+from eqt_cli.engines.recorded_field import Recording
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.groups import group_named
 
@@ -37,6 +38,34 @@ def test_a_force_takes_runs_together_and_symbols(force_class, make, symbols):
     symbolic = {name: to(values[None]) for name, values in given.items()}
     traced = force.in_body(G, to(0.3), to(Q[:1]), to(V[:1]), symbolic) + to(0 * V[:1])
     np.testing.assert_allclose(back(traced), alone[:1], rtol=0, atol=ROUNDING)
+
+
+def test_a_recording_gives_the_same_as_the_force(force_class, make):
+    force, (Q, V) = make(force_class, 6), states()
+    given = numbers(force)
+
+    def field(t, y):
+        return force.in_body(G, t, G.unpack(y[:, 6:]), y[:, :6], given) + 0 * y[:, :6]
+
+    y, other = (np.concatenate([V, G.pack(Q)], axis=-1) for Q, V in ((Q, V), states(seed=3)))
+    found = Recording(
+        lambda t, y: 1.0 * y + np.concatenate([field(t, y), 0 * y[:, 6:]], axis=-1), 0.3, y
+    )
+    expected = other[:, :6] + field(0.31, other)
+    np.testing.assert_allclose(found.repeat(0.31, other)[:, :6], expected, rtol=0, atol=ROUNDING)
+
+
+def test_a_recording_gives_the_same_as_the_actuator(actuator_class, make):
+    actuator, (_, command) = make(actuator_class, 6), states()
+    given, n = numbers(actuator), actuator.states(G)
+
+    def field(t, y):
+        rates = actuator.state_rate(G, y[:, :6], y[:, 6:], given) if n else y[:, 6:]
+        return np.concatenate([actuator.output(G, y[:, :6], y[:, 6:], given), rates], axis=-1)
+
+    y = np.concatenate([command, np.full((2, n), 0.3)], axis=-1)
+    found = Recording(field, 0.3, y).repeat(0.31, 0.9 * y)
+    np.testing.assert_allclose(found, field(0.31, 0.9 * y), rtol=0, atol=ROUNDING)
 
 
 def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbols):

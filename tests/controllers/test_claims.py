@@ -70,3 +70,17 @@ def test_the_mean_stiffness_of_the_quaternion_law_is_a_third_of_the_trace():
 def test_a_member_says_in_which_errors_its_L_is():
     assert Family().energy == "½⟨P̃, Ṽ⟩ + Υ(Q_E)"
     assert Family(error="body").energy == "½⟨𝕀e, e⟩ + Υ(Q_L)"
+
+
+def test_a_law_with_a_name_of_its_own_has_no_title_of_another():
+    class Mine(Family):
+        name = "mine"
+
+    class Titled(Mine):
+        name, title = "titled", "Titled"
+
+    assert (Mine.title, Titled.title, type("Same", (Titled,), {}).title) == (
+        "mine",
+        "Titled",
+        "Titled",
+    )

@@ -247,7 +247,7 @@ def test_quadratic_term_has_no_power(G):
 
 def test_body_errors_have_body_damping():
     assert Family(error="body").damping == "body"
-    with pytest.raises(ValueError, match="error: body has damping: body only; leave damping out"):
+    with pytest.raises(ValueError, match="error: body always has damping: body; leave damping out"):
         Family(error="body", damping="spatial")
 
 
@@ -261,7 +261,7 @@ def test_quaternions_are_for_rotations_of_space():
     problems = Problems()
     law("quaternion").check(group_named("SE3"), problems)
     (problem,) = problems
-    expected = "quaternion is a law for the rotations of space, SO3; group: SE3"
+    expected = "quaternion is a law for SO3 only; this experiment has group SE3"
     assert problem.message == expected
 
 

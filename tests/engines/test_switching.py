@@ -13,7 +13,18 @@ import pytest
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller
-from eqt_cli.core.arrays import absolute, clip, cos, less, maximum, minimum, norm, sin, where
+from eqt_cli.core.arrays import (
+    absolute,
+    clip,
+    cos,
+    less,
+    maximum,
+    minimum,
+    norm,
+    sin,
+    smooth_less,
+    where,
+)
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.taylor import Taylor
@@ -111,6 +122,35 @@ def test_jump_in_time():
     np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
 
 
+@pytest.mark.parametrize(("compare", "shortened"), [(less, True), (smooth_less, False)])
+def test_no_step_ends_where_only_the_form_of_a_function_changes(compare, shortened):
+    """V̇ = sin² t in two forms that change places at every zero of sin 9t."""
+
+    def law(s, own):
+        return where(compare(sin(9 * s.t), 0.0), sin(s.t) ** 2, 1 - cos(s.t) ** 2) + 0 * s.V
+
+    problem = problem_of(law)
+    solution = solved(problem)
+    t, V = problem.times, velocity(problem, solution)[0, :, 0]
+    np.testing.assert_allclose(V, 1 + t / 2 - np.sin(2 * t) / 4, rtol=0, atol=10 * TOL)
+    plain = solved(problem_of(lambda s, own: sin(s.t) ** 2 + 0 * s.V))
+    assert (solution.steps > plain.steps).all() == shortened
+
+
+def test_side_that_changes_with_the_form_of_a_function_is_right_on_each():
+    """V̇ jumps from 2 to −2 at t = 2; what is compared changes its sign at t = 1 without a jump."""
+
+    def law(s, own):
+        turned = where(smooth_less(s.t, 1.0), 1.0, -1.0)
+        wanted = where(less(turned * (2.0 - s.t), 0.0), -1.0, 1.0)
+        return 2 * turned * wanted + 0 * s.V
+
+    problem = problem_of(law)
+    V = velocity(problem, solved(problem))[0, :, 0]
+    exact = 1 + 2 * np.minimum(problem.times, 2) - 2 * np.maximum(problem.times - 2, 0)
+    np.testing.assert_allclose(V, exact, rtol=0, atol=10 * TOL)
+
+
 def test_jump_that_sets_off_another():
     """At t = 1 one comparison jumps from 1 to −1, so that another changes without a crossing."""
 
@@ -190,8 +230,8 @@ def test_engines_agree(name):
     problem = problem_of(LAWS[name], "SE2", velocities, duration=2.0, samples=801)
     theirs = SolveIvp(rtol=1e-10, atol=1e-13, block=1)
     states = problem.states[:, None]
-    for start in range(0, 800, 2):  # a new start every 5 ms
-        part = Problem(problem.loop, states[:, -1], problem.times[start : start + 3])
+    for start in range(0, 800, 4):  # a new start every 10 ms
+        part = Problem(problem.loop, states[:, -1], problem.times[start : start + 5])
         states = np.concatenate([states, theirs.solve(part, quiet).states[:, 1:]], axis=1)
     # Measured up to 3e-8 where a jump lies inside one of those steps.
     np.testing.assert_allclose(solved(problem).states, states, rtol=0, atol=1e-6)

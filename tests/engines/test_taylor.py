@@ -266,9 +266,15 @@ def test_first_sample_is_the_initial_state(alone):
     assert (whole.states[:, 0] == problem.states).all()
 
 
-def test_sample_grid_changes_no_bit():
-    """Samples are read off the same steps, wherever they are."""
-    fine = paper_problem(runs=3, samples=17)
+DENSE = WaypointsReference(
+    points=[Waypoint(0.15 * k, {"rotvec": [0.1 * k, 0, 0.02 * k**2]}) for k in range(15)]
+)
+
+
+@pytest.mark.parametrize("reference", [REFERENCES["torque"], DENSE], ids=["torque", "waypoints"])
+def test_sample_grid_changes_no_bit(reference):
+    """Samples are read off the same steps, wherever they are, also where a span has none."""
+    fine = problem_of(loop_of(EqT(), reference=reference), runs=3, samples=17)
     coarse = Problem(fine.loop, fine.states, fine.times[::4])
     assert (
         Taylor().solve(coarse, quiet).states == Taylor().solve(fine, quiet).states[:, ::4]
@@ -312,6 +318,15 @@ def test_one_compilation_serves_the_family(compilations):
         loop = dataclasses.replace(loop, gains=gains)
         Taylor().solve(problem_of(loop, runs=1, duration=0.1), quiet)
     assert compilations() == 1
+
+
+def test_a_loop_is_traced_once(monkeypatch):
+    loops, trace = [], taylor.trace
+    monkeypatch.setattr(taylor, "trace", lambda loop: loops.append(loop) or trace(loop))
+    problem = problem_of(loop_of(EqT()), runs=2, duration=0.1)
+    for tol in (1e-8, 1e-9):
+        Taylor(tol=tol).solve(problem, quiet)
+    assert loops == [problem.loop]
 
 
 @pytest.mark.parametrize(

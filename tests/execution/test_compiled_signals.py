@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 
 import eqt_cli
-from eqt_cli.engines import Engine
+from eqt_cli.closed_loop.signals import SIGNALS
+from eqt_cli.engines import Engine, taylor
 from eqt_cli.execution.batches import batches
-from eqt_cli.execution.compute_part import measured, shared_reference
+from eqt_cli.execution.compute_part import compute_part, measured, shared_reference
+from eqt_cli.execution.executors import TaskContext
+from eqt_cli.results.quantity_table import MEASURED
 
 pytest.importorskip("heyoka")
 
@@ -19,15 +22,21 @@ RUNS = 7
 ROUNDING = 1e-13
 
 
-@pytest.fixture(scope="module", params=["paper", "se3_survey", "satellite_panels"])
+ALL = tuple(each.name for each in (*SIGNALS, *MEASURED))
+
+
+@pytest.fixture(
+    scope="module", params=["paper", "se3_survey", "satellite_panels", "body_and_slider"]
+)
 def solved(request):
-    """A batch of one controller, its solution and the reference."""
+    """A batch of one controller, its solution, a tighter one and the reference."""
     sizes = {"solver.engine": "taylor", "ensemble.runs": RUNS, "time.samples": 21}
     study = eqt_cli.load_experiment(f"configs/{request.param}.yaml", sizes).study
     label = list(study.base.loops)[-1]
     (batch,) = batches(study, label, np.arange(RUNS))
-    solution = batch.engine.solve(batch.problem, lambda runs: None)
-    return batch, solution, shared_reference(study)
+    engines = batch.engine, batch.engine.tightened(0.1)
+    solution, tighter = (engine.solve(batch.problem, lambda runs: None) for engine in engines)
+    return batch, solution, tighter, shared_reference(study)
 
 
 def with_code(batch, code):
@@ -35,21 +44,40 @@ def with_code(batch, code):
 
 
 def test_compiled_signals_equal_those_on_arrays(solved, monkeypatch):
-    batch, solution, reference = solved
-    on_arrays, _ = measured(with_code(batch, "compact"), solution, reference)
+    batch, solution, tighter, reference = solved
+    given = solution, reference, ALL, tighter
+    on_arrays = measured(with_code(batch, "compact"), *given)
     monkeypatch.delattr(Engine, "evaluate")  # which evaluates on arrays
-    compiled, _ = measured(with_code(batch, "full"), solution, reference)
-    assert compiled.keys() == on_arrays.keys()
-    for name, expected in on_arrays.items():
-        scale = np.abs(expected).max(initial=1.0)
-        np.testing.assert_allclose(compiled[name], expected, rtol=0, atol=ROUNDING * scale)
+    compiled = measured(with_code(batch, "full"), *given)
+    for found, expected in zip(compiled, on_arrays, strict=True):
+        assert found.keys() == expected.keys()
+        for name, values in expected.items():
+            scale = np.abs(values).max(initial=1.0, where=np.isfinite(values))
+            np.testing.assert_allclose(found[name], values, rtol=0, atol=ROUNDING * scale)
 
 
 def test_signals_of_a_run_do_not_depend_on_its_neighbours(solved):
-    batch, solution, reference = solved
-    whole, _ = measured(with_code(batch, "full"), solution, reference)
-    alone = dataclasses.replace(batch, problem=batch.problem.select(np.array([4])))
-    of_one = dataclasses.replace(solution, states=solution.states[[4]])
-    single, _ = measured(with_code(alone, "full"), of_one, reference)
-    for name, expected in whole.items():
-        np.testing.assert_array_equal(single[name], expected[[4]])
+    batch, solution, tighter, reference = solved
+    whole = measured(with_code(batch, "full"), solution, reference, ALL, tighter)
+    alone = with_code(batch, "full").select(np.array([4]))
+    one, other = (
+        dataclasses.replace(solved, states=solved.states[[4]]) for solved in (solution, tighter)
+    )
+    single = measured(alone, one, reference, ALL, other)
+    for found, expected in zip(single, whole, strict=True):
+        for name, values in expected.items():
+            np.testing.assert_array_equal(found[name], values[[4]])
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_part_does_not_depend_on_its_blocks(monkeypatch, threads):
+    sizes = {"solver.engine": "taylor", "solver.code": "full", "ensemble.runs": 11}
+    few = {"time.samples": 21, "store.trajectories": 5}
+    study = eqt_cli.load_experiment("configs/paper.yaml", sizes | few).study
+    part, reference = study.plan.part(0), shared_reference(study)
+    whole = compute_part(study, part, reference, TaskContext())
+    monkeypatch.setattr(taylor, "BLOCK_BYTES", 1)  # which as many runs fill as there are lanes
+    cut = compute_part(study, part, reference, TaskContext(threads=threads))
+    assert cut.variables.keys() == whole.variables.keys()
+    for name, expected in whole.variables.items():
+        np.testing.assert_array_equal(cut.variables[name].data, expected.data)

@@ -720,12 +720,13 @@ def test_a_large_sweep_keeps_trajectories_only_if_asked(make):
         ),
         (
             "  - grid: {gains.kq: [1]}",
-            "config.yaml:11:23: gains.kq: unknown key; known here: kp, kd",
+            "config.yaml:11:23: gains.kq: unknown key; expected one of kp, kd",
         ),
         ("  - grid: {gans.kp: [1]}", "config.yaml:11:22: sweep[0].grid.gans.kp[0]: unknown key"),
         (
             '  - grid: {"controllers[5]": [eqt]}',
-            "config.yaml:11:31: controllers[5]: no entry 5; controllers has 2, counted from 0",
+            "config.yaml:11:31: controllers[5]: no entry 5; controllers has 2 entries, counted "
+            "from 0",
         ),
         (
             "  - grid: {group: [SO3, SE3]}",
@@ -733,14 +734,14 @@ def test_a_large_sweep_keeps_trajectories_only_if_asked(make):
         ),
         (
             '  - grid: {"controllers[0]": [eqt, nog]}',
-            "config.yaml:10:1: sweep: point 1: the controllers are nog, gt, and eqt, gt at point 0;"
-            " give each a `label` that stays the same",
+            "config.yaml:10:1: sweep: point 1: the controllers are nog, gt, but eqt, "
+            "gt at point 0; give each a `label` that is the same at all points",
         ),
         (
             '  - grid: {"controllers[0]": [{kind: eqt, label: a}, {kind: goodarzi2013, label: a}]}',
-            "config.yaml:10:1: sweep: point 1: the loop of controller 'a' has 28 states, and 25 at "
-            "point 0; run laws of different memory, and references that are not integrated alike, "
-            "one after the other",
+            "config.yaml:10:1: sweep: point 1: the loop of controller 'a' has 28 "
+            "states, but 25 at point 0; run laws with different numbers of states, "
+            "and references that are integrated differently, as separate experiments",
         ),
     ],
 )
@@ -786,7 +787,7 @@ class Remembering(EqT):
 @pytest.mark.parametrize("laws", ["[eqt, remembering]", "[remembering, eqt]"])
 @pytest.mark.parametrize("text", [CONFIG, CONFIG + "sweep: [{grid: {inertia: [1, 2]}}]\n"])
 def test_laws_may_have_states_of_different_lengths(make, tmp_path, laws, text):
-    """Parts, references and the cross-check take states by name; the first law lends the reference.
+    """Parts and the cross-check take states by name.
 
     The law is EqT's, so both have the same reference to the tolerance of the solver, which the
     residual shows, and the two integrators agree.

@@ -54,7 +54,8 @@ def test_what_it_holds(run: Run) -> None:
         "failed",
     }
     assert (manifest["name"], manifest["runs"], manifest["failed"]) == ("c", 3, 0)
-    assert set(manifest["seconds"]) == set(outcome.seconds) == {"simulation", "writing"}
+    steps = {"simulation", "writing", "cross-check"}
+    assert set(manifest["seconds"]) == set(outcome.seconds) == steps
 
 
 def test_its_configuration_is_that_of_the_experiment(run: Run) -> None:

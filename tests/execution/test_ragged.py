@@ -306,29 +306,30 @@ def test_points_that_do_not_exist(make, tmp_path):
     [
         (
             "ensemble.runs=50,200",
-            "grids[0]: sweep[0].grid.ensemble.runs[0]: ensemble.runs cannot be swept: run k "
-            "starts from the same state however many there are, so the first 50 of 200 runs are "
-            "the ensemble of 50; ask for the most, and choose among them",
+            "grids[0]: sweep[0].grid.ensemble.runs[0]: ensemble.runs cannot be swept: "
+            "run k starts from the same state however many runs there are, so the "
+            "first 50 of 200 runs are the ensemble of 50; set the largest number, and "
+            "use the first runs of it",
         ),
         (
             "time=[{duration: 1}, {duration: 2}]",
-            "grids[0]: sweep[0].grid.time[0]: time is swept by its keys: zip time.duration and "
-            "time.samples",
+            "grids[0]: sweep[0].grid.time[0]: time cannot be swept as a whole; sweep "
+            "time.duration and time.samples with zip",
         ),
         (
             "task=track,stabilise",
-            "grids[0]: sweep[0].grid.task[0]: task cannot be swept: it gives the points laws of "
-            "different kinds; run one after the other",
+            "grids[0]: sweep[0].grid.task[0]: task cannot be swept: it decides "
+            "which laws can be used; run one experiment for each value",
         ),
         (
             "name=a,b",
-            "grids[0]: sweep[0].grid.name[0]: name cannot be swept: it names the experiment as a "
-            "whole; run one after the other",
+            "grids[0]: sweep[0].grid.name[0]: name cannot be swept: it names the "
+            "experiment as a whole; run one experiment for each value",
         ),
         (
             "store.decimate=1,2",
-            "grids[0]: sweep[0].grid.store.decimate[0]: store cannot be swept: it decides what "
-            "the one result file holds; run one after the other",
+            "grids[0]: sweep[0].grid.store.decimate[0]: store cannot be swept: it "
+            "decides what the common result file contains; run one experiment for each value",
         ),
     ],
 )
@@ -341,7 +342,7 @@ def test_what_cannot_be_swept(make, grid, message):
 def test_an_ensemble_of_another_size_at_some_point(make):
     with pytest.raises(EqtError) as caught:
         make("sweep: [{grid: {ensemble: [{runs: 5}, {runs: 6}]}}]\n")
-    assert "sweep: point 1: ensemble.runs is 6, and 5 at point 0; ensemble.runs" in str(
+    assert "sweep: point 1: ensemble.runs is 6, but 5 at point 0; ensemble.runs" in str(
         caught.value
     )
 
@@ -357,8 +358,8 @@ def test_more_groups_than_a_file_should_have(make, tmp_path):
     with pytest.raises(EqtError) as caught:
         make(f"sweep: [{{grid: {{time.duration: {values}}}}}]\n")
     assert str(caught.value) == (
-        f"{tmp_path / 'config.yaml'}:10:1: 1001 points that differ in group, times or parts are "
-        "too many for one file; sweep at most 1000, or these keys one after the other"
+        f"{tmp_path / 'config.yaml'}:10:1: 1,001 points that differ in group, times or parts are "
+        "too many for one file; sweep at most 1,000, or split the sweep"
     )
 
 

@@ -44,7 +44,7 @@ def messages(path, *overrides):
 def test_runs_are_the_rows_of_the_file(config):
     assert build(read_config(config)).config.ensemble.runs == 3
     assert build(read_config(config, ["ensemble.runs=2"])).config.ensemble.runs == 2
-    expected = "expected at most 3, as many as starts.csv has rows, got 4"
+    expected = "expected at most 3, the number of rows of starts.csv, got 4"
     assert messages(config, "ensemble.runs=4") == [expected]
 
 
@@ -70,16 +70,20 @@ def test_runs_start_where_those_of_a_result_did(config, tmp_path):
     with open_results(one.path) as results:
         expected = results["initial_pose"]
     errors = found.poses.place(found.group, np.arange(3)[:, None])
-    np.testing.assert_allclose(found.initial_pose @ errors, expected, rtol=0, atol=1e-15)
+    rounding = 1e-14  # of five products of matrices
+    np.testing.assert_allclose(found.initial_pose @ errors, expected, rtol=0, atol=rounding)
 
 
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("reference.file=none.csv", "does not exist; paths are relative to the configuration's"),
-        ("time.duration=3", "expected at most 2.5 s, where the reference ends, got 3"),
-        ("reference.velocity=0", "follows from a reference of kind waypoints; leave velocity out"),
-        ("initial.pose=haar", "is given by starts.csv, row by row; leave it out"),
+        ("reference.file=none.csv", "not found; paths are relative to the configuration's"),
+        ("time.duration=3", "expected at most 2.5 s, the end of the reference, got 3"),
+        (
+            "reference.velocity=0",
+            "a reference of kind waypoints determines its velocity; remove this key",
+        ),
+        ("initial.pose=haar", "starts.csv gives the pose, one row per run; remove this key"),
     ],
 )
 def test_what_is_wrong(config, override, message):
@@ -90,7 +94,8 @@ def test_a_file_that_is_too_large_is_not_read(config):
     with (config.parent / "huge.csv").open("wb") as file:
         file.truncate(2 * 2**30)  # a sparse file, which takes no space
     (found,) = messages(config, "reference.file=huge.csv")
-    assert found == f"{config.parent / 'huge.csv'}: holds 2,048 MiB; expected at most 64"
+    path = config.parent / "huge.csv"
+    assert found == f"{path}: expected a file of at most 64 MiB, got 2,048 MiB"
 
 
 @pytest.mark.parametrize(

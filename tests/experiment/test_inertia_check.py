@@ -32,9 +32,9 @@ HEAVY = "[1, 1, 3]"
 def test_an_inertia_that_no_rigid_body_has_is_remarked(experiment: Build) -> None:
     [remark] = experiment(inertia=HEAVY).remarks
     assert str(remark) == (
-        "c.yaml:2:1: inertia: no rigid body has it; its principal moments 1, 1 and 3 kg m² break "
-        "the triangle inequality: 1 + 1 < 3; correct it, or add `rigid: false` if more moves than "
-        "one rigid body"
+        "c.yaml:2:1: inertia: not the inertia of a rigid body: its principal moments "
+        "1, 1 and 3 kg m² violate the triangle inequality: 1 + 1 < 3; correct it, or "
+        "add `rigid: false` if the system is not one rigid body"
     )
 
 
@@ -50,6 +50,6 @@ def test_the_remark_is_no_number_of_the_experiment(experiment: Build) -> None:
 @pytest.mark.parametrize("command", [["config", "check"], ["run"]], ids=" ".join)
 def test_commands_warn_and_go_on(command: list[str], experiment: Build, invoke: Any) -> None:
     experiment(inertia=HEAVY)  # writes c.yaml
-    assert "break the triangle inequality: 1 + 1 < 3" in invoke(*command, "c.yaml").stderr
+    assert "violate the triangle inequality: 1 + 1 < 3" in invoke(*command, "c.yaml").stderr
     silenced = invoke(*command, "c.yaml", "--set", "rigid=false")
     assert "triangle" not in silenced.stderr

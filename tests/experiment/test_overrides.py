@@ -90,25 +90,27 @@ def test_the_last_override_counts(experiment: Build) -> None:
         ),
         (
             "controllers[5]=gt",
-            "overrides[0]: controllers[5]: no entry 5; controllers has 2, counted from 0",
+            "overrides[0]: controllers[5]: no entry 5; controllers has 2 entries, counted from 0",
         ),
         (
             "controllers[0].label=x",
             "overrides[0]: controllers[0].label: controllers[0] is 'eqt', not a mapping; set "
-            "controllers[0] as a whole",
+            "all of controllers[0] instead",
         ),
         (
             "inertia[0][1]=5",
-            "overrides[0]: inertia[0][1]: inertia[0] is 2, not a list; set inertia[0] as a whole",
+            "overrides[0]: inertia[0][1]: inertia[0] is 2, not a list; set all of inertia[0] "
+            "instead",
         ),
         (
             "ensemble[0]=1",
-            "overrides[0]: ensemble[0]: ensemble is a mapping, not a list; set ensemble as a whole",
+            "overrides[0]: ensemble[0]: ensemble is a mapping, not a list; set all of ensemble "
+            "instead",
         ),
         (
             "initial.pose.kind=euler",
             "overrides[0]: initial.pose.kind: initial.pose is 'haar', not a mapping; set "
-            "initial.pose as a whole",
+            "all of initial.pose instead",
         ),
         (
             "gains.kp=",
@@ -121,12 +123,12 @@ def test_the_last_override_counts(experiment: Build) -> None:
         ),
         (
             "time={samples: 5}",
-            "overrides[0]: time.duration: missing; expected: Length of the horizon, s",
+            "overrides[0]: time.duration: missing; this key is required: Length of the horizon, s",
         ),
         (
             "controllers=[eqt, eqt]",
-            "overrides[0]: controllers[1]: label 'eqt' is taken by an earlier controller; give "
-            "this one a `label`",
+            "overrides[0]: controllers[1]: an earlier controller has the label 'eqt'; "
+            "give this one another `label`",
         ),
         (
             "gains.kp=1=2",
@@ -142,7 +144,7 @@ def test_a_wrong_override(message: Message, override: str, said: str) -> None:
 def test_all_that_cannot_be_applied_are_reported_together(message: Message) -> None:
     assert message("gains.kp", "gains.kd=2", "inertia[3]=1", "gains.kp=017").splitlines() == [
         "overrides[0]: expected KEY=VALUE, got 'gains.kp'",
-        "overrides[2]: inertia[3]: no entry 3; inertia has 3, counted from 0",
+        "overrides[2]: inertia[3]: no entry 3; inertia has 3 entries, counted from 0",
         "overrides[3]: gains.kp: 017 is ambiguous: write 17 or 0o17",
     ]
 

@@ -177,8 +177,9 @@ def test_a_result_executes_no_plugin_unasked(run: Run, law: Path) -> None:
     place = source.place(("plugins", 0))
     assert place.startswith(f"{Path('out/results.h5')}[config]:")
     assert str(caught.value) == (
-        f"{place}: plugins[0]: the result holds the source of law.py, which is executed only on "
-        "request; read it with `eqt show --plugins`, then add trust_plugins=True"
+        f"{place}: plugins[0]: the result contains the source of law.py, which eqt "
+        "executes only on request; read it with `eqt show --plugins`, then add "
+        "trust_plugins=True"
     )
 
 
@@ -198,9 +199,9 @@ def test_a_trusted_result_runs_again_alone(run: Run, law: Path, folder: Path) ->
 
 def test_files_that_do_not_exist(message: Message) -> None:
     assert message(plugins="[law.py, ../mine.py]").splitlines() == [
-        "c.yaml:10:11: plugins[0]: law.py: does not exist; "
+        "c.yaml:10:11: plugins[0]: law.py: not found; "
         "plugin paths are relative to the configuration's folder",
-        f"c.yaml:10:19: plugins[1]: {Path('../mine.py')}: does not exist; "
+        f"c.yaml:10:19: plugins[1]: {Path('../mine.py')}: not found; "
         "plugin paths are relative to the configuration's folder",
     ]
 
@@ -233,7 +234,7 @@ def test_no_component(message: Message, law: Path) -> None:
 def test_the_name_of_one_of_eqts_own(message: Message, law: Path) -> None:
     law.write_text(LAW.replace('"push"', '"eqt"'), encoding="utf-8")
     assert message(**PUSH) == (
-        "c.yaml:10:11: plugins[0]: plugin law.py: controller 'eqt' exists already in eqt; "
+        "c.yaml:10:11: plugins[0]: plugin law.py: controller 'eqt' already exists in eqt; "
         "give yours another name"
     )
 

@@ -248,7 +248,11 @@ def test_message_for_a_value(text: str, message: str) -> None:
         ("a: -017", "c.yaml:1:4: a: -017 is ambiguous: write -17 or -15"),
         ("a: 08", "c.yaml:1:4: a: 08 is ambiguous: write 8"),
         ("a: [00]", "c.yaml:1:5: a[0]: 00 is ambiguous: write 0"),
-        ("a: 1e400", "c.yaml:1:4: a: 1e400 is too large for a float; write .inf for infinity"),
+        (
+            "a: 1e400",
+            "c.yaml:1:4: a: 1e400 is too large for a floating-point number; write .inf for "
+            "infinity",
+        ),
         (
             f"a: {'9' * 4001}",
             f"c.yaml:1:4: a: {'9' * 37}... has 4001 digits; expected at most 4000",
@@ -296,7 +300,7 @@ def test_all_problems_are_reported_together() -> None:
         'c.yaml:4:1: expected text as a key, got 2; write "2"',
         "c.yaml:5:4: c: *d refers to nothing; no &d comes before it",
         "c.yaml:6:1: a: duplicate key; the first is at c.yaml:1:1",
-        "c.yaml:7:5: e[0]: 1e999 is too large for a float; write .inf for infinity",
+        "c.yaml:7:5: e[0]: 1e999 is too large for a floating-point number; write .inf for infinity",
         "c.yaml:7:4: the '[' is never closed",
     ]
 

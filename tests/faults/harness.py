@@ -9,6 +9,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -54,6 +56,11 @@ SWEEP = (
 )
 
 
+# Points that differ in shape, each a group of the file.
+RAGGED = SWEEP.replace("gains.kp: [0.5, 1, 2], inertia", "time.samples: [6, 11, 21], inertia")
+SWEEP_COMPILED = SWEEP.replace("rtol: 1.0e-6, block: 2", "engine: taylor, rtol: 1.0e-6")
+
+
 @dataclass
 class Session:
     """One start of `eqt` on a folder."""
@@ -65,9 +72,10 @@ class Session:
     process: subprocess.Popen[str] = field(init=False)
 
     def __post_init__(self) -> None:
-        words = [self.command, str(self.config), "--out", str(self.out), "--json", "--quiet"]
+        folder = [str(self.config), "--out", str(self.out), "--quiet"]
+        words = [str(self.out)] if self.command == "pack" else folder
         self.process = subprocess.Popen(
-            [sys.executable, "-c", START, *words, *self.options],
+            [sys.executable, "-c", START, self.command, *words, "--json", *self.options],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -81,26 +89,27 @@ class Session:
     def wait_for_start(self) -> None:
         """Until it has the folder; what comes before cannot harm anything."""
         deadline = time.monotonic() + TIMEOUT
-        while self.running and not (self.out / "manifest.json").exists():
+        while self.running and not self._has_the_folder():
             assert time.monotonic() < deadline
-            time.sleep(0.01)
+            time.sleep(0.002)
+
+    def _has_the_folder(self) -> bool:
+        """Whether it has opened the lock."""
+        try:
+            open_files = list(Path(f"/proc/{self.process.pid}/fd").iterdir())
+        except OSError:  # it ends, or this is no Linux
+            return (self.out / "manifest.json").exists()
+        for path in open_files:
+            try:
+                if path.readlink().is_relative_to(self.out):
+                    return True
+            except OSError:
+                continue
+        return False
 
     def workers(self) -> list[int]:
         """The processes that compute for it."""
-        found = []
-        for path in Path(f"/proc/{self.process.pid}/task").glob("*/children"):
-            try:
-                children = path.read_text().split()
-            except OSError:
-                continue
-            for child in children:
-                try:
-                    words = Path(f"/proc/{child}/cmdline").read_text()
-                except OSError:
-                    continue
-                if "spawn_main" in words:
-                    found.append(int(child))
-        return found
+        return workers_of(self.process.pid)
 
     def kill(self) -> bool:
         """SIGKILL to the coordinator; False if it had ended by itself."""
@@ -110,23 +119,66 @@ class Session:
         self.process.communicate(timeout=TIMEOUT)
         return self.process.returncode == -signal.SIGKILL
 
-    def kill_worker(self, rng: random.Random) -> bool:
-        """SIGKILL to one of its workers; False if there is none."""
-        workers = self.workers()
-        if not workers:
-            return False
-        try:
-            os.kill(rng.choice(workers), signal.SIGKILL)
-        except ProcessLookupError:
-            return False
-        return True
-
     def finish(self) -> dict[str, object]:
         """Its JSON document, after it has ended well."""
         out, err = self.process.communicate(timeout=TIMEOUT)
         assert self.process.returncode == 0, err
         document: dict[str, object] = json.loads(out)
         return document
+
+
+def workers_of(pid: int) -> list[int]:
+    """The processes that a process has started to compute for it."""
+    found = []
+    for path in Path(f"/proc/{pid}/task").glob("*/children"):
+        try:
+            children = path.read_text().split()
+        except OSError:
+            continue
+        for child in children:
+            try:
+                words = Path(f"/proc/{child}/cmdline").read_text()
+            except OSError:
+                continue
+            if "spawn_main" in words:
+                found.append(int(child))
+    return found
+
+
+def kill_one(workers: list[int], rng: random.Random) -> bool:
+    """SIGKILL to one of these processes; False if there is none."""
+    if not workers:
+        return False
+    try:
+        os.kill(rng.choice(workers), signal.SIGKILL)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@contextmanager
+def cluster(folder: Path) -> Iterator[tuple[str, Callable[[], list[int]]]]:
+    """A Dask scheduler and two workers on loopback, as on a cluster: its address, its workers."""
+    file = folder / "scheduler.json"
+    local = ["--scheduler-file", str(file), "--no-dashboard"]
+    scheduler = _dask("scheduler", "--host", "127.0.0.1", "--port", "0", *local)
+    workers = _dask("worker", "--nworkers", "2", "--nthreads", "1", *local)
+    try:
+        deadline = time.monotonic() + TIMEOUT
+        while not file.exists() or len(workers_of(workers.pid)) < 2:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        address = json.loads(file.read_text())["address"]
+        yield address, lambda: workers_of(workers.pid)
+    finally:
+        for process in (workers, scheduler):
+            process.terminate()
+            process.wait(timeout=TIMEOUT)
+
+
+def _dask(*words: str) -> subprocess.Popen[bytes]:
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen([sys.executable, "-m", "dask", *words], stdout=quiet, stderr=quiet)
 
 
 def parts(out: Path) -> dict[str, tuple[int, int]]:
@@ -154,9 +206,15 @@ def check_left_over(out: Path, before: dict[str, tuple[int, int]]) -> None:
 
 
 def contents(path: Path) -> dict[str, np.ndarray]:
-    """Every dataset of a result file, read without eqt."""
+    """Every dataset of a result file and of its groups, read without eqt."""
+    found = {}
     with h5py.File(path) as file:
-        return {name: file[name][()] for name in file}
+        file.visititems(
+            lambda name, item: (
+                found.update({name: item[()]}) if isinstance(item, h5py.Dataset) else None
+            )
+        )
+    return found
 
 
 def assert_equal(path: Path, expected: dict[str, np.ndarray]) -> None:

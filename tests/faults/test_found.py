@@ -24,29 +24,37 @@ MOST = 10_000_000
 CONFIGURATIONS = {
     "10^12 runs": (
         {"ensemble": "{runs: 1000000000000}"},
-        "ensemble.runs: expected a number of at most 100000000, got 1000000000000",
+        "ensemble.runs: expected a number of at most 100,000,000, got 1000000000000",
+    ),
+    "2^40 samples": (
+        {"time": f"{{duration: 1.0, samples: {2**40}}}"},
+        f"time.samples: expected a number of at most {MOST:,}, got {2**40}",
+    ),
+    "a file whose name is too long": (
+        {"initial": f"{{file: {'a' * 1000}}}"},
+        "initial.file: " + "a" * 1000 + ": cannot be read: file name too long",
     ),
     "2^40 points of sobol": (
         {"sweep": f"[{{sobol: {{points: {2**40}, axes: {{{AXIS}}}}}}}}}]"},
-        f"sweep[0].sobol.points: expected a number of at most {MOST}, got {2**40}",
+        f"sweep[0].sobol.points: expected a number of at most {MOST:,}, got {2**40}",
     ),
     "10^18 values of a range": (
         {"sweep": f"[{{zip: {{{AXIS}, points: {10**18}}}}}}}]"},
-        f"sweep[0].zip.gains.kp.points: expected a number of at most {MOST}, got {10**18}",
+        f"sweep[0].zip.gains.kp.points: expected a number of at most {MOST:,}, got {10**18}",
     ),
     "a grid of 10^14": (
         {
             "sweep": "[{grid: {gains.kp: {low: 1, high: 2, points: 10000000}, "
             "gains.kd: {low: 1, high: 2, points: 10000000}}}]"
         },
-        f"sweep[0].grid: makes {10**14} points; expected at most {MOST}",
+        f"sweep[0].grid: has {10**14:,} points; expected at most {MOST:,}",
     ),
     "blocks of 10^14": (
         {
             "sweep": "[{grid: {gains.kp: {low: 1, high: 2, points: 10000000}}}, "
             "{grid: {gains.kd: {low: 1, high: 2, points: 10000000}}}]"
         },
-        f"sweep: makes {10**14} points; expected at most {MOST}",
+        f"sweep: has {10**14:,} points; expected at most {MOST:,}",
     ),
     "600 factors": (
         {"group": "*".join(["SO3"] * 600)},
@@ -58,11 +66,13 @@ CONFIGURATIONS = {
     ),
     "huge and tiny": (
         {"inertia": "[[1, 1.0e+200, 0], [1.0e+200, 1, 0], [0, 0, 1.0e-200]]"},
-        "inertia: expected a largest entry from 1e-100 to 1e+100, got 1e+200; choose other units",
+        "inertia: expected the largest entry to be from 1e-100 to 1e+100, got 1e+200; "
+        "choose other units",
     ),
     "tiny": (
         {"inertia": "1.0e-300"},
-        "inertia: expected a largest entry from 1e-100 to 1e+100, got 1e-300; choose other units",
+        "inertia: expected the largest entry to be from 1e-100 to 1e+100, got 1e-300; "
+        "choose other units",
     ),
     "a name with a null byte": (
         {"initial": '{file: "a\\0b"}'},
@@ -83,7 +93,8 @@ def test_a_configuration_is_refused(folder, invoke, case):
     written(**changes)
     said = invoke("config", "check", "c.yaml", code=2).stderr
     assert message in said
-    assert said.count("\n") == 1
+    heading, *rest = said.splitlines()
+    assert (heading, len(rest)) == ("1 error in c.yaml", 1)
 
 
 @pytest.mark.parametrize("command", ["run", "sweep"])
@@ -91,14 +102,15 @@ def test_too_many_runs_are_refused_before_they_are_planned(folder, invoke, comma
     more = {"run": [], "sweep": ["--grid", "gains.kp=1,2", "--dry-run"]}[command]
     written(ensemble="{runs: 1000000000000}")
     said = invoke(command, "c.yaml", *more, code=2).stderr
-    assert "ensemble.runs: expected a number of at most 100000000" in said
+    assert "ensemble.runs: expected a number of at most 100,000,000" in said
 
 
 def test_a_grid_is_not_added_to_what_is_no_list(folder, invoke):
     written(sweep="5")
     said = invoke("sweep", "c.yaml", "--grid", "gains.kp=1,2", code=2).stderr
     assert said == (
-        "eqt: c.yaml:10:1: sweep: expected a list of blocks such as {grid: {gains.kp: [1, 2]}}, "
+        "1 error in c.yaml\n"
+        "c.yaml:10:1: sweep: expected a list of blocks such as {grid: {gains.kp: [1, 2]}}, "
         "got 5\n"
     )
 

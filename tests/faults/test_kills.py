@@ -1,11 +1,13 @@
 """SIGKILLs at random moments: nothing that was finished is lost, and the end is always the same.
 
-`make faults` runs all 500, `make faults SHARE=tenth` a tenth, and `make test` one of each kind.
+`make faults` runs all 500, `make faults SHARE=tenth` a tenth, and `make test` some scenarios once.
 """
 
 import os
 import random
+import shutil
 import time
+from contextlib import ExitStack
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -13,17 +15,21 @@ import pytest
 from faults_harness import (
     FLYING,
     FLYING_COMPILED,
+    RAGGED,
     RUN,
     SWEEP,
+    SWEEP_COMPILED,
     Session,
     assert_equal,
     check_left_over,
+    cluster,
     contents,
+    kill_one,
     parts,
 )
 
-SHARE = {"full": 1.0, "tenth": 0.1}.get(os.environ.get("EQT_FAULTS", ""), 0.02)
-"""Of all kills, of which each scenario has one at least."""
+SHARE = {"full": 1.0, "tenth": 0.1}.get(os.environ.get("EQT_FAULTS", ""))
+"""Of all kills, of which each scenario has one at least; None in `make test`, where it has one."""
 
 MOST_SESSIONS = 200
 MOST_WORKER_KILLS = 2
@@ -34,29 +40,48 @@ CONFIGURATIONS = {
     "sweep": SWEEP,
     "flight": FLYING,
     "compiled flight": FLYING_COMPILED,
+    "compiled sweep": SWEEP_COMPILED,
+    "ragged sweep": RAGGED,
 }
 
-# configuration, options, who is killed, how often
 LOCAL = ["--executor", "local", "--workers", "2"]
 DASK = ["--executor", "dask", "--workers", "2"]
 SERIAL = ["--executor", "serial"]
 THREADS = ["--executor", "threads", "--workers", "2"]
+CLUSTER = ["--scheduler", "a scheduler and two workers on loopback"]
+# configuration, options, who is killed, how often; with the shards and `pack` below 500 in all
 SCENARIOS = [
-    ("flight", SERIAL, "coordinator", 40),
-    ("flight", LOCAL, "worker", 40),
-    ("compiled flight", LOCAL, "coordinator", 40),
-    ("compiled flight", THREADS, "coordinator", 40),
-    ("run", SERIAL, "coordinator", 50),
-    ("sweep", SERIAL, "coordinator", 50),
-    ("run", LOCAL, "coordinator", 40),
-    ("run", LOCAL, "worker", 40),
-    ("sweep", LOCAL, "coordinator", 40),
-    ("sweep", LOCAL, "worker", 40),
-    ("run", DASK, "coordinator", 20),
-    ("run", DASK, "worker", 20),
-    ("sweep", DASK, "coordinator", 20),
-    ("sweep", DASK, "worker", 20),
+    ("flight", SERIAL, "coordinator", 30),
+    ("flight", LOCAL, "worker", 30),
+    ("compiled flight", LOCAL, "coordinator", 30),
+    ("compiled flight", THREADS, "coordinator", 30),
+    ("run", SERIAL, "coordinator", 30),
+    ("run", LOCAL, "coordinator", 30),
+    ("run", LOCAL, "worker", 30),
+    ("run", DASK, "coordinator", 15),
+    ("run", DASK, "worker", 15),
+    ("run", CLUSTER, "coordinator", 15),
+    ("run", CLUSTER, "worker", 25),
+    ("sweep", SERIAL, "coordinator", 25),
+    ("sweep", LOCAL, "coordinator", 25),
+    ("sweep", LOCAL, "worker", 25),
+    ("sweep", DASK, "coordinator", 15),
+    ("sweep", DASK, "worker", 15),
+    ("compiled sweep", THREADS, "coordinator", 15),
+    ("ragged sweep", SERIAL, "coordinator", 25),
+    ("ragged sweep", LOCAL, "worker", 25),
 ]
+KILLS_OF_SHARDS, KILLS_OF_PACK = 25, 25
+
+ALWAYS = {
+    ("run", "local", "worker"),
+    ("run", "dask", "worker"),
+    ("run", CLUSTER[1], "worker"),
+    ("sweep", "serial", "coordinator"),
+    ("compiled flight", "threads", "coordinator"),
+    ("ragged sweep", "local", "worker"),
+}
+"""In `make test`, every executor, engine and kind of study once; `make faults` has them all."""
 
 pytestmark = pytest.mark.skipif(
     not Path("/proc/self/task").is_dir(), reason="finds processes as Linux lists them"
@@ -85,29 +110,53 @@ def reference(tmp_path_factory):
 
 
 def _command(which):
-    return "sweep" if which == "sweep" else "run"
+    return "sweep" if "sweep" in which else "run"
+
+
+def _wanted(kills):
+    return 1 if SHARE is None else max(1, round(kills * SHARE))
+
+
+@pytest.fixture(scope="module")
+def on_cluster(tmp_path_factory):
+    """Starts the cluster when it is asked for first."""
+    with ExitStack() as stack:
+
+        def started():
+            if not hasattr(started, "found"):
+                folder = tmp_path_factory.mktemp("cluster")
+                started.found = stack.enter_context(cluster(folder))
+            return started.found
+
+        yield started
 
 
 @pytest.mark.parametrize(
     ("which", "options", "victim", "kills"),
-    SCENARIOS,
-    ids=[f"{which}-{options[1]}-{victim}" for which, options, victim, _ in SCENARIOS],
+    [entry for entry in SCENARIOS if SHARE or (entry[0], entry[1][1], entry[2]) in ALWAYS],
+    ids=lambda value: value[1].replace(" ", "_") if isinstance(value, list) else str(value),
 )
-def test_kills_lose_nothing_and_change_nothing(reference, tmp_path, which, options, victim, kills):
-    if "dask" in options and not find_spec("distributed"):
+def test_kills_lose_nothing_and_change_nothing(
+    reference, on_cluster, tmp_path, which, options, victim, kills
+):
+    if ("dask" in options or options is CLUSTER) and not find_spec("distributed"):
         pytest.skip("needs the extra dask")
     if "compiled" in which:
         pytest.importorskip("heyoka")
     config, expected, duration = reference(which)
     command, rng = _command(which), random.Random(f"{which} {options} {victim}")
-    wanted = max(1, round(kills * SHARE))
+    workers = None
+    if options is CLUSTER:
+        address, workers = on_cluster()
+        options = ["--scheduler", address]
+    wanted = _wanted(kills)
     strike = _strike_coordinator if victim == "coordinator" else _strike_workers
     done = finished = 0
     for _ in range(MOST_SESSIONS):
         out = tmp_path / f"out{finished}"
         session = Session(command, config, out, options)
         session.wait_for_start()
-        done += strike(session, rng, duration, out, wanted - done)
+        done += strike(session, rng, duration, out, wanted - done, workers or session.workers)
         if session.process.returncode != -9:
             session.finish()
             assert_equal(out / "results.h5", expected)
@@ -120,7 +169,7 @@ def test_kills_lose_nothing_and_change_nothing(reference, tmp_path, which, optio
     assert_equal(tmp_path / f"out{finished}" / "results.h5", expected)
 
 
-def _strike_coordinator(session, rng, duration, out, wanted):
+def _strike_coordinator(session, rng, duration, out, wanted, workers):
     time.sleep(rng.uniform(0, duration))
     before = parts(out)
     if not session.kill():
@@ -129,17 +178,80 @@ def _strike_coordinator(session, rng, duration, out, wanted):
     return 1
 
 
-def _strike_workers(session, rng, duration, out, wanted):
+def _strike_workers(session, rng, duration, out, wanted, workers):
     struck = 0
     for _ in range(min(wanted, MOST_WORKER_KILLS)):
         deadline = time.monotonic() + 60
-        while session.running and not session.workers() and time.monotonic() < deadline:
+        while session.running and not workers() and time.monotonic() < deadline:
             time.sleep(0.01)
         time.sleep(rng.uniform(0, duration / 2))
         before = parts(out)
-        struck += session.kill_worker(rng)
+        struck += session.running and kill_one(workers(), rng)
         check_left_over(out, before)
     return struck
+
+
+SHARDS = [["--executor", "serial", "--shard", f"{number}/2"] for number in (1, 2)]
+
+
+def test_kills_of_shards_beside_each_other(reference, tmp_path):
+    """One of two shards is killed while the other goes on; then both are started again."""
+    config, expected, duration = reference("ragged sweep")
+    rng, wanted = random.Random("shards"), _wanted(KILLS_OF_SHARDS)
+    done = finished = 0
+    for _ in range(MOST_SESSIONS):
+        out = tmp_path / f"out{finished}"
+        sessions = [Session("sweep", config, out, shard) for shard in SHARDS]
+        for session in sessions:
+            session.wait_for_start()
+        if done < wanted:
+            time.sleep(rng.uniform(0, duration / 2))
+            before = parts(out)
+            done += rng.choice(sessions).kill()
+            check_left_over(out, before)
+        whole = True
+        for session in sessions:
+            if session.process.returncode == -9:
+                whole = False
+            else:
+                session.finish()
+        if whole:
+            Session("pack", config, out, []).finish()
+            assert_equal(out / "results.h5", expected)
+            finished += 1
+            if done >= wanted:
+                break
+    assert done >= wanted
+
+
+def test_kills_of_pack(reference, tmp_path):
+    """At any moment there are all parts, or the whole result, and packing again ends well."""
+    config, expected, _ = reference("ragged sweep")
+    rng, wanted = random.Random("pack"), _wanted(KILLS_OF_PACK)
+    parted = tmp_path / "parted"
+    for shard in SHARDS:
+        Session("sweep", config, parted, shard).finish()
+    whole = shutil.copytree(parted, tmp_path / "whole")
+    session = Session("pack", config, whole, [])
+    session.wait_for_start()
+    started = time.monotonic()
+    session.finish()
+    duration = time.monotonic() - started
+    left = {path.name for path in whole.iterdir()}
+    done = 0
+    for number in range(MOST_SESSIONS):
+        out = shutil.copytree(parted, tmp_path / f"out{number}")
+        session = Session("pack", config, out, [])
+        session.wait_for_start()
+        done += _strike_coordinator(session, rng, duration, out, 1, None)
+        if session.process.returncode == -9:
+            session = Session("pack", config, out, [])
+        session.finish()
+        assert_equal(out / "results.h5", expected)
+        assert {path.name for path in out.iterdir()} == left
+        if done >= wanted:
+            break
+    assert done >= wanted
 
 
 def test_a_resumed_run_does_not_compute_again_what_was_there(reference, tmp_path):

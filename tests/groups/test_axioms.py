@@ -92,6 +92,18 @@ def test_inverse(samples, data):
 
 @EXAMPLES
 @given(data=st.data())
+def test_rate_of_QTQ_along_a_motion(samples, data, derivative):
+    G, Q, V = samples.G, samples.pose(data), samples.vector(data)
+
+    def product(t):
+        moved = Q @ G.exp(t * V)
+        return transpose(moved) @ moved
+
+    assert_equal(G.gram_rate(Q, V), derivative(product), DIFFERENCES)
+
+
+@EXAMPLES
+@given(data=st.data())
 def test_inverse_of_a_product(samples, data):
     G, (Q, R) = samples.G, samples.poses(data, 2)
     assert_equal(G.inverse(Q @ R), G.inverse(R) @ G.inverse(Q))

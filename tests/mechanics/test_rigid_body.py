@@ -30,7 +30,7 @@ def body(moments, mass=10.0, centre=(0.0, 0.0, 0.0)):
 def test_the_moments_and_the_inequality_are_named():
     turned = TURN @ np.diag([1.0, 2.0, 3.5]) @ TURN.T
     assert told("SO3", turned) == (
-        "principal moments 1, 2 and 3.5 kg m² break the triangle inequality: 1 + 2 < 3.5"
+        "principal moments 1, 2 and 3.5 kg m² violate the triangle inequality: 1 + 2 < 3.5"
     )
 
 

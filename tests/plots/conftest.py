@@ -65,6 +65,18 @@ def odd_names(tmp_path_factory):
 
 
 @pytest.fixture
+def curve_names():
+    """The names of the curves of a drawing, in a legend or beside them."""
+
+    def of(drawing):
+        texts = drawing.legends[0].get_texts() if drawing.legends else []
+        beside = [text for axes in drawing.axes for text in axes.texts]
+        return [text.get_text() for text in texts or beside]
+
+    return of
+
+
+@pytest.fixture
 def simulate(tmp_path):
     """The result file of `CONFIG` with some keys replaced."""
     return partial(simulated, tmp_path)

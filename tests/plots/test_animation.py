@@ -10,7 +10,16 @@ from PIL import Image
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.animation.gif import _Stage, gif
 from eqt_cli.plots.animation.motion import MOST_CONTROLLERS, motion
-from eqt_cli.plots.animation.scene import FACES, block, camera, corners, flat, tips
+from eqt_cli.plots.animation.scene import (
+    FACES,
+    TRAIL,
+    block,
+    camera,
+    corners,
+    flat,
+    scene_of,
+    tips,
+)
 from eqt_cli.results.result import open_result
 
 
@@ -28,7 +37,7 @@ def test_motion_is_that_of_the_result(results):
         shown.norms["torque_norm"][0], results.read("torque_norm", controller=0, run=7)
     )
     assert not shown.has_translation
-    assert (shown.extent, shown.length) == (0.0, 1.0)
+    assert (shown.extent, scene_of(shown).length) == (0.0, 1.0)
 
 
 def test_all_controllers_unless_told_otherwise(results):
@@ -108,7 +117,63 @@ def test_gif_moves_and_is_the_same_again(results):
 def test_a_body_that_fails_is_said_to(altered, paper_result, opened):
     pose = opened(paper_result)["pose"].copy()
     pose[0, 0, 5:] = np.nan
-    stage = _Stage(motion(altered(paper_result, pose=pose), 0))
+    stage = _Stage(scene_of(motion(altered(paper_result, pose=pose), 0)), 1.0)
     for sample, failed in ((0, False), (9, True)):
         stage.picture(sample)
         assert [body.gone.get_visible() for body in stage.bodies] == [failed, False, False, False]
+
+
+@pytest.fixture(scope="module")
+def flight(se3):
+    """A run on SE3 as a scene."""
+    with open_result(se3) as opened:
+        yield scene_of(motion(opened, 2))
+
+
+def test_rotation_and_translation_have_curves_of_their_own(flight):
+    assert list(flight.motion.norms) == [
+        "pose_error_rotation",
+        "pose_error_translation",
+        "torque_norm_rotation",
+        "torque_norm_translation",
+    ]
+
+
+def test_the_camera_follows_and_keeps_body_and_target_in_sight(flight):
+    shown = flight.motion
+    away = np.ptp(flight.centre, axis=1)
+    assert (np.linalg.norm(away, axis=-1) > 0).all()
+    for places in (shown.body.position, shown.reference.position):
+        seen = flat(places - flight.centre)
+        assert (np.abs(seen) < flight.reach[:, None]).all()
+
+
+def test_the_ground_is_level_and_below_all_bodies(flight):
+    heights = np.unique(flight.ground[..., 2])
+    assert heights.size == 1
+    assert heights[0] < flight.motion.places[:, 2].min() - flight.length
+
+
+def test_a_trail_shows_the_last_seconds(flight):
+    times = flight.motion.times
+    late = len(times) - 1
+    shown = flight.trail(1, late)
+    assert len(shown) == np.count_nonzero(times >= times[late] - TRAIL)
+    assert np.array_equal(shown[-1], flight.motion.body.position[1, late])
+
+
+def test_bodies_that_only_turn_leave_the_trail_of_their_x_axis(results):
+    scene = scene_of(motion(results, 1, ["eqt"]))
+    np.testing.assert_allclose(np.linalg.norm(scene.trails[0], axis=-1), 1, rtol=1e-6)
+
+
+@pytest.mark.parametrize(("count", "columns"), [(1, 1), (2, 2), (4, 2)])
+def test_bodies_stand_two_by_two(count, columns, results):
+    labels = ["eqt", "gt", "nog", "asym"][:count]
+    assert scene_of(motion(results, 0, labels)).columns == columns
+
+
+def test_the_gif_says_how_fast_it_is_played(flight):
+    stage = _Stage(flight, 2.5)
+    stage.picture(0)
+    assert stage.clock.get_text() == "run 2,  $t$ = 0.0 s,  played 2.5 times as fast"

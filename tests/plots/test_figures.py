@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from string import ascii_lowercase
 
 import matplotlib
 import numpy as np
@@ -149,20 +150,31 @@ def test_failed_runs_are_counted_below_the_panels(name, so3, altered, opened):
     status[1, [3, 4]] = 3  # the first run is what figures of one run show
     status[2] = 1
     drawing = figures.get(name)().draw([altered(so3, status=status)])
-    assert drawing.get_supxlabel() == (
-        "GT: 2 of 6 runs failed; left out.\nnog: 6 of 6 runs failed; left out."
-    )
+    assert drawing.get_supxlabel().splitlines()[:2] == [
+        "GT: 2 of 6 runs failed; left out.",
+        "nog: 6 of 6 runs failed; left out.",
+    ]
 
 
 @every_figure_over_time
 def test_the_number_of_stored_runs_is_said(name, odd_names, opened):
     drawing = figures.get(name)().draw([opened(odd_names)])
-    assert drawing.get_supxlabel() == "Trajectories of the first 4 of 6 runs."
+    assert drawing.get_supxlabel().splitlines()[0] == "Trajectories of the first 4 of 6 runs."
 
 
 @every_figure
-def test_a_complete_result_needs_no_remark(name, so3, opened):
-    assert figures.get(name)().draw([opened(so3)]).get_supxlabel() == ""
+def test_a_complete_result_needs_no_remark_but_how_many_runs_are_averaged(name, so3, opened):
+    drawing = figures.get(name)().draw([opened(so3)])
+    averaged = name in ("paper", "runs", "torque", "distributions")
+    assert ("n = 6" in drawing.get_supxlabel()) == averaged
+    assert len(drawing.get_supxlabel().splitlines()) == averaged
+
+
+@every_figure
+def test_panels_of_several_are_lettered(name, se3, opened):
+    axes = figures.get(name)().draw([opened(se3)]).axes
+    letters = [panel.get_title(loc="left") for panel in axes]
+    assert letters == [f"({letter})" for letter in ascii_lowercase[: len(axes)]]
 
 
 @every_figure

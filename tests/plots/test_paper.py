@@ -23,23 +23,20 @@ def test_lines_are_the_means_over_runs(so3, opened):
 
 
 def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_own(
-    simulate, opened
+    simulate, opened, curve_names
 ):
     drawing = Paper().draw([opened(simulate(controllers=["eqt", "goodarzi2013", "slotine_li"]))])
     shown = [[line.get_label() for line in axes.lines] for axes in drawing.axes]
     assert shown == [["eqt", "goodarzi2013", "slotine_li"]] * 3 + [["eqt", "slotine_li"]]
-    assert [text.get_text() for text in drawing.legends[0].get_texts()] == [
-        "EqT",
-        "Goodarzi 2013",
-        "Slotine–Li",
-    ]
+    assert curve_names(drawing) == ["EqT", "Goodarzi 2013", "Slotine–Li"]
     assert drawing.get_supxlabel().splitlines() == [
         "Not matched, with gains of their own: Slotine–Li.",
         "Without L, since the law does not claim that it falls: Goodarzi 2013.",
+        "Curves: mean over runs, n = 6.",
     ]
 
 
-def test_failed_runs_are_left_out_of_the_means(so3, altered, opened):
+def test_failed_runs_are_left_out_of_the_means(so3, altered, opened, curve_names):
     signals = {signal: opened(so3)[signal] for signal in SIGNALS}
     status = np.zeros_like(opened(so3)["status"])
     status[0, 2], status[1] = 2, 3
@@ -52,7 +49,10 @@ def test_failed_runs_are_left_out_of_the_means(so3, altered, opened):
         np.testing.assert_array_equal(
             axes.lines[0].get_ydata(), signals[signal][0, good].mean(axis=0)
         )
-    assert [text.get_text() for text in drawing.legends[0].get_texts()] == ["EqT", "nog", "asym"]
+    assert curve_names(drawing) == ["EqT", "nog", "asym"]
+    assert drawing.get_supxlabel().splitlines()[-1] == (
+        "Curves: mean over runs, n = 5 (EqT), 6 (nog), 6 (asym)."
+    )
 
 
 def test_stored_runs_are_paired_with_their_own_status(odd_names, altered, opened):
@@ -91,21 +91,22 @@ def test_rotation_and_translation_are_shown_apart(se3, opened):
     for axes, signal in zip(drawing.axes, [*signals, "lyapunov"], strict=True):
         np.testing.assert_array_equal(axes.lines[1].get_ydata(), results[signal][1].mean(axis=0))
     assert [axes.get_ylabel() for axes in drawing.axes] == [
-        r"$\|I - Q_E\|_{\mathrm{F}}$",
-        r"$\|I - Q_E\|_{\mathrm{F}}$ $(\mathrm{m})$",
-        r"$\|V - V_d\|$ $(\mathrm{rad/s})$",
-        r"$\|V - V_d\|$ $(\mathrm{m/s})$",
+        r"$\|I - R_E\|_{\mathrm{F}}$",
+        r"$\|x_E\|$ $(\mathrm{m})$",
+        r"$\|\omega - \omega_d\|$ $(\mathrm{rad/s})$",
+        r"$\|v - v_d\|$ $(\mathrm{m/s})$",
         r"$\|\tau\|$ $(\mathrm{N\,m})$",
-        r"$\|\tau\|$ $(\mathrm{N})$",
+        r"$\|f\|$ $(\mathrm{N})$",
         r"$\mathcal{L}$ $(\mathrm{J})$",
     ]
     assert [axes.get_title() for axes in drawing.axes[:2]] == ["rotation", "translation"]
 
 
-def test_a_norm_without_parts_says_that_its_units_are_mixed(se3, altered, opened):
+def test_a_norm_without_parts_says_the_units_of_all_parts(se3, altered, opened):
     parts = [name for name in opened(se3).names if name.endswith(("_rotation", "_translation"))]
     drawing = Paper().draw([altered(se3, **dict.fromkeys(parts))])
-    assert drawing.axes[1].get_ylabel() == r"$\|V - V_d\|$ (mixed units)"
+    units = r"($\mathrm{rad/s}$ and $\mathrm{m/s}$)"
+    assert drawing.axes[1].get_ylabel() == rf"$\|V - V_d\|$ {units}"
 
 
 def test_bands_lie_between_the_quantiles_named_in_the_options(so3, opened):
@@ -127,11 +128,13 @@ def test_linear_scales_begin_at_zero(so3, opened):
     assert [axes.get_ylim()[0] for axes in Paper().draw([opened(so3)]).axes] == [0, 0, 0, 0]
 
 
-def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(odd_names, so3, opened):
-    laws = Paper().draw([opened(so3)]).legends[0].get_texts()
-    assert [text.get_text() for text in laws] == ["EqT", "GT", "nog", "asym"]
-    names = Paper().draw([opened(odd_names)]).legends[0].get_texts()
-    assert [text.get_text().replace("\n", " ") for text in names] == [
+def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(
+    odd_names, so3, opened, curve_names
+):
+    laws = curve_names(Paper().draw([opened(so3)]))
+    assert laws == ["EqT", "GT", "nog", "asym"]
+    names = curve_names(Paper().draw([opened(odd_names)]))
+    assert [name.replace("\n", " ") for name in names] == [
         "_hidden",
         "g = $\\frac{1}{2}$",
         "5 \\$\\oops\\$",
@@ -139,17 +142,18 @@ def test_the_legend_shows_titles_of_laws_and_labels_of_all_others(odd_names, so3
     ]
 
 
-def _legend(results):
-    return [text.get_text() for text in Paper().draw([results]).legends[0].get_texts()]
+@pytest.fixture
+def legend(curve_names):
+    return lambda results: curve_names(Paper().draw([results]))
 
 
-def test_a_law_that_is_only_called_like_another_has_no_title(simulate, opened):
+def test_a_law_that_is_only_called_like_another_has_no_title(simulate, opened, legend):
     laws = [{"kind": "family", "label": "gt"}, {"kind": "gt", "label": "theirs"}, "eqt"]
     results = opened(simulate(controllers=laws))
-    assert _legend(results) == ["gt", "theirs", "EqT"]
+    assert legend(results) == ["gt", "theirs", "EqT"]
 
 
-def test_results_without_titles_take_those_of_laws_of_that_name(so3, opened, tmp_path):
+def test_results_without_titles_take_those_of_laws_of_that_name(so3, opened, tmp_path, legend):
     results = opened(so3)
     attributes = {k: v for k, v in results.attributes.items() if k != "titles"}
     variables, coordinates = (
@@ -157,7 +161,7 @@ def test_results_without_titles_take_those_of_laws_of_that_name(so3, opened, tmp
         for names in (results.names, results.coordinates)
     )
     write(tmp_path / "old.h5", Table(variables, coordinates, attributes))
-    assert _legend(opened(tmp_path / "old.h5")) == ["EqT", "GT", "nog", "asym"]
+    assert legend(opened(tmp_path / "old.h5")) == ["EqT", "GT", "nog", "asym"]
 
 
 @pytest.mark.parametrize("chosen", [["nog"], ["nog", "eqt"]])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.plots.curve_data import curves
 from eqt_cli.plots.figures.phase import Phase
 from eqt_cli.plots.render import figure_from
 
@@ -39,6 +40,20 @@ def test_only_the_first_runs_are_drawn_and_the_legend_says_so(so3, opened):
     assert texts[0] == "first 2 runs"
 
 
+def test_a_shade_shows_where_all_runs_pass_and_is_no_number_to_keep(so3, opened):
+    shaded = Phase(runs=1).draw([opened(so3)])
+    (cells,) = shaded.axes[0].collections
+    assert 0 < np.ma.max(cells.get_array()) <= 1
+    plain = Phase(runs=1, density=False).draw([opened(so3)])
+    assert not plain.axes[0].collections
+    assert [c.name for c in curves(shaded)] == [c.name for c in curves(plain)]
+
+
+def test_paths_have_arrows(so3, opened):
+    axes = Phase(runs=3).draw([opened(so3)]).axes[0]
+    assert len([text for text in axes.texts if text.arrow_patch is not None]) == 6
+
+
 def test_panels_share_scales_that_start_at_zero(so3, opened):
     drawing = Phase().draw([opened(so3)])
     (across,) = {axes.get_xlim() for axes in drawing.axes}
@@ -54,8 +69,8 @@ def test_parts_have_columns_and_half_turns_are_rotations(se3, altered, opened):
     rotation, translation = drawing.axes[0::2], drawing.axes[1::2]
     assert drawing.axes[1].get_title() == "EqT, translation"
     assert [axes.get_xlabel() for axes in drawing.axes[:2]] == [
-        r"$\|I - Q_E\|_{\mathrm{F}}$",
-        r"$\|I - Q_E\|_{\mathrm{F}}$ $(\mathrm{m})$",
+        r"$\|I - R_E\|_{\mathrm{F}}$",
+        r"$\|x_E\|$ $(\mathrm{m})$",
     ]
     for axes in rotation:
         np.testing.assert_allclose(marks(axes), [HALF_TURN], rtol=1e-12)
@@ -70,7 +85,7 @@ def test_half_turns_are_marked_only_where_the_scale_reaches_them(so3, altered, o
     assert [text.get_text() for text in drawing.legends[0].get_texts()][-1] == "half-turns"
     drawing = Phase().draw([altered(so3, pose_error=far / 2)])
     assert not any(marks(axes) for axes in drawing.axes)
-    assert [text.get_text() for text in drawing.legends[0].get_texts()][-1] == "end"
+    assert [text.get_text() for text in drawing.legends[0].get_texts()][-1] == "where runs pass"
 
 
 def test_logarithmic_scales(so3, opened):

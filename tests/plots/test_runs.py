@@ -33,12 +33,22 @@ def test_only_the_first_of_many_runs_are_drawn(so3, opened, monkeypatch):
 def test_the_common_scale_holds_every_run(so3, altered, opened):
     values = opened(so3)["velocity_error"]
     values[3] *= 10  # in the last panel
-    drawing = Runs(signal="velocity_error").draw([altered(so3, velocity_error=values)])
+    drawing = Runs(signal="velocity_error", log=False).draw([altered(so3, velocity_error=values)])
     limits = {axes.get_ylim() for axes in drawing.axes}
     assert len(limits) == 1
     ((low, high),) = limits
     assert low == 0
     assert high > values.max()
+
+
+def test_errors_that_span_a_decade_have_a_logarithmic_scale(so3, altered, opened):
+    falling = np.broadcast_to(np.geomspace(1, 0.01, 41), opened(so3)["pose_error"].shape)
+    for factor, scale in ((falling, "log"), (0.5 + 0.5 * falling, "linear")):
+        results = altered(so3, pose_error=np.ones_like(falling) * factor)
+        assert {axes.get_yscale() for axes in Runs().draw([results]).axes} == {scale}
+        assert Runs(log=False).draw([results]).axes[0].get_yscale() == "linear"
+        torque = altered(so3, torque_norm=np.ones_like(falling) * factor)
+        assert Runs(signal="torque_norm").draw([torque]).axes[0].get_yscale() == "linear"
 
 
 def test_parts_have_columns_and_scales_of_their_own(se3, opened):
@@ -51,7 +61,7 @@ def test_parts_have_columns_and_scales_of_their_own(se3, opened):
     ]
     assert [axes.get_ylabel() for axes in drawing.axes[:2]] == [
         r"$\|\tau\|$ $(\mathrm{N\,m})$",
-        r"$\|\tau\|$ $(\mathrm{N})$",
+        r"$\|f\|$ $(\mathrm{N})$",
     ]
     np.testing.assert_array_equal(
         drawing.axes[3].lines[0].get_ydata(), results["torque_norm_translation"][1, 0]

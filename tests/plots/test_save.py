@@ -106,7 +106,11 @@ def test_options_come_as_data():
     [
         ("papper", {}, "unknown figure 'papper'; did you mean 'paper'?"),
         ("paper", {"bnads": 1}, "figure 'paper': bnads: unknown key; did you mean 'bands'?"),
-        ("paper", {"x": 1}, "figure 'paper': x: unknown key; known here: controllers, log, bands"),
+        (
+            "paper",
+            {"x": 1},
+            "figure 'paper': x: unknown key; expected one of controllers, log, bands",
+        ),
         (
             "paper",
             {"bands": "some"},
@@ -116,7 +120,7 @@ def test_options_come_as_data():
         (
             "paper",
             {"controllers": "eqt"},
-            "figure 'paper': controllers: expected a list, as [eqt], got 'eqt'",
+            "figure 'paper': controllers: expected a list, such as [eqt], got 'eqt'",
         ),
     ],
 )

@@ -7,11 +7,11 @@ import pytest
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.style import house_style, line_style
-from eqt_cli.plots.figure_data import ShownControllers, names
 from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.plots.figures.runs import Runs
 from eqt_cli.plots.figures.sweep import SweepFigure
 from eqt_cli.plots.figures.torque import Torque
+from eqt_cli.plots.shown.controllers import ShownControllers, names
 
 
 @pytest.fixture
@@ -36,10 +36,9 @@ def test_every_result_keeps_its_own_times_and_values(so3, stiff, opened):
     assert axes.get_xlim() == (0, 5)
 
 
-def test_the_legend_names_controller_and_result(so3, stiff, opened):
+def test_the_legend_names_controller_and_result(so3, stiff, opened, curve_names):
     drawing = Paper(controllers=["eqt"]).draw([opened(so3), opened(stiff)])
-    texts = [text.get_text() for text in drawing.legends[0].get_texts()]
-    assert texts == ["EqT, small", "EqT, stiff"]
+    assert curve_names(drawing) == ["EqT, small", "EqT, stiff"]
 
 
 def test_a_law_has_its_colour_in_every_result_and_a_result_its_dashes(so3, stiff, opened):
@@ -70,9 +69,9 @@ def test_all_curves_of_one_law_differ_in_colour_and_dashes(so3, stiff, opened):
 def test_torques_are_drawn_with_their_own_reference(so3, opened, simulate):
     other = simulate(name="other", reference={"torque": ["sin(t)", "0", "1"]}, controllers=["eqt"])
     drawing = Torque(controllers=["eqt"], bands="none").draw([opened(so3), opened(other)])
-    left, right = (axes.lines[1].get_ydata() for axes in drawing.axes[:2])
-    np.testing.assert_array_equal(left, opened(so3)["desired_torque"][:, 0])
-    np.testing.assert_array_equal(right, opened(other)["desired_torque"][:, 0])
+    drawn = {line.get_label(): line.get_ydata() for line in drawing.axes[0].lines}
+    np.testing.assert_array_equal(drawn["desired, small"], opened(so3)["desired_torque"][:, 0])
+    np.testing.assert_array_equal(drawn["desired, other"], opened(other)["desired_torque"][:, 0])
 
 
 def test_single_runs_have_a_panel_per_controller_and_result(so3, stiff, opened):
@@ -97,7 +96,9 @@ def test_failed_runs_are_counted_by_result(so3, altered, opened):
     one, other = opened(so3), altered(so3, status=status)
     drawing = Paper().draw([one, other])
     name = other.path.parent.name
-    assert drawing.get_supxlabel() == f"EqT, {name}: 1 of 6 runs failed; left out."
+    assert drawing.get_supxlabel().splitlines()[0] == (
+        f"EqT, {name}: 1 of 6 runs failed; left out."
+    )
 
 
 def test_groups_do_not_mix(so3, se3, opened):

@@ -11,11 +11,12 @@ from eqt_cli.analysis.comparison.shares import share
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import FEW, number_values
-from eqt_cli.plots.figure_data import ShownSweep
 from eqt_cli.plots.figures.envelope import Envelope
-from eqt_cli.plots.figures.pareto import Pareto, front
+from eqt_cli.plots.figures.pareto import Pareto
 from eqt_cli.plots.figures.sweep import SweepFigure
 from eqt_cli.plots.figures.winners import Winners
+from eqt_cli.plots.shown.sweep import ShownSweep
+from eqt_cli.tuning.ranking import front
 
 ONE = [{"grid": {"gains.kd": [0.25, 0.5, 1, 2]}}]
 TWO = [{"grid": {"gains.kp": [1, 2, 4]}}, {"grid": {"inertia": [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]}}]
@@ -92,6 +93,13 @@ def test_two_keys_give_a_map_per_controller_on_one_scale(swept):
         "[1.0, 2.0, 3.0]",
         "[1.0, 1.0, 1.0]",
     ]
+
+
+def test_numbers_in_cells_keep_their_colours_in_a_report(swept):
+    """A report takes white for the background and black for the text of its page."""
+    figure = SweepFigure().draw([swept(TWO)])
+    written = {text.get_color() for panel in figure.axes for text in panel.texts}
+    assert written and not written & {"white", "black"}
 
 
 def test_keys_that_change_together_are_one_axis(swept):
@@ -188,8 +196,8 @@ def test_a_point_of_which_one_run_settles_is_not_the_best(swept, altered):
     assert cells[0, 0] == cells.max() > 0.5
     count = 2 * (runs - 1)
     assert drawing.get_supxlabel().replace("\n", " ") == (
-        f"settling_time: {count} runs unsettled at {horizon:g} s count as {horizon:g} s; means "
-        "are lower bounds."
+        f"Mean over runs at each point, n = {runs}. settling_time: {count} runs unsettled at "
+        f"{horizon:g} s count as {horizon:g} s; means are lower bounds."
     )
 
 
@@ -204,7 +212,7 @@ def test_a_point_at_which_a_run_failed_has_no_mean(swept, altered):
         np.ma.filled(axes.collections[0].get_array(), np.nan) for axes in drawing.axes[:2]
     )
     assert (np.isnan(first).sum(), np.isnan(second).sum()) == (1, 0)
-    assert drawing.get_supxlabel() == "1 runs failed; 1 of 12 means left out."
+    assert drawing.get_supxlabel().splitlines()[1] == "1 runs failed; 1 of 12 means left out."
     offsets = Pareto().draw([results]).axes[0].collections[0].get_offsets()
     assert np.ma.count_masked(np.ma.masked_invalid(offsets)) == 2
 
@@ -267,7 +275,7 @@ def test_cells_with_failed_runs_are_hatched_and_are_not_the_best(swept, altered)
     changed = altered(results.path, status=status)
     panel = SweepFigure().draw([changed]).axes[0]
     hatched = [patch for patch in panel.patches if patch.get_hatch()]
-    assert [patch.get_hatch() for patch in hatched] == ["////"]
+    assert [patch.get_hatch() for patch in hatched] == ["xxxx"]
     cell, frame = (patch.get_bbox() for patch in (hatched[0], panel.patches[-1]))
     assert abs(cell.x0 - frame.x0) > 0.5 or abs(cell.y0 - frame.y0) > 0.5
 

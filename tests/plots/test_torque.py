@@ -4,47 +4,95 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.labels import component
-from eqt_cli.plots.figures.torque import Torque
+from eqt_cli.plots.drawing.layout import EMPTY
+from eqt_cli.plots.drawing.style import WIDTHS
+from eqt_cli.plots.figures.torque import Torque, _places
+from eqt_cli.plots.shown.trajectories import ShownRuns
 
 
-def _grid(drawing, columns):
-    return [drawing.axes[k : k + columns] for k in range(0, len(drawing.axes), columns)]
+def _drawn(axes):
+    return {line.get_label(): line.get_ydata() for line in axes.lines}
 
 
-def test_panels_show_mean_band_and_desired_torque(so3, altered, opened):
+def test_panels_show_the_mean_of_every_law_and_the_desired_torque(so3, altered, opened):
     status = np.zeros_like(opened(so3)["status"])
     status[2, 0] = 2
     results = altered(so3, status=status)
-    for axis, row in enumerate(_grid(Torque().draw([results]), 4)):
-        for controller, axes in enumerate(row):
+    for axis, axes in enumerate(Torque().draw([results]).axes):
+        drawn = _drawn(axes)
+        assert list(drawn) == ["eqt", "gt", "nog", "asym", "desired"]
+        for controller, label in enumerate(results.labels):
             values = results["torque"][controller, status[controller] == 0, :, axis]
-            mean, desired = axes.lines
-            np.testing.assert_array_equal(mean.get_ydata(), values.mean(axis=0))
-            np.testing.assert_array_equal(desired.get_ydata(), results["desired_torque"][:, axis])
-            (band,) = axes.collections
-            low, high = np.quantile(values, [0.1, 0.9], axis=0)
-            vertices = band.get_paths()[0].vertices[:, 1]
-            assert (vertices.min(), vertices.max()) == (low.min(), high.max())
+            np.testing.assert_array_equal(drawn[label], values.mean(axis=0))
+        np.testing.assert_array_equal(drawn["desired"], results["desired_torque"][:, axis])
 
 
-def test_bands_can_be_left_out(so3, opened):
-    drawing = Torque(bands="none").draw([opened(so3)])
-    assert not any(axes.collections for axes in drawing.axes)
-    names = [text.get_text() for text in drawing.legends[0].get_texts()]
-    assert names == ["mean", r"$\tau_d$"]
+def test_bands_are_drawn_on_request(so3, opened):
+    assert not any(axes.collections for axes in Torque().draw([opened(so3)]).axes)
+    drawing = Torque(bands="quantiles").draw([opened(so3)])
+    assert [len(axes.collections) for axes in drawing.axes] == [4, 4, 4]
+    assert drawing.get_supxlabel() == "Curves: mean over runs, n = 6; bands: 10–90 % of runs."
 
 
-def test_every_axis_has_its_own_unit_and_scale(se3, opened):
-    results = opened(se3)
-    rows = _grid(Torque().draw([results]), 4)
-    units = 3 * [r"$(\mathrm{N\,m})$"] + 3 * [r"$(\mathrm{N})$"]
-    assert [row[0].get_ylabel() for row in rows] == [
-        "$" + component(r"\tau", axis) + "$ " + unit
-        for axis, unit in zip(results["axis"], units, strict=True)
+def test_feedback_and_feedforward_add_up_to_the_torque(so3, opened):
+    whole, forward, back = (
+        _drawn(Torque(share=share).draw([opened(so3)]).axes[1])
+        for share in ("total", "feedforward", "feedback")
+    )
+    assert "desired" not in back
+    for label in ("eqt", "gt", "nog", "asym"):
+        assert np.abs(back[label]).max() > 0.1
+        np.testing.assert_allclose(forward[label] + back[label], whole[label], atol=1e-14)
+
+
+def test_feedback_is_what_the_gains_give(simulate, opened):
+    # Without errors there is none: the run starts on the reference.
+    path = simulate(
+        initial={
+            "pose": {"kind": "fixed", "coordinates": [0.0, 0.0, 0.0]},
+            "velocity": {"kind": "fixed", "coordinates": [0.0, 0.0, 0.0]},
+        },
+        ensemble={"runs": 1, "seed": 1},
+        solver={"rtol": 1e-9, "atol": 1e-12},
+    )
+    drawn = _drawn(Torque(share="feedback").draw([opened(path)]).axes[0])
+    assert max(np.abs(values).max() for values in drawn.values()) < 1e-6
+
+
+def test_a_law_that_does_not_say_what_is_feedforward_is_refused(simulate, opened):
+    path = simulate(controllers=["eqt", "logarithmic"])
+    with pytest.raises(EqtError) as caught:
+        Torque(share="feedback").draw([opened(path)])
+    assert str(caught.value) == (
+        f"{path}: figure 'torque' cannot separate the feedforward of logarithmic: the law does "
+        "not say which of its terms are feedforward; choose others with the option 'controllers'"
+    )
+
+
+def test_torques_and_forces_have_their_own_symbols_units_and_panels(se3, opened):
+    labels = [axes.get_ylabel() for axes in Torque().draw([opened(se3)], "page").axes]
+    assert labels == [
+        *(rf"$\tau_{{{axis}}}$ $(\mathrm{{N\,m}})$" for axis in "xyz"),
+        *(rf"$f_{{{axis}}}$ $(\mathrm{{N}})$" for axis in "xyz"),
     ]
-    assert all(len({axes.get_ylim() for axes in row}) == 1 for row in rows)
-    assert [axes.get_title() for axes in rows[0]] == ["EqT", "GT", "nog", "asym"]
+
+
+@pytest.mark.parametrize(
+    ("width", "places"),
+    [
+        ("page", [["ω", EMPTY], ["vx", "vy"]]),
+        ("column", [["ω", "vx"], [EMPTY, "vy"]]),
+    ],
+)
+def test_parts_of_different_size_leave_places_empty(width, places, simulate, opened):
+    plane = simulate(
+        group="SE2",
+        inertia=1.0,
+        reference={"torque": ["cos(t)", "1", "0"]},
+        ensemble={"runs": 1, "seed": 1},
+        controllers=["eqt"],
+    )
+    assert _places(ShownRuns([opened(plane)], "torque"), width) == places
 
 
 def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog):
@@ -58,25 +106,17 @@ def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog):
             "velocity": {"kind": "normal", "std": 1.0},
         },
     )
-    drawing = Torque().draw([opened(product)])
-    assert [row[0].get_ylabel() for row in _grid(drawing, 4)] == [
-        r"$\tau_{\omega_{1}}$ $(\mathrm{N\,m})$",
-        r"$\tau_{v 1_{2}}$ $(\mathrm{N})$",
+    assert [axes.get_ylabel() for axes in Torque().draw([opened(product)]).axes] == [
+        r"$\tau_{1}$ $(\mathrm{N\,m})$",
+        r"$f_{1_{2}}$ $(\mathrm{N})$",
     ]
     assert not caplog.records  # Matplotlib would say which letters its fonts lack
 
 
-def test_more_controllers_than_fit_are_refused(simulate, opened):
-    labels = "abcdefghi"
+@pytest.mark.parametrize("width", WIDTHS)
+def test_any_number_of_controllers_shares_the_panels(width, simulate, opened):
     path = simulate(
-        controllers=[{"kind": "family", "label": label} for label in labels],
+        controllers=[{"kind": "family", "label": label} for label in "abcdefghi"],
         ensemble={"runs": 1, "seed": 1},
     )
-    for width, room, remedy in (("column", 4, "take width 'page' or "), ("page", 8, "")):
-        with pytest.raises(EqtError) as caught:
-            Torque().draw([opened(path)], width)
-        assert str(caught.value) == (
-            f"{path}: figure 'torque' has a column of panels per controller, and width '{width}' "
-            f"has room for {room}, not 9; {remedy}choose some with the option 'controllers'"
-        )
-    assert len(Torque(controllers=list(labels[:4])).draw([opened(path)]).axes) == 12
+    assert len(Torque().draw([opened(path)], width).axes) == 3

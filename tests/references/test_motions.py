@@ -143,7 +143,7 @@ def test_a_spline_is_found_in_either_direction():
     G, times = group_named("R3"), np.array([0.0, 1.0, 2.5, 4.0])
     along = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 5.0], [3.5, 7.0, 8.0], [6.0, 9.0, 9.5]])
     there, back = (spline(G, times, G.exp(sign * along)) for sign in (1, -1))
-    assert back.vectors == pytest.approx(-there.vectors, abs=1e-12)
+    assert back.numbers == pytest.approx(-there.numbers, abs=1e-12)
 
 
 def test_waypoints_in_a_vector_space_are_the_natural_cubic_spline():

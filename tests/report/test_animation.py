@@ -6,6 +6,8 @@ import re
 import numpy as np
 import pytest
 
+from eqt_cli.plots.animation.motion import motion
+from eqt_cli.plots.animation.scene import scene_of
 from eqt_cli.report.animation import animation
 from eqt_cli.results.result import open_result
 
@@ -30,6 +32,15 @@ def test_page_holds_the_run(text, paper_result):
     assert [look["title"] for look in found["controllers"]] == ["EqT", "GT", "nog", "asym"]
 
 
+def test_page_has_the_scene_of_the_gif(text, paper_result):
+    found = data(text)
+    with open_result(paper_result) as results:
+        scene = scene_of(motion(results, 4))
+    assert np.array(found["ground"]) == pytest.approx(scene.ground, rel=5.1e-4)
+    assert np.array(found["reach"]) == pytest.approx(scene.reach, rel=5.1e-4)
+    assert (found["columns"], found["length"]) == (scene.columns, scene.length)
+
+
 def test_page_is_small_and_complete(text):
     assert len(text) < 400_000
     assert "default-src 'none'" in text
@@ -50,9 +61,7 @@ def test_names_are_escaped(make_result):
 
 
 def test_command_writes_both(invoke, paper_result, tmp_path):
-    done = invoke(
-        "animate", paper_result, "--run", 2, "--seconds", 0.2, "--out", tmp_path, "--quiet"
-    )
+    done = invoke("animate", paper_result, "--run", 2, "--seconds", 0.2, "--out", tmp_path)
     assert [line.split()[1] for line in done.stdout.splitlines()] == [
         str(tmp_path / "run2.gif"),
         str(tmp_path / "run2.html"),

@@ -1,45 +1,15 @@
 """The report in headless Chromium, from a file, without a network."""
 
-import os
-import shutil
+import csv
 from pathlib import Path
 
 import pytest
 
-webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium")
+pytest.importorskip("selenium", reason="needs selenium")
 
-from selenium.webdriver.chrome.service import Service  # noqa: E402
-from selenium.webdriver.common.by import By  # noqa: E402
-from selenium.webdriver.common.keys import Keys  # noqa: E402
-from selenium.webdriver.support.ui import Select, WebDriverWait  # noqa: E402
-
-DRIVER = shutil.which("chromedriver")
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "google-chrome", "chrome"))), None)
-
-pytestmark = pytest.mark.skipif(
-    DRIVER is None or BROWSER is None, reason="needs Chromium and its driver (chromedriver)"
-)
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    options = webdriver.ChromeOptions()
-    options.binary_location = BROWSER
-    profile = tmp_path_factory.mktemp("profile")
-    for argument in (
-        "--headless=new",
-        "--disable-gpu",
-        "--disable-dev-shm-usage",
-        "--window-size=1200,1000",
-        "--host-resolver-rules=MAP * ~NOTFOUND",  # no name has an address
-        f"--user-data-dir={profile}",
-        *(["--no-sandbox"] if hasattr(os, "geteuid") and os.geteuid() == 0 else []),
-    ):
-        options.add_argument(argument)
-    options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
-    driver = webdriver.Chrome(options=options, service=Service(DRIVER))
-    yield driver
-    driver.quit()
+from selenium.webdriver.common.by import By
+from selenium.webdriver.common.keys import Keys
+from selenium.webdriver.support.ui import Select, WebDriverWait
 
 
 @pytest.fixture(scope="module")
@@ -190,6 +160,100 @@ def test_every_control_has_a_name(page):
     assert all(control.accessible_name for control in controls)
 
 
+def test_an_address_leads_to_a_run(browser, address):
+    browser.get("about:blank")
+    browser.get(f"{address}#run-17")
+    assert find(browser, "#run-name").text == "17"
+
+
+def test_the_link_to_a_run_follows_the_choice(page):
+    find(page, "#next").click()
+    find(page, "#run-link").click()
+    assert page.current_url.endswith("#run-1")
+
+
+def runs_by_pose_error(page, controller):
+    """The numbers of its runs, the smallest mean pose error first, from the data of the page."""
+    return page.execute_script(
+        """const table = JSON.parse(document.getElementById("data-runs").textContent);
+        const column = 3 + table.columns.findIndex((one) => one.metric === "mean_pose_error");
+        return table.rows.filter((row) => row[0] === arguments[0])
+          .sort((a, b) => a[column] - b[column]).map((row) => String(row[1]));""",
+        controller,
+    )
+
+
+@pytest.mark.parametrize(("rank", "position"), [("best", 0), ("median", 29), ("worst", 59)])
+def test_shortcuts_lead_to_extreme_runs(page, rank, position):
+    Select(find(page, "#rank-controller")).select_by_visible_text("gt")
+    Select(find(page, "#rank-column")).select_by_visible_text("mean ‖I − Q_E‖")
+    find(page, f"[data-rank={rank}]").click()
+    assert find(page, "#run-name").text == runs_by_pose_error(page, 1)[position]
+
+
+def kept(page, button, name):
+    """The text of a file that a button saves."""
+    path = page.downloads / name
+    path.unlink(missing_ok=True)
+    page.execute_script("arguments[0].click()", find(page, button))
+    WebDriverWait(page, 10).until(lambda _: path.exists() and path.stat().st_size)
+    return path.read_text(encoding="utf-8")
+
+
+def test_the_table_of_runs_is_saved_as_it_is_filtered(page):
+    Select(find(page, "#by-controller")).select_by_visible_text("gt")
+    head, *rows = csv.reader(kept(page, "#all-caption .download", "runs.csv").splitlines())
+    assert head[:3] == ["controller", "run", "status"] and "mean ‖τ‖, first 5 s (N m)" in head
+    assert [row[:3] for row in rows] == [["gt", str(run), "ok"] for run in range(60)]
+
+
+def test_a_table_is_saved(page):
+    head, first, *_ = csv.reader(
+        kept(page, "#headline-caption .download", "headline.csv").splitlines()
+    )
+    assert (head[0], first[0], first[1]) == ("controller", "eqt", "60")
+
+
+def test_the_configuration_is_saved(page):
+    assert kept(page, "#config-caption .download", "config.yaml").startswith("name: paper\n")
+
+
+def test_a_figure_is_saved_with_a_size(page):
+    svg = kept(page, "#figure1 .download", "figure1.svg")
+    assert svg.startswith("<svg xmlns=") and 'color="#000"' in svg and 'pt"' in svg
+
+
+def test_the_animation_plays_inside_of_the_page(page):
+    page.execute_script("document.getElementById('animation').scrollIntoView()")
+    frame = WebDriverWait(page, 20).until(lambda _: find(page, "#player iframe"))
+    page.switch_to.frame(frame)
+    find(page, "#play").click()
+    WebDriverWait(page, 20).until(lambda _: find(page, "#time").get_attribute("value") > "0")
+    page.switch_to.default_content()
+
+
+@pytest.mark.parametrize("width", [375, 1280])
+def test_headings_are_not_behind_the_bar(page, width):
+    screen = {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600}
+    page.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", screen)
+    hidden = page.execute_script(
+        """return [...document.querySelectorAll("nav a")].filter((link) => {
+          link.click();
+          const bar = document.querySelector("nav").getBoundingClientRect().bottom;
+          const heading = document.querySelector(`${link.getAttribute("href")} h2`);
+          return heading.getBoundingClientRect().top < bar;
+        }).map((link) => link.textContent)"""
+    )
+    page.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
+    assert hidden == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [375, 1280])
+def test_axe_finds_nothing(violations, address, width, scheme):
+    assert violations(address, width, scheme) == []
+
+
 def ground(page):
     return find(page, "body").value_of_css_property("background-color")
 
@@ -243,7 +307,10 @@ def test_animation_plays_and_pauses(player):
     WebDriverWait(player, 20).until(lambda page: find(page, "#time").get_attribute("value") > "0")
     find(player, "#play").click()
     assert find(player, "#play").get_attribute("aria-pressed") == "false"
-    assert find(player, "#state").text.startswith("At 0.")
+    stopped, said = (find(player, place).text.split() for place in ("#clock", "#state"))
+    assert said[0] == "At"
+    # The nearest sample is told, the bodies move between samples.
+    assert float(said[1]) == pytest.approx(float(stopped[2]), abs=0.2)
     assert player.get_log("browser") == []
 
 
@@ -257,6 +324,12 @@ def test_animation_is_moved_and_turned_by_the_keyboard(player):
     assert find(player, "#clock").text == "t = 0.40 s"
     find(player, ".bodies svg").send_keys(Keys.ARROW_LEFT)
     assert len({first, moved, body()}) == 3
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [375, 1280])
+def test_axe_finds_nothing_in_the_animation(violations, player, width, scheme):
+    assert violations(player.current_url, width, scheme) == []
 
 
 @pytest.fixture
@@ -274,3 +347,9 @@ def test_the_points_of_a_sweep_are_sorted_by_their_swept_values(points):
     heading.click()
     assert find(points, "#all tbody tr td:nth-child(4)").text == "2.5"
     assert points.get_log("browser") == []
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [375, 1280])
+def test_axe_finds_nothing_in_a_sweep(violations, points, width, scheme):
+    assert violations(points.current_url, width, scheme) == []

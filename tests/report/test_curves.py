@@ -56,6 +56,6 @@ def test_controllers_look_as_in_the_figures(paper_result):
     with open_result(paper_result) as results:
         looks = curves(results)["controllers"]
     assert [(look["title"], look["colour"], bool(look["dashes"])) for look in looks[:2]] == [
-        ("EqT", "#0072b2", False),
-        ("GT", "#d55e00", True),
+        ("EqT", "#0a62ae", False),
+        ("GT", "#d9600a", True),
     ]

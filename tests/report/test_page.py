@@ -77,6 +77,7 @@ def test_every_run_is_in_the_table(text):
         "metric": "early_torque",
         "name": "mean ‖τ‖, first 5 s",
         "unit": "N m",
+        "better": "lower",
     }
 
 
@@ -89,6 +90,32 @@ def test_means_have_their_units(text):
     assert 'first 5 s<span class="unit">N m</span>' in text
 
 
+def test_findings_come_first(text):
+    opening = text[text.index("<main") : text.index("<svg")]
+    assert 'class="verdict supported">supported</span> “the EqT control requires' in opening
+
+
+def test_the_experiment_has_its_equations_and_values(text):
+    section = text[text.index('<section id="experiment"') :].partition("</section>")[0]
+    assert "1, 0.5, 0.5, 0" in section  # asym
+    assert "<mtext>1.135</mtext>" in section
+    assert "torque: torque (cos(t), sin(t), cos(t)*sin(t))" in section
+    assert section.count('<math display="block">') == 4
+
+
+def test_author_and_notes_stand_at_the_top(make_result):
+    metrics = {name: [[1.0] * 6] for name in (*MEANS, "energy_residual")}
+    results = make_result(["eqt"], metrics=metrics)
+    header = report(results, [], author="A. Noether", notes="One.\n\nTwo\nlines.").partition(
+        "<nav"
+    )[0]
+    assert [
+        text
+        for text in ("A. Noether", '<p class="remark">One.</p>', ">Two lines.<")
+        if text not in header
+    ] == []
+
+
 def test_claims_have_their_verdicts(text):
     assert "slightly slower attitude tracking" in text
     assert '<span class="verdict supported">supported</span>' in text
@@ -99,7 +126,7 @@ def test_texts_of_a_stranger_stay_texts(make_result):
     signals = dict.fromkeys(("pose_error", "velocity_error", "torque_norm", "lyapunov"), values)
     metrics = {name: [[1.0] * 6, [2.0] * 6] for name in (*MEANS, "energy_residual")}
     results = make_result([HOSTILE, "gt"], signals, metrics, kinds=["eqt", "gt"], title=HOSTILE)
-    page = Page(report(results))
+    page = Page(report(results, author=HOSTILE, notes=HOSTILE))
     assert "img" not in page.tags
     assert page.sources == []
 

@@ -5,7 +5,8 @@ import pytest
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.engines import Status
-from eqt_cli.results.result import SweptKey, mean_over_runs
+from eqt_cli.results.result import mean_over_runs
+from eqt_cli.results.swept_key import SweptKey
 
 RUNS = 6
 NORMS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")

@@ -36,7 +36,7 @@ def spoil(path, old, new):
 
 def test_a_missing_path(tmp_path):
     path = tmp_path / "none"
-    assert refusal(path) == f"{path}: does not exist; give a result folder or its results.h5"
+    assert refusal(path) == f"{path}: not found; give a result folder or its results.h5"
 
 
 def test_a_folder_without_results(tmp_path):

@@ -6,13 +6,13 @@ from typing import Any
 
 import pytest
 
-from eqt_cli import api
+from eqt_cli.api.loading import load_experiment, source_from
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.tuning.search import Search, search_from
 
 
 def read(config: dict[str, Any]) -> Search:
-    return search_from(api._source(config, {}))
+    return search_from(source_from(config, {}))
 
 
 def test_keys_of_a_controller_are_its_own_and_those_of_gains_everybodys(
@@ -56,7 +56,7 @@ def test_only_the_number_of_generations_may_change_between_sessions(small: dict[
 
 def test_no_other_command_minds_the_section(small: dict[str, Any]) -> None:
     without = {key: value for key, value in small.items() if key != "tune"}
-    one, other = (api.load_experiment(config).study for config in (small, without))
+    one, other = (load_experiment(config).study for config in (small, without))
     assert one.digest == other.digest
 
 
@@ -75,7 +75,7 @@ def test_no_other_command_minds_the_section(small: dict[str, Any]) -> None:
         ),
         (
             {"over": {"gains.kp": [2, 1]}},
-            "tune.over.gains.kp: expected more than low = 2, got 1",
+            "tune.over.gains.kp: expected more than 2, the value of low, got 1",
         ),
         (
             {"over": {"gains.kp": [1, 2, 3]}},
@@ -125,7 +125,7 @@ def test_what_is_wrong_is_said_at_its_place(
 
 def test_a_configuration_without_the_section_is_told_what_to_add(small: dict[str, Any]) -> None:
     del small["tune"]
-    with pytest.raises(EqtError, match="says nothing of what to tune; add a section, as tune:"):
+    with pytest.raises(EqtError, match="has no section `tune`; add one, such as tune:"):
         read(small)
 
 

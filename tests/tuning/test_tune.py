@@ -13,6 +13,7 @@ import yaml
 
 from eqt_cli import api
 from eqt_cli.config import shipped
+from eqt_cli.core.errors import EqtError
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.tuning.scores import scores
 from eqt_cli.tuning.search import Constraint
@@ -86,7 +87,7 @@ def test_more_generations_go_on_where_fewer_ended(small: dict[str, Any], tmp_pat
 def test_another_search_is_not_mixed_into_the_folder(small: dict[str, Any], tmp_path: Path) -> None:
     api.tune(small, tmp_path / "t")
     small["tune"]["seed"] = 5
-    with pytest.raises(api.EqtError, match="holds another tuning"):
+    with pytest.raises(EqtError, match="holds another tuning"):
         api.tune(small, tmp_path / "t")
     assert api.tune(small, tmp_path / "t", force=True).record["seed"] == 5
 

@@ -192,8 +192,8 @@ def test_the_law_is_told_what_is_measured(solved, kind, offset):
     [
         (
             "control: {delay: 1}",
-            "control.period: missing; expected: The laws are evaluated at t = k·period, s, and "
-            "their commands held in between",
+            "control.period: missing; this key is required: The laws are evaluated at t = "
+            "k·period, s, and their commands held in between",
         ),
         (
             "control: {period: 0}",
@@ -201,34 +201,34 @@ def test_the_law_is_told_what_is_measured(solved, kind, offset):
         ),
         (
             "sensors: {pose: [{kind: noise, std: 0.1}]}",
-            "sensors: are read at control instants; give control.period",
+            "sensors: act at control instants; set control.period",
         ),
         (
             "actuators: [{kind: rate_limit, rate: 1}]",
-            "actuators[0]: rate_limit acts at control instants; give control.period",
+            "actuators[0]: rate_limit acts at control instants; set control.period",
         ),
         (
             "control: {period: 0.1}\n"
             "actuators: [{kind: lag, time_constant: 1}, {kind: rate_limit, rate: 1}]",
-            "actuators[1]: rate_limit acts on a command that is held; put it before lag",
+            "actuators[1]: rate_limit acts on a held command; put it before lag",
         ),
         (
             "control: {period: 0.1}\nsensors: {velocity: [{kind: noise, std: -0.1}]}",
-            "sensors.velocity[0].std: expected no negative standard deviation, got -0.1",
+            "sensors.velocity[0].std: expected a standard deviation of at least 0, got -0.1",
         ),
         (
             "control: {period: 0.1}\nsensors: {pose: [{kind: noise, std: {normal: [-0.1, 0.01]}}]}",
-            "sensors.pose[0].std: expected no negative standard deviation, got -0.1",
+            "sensors.pose[0].std: expected a standard deviation of at least 0, got -0.1",
         ),
         (
             "control: {period: 0.1}\n"
             "sensors: {pose: [{kind: bias, walk: [0, 0, {uniform: [-1, 1]}]}]}",
-            "sensors.pose[0].walk: expected no negative standard deviation, got -1",
+            "sensors.pose[0].walk: expected a standard deviation of at least 0, got -1",
         ),
         (
             "control: {period: 1.0e-7}",
-            "control.period: expected at least 1e-06 s, for at most 1,000,000 instants in 1 s; "
-            "got 1e-07",
+            "control.period: expected at least 1e-06 s, which makes 1,000,000 control "
+            "instants in 1 s, got 1e-07",
         ),
         (
             "closing_window: 2",
@@ -240,8 +240,7 @@ def test_the_law_is_told_what_is_measured(solved, kind, offset):
         ),
         (
             "control: {period: 0.1}\nsensors: {velocity: [{kind: nois, std: 1}]}",
-            "sensors.velocity[0].kind: unknown sensor 'nois'; did you mean 'noise'? "
-            "known: bias, noise",
+            "sensors.velocity[0].kind: unknown sensor 'nois'; did you mean 'noise'?",
         ),
     ],
 )

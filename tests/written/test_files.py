@@ -110,7 +110,11 @@ EUROC = "#timestamp, p_RS_R_x [m]\n10,0,0,0,1,0,0,0\n"
     [
         ("euroc", EUROC + "12.5,0,0,0,1,0,0,0\n", "a:3: expected whole nanoseconds, got '12.5'"),
         ("euroc", EUROC + "10,0,0,0,1,0,0,0\n", "a:3: expected a time after 0 s, got 0 s"),
-        ("euroc", EUROC + "20,0,0,0,2,0,0,0\n", "a:3: expected a quaternion of norm 1, got norm 2"),
+        (
+            "euroc",
+            EUROC + "20,0,0,0,2,0,0,0\n",
+            "a:3: expected a quaternion of norm 1, got norm 2",
+        ),
         ("euroc", EUROC + "20,0,0,0,1,0,0\n", "a:3: expected 8 entries, got 7"),
         ("euroc", EUROC, "a:2: expected two rows or more, got 1"),
         ("tum", "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 1\n", "a:2: expected 8 entries, got 7"),

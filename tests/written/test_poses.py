@@ -34,16 +34,22 @@ def test_ways_to_write_a_quarter_turn(value, name):
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        ({"quaternion": {"xyzw": [0, 0, 0, 2]}}, "expected a quaternion of norm 1, got norm 2"),
-        ({"quaternion": [0, 0, 0, 1]}, "expected {xyzw: […]} or {wxyz: […]}, got [0, 0, 0, 1]"),
+        (
+            {"quaternion": {"xyzw": [0, 0, 0, 2]}},
+            "expected a quaternion of norm 1, got norm 2; divide it by its norm",
+        ),
+        (
+            {"quaternion": [0, 0, 0, 1]},
+            "expected {xyzw: […]} or {wxyz: […]}, where w is the scalar part, got [0, 0, 0, 1]",
+        ),
         (
             {"euler": {"sequence": "ZZX", "angles": [0, 0, 0]}},
-            "expected another axis after each, got ZZX",
+            "expected no axis twice in a row, got ZZX",
         ),
         ({"euler": {"sequence": "ZYX", "angles": [0, 0]}}, "expected 3 angles for ZYX, got 2"),
         (
             {"rotvec": [0, 0, 1], "euler": {"sequence": "Z", "angles": [1]}},
-            "the rotation is given by rotvec already; give one of the two",
+            "rotvec already gives the rotation; give one of the two",
         ),
     ],
 )

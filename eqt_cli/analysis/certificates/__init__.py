@@ -7,27 +7,38 @@ from eqt_cli.analysis.certificates.base import (
     Certificate,
     Hypothesis,
     Identity,
-    LiteralForm,
     Row,
     TrajectoryCheck,
-    Verdict,
 )
+from eqt_cli.analysis.certificates.base import LiteralForm as LiteralForm
+from eqt_cli.analysis.certificates.base import Verdict as Verdict
 from eqt_cli.analysis.evidence.runs import Runs, Setting
-from eqt_cli.analysis.evidence.sample import Sample, sampled
+from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.core.registry import Registry
+from eqt_cli.execution.steps import SILENT, Steps
 
 T = TypeVar("T")
 
 certificates = Registry("certificate", __name__, Certificate)
 
 
-def identity_rows(common: Sample, laws: Iterable[Sample]) -> list[Row]:
+CHECKED = "certificates checked"
+"""What is counted while identities are."""
+
+
+def identity_rows(common: Sample, laws: Iterable[Sample], steps: Steps = SILENT) -> list[Row]:
     """Every identity: on `common` where it is about no law, else on each of the laws."""
     laws, rows = list(laws), []
-    for certificate in _of_kind(Identity):
-        for sample in laws if certificate.per_law else [common]:
-            if certificate.applies(sample.loop):
-                rows += certificate.check(sample)
+    due = [
+        (certificate, sample)
+        for certificate in _of_kind(Identity)
+        for sample in (laws if certificate.per_law else [common])
+        if certificate.applies(sample.loop)
+    ]
+    advance = steps.begin(CHECKED, len(due))
+    for certificate, sample in due:
+        rows += certificate.check(sample)
+        advance(1)
     return _in_order(rows)
 
 
@@ -53,19 +64,3 @@ def _in_order(rows: list[Row]) -> list[Row]:
     """By the paper's sections; a stable sort, so that laws keep their order."""
     sections = {found.name: (found.section, found.name) for found in certificates.all()}
     return sorted(rows, key=lambda row: sections[row.name])
-
-
-__all__ = [
-    "Certificate",
-    "LiteralForm",
-    "Row",
-    "Runs",
-    "Sample",
-    "Setting",
-    "Verdict",
-    "certificates",
-    "hypothesis_rows",
-    "identity_rows",
-    "sampled",
-    "trajectory_rows",
-]

@@ -1,7 +1,5 @@
 """What a certificate is: a statement of the paper that a numerical check can confirm or refute."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass

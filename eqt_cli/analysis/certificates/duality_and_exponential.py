@@ -1,7 +1,5 @@
 """The group, its algebra and their duals (§2): Ad*, ad*, exp, log, and the distance of a pose."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The error system (§5, Lemma 6.1): its dynamics, its energy, and the change of its inertia."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import ClassVar
 

@@ -1,7 +1,6 @@
 """What is between law and plant does what it says: the hold, actuators, noise."""
 
-from __future__ import annotations
-
+from abc import abstractmethod
 from dataclasses import replace
 from itertools import combinations
 from typing import ClassVar
@@ -21,11 +20,29 @@ DEVIATIONS = 5.0
 
 
 class FlightCheck(TrajectoryCheck):
-    """A statement about a loop that is not ideal."""
+    """A statement about a loop whose law is sampled."""
 
     def applies(self, runs: Runs) -> bool:
-        """To runs of a sampled law, or of a part that this is about."""
-        return runs.flight is not None and runs.flight.problem.loop.vehicle.control is not None
+        """To runs of a sampled law, with what this is about."""
+        flight = runs.flight
+        return flight is not None and np.isfinite(flight.period) and self.is_about(flight)
+
+    def is_about(self, flight: Flight) -> bool:
+        """Whether the loop has what this is about."""
+        return True
+
+    def check(self, runs: Runs) -> Row:
+        """The number that is largest over its bound."""
+        flight = runs.flight
+        if flight is None or not len(flight.states):
+            return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=runs.label)
+        found = self.measured(flight, runs.rtol)
+        measured, bound = max(found, key=lambda pair: pair[0] / pair[1])
+        return self.compared(float(measured), float(bound), runs.remark, runs.label)
+
+    @abstractmethod
+    def measured(self, flight: Flight, rtol: float) -> list[tuple[float, float]]:
+        """Numbers, each with what it must not exceed."""
 
 
 class Hold(FlightCheck):
@@ -35,11 +52,8 @@ class Hold(FlightCheck):
     statement: ClassVar[str] = "zero-order hold"
     section: ClassVar[float] = 9.1
 
-    def check(self, runs: Runs) -> Row:
+    def measured(self, flight: Flight, rtol: float) -> list[tuple[float, float]]:
         """The largest difference to the law, and between samples of one period."""
-        flight, label = runs.flight, runs.label
-        if flight is None or not len(flight.states):
-            return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=label)
         loop, times = flight.loop, flight.problem.times
         s = loop.tracking(times, flight.states)
         command, periods = loop.command(s), flight.periods
@@ -50,15 +64,12 @@ class Hold(FlightCheck):
         if not s.memory:  # else the law was asked with the memory before the instant
             found.append(np.abs(_asked(flight) - command)[:, _at_instants(flight)])
         measured = max((float(part.max()) for part in found if part.size), default=0.0)
-        bound = ROUNDING * max(1.0, float(np.abs(command).max()))
-        return self.compared(measured, bound, runs.remark, label)
+        return [(measured, ROUNDING * max(1.0, float(np.abs(command).max())))]
 
 
 def _at_instants(flight: Flight) -> Array:
-    control = flight.problem.loop.vehicle.control
-    assert control is not None
-    off = np.abs(flight.problem.times - flight.periods * control.period)
-    return np.flatnonzero(off[:-1] <= 1e-9 * control.period)
+    off = np.abs(flight.problem.times - flight.periods * flight.period)
+    return np.flatnonzero(off[:-1] <= 1e-9 * flight.period)
 
 
 def _asked(flight: Flight) -> Array:
@@ -69,8 +80,7 @@ def _asked(flight: Flight) -> Array:
         pose, velocity = problem.errors
         k = np.minimum(flight.periods, problem.control_instants - 1)
         s = replace(s, Q=s.Q @ pose[:, k], P=s.inertia.momentum(s.V + velocity[:, k]))
-    asked: Array = loop.controller.torque(s) + 0.0 * s.P
-    return asked
+    return loop.controller.torque(s) + 0.0 * s.P
 
 
 class ActuatorsInClosedForm(FlightCheck):
@@ -80,19 +90,13 @@ class ActuatorsInClosedForm(FlightCheck):
     statement: ClassVar[str] = "lag: u + (x − u) e^(−t/T)"
     section: ClassVar[float] = 9.2
 
-    def applies(self, runs: Runs) -> bool:
+    def is_about(self, flight: Flight) -> bool:
         """Where the first actuator that moves has a closed form, and samples lie in one period."""
-        if not super().applies(runs):
-            return False
-        assert runs.flight is not None
-        first = runs.flight.problem.loop.vehicle.first_moving
-        return first is not None and first.has_closed_form and bool(len(runs.flight.within))
+        first = flight.problem.loop.vehicle.first_moving
+        return first is not None and first.has_closed_form and bool(len(flight.within))
 
-    def check(self, runs: Runs) -> Row:
+    def measured(self, flight: Flight, rtol: float) -> list[tuple[float, float]]:
         """The largest difference."""
-        flight = runs.flight
-        if flight is None or not len(flight.states):
-            return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=runs.label)
         loop, times = flight.loop, flight.problem.times
         start = flight.within
         here = loop.tracking(times[start], flight.states[:, start])
@@ -101,9 +105,7 @@ class ActuatorsInClosedForm(FlightCheck):
         expected, found = vehicle.first_moving_after(
             loop.group, here.vehicle, later.vehicle, duration
         )
-        measured = float(np.abs(expected - found).max())
-        bound = STATES_PER_RTOL * runs.rtol
-        return self.compared(measured, bound, runs.remark, runs.label)
+        return [(np.abs(expected - found).max(), STATES_PER_RTOL * rtol)]
 
 
 class NoiseCovariance(FlightCheck):
@@ -113,19 +115,17 @@ class NoiseCovariance(FlightCheck):
     statement: ClassVar[str] = "mean of n nᵀ over runs and instants"
     section: ClassVar[float] = 9.3
 
-    def applies(self, runs: Runs) -> bool:
+    def is_about(self, flight: Flight) -> bool:
         """Where a sensor tells white noise."""
-        return super().applies(runs) and any(True for _ in _noise(runs))
+        return any(True for _ in flight.white_noise())
 
-    def check(self, runs: Runs) -> Row:
+    def measured(self, flight: Flight, rtol: float) -> list[tuple[float, float]]:
         """The largest entry of covariance − I, of noise divided by its standard deviation."""
-        largest = [
+        return [
             (np.abs(z.T @ z / len(z) - np.eye(z.shape[1])).max(), DEVIATIONS * np.sqrt(2 / len(z)))
-            for _, values in _noise(runs)
+            for values in flight.white_noise()
             for z in [values.reshape(-1, values.shape[-1])]
         ]
-        measured, bound = max(largest, key=lambda pair: pair[0] / pair[1])
-        return self.compared(float(measured), float(bound), runs.remark, runs.label)
 
 
 class StreamsApart(FlightCheck):
@@ -135,26 +135,24 @@ class StreamsApart(FlightCheck):
     statement: ClassVar[str] = "of sensors, and of neighbouring runs"
     section: ClassVar[float] = 9.4
 
-    def applies(self, runs: Runs) -> bool:
+    def is_about(self, flight: Flight) -> bool:
         """Where there are two of them."""
-        found = list(_noise(runs)) if super().applies(runs) else []
-        return len(found) > 1 or (bool(found) and len(found[0][1]) > 1)
+        found = list(flight.white_noise())
+        return len(found) > 1 or (bool(found) and len(found[0]) > 1)
 
-    def check(self, runs: Runs) -> Row:
+    def measured(self, flight: Flight, rtol: float) -> list[tuple[float, float]]:
         """The largest correlation of the same axis at the same instant."""
-        found = [values for _, values in _noise(runs)]
+        found = list(flight.white_noise())
         pairs = [(values[1:], values[:-1]) for values in found if len(values) > 1]
         pairs += [
             (one[..., :axes], other[..., :axes])
             for one, other in combinations(found, 2)
             for axes in [min(one.shape[-1], other.shape[-1])]
         ]
-        largest = [
+        return [
             (np.abs(_correlation(one, other)).max(), DEVIATIONS / np.sqrt(one[..., 0].size))
             for one, other in pairs
         ]
-        measured, bound = max(largest, key=lambda pair: pair[0] / pair[1])
-        return self.compared(float(measured), float(bound), runs.remark, runs.label)
 
 
 def _correlation(one: Array, other: Array) -> Array:
@@ -162,8 +160,3 @@ def _correlation(one: Array, other: Array) -> Array:
     a, b = one.reshape(-1, one.shape[-1]), other.reshape(-1, other.shape[-1])
     sizes: Array = np.sqrt((a * a).sum(axis=0) * (b * b).sum(axis=0))
     return (a * b).sum(axis=0) / sizes
-
-
-def _noise(runs: Runs) -> list[tuple[str, Array]]:
-    assert runs.flight is not None
-    return list(runs.flight.white_noise()) if len(runs.flight.numbers) else []

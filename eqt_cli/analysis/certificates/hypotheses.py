@@ -1,7 +1,5 @@
 """What the theorems assume of group, gains, inertia, reference and laws."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import ClassVar
 
@@ -142,9 +140,10 @@ class PoseBounded(Hypothesis):
     def check(self, setting: Setting) -> list[Row]:
         """The supremum, and what is known of it."""
         measured, verdict = _over_horizon(frobenius(setting.desired_pose))
+        keeps = setting.loop.reference.keeps_velocity
         if setting.loop.group.compact:
             return [self.row(Verdict.HOLDS, measured, remark="the group is compact")]
-        if _at_rest(setting):
+        if keeps and not setting.desired_velocity[0].any():
             return [self.row(Verdict.HOLDS, measured, remark="the reference is at rest")]
         return [self.row(verdict, measured, remark="supremum over the horizon")]
 
@@ -207,10 +206,6 @@ class LawCovered(Hypothesis):
     def _where(self, theorem: str) -> str:
         """Of a published law its own source, of the others the paper's."""
         return self.statement if theorem in ("", Controller.theorem) else theorem
-
-
-def _at_rest(setting: Setting) -> bool:
-    return setting.loop.reference.keeps_velocity and not setting.desired_velocity[0].any()
 
 
 def _over_horizon(values: Array) -> tuple[float, Verdict]:

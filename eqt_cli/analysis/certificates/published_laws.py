@@ -3,8 +3,6 @@
 Rates such as ξ̇ are those of the motion itself, so that no formula for them is taken from the laws.
 """
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,13 +11,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Identity, LiteralForm, Row, Verdict
-from eqt_cli.analysis.certificates.so3_laws import cross
 from eqt_cli.analysis.certificates.stabilisation import is_rotations_of_space, vee
 from eqt_cli.analysis.certificates.tracking_laws import bracket, coadjoint, transported
 from eqt_cli.analysis.evidence.running_error import lifted, rate_of
 from eqt_cli.analysis.evidence.sample import Sample, with_rate
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.core.arrays import Array, apply_matrix, dot, sqrt, stack, tanh, transpose
+from eqt_cli.core.arrays import Array, apply_matrix, cross, dot, sqrt, stack, tanh, transpose
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.navigation import gradient
 from eqt_cli.mechanics.tracking import Tracking

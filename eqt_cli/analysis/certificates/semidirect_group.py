@@ -1,7 +1,5 @@
 """The semidirect product G ⋉ g* and the symmetries of the Lie-Poisson system (§4, §9)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import ClassVar
 

@@ -1,14 +1,12 @@
 """The laws of §7 on SO(3) for a constant inertia, as the paper writes them, with cross products."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import Any, ClassVar
 
 from eqt_cli.analysis.certificates.stabilisation import is_rotations_of_space, vee
 from eqt_cli.analysis.certificates.tracking_laws import MemberForm
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.core.arrays import Array, apply_matrix, stack, transpose
+from eqt_cli.core.arrays import Array, apply_matrix, cross, transpose
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Tracking
 
@@ -123,8 +121,3 @@ class SO3Asym(SO3Law):
             - b.spatial_damping
             - b.proportional
         )
-
-
-def cross(u: Array, v: Array) -> Array:
-    """u × v, ``(..., 3)``."""
-    return stack([u[..., i - 2] * v[..., i - 1] - u[..., i - 1] * v[..., i - 2] for i in range(3)])

@@ -1,7 +1,5 @@
 """Mechanical systems and their stabilisation, for an inertia that may vary in time (§3)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """The tracking laws on every group (§6, §7): Theorem 6.2, the (g, c, n) family, the rate of L."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, ClassVar

@@ -1,7 +1,5 @@
 """What theorems say of solutions: drift, energy, decrease of L, the error system, convergence."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import replace
 from typing import ClassVar
@@ -164,7 +162,8 @@ class PoseConvergence(Convergence):
     def judge(self, runs: Runs) -> Row:
         """The final pose errors."""
         final, errors = runs.final_pose_error, runs.pose_error
-        found = None if errors is None else approach(runs.times, errors, runs.rtol, 1.0)
+        L = runs.lyapunov
+        found = None if errors is None else approach(runs.times, errors, runs.rtol, 1.0, L)
         return self.arrived(runs, final, final <= runs.threshold, found)
 
     def bound(self, runs: Runs) -> float | None:
@@ -186,7 +185,7 @@ class MomentumConvergence(Convergence):
         final, errors = runs.final_velocity_error, runs.velocity_error
         if errors is None:
             return self.arrived(runs, final, np.isfinite(final), None)
-        found = approach(runs.times, errors, runs.rtol, runs.desired_speed)
+        found = approach(runs.times, errors, runs.rtol, runs.desired_speed, runs.lyapunov)
         return self.arrived(runs, found.left, found.arrived, found)
 
     def bound(self, runs: Runs) -> float | None:

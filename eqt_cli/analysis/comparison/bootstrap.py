@@ -6,12 +6,9 @@ in some columns only drop out of those; and since the acceleration of a mean has
 columns cost one matrix product instead of one jackknife each.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr, ndtri, stdtrit
 
 from eqt_cli.core.arrays import Array
 
@@ -85,9 +82,8 @@ def intervals_of_means(columns: Array, how: Resampling) -> Intervals:
         mean = filled.sum(axis=0) / count
         deviations = np.where(valid, columns - mean, 0.0)
     low, high = mean.copy(), mean.copy()
-    spread = np.array(
-        [np.ptp(column[ok]) if ok.any() else 0.0 for column, ok in _columns(columns, valid)]
-    )
+    pairs = zip(columns.T, valid.T, strict=True)
+    spread = np.array([np.ptp(column[ok]) if ok.any() else 0.0 for column, ok in pairs])
     low[count < FEWEST] = high[count < FEWEST] = np.nan
     varying = np.flatnonzero((count >= FEWEST) & (spread > 0))
     if varying.size:
@@ -97,10 +93,6 @@ def intervals_of_means(columns: Array, how: Resampling) -> Intervals:
         low[varying] += offsets[0]
         high[varying] += offsets[1]
     return Intervals(mean, low, high, resamples)
-
-
-def _columns(columns: Array, valid: Array) -> zip[tuple[Array, Array]]:
-    return zip(columns.T, valid.T, strict=True)
 
 
 def _resampled_means(values: Array, valid: Array, resamples: int, seed: int) -> Array:
@@ -123,6 +115,8 @@ def _resampled_means(values: Array, valid: Array, resamples: int, seed: int) -> 
 
 def _bca(deviations: Array, count: Array, drawn: Array, confidence: float) -> Array:
     """Lower and upper ends relative to the mean, ``(2, columns)``."""
+    from scipy.special import ndtr, ndtri, stdtrit  # slow to import
+
     cubes, squares = (deviations**3).sum(axis=0), (deviations**2).sum(axis=0)
     acceleration = cubes / (6 * squares**1.5)
     below = (drawn < 0).mean(axis=0) + (drawn == 0).mean(axis=0) / 2

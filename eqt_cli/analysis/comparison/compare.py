@@ -1,7 +1,5 @@
 """The comparison of a result's controllers: what is measured, between whom, and what follows."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,6 +31,8 @@ class Comparison:
     ----------
     title, group, labels, runs
         Of the result; runs per controller.
+    titles
+        How each controller is written, by label.
     kinds
         The kind of each controller, by label.
     failed
@@ -56,6 +56,7 @@ class Comparison:
     title: str
     group: str
     labels: list[str]
+    titles: dict[str, str]
     runs: int
     kinds: dict[str, str]
     failed: dict[str, int]
@@ -115,6 +116,7 @@ def compare(
         title=result.title,
         group=result.group_name,
         labels=result.labels,
+        titles=result.titled,
         runs=result.runs,
         kinds=result.kinds,
         failed=result.failed,

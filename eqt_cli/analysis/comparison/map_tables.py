@@ -1,7 +1,6 @@
 """A map of winners as tables of text, and as plain data; it knows no output format."""
 
-from __future__ import annotations
-
+from dataclasses import replace
 from typing import Any
 
 from eqt_cli.analysis.comparison.maps import NOBODY, Cell, Map
@@ -39,19 +38,22 @@ def map_tables(found: Map, result: Result, write: Plain, *, whole: bool = False)
     )
     if points > MOST_POINTS and not whole:
         more = f"{points} points are not listed; a table of all comes with --table points."
-        return [_with_note(summary, more)]
+        return [replace(summary, notes=[*summary.notes, more])]
     rows = [
         [str(cell.point), write.text(result.point_name(cell.point)), *_row(found, cell, write)]
         for cell in found.cells
     ]
     caption = f"Mean {name} at each point" if not name.startswith("mean") else f"{name}, each point"
     header = ["point", "at", *map(write.text, found.titles), "winner", "lead", "adjusted p"]
-    table = TextTable("points", caption + (f", {unit}" if unit else ""), header, [Block("", rows)])
+    table = TextTable(
+        "points",
+        caption + (f", {unit}" if unit else ""),
+        header,
+        [Block("", rows)],
+        spare=("adjusted p", "lead"),
+        keys=2,
+    )
     return [summary, table]
-
-
-def _with_note(table: TextTable, note: str) -> TextTable:
-    return TextTable(table.name, table.caption, table.header, table.blocks, [*table.notes, note])
 
 
 def _notes(found: Map) -> list[str]:

@@ -1,7 +1,5 @@
 """Laws compared at every point of a sweep: who wins where, with all the tests counted."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -136,7 +134,7 @@ def compare_map(
         raise result.error("a map compares two laws or more, and here is one")
     quantity = result.quantity(metric)
     if quantity.better == "neither":
-        raise EqtError(f"{metric}: neither more nor less of it is better, so that no law can win")
+        raise EqtError(f"{metric}: has no better direction, so no law can win on it")
     censored = result.censored(metric)[:, chosen]
     values = result.counted(metric)[:, chosen]
     failed = result.runs - np.count_nonzero(result.good[:, chosen], axis=-1)
@@ -149,9 +147,9 @@ def compare_map(
     cells = [
         _cell(
             point,
-            -means[point] if quantity.better == "higher" else means[point],
+            quantity.cost(means[point]),
             means[point],
-            couples,
+            {pair: place for place, pair in enumerate(couples)},
             ends.reshape(len(values), len(couples), 3)[point],
             adjusted[point],
             1 - how.confidence,
@@ -208,7 +206,7 @@ def _cell(
     point: int,
     costs: Array,
     means: Array,
-    couples: list[tuple[int, int]],
+    places: dict[tuple[int, int], int],
     ends: Array,
     adjusted: Array,
     level: float,
@@ -219,10 +217,10 @@ def _cell(
     order = np.lexsort((np.where(np.isfinite(costs), costs, np.inf), failed))
     best, runner_up = int(order[0]), int(order[1])
     rivals = [law for law in order[1:].tolist() if failed[law] == failed[best]]
-    tests = [adjusted[_place(couples, best, law)[0]] for law in rivals]
+    tests = [adjusted[places[min(best, law), max(best, law)]] for law in rivals]
     p_value = max(tests, default=0.0 if np.isfinite(costs[best]) else np.nan)
-    place, sign = _place(couples, best, runner_up)
-    mean, low, high = ends[place] if sign > 0 else -ends[place][[0, 2, 1]]
+    end = ends[places[min(best, runner_up), max(best, runner_up)]]
+    mean, low, high = end if best < runner_up else -end[[0, 2, 1]]
     relative = mean / means[runner_up] if means[runner_up] else np.nan
     return Cell(
         point=point,
@@ -237,10 +235,3 @@ def _cell(
         failed=tuple(map(int, failed)),
         censored=tuple(map(int, censored)),
     )
-
-
-def _place(couples: list[tuple[int, int]], one: int, other: int) -> tuple[int, int]:
-    """Where the pair of two laws is, and 1 if it is in this order, else -1."""
-    if (one, other) in couples:
-        return couples.index((one, other)), 1
-    return couples.index((other, one)), -1

@@ -1,7 +1,5 @@
 """Quantities, units and numbers as text, plain or for LaTeX; it knows no table."""
 
-from __future__ import annotations
-
 import math
 import re
 
@@ -107,6 +105,6 @@ def fixed(value: float, digits: int) -> str:
     if not math.isfinite(value):
         return "-"
     if digits > 6:
-        return f"{value:.1e}"
+        return f"{value:.2g}"
     text = f"{value:.{digits}f}"
     return text.removeprefix("-") if float(text) == 0 else text

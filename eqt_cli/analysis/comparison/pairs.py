@@ -132,7 +132,10 @@ def statistics(
     columns = [
         column
         for s in resampled
-        for column in (*s.values, *(_differences(s, a, b) for a, b in couples))
+        for column in (
+            *s.values,
+            *(resolved_differences(s.values[a], s.values[b]) for a, b in couples),
+        )
     ]
     table = np.stack(columns, axis=1) if columns else np.empty((good.shape[1], 0))
     found = intervals_of_means(table, how)
@@ -186,7 +189,7 @@ def _pair(
     interval: Interval,
 ) -> Pair:
     both = np.isfinite(s.values[a]) & np.isfinite(s.values[b])
-    differences = _differences(s, a, b)[both]
+    differences = resolved_differences(s.values[a], s.values[b])[both]
     failed = int(np.count_nonzero(~(good[a] & good[b])[: s.runs]))
     deviation, mean = _deviation(differences), interval.value
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -208,11 +211,6 @@ def _pair(
         first_better=first_better,
         runs_to_decide=runs_to_decide(cohen_d, confidence) if both.sum() >= FEWEST else None,
     )
-
-
-def _differences(s: PerRun, a: int, b: int) -> Array:
-    """First minus second, run by run."""
-    return resolved_differences(s.values[a], s.values[b])
 
 
 def resolved_differences(first: Array, second: Array) -> Array:

@@ -1,7 +1,5 @@
 """A comparison as plain data with full precision, for JSON and CSV; it knows no file."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from eqt_cli.analysis.comparison.compare import Comparison

@@ -1,7 +1,5 @@
 """How far a number may go before runs no longer settle, law by law."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -12,7 +10,8 @@ from eqt_cli.analysis.comparison.shares import share
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
-from eqt_cli.results.result import Result, SweptKey
+from eqt_cli.results.result import Result
+from eqt_cli.results.swept_key import SweptKey
 
 
 @dataclass(frozen=True)
@@ -144,7 +143,10 @@ def robustness_table(
     across, found = reaches(result, wanted, confidence)
     blocks: dict[str, list[list[str]]] = {}
     for each in found:
-        row = [write.text(each.law), *(_end(each, above, write) for above in (False, True))]
+        row = [
+            write.text(result.titled[each.law]),
+            *(_end(each, above, write) for above in (False, True)),
+        ]
         blocks.setdefault(each.other, []).append(row)
     runs = result.runs
     most = share(runs, runs, confidence).low

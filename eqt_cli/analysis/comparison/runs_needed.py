@@ -1,10 +1,6 @@
 """How many runs would decide a question; it knows no controller and no claim."""
 
-from __future__ import annotations
-
 import math
-
-from scipy.special import ndtri
 
 from eqt_cli.analysis.comparison.bootstrap import FEWEST
 
@@ -34,6 +30,8 @@ def runs_to_decide(effect: float, confidence: float) -> int | None:
         ((z_{1−α/2} + z_power)/d)² + z²_{1−α/2}/2, the normal approximation with the usual
         correction for an estimated spread (Guenther 1981); None where that is beyond `MOST`.
     """
+    from scipy.special import ndtri  # slow to import
+
     z = float(ndtri((1 + confidence) / 2))
     distance = z + float(ndtri(POWER))
     if not abs(effect) > distance / math.sqrt(MOST):

@@ -1,10 +1,8 @@
 """Shares of runs in which something happened: their intervals, and paired differences of two."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -60,7 +58,7 @@ class PairedShares:
     neither: int
 
     @classmethod
-    def of(cls, first: Array, second: Array) -> PairedShares:
+    def of(cls, first: Array, second: Array) -> Self:
         """Count the runs; 0 or 1 for each of them, ``(runs,)``."""
         a, b = first > 0, second > 0
         counts = (a & b, a & ~b, ~a & b, ~a & ~b)

@@ -1,7 +1,5 @@
 """A comparison as tables of text: per controller, per pair, claims; it knows no output format."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import groupby
 
@@ -12,7 +10,11 @@ from eqt_cli.analysis.comparison.pairs import Level, Pair
 from eqt_cli.analysis.comparison.runs_needed import POWER
 from eqt_cli.analysis.comparison.verdicts import Judgement
 from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import PerRun
+
+_KEYS = 3
+"""A row is about a measure over a window, in a unit."""
 
 FEW = 10
 """Pairs below which intervals are rough."""
@@ -39,25 +41,31 @@ def text_tables(
 def _controllers(comparison: Comparison, write: Plain) -> TextTable:
     rows = []
     notes = []
+    titles = comparison.titles
     for _, found in groupby(comparison.levels, key=lambda level: id(level.measured)):
         levels = list(found)
         here = levels[0].measured
         name, end = here.quantity.described, f"{here.window.stop:g} s"
         rows.append([*_measure(here, write), *(_value(level, write) for level in levels)])
-        censored = [f"{level.controller} {level.censored}" for level in levels if level.censored]
+        censored = [
+            f"{titles[level.controller]} {level.censored}" for level in levels if level.censored
+        ]
         if censored:
             notes.append(
                 f"{name}: runs still unsettled at {end} count as {end} ({', '.join(censored)}), so "
                 "this is the mean time restricted to the horizon."
             )
-        undefined = [f"{level.controller} {level.undefined}" for level in levels if level.undefined]
+        undefined = [
+            f"{titles[level.controller]} {level.undefined}" for level in levels if level.undefined
+        ]
         if undefined:
             notes.append(f"{name}: good runs without a value: {', '.join(undefined)}.")
     if any("lyapunov" in level.measured.quantity.signals for level in comparison.levels):
         notes += _functions(comparison)
     if comparison.not_matched:
-        notes.append(f"Not matched, with gains of their own: {', '.join(comparison.not_matched)}.")
-    failed = [f"{label} {count}" for label, count in comparison.failed.items() if count]
+        listed = ", ".join(titles[label] for label in comparison.not_matched)
+        notes.append(f"Not matched, with gains of their own: {listed}.")
+    failed = [f"{titles[label]} {count}" for label, count in comparison.failed.items() if count]
     if failed:
         notes.append(f"Failed runs, left out: {', '.join(failed)}.")
     if any(level.measured.quantity.counts for level in comparison.levels):
@@ -66,11 +74,10 @@ def _controllers(comparison: Comparison, write: Plain) -> TextTable:
         f"Means over {_runs_each(comparison)}; "
         f"{write.plus_minus} half the {_level_name(comparison, write)} interval"
     )
-    labels = [write.text(label) for label in comparison.labels]
-    header = ["measure", "window", "unit", *labels]
-    return TextTable(
-        "controllers", caption, header, [Block("", rows)] if rows else [], _plain(notes, write)
-    )
+    laws = [write.text(titles[label]) for label in comparison.labels]
+    header = ["measure", "window", "unit", *laws]
+    blocks = [Block("", rows)] if rows else []
+    return TextTable("controllers", caption, header, blocks, _plain(notes, write), keys=_KEYS)
 
 
 def _value(level: Level, write: Plain) -> str:
@@ -84,7 +91,7 @@ def _functions(comparison: Comparison) -> list[str]:
         return []
     by_function: dict[str, list[str]] = {}
     for label, function in comparison.lyapunov_functions.items():
-        by_function.setdefault(function, []).append(label)
+        by_function.setdefault(function, []).append(comparison.titles[label])
     told = "; ".join(f"{function} of {', '.join(of)}" for function, of in by_function.items())
     return [f"L is each law's own function: {told}. Different functions are not compared by it."]
 
@@ -102,7 +109,7 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str]) -> Text
     blocks = []
     for (first, second), found in groupby(sorted(shown, key=order), key=names):
         rows = [_pair_row(pair, write) for pair in found]
-        blocks.append(Block(write.text(f"{first} − {second}"), rows))
+        blocks.append(Block(write.text(_difference(comparison, first, second)), rows))
     caption = (
         f"Paired differences on the same initial states, with {_level_name(comparison, write)} "
         "intervals"
@@ -118,9 +125,13 @@ def _pairs(comparison: Comparison, write: Plain, against: Sequence[str]) -> Text
         "pairs",
         "runs to decide",
     ]
-    return TextTable(
-        "pairs", caption, header, blocks, _plain(_pair_notes(comparison, shown), write)
-    )
+    notes = _plain(_pair_notes(comparison, shown), write)
+    spare = ("pairs", "runs to decide", "d", "P(better)", "relative")
+    return TextTable("pairs", caption, header, blocks, notes, spare, _KEYS)
+
+
+def _difference(comparison: Comparison, first: str, second: str) -> str:
+    return f"{comparison.titles[first]} − {comparison.titles[second]}"
 
 
 def _pair_row(pair: Pair, write: Plain) -> list[str]:
@@ -138,10 +149,11 @@ def _pair_row(pair: Pair, write: Plain) -> list[str]:
 def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     notes = [
         "d: mean over standard deviation of the paired differences (Cohen). P(better): share of "
-        "runs in which the first controller is the better one, ties half.",
+        "runs in which the first controller is the better one, ties count half.",
         *_of_shares(comparison, shown),
-        f"Runs to decide: for which an interval leaves out 0 with probability {POWER:g}, if mean "
-        "and spread are as measured. Intervals hold one by one, not all at once.",
+        f"Runs to decide: the number of runs with which an interval excludes 0 with probability "
+        f"{POWER:g}, if mean and spread stay as measured. Intervals are not "
+        "corrected for multiple comparisons.",
     ]
     failed = max((pair.failed for pair in shown), default=0)
     if failed:
@@ -161,7 +173,8 @@ def _of_shares(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     if not tested:
         return []
     found = ", ".join(
-        f"{pair.measured.quantity.plain}, {pair.first} − {pair.second}: p = {pair.p_value:.2g}"
+        f"{pair.measured.quantity.plain}, {_difference(comparison, pair.first, pair.second)}: "
+        f"p = {pair.p_value:.2g}"
         for pair in tested
     )
     level = f"{100 * comparison.confidence:g} %"
@@ -174,34 +187,37 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
     blocks = []
     for says, found in groupby(comparison.judgements, key=lambda judgement: judgement.says):
         judgements = list(found)
-        rows = [_claim_row(judgement, write) for judgement in judgements]
-        absent = ", ".join(judgements[0].absent)
+        rows = [_claim_row(comparison, judgement, write) for judgement in judgements]
+        absent = ", ".join(map(law_title, judgements[0].absent))
         without = f" (here without {absent})" if absent else ""
         blocks.append(Block(write.text(f"“{says}”{without}"), rows))
     sources = dict.fromkeys(judgement.source for judgement in comparison.judgements)
     caption = (
-        f"Claims of {write.text('; '.join(sources))}, asked of this experiment, at "
+        f"Claims of {write.text('; '.join(sources))}, tested on this experiment, at "
         f"{_runs_each(comparison)}"
     )
     header = ["measured", "window", "found", "verdict", "runs to decide"]
     notes = [
-        "Differences below 0 support a claim: supported, when the whole interval lies below 0; not "
-        "supported, when it lies above; undecided, when it holds 0. A claim on every run takes "
-        "enough runs without exception to speak for 95 % of all initial states."
+        "Differences below 0 support a claim: supported if the whole interval lies below 0, not "
+        "supported if it lies above, undecided if it contains 0. A claim about every run is "
+        "supported only if no run violates it and the runs are enough to speak for 95 % of all "
+        "initial states."
     ]
-    return TextTable("claims", caption, header, blocks, _plain(notes, write))
+    spare = ("runs to decide",)
+    return TextTable("claims", caption, header, blocks, _plain(notes, write), spare)
 
 
-def _claim_row(judgement: Judgement, write: Plain) -> list[str]:
+def _claim_row(comparison: Comparison, judgement: Judgement, write: Plain) -> list[str]:
     if judgement.pair is None:
         assert judgement.measured is not None
-        what = write.text(f"{judgement.controller}: {judgement.statement}")
+        law = comparison.titles.get(judgement.controller, judgement.controller)
+        what = write.text(f"{law}: {judgement.statement}")
         found = f"in {judgement.held} of {judgement.runs} runs"
         window = write.window(judgement.measured.window)
     else:
         pair = judgement.pair
         symbol = write.name(pair.measured.quantity)
-        what = f"{symbol}: {write.text(f'{pair.first} − {pair.second}')}"
+        what = f"{symbol}: {write.text(_difference(comparison, pair.first, pair.second))}"
         interval = write.interval(pair.difference, pair.low, pair.high)
         found = " ".join(filter(None, [interval, write.unit(pair.measured.unit)]))
         found += f" ({_relative(pair, write)})"

@@ -1,13 +1,10 @@
 """Claims against measurements; it knows no single claim and no table."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
-from scipy.special import betaincinv
 
 from eqt_cli.analysis.comparison.claims import AtMost, Claim, ClaimSet, Less
 from eqt_cli.analysis.comparison.pairs import Pair
@@ -114,6 +111,8 @@ def judge_at_most(
     Not supported by a single exception; supported when the runs without one are enough to say that
     at least 95 % of all initial states have none (exact binomial interval of Clopper and Pearson).
     """
+    from scipy.special import betaincinv  # slow to import
+
     values = measured.values[index]
     values = values[np.isfinite(values)]
     held, runs = int(np.count_nonzero(values <= row.bound)), len(values)

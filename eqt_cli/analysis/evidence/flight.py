@@ -1,10 +1,8 @@
 """Runs of a loop that is not ideal, as they were integrated, with all that they drew."""
 
-from __future__ import annotations
-
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -43,37 +41,37 @@ class Flight:
         return self.problem.batched_loop(extra_axes=1)
 
     @property
+    def period(self) -> float:
+        """Of control, s; infinite where the law acts continuously."""
+        control = self.problem.loop.vehicle.control
+        return math.inf if control is None else control.period
+
+    @property
     def periods(self) -> Array:
         """The number of the control period that begins at each sample or goes on there."""
-        control = self.problem.loop.vehicle.control
-        assert control is not None
-        return np.floor(self.problem.times / control.period + SLACK).astype(int)
+        return np.floor(self.problem.times / self.period + SLACK).astype(int)
 
     @property
     def within(self) -> Array:
         """The samples from which to the next one no command arrives; not the last."""
-        control = self.problem.loop.vehicle.control
-        assert control is not None
-        ends = np.ceil(self.problem.times[1:] / control.period - SLACK).astype(int)
+        ends = np.ceil(self.problem.times[1:] / self.period - SLACK).astype(int)
         return np.flatnonzero(ends == self.periods[:-1] + 1)
 
-    def white_noise(self) -> Iterator[tuple[str, Array]]:
+    def white_noise(self) -> Iterator[Array]:
         """What each sensor of white noise tells each run, ``(runs, instants, m)``, of variance 1.
 
         Along axes without noise it is left out.
         """
-        loop, vehicle = self.problem.loop, self.problem.loop.vehicle
-        assert vehicle.control is not None
-        G, period, count = loop.group, vehicle.control.period, self.problem.control_instants
-        for place, sensor in vehicle.sensors().items():
+        G, count = self.problem.loop.group, self.problem.control_instants
+        for place, sensor in self.problem.loop.vehicle.sensors().items():
             found = []
             for run in self.numbers.tolist():
-                random = partial(generator_at, self.seed, Stream.VEHICLE, run)(place)
+                random = generator_at(self.seed, Stream.VEHICLE, run, place)
                 own = sensor.of_run(random)
-                deviation = own.white_deviation(G, period)
+                deviation = own.white_deviation(G, self.period)
                 if deviation is None:
                     break
-                errors = own.errors(G, count, period, random)[:, deviation > 0]
+                errors = own.errors(G, count, self.period, random)[:, deviation > 0]
                 found.append(errors / deviation[deviation > 0])
             if len(found) == len(self.numbers) and found and found[0].size:
-                yield place, np.array(found)
+                yield np.array(found)

@@ -43,10 +43,9 @@ class Bounded:
         self.value, self.error, self.rate, self.rate_error = value, error, rate, rate_error
 
     def __add__(self, other: Any) -> Bounded:
-        if not isinstance(other, Bounded):
-            if other == 0:
-                return self
-            other = Bounded(float(other))
+        if not isinstance(other, Bounded) and other == 0:
+            return self
+        other = _bounded(other)
         value, rate = self.value + other.value, self.rate + other.rate
         return Bounded(
             value,
@@ -56,10 +55,9 @@ class Bounded:
         )
 
     def __mul__(self, other: Any) -> Any:
-        if not isinstance(other, Bounded):
-            if other == 0:
-                return 0.0
-            other = Bounded(float(other))
+        if not isinstance(other, Bounded) and other == 0:
+            return 0.0
+        other = _bounded(other)
         a, b = abs(self.value), abs(other.value)
         value = self.value * other.value
         error = a * other.error + b * self.error + self.error * other.error + UNIT * abs(value)
@@ -162,25 +160,19 @@ def discrepancy(left: Array, right: Array) -> tuple[float, float]:
 
 def _read(numbers: Array, attribute: str) -> Array:
     numbers = np.asarray(numbers, dtype=object)
-    plain = 0.0 if attribute != "value" else None
-    found = [
-        getattr(entry, attribute)
-        if isinstance(entry, Bounded)
-        else (float(entry) if plain is None else plain)
-        for entry in numbers.flat
-    ]
+    found = [getattr(_bounded(entry), attribute) for entry in numbers.flat]
     return np.array(found, dtype=float).reshape(numbers.shape)
 
 
-def _value(x: Any) -> float:
-    return x.value if isinstance(x, Bounded) else float(x)
+def _bounded(x: Any) -> Bounded:
+    return x if isinstance(x, Bounded) else Bounded(float(x))
 
 
 register_symbols(
     Bounded,
     {
         **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
-        "less": lambda a, b: _value(a) < _value(b),
+        "less": lambda a, b: _bounded(a).value < _bounded(b).value,
         "where": lambda condition, a, b: a if condition else b,
     },
 )

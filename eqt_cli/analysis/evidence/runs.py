@@ -1,7 +1,5 @@
 """The runs of one law as far as a result keeps them, and the setting that all laws share."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

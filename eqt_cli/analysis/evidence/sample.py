@@ -1,7 +1,5 @@
 """A closed loop at random states, in numbers that know their rate and their rounding errors."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -114,7 +112,7 @@ def sampled(
             for Q, V, Q_d, V_d, t in zip(poses[0], vectors[0], poses[1], Vd, times, strict=True)
         ]
     )
-    _draw_beyond_work(loop, flat, random)
+    draw_beyond_work(loop, flat, random)
     drift = np.maximum(G.drift(poses[0]), G.drift(poses[1]))
     # What is off the group by its drift is as good as an element of it with errors of that size.
     errors = np.maximum(drift[:, None], UNIT * np.abs(flat))
@@ -136,7 +134,7 @@ def sampled(
     )
 
 
-def _draw_beyond_work(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
+def draw_beyond_work(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
     """Random numbers for every state behind W, such as a law's memory, which starts at 0."""
     beyond = flat[:, loop.layout.slices["work"].stop :]
     beyond[:] = random.standard_normal(beyond.shape)

@@ -1,7 +1,5 @@
 """What an oracle is, and the rigid body that it is asked about."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from importlib.util import find_spec

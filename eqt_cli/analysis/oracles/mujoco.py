@@ -1,11 +1,8 @@
 """MuJoCo's rigid body; its package is not loaded before it is asked."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from eqt_cli.analysis.oracles.base import RigidBody, SteppingOracle
 from eqt_cli.core.arrays import Array
@@ -52,6 +49,8 @@ class MuJoCo(SteppingOracle):
         self.data = mujoco.MjData(self.model)
 
     def start(self, R: Array, x: Array, V: Array) -> None:
+        from scipy.spatial.transform import Rotation  # slow to import
+
         wxyz = np.roll(Rotation.from_matrix(R).as_quat(), 1)
         self.data.time = 0.0
         self.data.qpos[:] = [*x, *wxyz] if self.free else wxyz
@@ -68,10 +67,11 @@ class MuJoCo(SteppingOracle):
         return np.concatenate([found[3:], R.T @ found[:3] - np.cross(V[:3], V[3:])])
 
     def steps(self, force: Array, step: float, count: int) -> tuple[Array, Array, Array]:
+        from scipy.spatial.transform import Rotation  # slow to import
+
         self.model.opt.timestep = step
         self._push(force)
-        for _ in range(count):
-            self.program.mj_step(self.model, self.data)
+        self.program.mj_step(self.model, self.data, nstep=count)
         q, rates = np.array(self.data.qpos), np.array(self.data.qvel)
         R = Rotation.from_quat(np.roll(q[-4:], -1)).as_matrix()
         if not self.free:

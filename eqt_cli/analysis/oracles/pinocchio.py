@@ -1,11 +1,8 @@
 """Pinocchio's rigid body; its package is not loaded before it is asked."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from eqt_cli.analysis.oracles.base import Oracle, RigidBody
 from eqt_cli.core.arrays import Array
@@ -44,6 +41,8 @@ class Pinocchio(Oracle):
         self.data = self.model.createData()
 
     def acceleration(self, R: Array, x: Array, V: Array, force: Array) -> Array:
+        from scipy.spatial.transform import Rotation  # slow to import
+
         xyzw = Rotation.from_matrix(R).as_quat()
         order = [3, 4, 5, 0, 1, 2] if self.free else [0, 1, 2]
         q = np.array([*x, *xyzw])

@@ -1,14 +1,14 @@
 """What a foreign plant says of an experiment, as rows beside the certificates."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.analysis.certificates.base import Row, Verdict
 from eqt_cli.analysis.evidence.runs import STATES_PER_RTOL
+from eqt_cli.analysis.evidence.sample import draw_beyond_work
 from eqt_cli.analysis.oracles.base import Oracle, RigidBody, SteppingOracle
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, frobenius, norm
@@ -61,11 +61,20 @@ def oracle_rows(
     rows: list[Row] = []
     for index, (label, loop) in enumerate(loops.items()):
         if index == 0:  # the reference and its inertia are the same for all laws
-            rows += ask.reference(loop)
-        rows += ask.plant(label, loop)
+            rows.append(ask.row("acceleration of the reference", "", ask.reference, loop))
+        rows.append(ask.row("acceleration of the plant", label, ask.plant, loop))
         if issubclass(kind, SteppingOracle):
-            rows += ask.closed_loop(label, loop, start)
+            name = "sampled loop converges to eqt's"
+            rows.append(ask.row(name, label, ask.closed_loop, loop, start))
     return rows
+
+
+_Answer = tuple[Verdict, float | None, float | None, str]
+"""A verdict, what was measured, its bound and a remark."""
+
+
+class _NotCovered(Exception):
+    """Why the other program cannot be asked."""
 
 
 class _Asked:
@@ -75,36 +84,33 @@ class _Asked:
         self.kind, self.random = kind, random
         self.statement = f"{kind.title} {kind.version()}"
 
-    def reference(self, loop: ClosedLoop) -> Iterator[Row]:
-        """V̇_d under τ_d, with the inertia that the laws believe."""
-        name = "acceleration of the reference"
-        body = self._body(loop, _tensor(loop, s := self._states(loop), true=False))
-        if isinstance(body, str):
-            yield self._row(name, Verdict.NOT_COVERED, remark=body)
-            return
-        _, P_dot = lie_poisson(s.G, s.Qd, s.Pd, s.Vd, s.tau_d)
-        yield self._compared(name, "", s, body, (s.Qd, s.Vd, s.tau_d, s.inertia.velocity(P_dot)))
+    def row(self, name: str, label: str, ask: Callable[..., _Answer], *about: Any) -> Row:
+        """What it answers."""
+        try:
+            verdict, measured, bound, remark = ask(*about)
+        except _NotCovered as reason:
+            verdict, measured, bound, remark = Verdict.NOT_COVERED, None, None, str(reason)
+        return Row(name, self.statement, "oracle", label, measured, bound, verdict, remark)
 
-    def plant(self, label: str, loop: ClosedLoop) -> Iterator[Row]:
+    def reference(self, loop: ClosedLoop) -> _Answer:
+        """V̇_d under τ_d, with the inertia that the laws believe."""
+        s = self._states(loop)
+        body = self._body(loop, s, true=False)
+        _, P_dot = lie_poisson(s.G, s.Qd, s.Pd, s.Vd, s.tau_d)
+        return _compared(s, body, (s.Qd, s.Vd, s.tau_d, s.inertia.velocity(P_dot)))
+
+    def plant(self, loop: ClosedLoop) -> _Answer:
         """V̇ under all that acts, with the true inertia."""
-        name = "acceleration of the plant"
-        body = self._body(loop, _tensor(loop, s := self._states(loop), true=True))
-        if isinstance(body, str):
-            yield self._row(name, Verdict.NOT_COVERED, label, remark=body)
-            return
+        s = self._states(loop)
+        body = self._body(loop, s, true=True)
         acting, _ = loop.acting_and_rates(s)
         _, P_dot = lie_poisson(s.G, s.Q, s.P, s.V, acting)
         forces = _without_inertia(loop.vehicle).acting(s, loop.torque(s))
-        yield self._compared(name, label, s, body, (s.Q, s.V, forces, s.inertia.velocity(P_dot)))
+        return _compared(s, body, (s.Q, s.V, forces, s.inertia.velocity(P_dot)))
 
-    def closed_loop(self, label: str, loop: ClosedLoop, start: Start) -> Iterator[Row]:
+    def closed_loop(self, loop: ClosedLoop, start: Start) -> _Answer:
         """A loop with a zero-order hold, stepped by the oracle, against eqt's solution."""
-        name = "sampled loop converges to eqt's"
-        s = self._states(loop)
-        body = self._body(loop, _tensor(loop, s, true=False))
-        if isinstance(body, str):
-            yield self._row(name, Verdict.NOT_COVERED, label, remark=body)
-            return
+        body = self._body(loop, self._states(loop), true=False)
         assert isinstance(body, SteppingOracle)
         loop = replace(loop, vehicle=Vehicle(control=Sampling(PERIOD)))
         G, x = loop.group, self.random.standard_normal((2, loop.group.dimension)) / 2
@@ -117,8 +123,7 @@ class _Asked:
         solution = exact.solve(Problem(loop, first[None], times), lambda runs: None)
         if solution.status[0]:
             said = f"eqt's own run fails: {solution.messages[0]}"
-            yield self._row(name, Verdict.UNDECIDED, label, remark=said)
-            return
+            return Verdict.UNDECIDED, None, None, said
         found = [_stepped(loop, body, times, first, solution.states[0], n) for n in SUBSTEPS]
         orders = np.log2(np.array(found[:-1]) / found[1:])
         bound = max(found[0] / SUBSTEPS[-1] ** (ORDER - SHORTFALL), STATES_PER_RTOL * RTOL)
@@ -126,7 +131,7 @@ class _Asked:
         falls = ", ".join(f"{order:.2f}" for order in orders)
         step = PERIOD / SUBSTEPS[-1]
         said = f"at {times[-1]:g} s, steps of {step:g} s; falls with order {falls}"
-        yield self._row(name, verdict, label, found[-1], bound, said)
+        return verdict, found[-1], bound, said
 
     def _states(self, loop: ClosedLoop) -> Tracking:
         """The loop at random states, all at one time."""
@@ -135,62 +140,42 @@ class _Asked:
         V, Vd = random.standard_normal((2, STATES, G.dimension))
         t = float(random.uniform(0.0, 1.0))
         flat = loop.initial_state(Q, V, Qd, Vd, t)
-        beyond = flat[:, loop.layout.slices["work"].stop :]
-        beyond[:] = random.standard_normal(beyond.shape)
+        draw_beyond_work(loop, flat, random)
         return loop.tracking(t, flat)
 
-    def _body(self, loop: ClosedLoop, tensor: Array | str) -> Oracle | str:
-        """The loop's body in the other program, or why there is none."""
-        if isinstance(tensor, str):
-            return tensor
-        body = RigidBody.of(loop.group, tensor)
+    def _body(self, loop: ClosedLoop, s: Tracking, *, true: bool) -> Oracle:
+        """The loop's body in the other program, with its true inertia or the one believed in."""
+        inertia: Inertia = s.inertia
+        if true and loop.vehicle.inertia is not None:
+            prefix = f"{INERTIA}."
+            own = loop.vehicle.given.items()
+            given = {name.removeprefix(prefix): x for name, x in own if name.startswith(prefix)}
+            inertia = loop.vehicle.inertia.at(inertia, s.t, given)
+        if inertia.change is not None:
+            raise _NotCovered("the inertia varies in time")
+        body = RigidBody.of(loop.group, np.asarray(inertia.matrix))
         if body is None:
-            return "no rigid body in space has this group or this inertia"
+            raise _NotCovered("no rigid body in space has this group or this inertia")
         try:
             return self.kind(body)
         except ValueError as error:
-            return f"{self.kind.title} does not take this body: {error}"
-
-    def _compared(
-        self, name: str, label: str, s: Tracking, oracle: Oracle, given: tuple[Array, ...]
-    ) -> Row:
-        """The largest difference of accelerations; given are Q, V, the force and eqt's V̇."""
-        Q, V, force, expected = (
-            np.broadcast_to(values, (STATES, *values.shape[values.ndim - axes :]))
-            for values, axes in zip(given, (2, 1, 1, 1), strict=True)
-        )
-        worst = 0.0
-        for k in range(STATES):
-            found = oracle.acceleration(*_placed(s, Q[k]), V[k], force[k])
-            size = max(1.0, float(np.abs(expected[k]).max()))
-            worst = max(worst, float(np.abs(found - expected[k]).max()) / size)
-        verdict = Verdict.HOLDS if worst <= TOLERANCE else Verdict.FAILS
-        remark = f"relative, at {STATES} random states"
-        return self._row(name, verdict, label, worst, TOLERANCE, remark)
-
-    def _row(
-        self,
-        name: str,
-        verdict: Verdict,
-        label: str = "",
-        measured: float | None = None,
-        bound: float | None = None,
-        remark: str = "",
-    ) -> Row:
-        return Row(name, self.statement, "oracle", label, measured, bound, verdict, remark)
+            reason = f"{self.kind.title} does not take this body: {error}"
+            raise _NotCovered(reason) from error
 
 
-def _tensor(loop: ClosedLoop, s: Tracking, *, true: bool) -> Array | str:
-    """The inertia tensor, or why there is no constant one."""
-    found: Inertia = s.inertia
-    if true and loop.vehicle.inertia is not None:
-        prefix = f"{INERTIA}."
-        own = loop.vehicle.given.items()
-        given = {name.removeprefix(prefix): x for name, x in own if name.startswith(prefix)}
-        found = loop.vehicle.inertia.at(found, s.t, given)
-    if found.change is not None:
-        return "the inertia varies in time"
-    return np.asarray(found.matrix)
+def _compared(s: Tracking, oracle: Oracle, given: tuple[Array, ...]) -> _Answer:
+    """The largest difference of accelerations; given are Q, V, the force and eqt's V̇."""
+    Q, V, force, expected = (
+        np.broadcast_to(values, (STATES, *values.shape[values.ndim - axes :]))
+        for values, axes in zip(given, (2, 1, 1, 1), strict=True)
+    )
+    worst = 0.0
+    for k in range(STATES):
+        found = oracle.acceleration(*_placed(s, Q[k]), V[k], force[k])
+        size = max(1.0, float(np.abs(expected[k]).max()))
+        worst = max(worst, float(np.abs(found - expected[k]).max()) / size)
+    verdict = Verdict.HOLDS if worst <= TOLERANCE else Verdict.FAILS
+    return verdict, worst, TOLERANCE, f"relative, at {STATES} random states"
 
 
 def _without_inertia(vehicle: Vehicle) -> Vehicle:

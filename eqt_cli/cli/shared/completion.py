@@ -4,9 +4,6 @@ The first Tab after eqt or what is installed beside it has changed takes a secon
 component of a plugin file is known here.
 """
 
-from __future__ import annotations
-
-import json
 import os
 import sysconfig
 from collections.abc import Callable, Iterator
@@ -19,7 +16,7 @@ import typer
 
 from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.core.errors import EqtError
-from eqt_cli.core.files import replace_file
+from eqt_cli.core.files import read_record, write_record
 from eqt_cli.core.registry import summary
 
 Completions = list[tuple[str, str]]
@@ -36,11 +33,6 @@ def names(kind: str) -> Complete:
         return _starting(incomplete, _known()["names"][kind])
 
     return complete
-
-
-def kinds(incomplete: str) -> Completions:
-    """Completes a kind of components, for `eqt list`."""
-    return _starting(incomplete, dict.fromkeys([*KINDS, "configs"], ""))
 
 
 def shipped(incomplete: str) -> Completions:
@@ -115,14 +107,14 @@ def _below(data: Any, prefix: str) -> Iterator[str]:
 def _known() -> dict[str, Any]:
     """Names of components, keys of configurations, options of figures: as kept, or found anew."""
     state, file = _state(), _file()
-    with suppress(OSError, ValueError, KeyError, TypeError):
-        kept = json.loads(file.read_text(encoding="utf-8"))
-        if kept["state"] == state:
-            return dict(kept)
+    with suppress(OSError):
+        kept = read_record(file, "state", "names", "keys", "figure_options")
+        if kept and kept["state"] == state:
+            return kept
     found = {"state": state} | _collected()
     with suppress(OSError):
         file.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(file, json.dumps(found).encode())
+        write_record(file, found)
     return found
 
 

@@ -1,7 +1,5 @@
 """Options that several commands share."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,6 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion
+from eqt_cli.cli.shared.help import COMPUTING, EXPERIMENT, OUTPUT, RESULT, SELECTION
+from eqt_cli.cli.shared.output import be_quiet
 from eqt_cli.core.errors import EqtError
 
 
@@ -22,6 +22,25 @@ def overrides(set_: Sequence[str] | None, engine: str | None = None) -> dict[str
     """What ``--set`` and ``--engine`` change of a configuration."""
     chosen = {} if engine is None else {"--engine": f"solver.engine={engine}"}
     return placed("--set", set_) | chosen
+
+
+def the_one(command: str, results: Sequence[Path], does: str = "") -> Path:
+    """The result that a command takes.
+
+    Raises
+    ------
+    EqtError
+        If several were given; it says how they are compared.
+    """
+    if len(results) == 1:
+        return results[0]
+    both = "both" if len(results) == 2 else "all"
+    raise EqtError(
+        f"{command} takes one result{does}; got {len(results)}. To compare across experiments, put "
+        "the laws in one configuration, as entries of `controllers` with labels and gains of "
+        f"their own. To draw {both} in one figure: `eqt plot {' '.join(map(str, results))} --out "
+        f"figures/{both}`"
+    )
 
 
 def folder(text: str) -> Path:
@@ -37,76 +56,108 @@ def folder(text: str) -> Path:
     return Path(text)
 
 
-def out(help: str) -> Any:
+def out(help: str, metavar: str = "DIR") -> Any:
     """The option ``--out`` for a folder."""
-    return typer.Option("--out", metavar="DIR", parser=folder, help=help)
+    return valued("--out", metavar, help, RESULT, parser=folder)
 
 
-def flag(*names: str, help: str) -> Any:
+def flag(*names: str, help: str, group: str) -> Any:
     """An option without a value."""
-    return typer.Option(*names, metavar="", help=help)
+    return typer.Option(*names, metavar="", help=help, rich_help_panel=group)
 
 
-def named(option: str, complete: completion.Complete, help: str) -> Any:
+def valued(option: str, metavar: str, help: str, group: str, **more: Any) -> Any:
+    """An option with a value, which the help calls `metavar`, in a group of the help."""
+    return typer.Option(option, metavar=metavar, help=help, rich_help_panel=group, **more)
+
+
+def named(option: str, complete: completion.Complete, help: str, group: str) -> Any:
     """An option that takes a name, of those that a shell completes."""
-    return typer.Option(option, metavar="NAME", autocompletion=complete, help=help)
+    return valued(option, "NAME", help, group, autocompletion=complete)
 
 
 def figure(help: str) -> Any:
     """The option ``--figure``."""
-    return named("--figure", completion.names("figures"), help)
+    return named("--figure", completion.names("figures"), help, SELECTION)
 
 
 Config = Annotated[
     Path, typer.Argument(metavar="CONFIG", help="YAML configuration, or a result to run again.")
 ]
-Result = Annotated[Path, typer.Argument(metavar="RESULT", help="Result folder, or its results.h5.")]
+Result = Annotated[
+    Path, typer.Argument(metavar="RESULT", help="Result folder, or the results.h5 in it.")
+]
+MoreResults = Annotated[list[Path] | None, typer.Argument(metavar="", hidden=True)]
+"""Results that a command does not take, so that it can say what to do instead."""
 Set = Annotated[
     list[str] | None,
-    typer.Option(
+    valued(
         "--set",
-        metavar="KEY=VALUE",
+        "KEY=VALUE",
+        "Override a key of the configuration, such as gains.kp=2. Repeatable.",
+        EXPERIMENT,
         autocompletion=completion.settings,
-        help="Override a key of the configuration, as gains.kp=2; may be repeated.",
     ),
 ]
 Out = Annotated[Path | None, out("Result folder.")]
-Json = Annotated[bool, flag("--json", help="Print one JSON document.")]
-Quiet = Annotated[bool, flag("--quiet", "-q", help="Print results only.")]
+Json = Annotated[bool, flag("--json", help="Print one JSON document.", group=OUTPUT)]
+Quiet = Annotated[
+    bool,
+    typer.Option(
+        "--quiet",
+        "-q",
+        metavar="",
+        callback=be_quiet,
+        help="Print errors only.",
+        rich_help_panel=OUTPUT,
+    ),
+]
+Verbose = Annotated[bool, flag("--verbose", "-v", help="Print every row.", group=OUTPUT)]
 Workers = Annotated[
     int | None,
-    typer.Option("--workers", min=1, metavar="N", help="Most cores to use; default: all."),
+    valued("--workers", "N", "Number of cores to use. Default: all.", COMPUTING, min=1),
 ]
 Engine = Annotated[
-    str | None, named("--engine", completion.names("engines"), "Engine, as solver.engine.")
+    str | None,
+    named("--engine", completion.names("engines"), "Same as --set solver.engine=NAME.", COMPUTING),
 ]
 ExecutorName = Annotated[
     str | None,
     named(
         "--executor",
         completion.names("executors"),
-        "auto, serial, threads, local or dask; default: what suits the engine.",
+        "auto, serial, threads, local or dask. Default: the one that suits the engine.",
+        COMPUTING,
     ),
 ]
 Scheduler = Annotated[
     str | None,
-    typer.Option("--scheduler", metavar="ADDRESS", help="Dask scheduler, as tcp://host:8786."),
+    valued(
+        "--scheduler", "ADDRESS", "Address of a Dask scheduler, such as tcp://host:8786.", COMPUTING
+    ),
 ]
 ShardOf = Annotated[
     str | None,
-    typer.Option(
-        "--shard", metavar="I/N", help="Compute the I-th of N shares only; eqt pack joins them."
-    ),
+    valued("--shard", "I/N", "Compute only share I of N. `eqt pack` joins the shares.", COMPUTING),
 ]
 Point = Annotated[
-    int | None, typer.Option("--point", metavar="K", help="One point of a sweep, counted from 0.")
+    int | None,
+    valued("--point", "K", "Point of a sweep, counted from 0.", SELECTION),
 ]
-Force = Annotated[bool, flag("--force", help="Start over, removing what eqt wrote there.")]
+Force = Annotated[
+    bool,
+    flag("--force", help="Start over. Removes only what eqt wrote to the folder.", group=RESULT),
+]
 RerunFailed = Annotated[
-    bool, flag("--rerun-failed", help="Compute only those runs again that failed.")
+    bool, flag("--rerun-failed", help="Compute only the failed runs again.", group=RESULT)
 ]
 TrustPlugins = Annotated[
-    bool, flag("--trust-plugins", help="Execute plugin sources stored in a result file.")
+    bool,
+    flag(
+        "--trust-plugins",
+        help="Execute the plugin sources that a result file contains.",
+        group=EXPERIMENT,
+    ),
 ]
 
 

@@ -1,38 +1,81 @@
 """How commands print: results on stdout, all else on stderr, and nothing that cannot be seen.
 
 What is printed may come from a file, so it leaves through `print_text`, `say` and `print_json`,
-which escape it; no other module prints (ruff's T20).
+which escape it; no other module prints (ruff's T20). Tables escape their cells themselves.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 import sys
-import textwrap
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any, TextIO
 
+from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.cli.shared.unbroken import folded
 from eqt_cli.core.errors import EqtError, EqtWarning, InputProblem
 from eqt_cli.core.printable import printable
+
+if TYPE_CHECKING:
+    from rich.text import Text
 
 _LINES = "\n\t"
 """What texts of several lines are made of, such as the source of a plugin."""
 
 
-def print_text(text: str = "") -> None:
-    """A result, on stdout."""
-    print(printable(text, _LINES))
+_silent = False
+"""Whether this command was told to print errors only."""
+
+
+def be_quiet(quiet: bool) -> bool:
+    """What ``--quiet`` does: tables and remarks are left out, errors and documents are not."""
+    global _silent
+    _silent = quiet
+    return quiet
+
+
+def is_quiet() -> bool:
+    """Whether only errors are printed, and documents such as JSON or CSV."""
+    return _silent
+
+
+def print_text(*pieces: str | Text) -> None:
+    """A result, on stdout; on a terminal, lines are broken between words and tables coloured."""
+    if _silent:
+        return
+    for piece in pieces or ("",):
+        if isinstance(piece, str):
+            print(_folded(printable(piece, _LINES), sys.stdout))
+        else:
+            from rich.console import Console
+
+            console = Console(file=sys.stdout, soft_wrap=True, highlight=False)
+            with console.capture() as captured:  # which would exit where a reader has left
+                console.print(piece)
+            print(captured.get(), end="")
+
+
+def print_verbatim(text: str) -> None:
+    """A document, such as a configuration or CSV, on stdout; no line of it is broken."""
+    print(printable(text.removesuffix("\n"), _LINES))
 
 
 def say(message: str) -> None:
     """A remark, on stderr."""
-    print(printable(message, _LINES), file=sys.stderr, flush=True)
+    if not _silent:
+        complain(message)
+
+
+def complain(message: str) -> None:
+    """An error, on stderr, also where only errors are printed."""
+    print(_folded(printable(message, _LINES), sys.stderr), file=sys.stderr, flush=True)
 
 
 def warn(remark: EqtWarning) -> None:
-    """What a user should know of a result even with --quiet, on stderr."""
+    """What a user should know of a result, on stderr."""
     say(f"eqt: {remark.told(option)}")
 
 
@@ -52,12 +95,12 @@ def json_text(document: Any, indent: int | None = None) -> str:
     return printable(text, _LINES, lambda character: json.dumps(character)[1:-1])
 
 
-def print_found(document: Any, text: str, *, json: bool, nothing: str = "") -> None:
+def print_found(document: Any, *pieces: str | Text, json: bool, nothing: str = "") -> None:
     """What a command has found, as one JSON document or as text; `nothing` where it is empty."""
     if json:
         print_json(document)
-    elif text:
-        print_text(text.removesuffix("\n"))
+    elif any(pieces):
+        print_text(*pieces)
     elif nothing:
         say(nothing)
 
@@ -83,84 +126,51 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def table(header: list[str], rows: list[list[str]]) -> str:
-    """Columns under their headings: text to the left, numbers to the right."""
-    head, body = columns(header, rows, room())
-    return "\n".join([*head, *body])
-
-
 def print_records(header: list[str], rows: Sequence[Sequence[Any]], *, json: bool) -> None:
     """A table, or its rows as JSON objects; a cell of several words is a list there."""
-    document = [dict(zip(header, row, strict=True)) for row in rows]
+    if json:
+        print_json([dict(zip(header, row, strict=True)) for row in rows])
+        return
     cells = [[cell if isinstance(cell, str) else ", ".join(cell) for cell in row] for row in rows]
-    print_found(document, table(header, cells), json=json)
+    print_text(table(header, cells))
 
 
-def room() -> int | None:
+def table(header: list[str], rows: list[list[str]]) -> Text:
+    """Columns under their headings: text to the left, numbers to the right."""
+    return laid_out(TextTable("", "", header, [Block("", rows)]))
+
+
+def laid_out(table: TextTable) -> Text:
+    """A table as it is printed, as wide as the terminal; a pipe gets all of it."""
+    from eqt_cli.cli.shared.terminal_tables import table_text
+
+    return table_text(table, room())
+
+
+def room(stream: TextIO | None = None) -> int | None:
     """The width of the terminal; None where stdout is none, as a program may read it."""
-    return shutil.get_terminal_size().columns if sys.stdout.isatty() else None
+    if not (stream or sys.stdout).isatty():
+        return None
+    return shutil.get_terminal_size().columns
 
 
-def columns(
-    header: list[str], rows: list[list[str]], room: int | None = None
-) -> tuple[list[str], list[str]]:
-    """The headings with a rule below, and the rows, each without a line break at its end.
-
-    What is wider than `room` gets headings of several lines, and then a last column of text that
-    is wrapped; numbers are never cut.
-    """
-    rows = [[printable(cell) for cell in row] for row in rows]
-    bodies = [max((len(row[i]) for row in rows), default=0) for i in range(len(header))]
-    numeric = [all(_is_number(row[i]) for row in rows) for i in range(len(header))]
-    heads = [[heading] for heading in header]
-    widths = [max(len(heading), body) for heading, body in zip(header, bodies, strict=True)]
-    if room is not None and _total(widths) > room:
-        heads = [_folded(heading, body) for heading, body in zip(header, bodies, strict=True)]
-        widths = [max(body, *map(len, head)) for head, body in zip(heads, bodies, strict=True)]
-    left = 0 if room is None else room - _total([*widths[:-1], 0])
-    if _LEAST_TEXT <= left < widths[-1] and not numeric[-1]:
-        widths[-1] = left
-        rows = [[*row[:-1], textwrap.fill(row[-1], left)] for row in rows]
-
-    def line(cells: list[str]) -> str:
-        padded = (
-            cell.rjust(width) if right else cell.ljust(width)
-            for cell, width, right in zip(cells, widths, numeric, strict=True)
-        )
-        return _GAP.join(padded).rstrip()
-
-    def lines(row: list[str]) -> str:
-        first, *more = row[-1].split("\n")
-        empty = [""] * (len(row) - 1)
-        return "\n".join([line([*row[:-1], first]), *(line([*empty, rest]) for rest in more)])
-
-    rule = _GAP.join("─" * width for width in widths)
-    height = max(map(len, heads))
-    raised = [[""] * (height - len(head)) + head for head in heads]
-    return [*map(line, map(list, zip(*raised, strict=True))), rule], [lines(row) for row in rows]
+def _folded(text: str, stream: TextIO) -> str:
+    """Lines broken between words where a terminal would break them anywhere."""
+    width = room(stream)
+    if width is None:
+        return text
+    return "\n".join(_fold(line, width) for line in text.split("\n"))
 
 
-_GAP = "  "
-_LEAST_TEXT = 24
-"""A column of text that would be narrower is left as it is."""
+def _fold(line: str, width: int) -> str:
+    if len(line) <= width:
+        return line
+    indent = min(len(_HANGING.match(line)[0]), width // 2)  # type: ignore[index]  # it may be empty
+    return folded(line, width, " " * indent)
 
 
-def _total(widths: list[int]) -> int:
-    return sum(widths) + len(_GAP) * (len(widths) - 1)
-
-
-def _folded(heading: str, width: int) -> list[str]:
-    """A heading in lines no wider than its column, or than its longest word."""
-    longest = max(map(len, heading.split()), default=0)
-    return textwrap.wrap(heading, max(width, longest, 1)) or [""]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return text in ("", "-")
-    return True
+_HANGING = re.compile(r" *(\S+ {2,})?")
+"""What further lines of a line leave free: its indentation, and a word that names it."""
 
 
 def number(value: float, digits: int = 3) -> str:
@@ -168,6 +178,11 @@ def number(value: float, digits: int = 3) -> str:
     if not math.isfinite(value):
         return "-"
     return f"{value:.{digits}g}" if abs(value) < 1e-2 and value else f"{value:.{digits}f}"
+
+
+def count_of(number: int, noun: str) -> str:
+    """``1 run``, ``200 runs``."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def duration(seconds: float) -> str:

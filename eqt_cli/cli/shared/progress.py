@@ -1,14 +1,12 @@
 """Progress on stderr: a bar on a terminal, a plain line now and then elsewhere."""
 
-from __future__ import annotations
-
 import os
 import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from eqt_cli.cli.shared.output import duration, say
+from eqt_cli.cli.shared.output import duration, is_quiet, say
 
 SHOW_AFTER = 1.0
 """s; shorter work shows nothing."""
@@ -30,6 +28,10 @@ class Meter:
     """
 
     def __init__(self, total: int, what: str = "runs") -> None:
+        self.begin(what, total)
+
+    def begin(self, what: str, total: int) -> None:
+        """What is counted from now on, and how many there are."""
         self.total, self.what, self.done, self.found = total, what, 0.0, 0.0
         self.note = ""
         self.started = time.monotonic()
@@ -69,13 +71,13 @@ class Meter:
 
 
 @contextmanager
-def progress(total: int, *, quiet: bool, what: str = "runs") -> Iterator[Meter]:
+def progress(total: int, what: str = "runs") -> Iterator[Meter]:
     """Show how many of `total` runs, or what else it is, are done, with rate and remaining time.
 
     Yields what is to be called with the number of further runs, in fractions.
     """
-    if quiet:
-        yield Meter(total)
+    if is_quiet():
+        yield Meter(total, what)
     elif sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
         bar = _Bar(total, what)
         try:
@@ -88,7 +90,6 @@ def progress(total: int, *, quiet: bool, what: str = "runs") -> Iterator[Meter]:
 
 class _Bar(Meter):
     def __init__(self, total: int, what: str) -> None:
-        super().__init__(total, what)
         from rich.console import Console
         from rich.progress import BarColumn, Progress, TextColumn
 
@@ -103,6 +104,14 @@ class _Bar(Meter):
         )
         self.task = self.bar.add_task(what, total=total, rate="", left="", note="")
         self.shown = False
+        super().__init__(total, what)
+
+    def begin(self, what: str, total: int) -> None:
+        """Start the bar anew."""
+        super().begin(what, total)
+        self.bar.update(
+            self.task, total=total, completed=0, description=what, rate="", left="", note=""
+        )
 
     def show(self) -> None:
         """Move the bar."""
@@ -115,8 +124,9 @@ class _Bar(Meter):
 
 
 class _Lines(Meter):
-    def __init__(self, total: int, what: str) -> None:
-        super().__init__(total, what)
+    def begin(self, what: str, total: int) -> None:
+        """Count anew."""
+        super().begin(what, total)
         self.next_line = self.started + SHOW_AFTER
 
     def show(self) -> None:

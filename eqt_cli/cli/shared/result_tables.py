@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eqt_cli.cli.shared.output import number, print_text, say, table
+from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.cli.shared.output import complain, count_of, laid_out, number, print_text
 from eqt_cli.results.result import HEADLINE, Result
+
+if TYPE_CHECKING:
+    from rich.text import Text
 
 MOST_FAILURES = 10
 """Different messages shown of failed runs."""
@@ -21,22 +26,26 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
 
     All of it is read before any of it is printed, so that a damaged file leaves nothing half said.
     """
-    lines = [*heading, _headline(result), "", *_accuracy(result)]
+    lines: list[str | Text] = [*heading, _headline(result), "", *_accuracy(result)]
     remarks = [*_disagreement(result), *(_failures(result) if result.status.any() else [])]
-    print_text("\n".join(lines))
+    print_text(*lines)
     for remark in remarks:
-        say(remark)
+        complain(remark)
 
 
-def _headline(result: Result) -> str:
+def _headline(result: Result) -> Text:
     """One line per controller: torque, tracking error, final errors, energy residual."""
     rows = []
     for row in result.headline():
         *means, residual = (row[name] for name in HEADLINE)
         runs = str(row["runs"] - row["failed"])
-        rows.append([row["controller"], runs, *map(number, means), number(residual, 1)])
-    header = ["controller", "runs", *(result.quantity(name).plain for name in HEADLINE)]
-    return table(header, rows)
+        rows.append(
+            [result.titled[row["controller"]], runs, *map(number, means), number(residual, 1)]
+        )
+    measures = [result.quantity(name).plain for name in HEADLINE]
+    spare = (measures[-1], "runs", *reversed(measures[1:-1]))
+    header = ["law", "runs", *measures]
+    return laid_out(TextTable("headline", "", header, [Block("", rows)], spare=spare))
 
 
 def _accuracy(result: Result) -> Iterator[str]:
@@ -44,22 +53,31 @@ def _accuracy(result: Result) -> Iterator[str]:
     estimates = result["error_estimate"]
     if np.isfinite(estimates).any():
         largest, median = np.nanmax(estimates), np.nanmedian(estimates)
-        yield f"error estimates: largest {largest:.1e}, median {median:.1e}"
+        yield f"error estimates: largest {largest:.2g}, median {median:.2g}"
     check = result.cross_check
     if check is not None and np.isnan(check.difference):
         yield "cross-check: nothing to compare, since its runs failed"
     elif check is not None:
         yield (
-            f"cross-check: {check.runs} runs per controller by {check.method}, "
-            f"largest difference {check.difference:.1e} (bound {check.bound:.0e})"
+            f"cross-check: {count_of(check.runs, 'run')} per controller by {check.method}, "
+            f"largest difference {check.difference:.2g} (bound {check.bound:.1g})"
         )
 
 
 def _disagreement(result: Result) -> Iterator[str]:
-    if result.cross_check is not None and not result.cross_check.holds:
+    check = result.cross_check
+    if check is None:
+        return
+    drift = result["group_drift"][result.good].max(initial=0.0)
+    if not check.holds:
         yield (
             "eqt: the two integrators differ by more than the bound; tighten solver.rtol, "
             "or look for kinks and discontinuities in the laws"
+        )
+    elif drift > check.bound:
+        yield (
+            f"eqt: poses leave the group by {drift:.2g}, more than the bound of the "
+            f"cross-check, {check.bound:.1g}; tighten solver.rtol"
         )
 
 

@@ -55,7 +55,6 @@ def run_experiment(
     force: bool,
     rerun_failed: bool,
     json: bool,
-    quiet: bool,
 ) -> None:
     """Run, report on stdout, and exit as the outcome demands."""
     from eqt_cli import api
@@ -63,7 +62,7 @@ def run_experiment(
     shard = shard_from(shard_text)
     out = out or Path("results") / experiment.name
     try:
-        with progress(experiment.study.plans.total, quiet=quiet) as advance:
+        with progress(experiment.study.plans.total) as advance:
             done = api.run(
                 experiment,
                 out,
@@ -74,16 +73,16 @@ def run_experiment(
                 progress=advance,
                 resumed=advance.skip,
                 remark=warn,
+                stage=advance.begin,
             )
     except KeyboardInterrupt as error:
         raise _interrupted(experiment.study, out, exit_code(error)) from None
-    if not quiet:
-        for entry in done.removed:
-            say(f"removed {entry}")
-        if done.was_complete:
-            say(f"{out} already holds this experiment; --force runs it again")
-        elif done.resumed:
-            say(f"{done.resumed} of {done.runs} runs were there already")
+    for entry in done.removed:
+        say(f"removed {entry}")
+    if done.was_complete:
+        say(f"{out} already holds this experiment; --force runs it again")
+    elif done.resumed:
+        say(f"{done.resumed} of {done.runs} runs were already computed")
     report(done, shard, json=json)
 
 

@@ -1,13 +1,11 @@
 """Every run with its numbers as text for other programs: CSV or JSON lines."""
 
-from __future__ import annotations
-
 import csv
 import sys
 from collections.abc import Iterator
 from typing import Any
 
-from eqt_cli.cli.shared.output import json_text, print_text
+from eqt_cli.cli.shared.output import json_text, print_verbatim
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.printable import printable
 from eqt_cli.results.result import Result
@@ -32,7 +30,7 @@ def print_run_table(result: Result, form: str) -> None:
         writer.writerows(rows)
         return
     for row in rows:
-        print_text(json_text(dict(zip(header, row, strict=True))))
+        print_verbatim(json_text(dict(zip(header, row, strict=True))))
 
 
 def _rows(result: Result, swept: list[str], numbers: list[str]) -> Iterator[list[Any]]:

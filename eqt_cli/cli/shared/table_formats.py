@@ -1,37 +1,14 @@
-"""Tables of text as terminals, LaTeX and spreadsheets take them; it knows no command."""
-
-from __future__ import annotations
+"""Tables of text as LaTeX and spreadsheets take them; it knows no command."""
 
 import csv
 import io
 import re
-import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from eqt_cli.analysis.text_tables import TextTable
-from eqt_cli.cli.shared.output import columns, room
 
 _NUMBER = re.compile(r"[-+$]*\d[\d.]*( \\?%)?")
-_WIDTH = 100
-"""Of notes, at most."""
-
-
-def as_text(table: TextTable) -> str:
-    """For a terminal: caption, columns under their headings, blocks, notes."""
-    titled = any(block.title for block in table.blocks)
-    indent = "  " if titled else ""
-    width = room()
-    head, lines = columns(table.header, table.rows, width and width - len(indent))
-    out = [table.caption, "", *(indent + line for line in head)]
-    remaining = (line.replace("\n", "\n" + indent) for line in lines)
-    for block in table.blocks:
-        if block.title:
-            out.append(block.title)
-        out += [indent + next(remaining) for _ in block.rows]
-    if table.notes:
-        out += ["", *(textwrap.fill(note, min(width or _WIDTH, _WIDTH)) for note in table.notes)]
-    return "\n".join(out)
 
 
 def as_latex(table: TextTable) -> str:

@@ -25,10 +25,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
+from eqt_cli.core.arrays import FUNCTIONS, Array, norm, register_symbols
 from eqt_cli.core.errors import EqtError, TraceError
 from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
+from eqt_cli.engines import stability
 from eqt_cli.engines.base import (
     Engine,
     Problem,
@@ -38,6 +39,7 @@ from eqt_cli.engines.base import (
     Span,
     Status,
 )
+from eqt_cli.engines.taylor.compiling import once
 from eqt_cli.engines.taylor.evaluation import CompiledFunction, compiled_function
 from eqt_cli.engines.taylor.switching import AtOnce, Comparisons, Crossing, Switchboard, recording
 
@@ -50,6 +52,10 @@ FULL_CODE_STATES = 30
 MUCH_WORK_RUNS = 10_000
 """Full (not compact) code runs twice as fast and takes 1 s to compile for 25 states, 3.5 s for 37,
 7 s for 49: worth it for 500 runs of a small system, or for 10,000 of any (benchmarks/)."""
+
+BLOCK_BYTES = 4 * 2**20
+"""Size of the states of a block: measured, half or twice as much takes a tenth longer. With all
+that follows from them they fit a cache of some 10 MiB."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +115,11 @@ class Taylor(Engine):
         tol = max(self.step_tolerance * factor, EPSILON)
         return dataclasses.replace(self, tol=tol)
 
+    def work_for_stability(self, rates: Array, duration: float) -> float:
+        """Steps: a step is a Taylor polynomial of heyoka's order, −½ ln(tol) + 1."""
+        order = max(2, int(np.ceil(1 - np.log(self.step_tolerance) / 2)))
+        return stability.steps(stability.taylor(order), rates, duration)
+
     def sized(self, runs: int, state_length: int) -> Taylor:
         """With `code` decided by the size of the whole work, so that no part decides otherwise."""
         if self.code != "auto":
@@ -123,7 +134,8 @@ class Taylor(Engine):
         A lane's steps depend on its own run only, so the results do not depend on the neighbours,
         the order or the number of threads.
         """
-        compiled = self._compile(problem.loop)
+        traced = _traced(_One(problem.loop))
+        compiled = once(_compiled, traced, self.step_tolerance, self.code != "full")
         parameters = _parameter_rows(problem)
         solution = Solution.unfilled(problem)
         lanes = compiled.integrator.batch_size
@@ -135,7 +147,7 @@ class Taylor(Engine):
                 progress(runs)
 
         def work() -> None:
-            own = copy.deepcopy(compiled)
+            own = _own(compiled, threading.get_ident())
             while True:
                 with lock:
                     runs = next(groups, None)
@@ -149,19 +161,37 @@ class Taylor(Engine):
             _in_threads(work, min(workers, -(-problem.runs // lanes)), groups, lock)
         return solution
 
+    def rehearse(self, problem: Problem) -> None:
+        """Trace the law, which is what can fail, without compiling it, which takes seconds."""
+        trace(problem.loop)
+
+    def blocks(self, problem: Problem) -> list[Array]:
+        """Runs of about the same number of steps, and as many as fit a cache with all they give.
+
+        Of a work that is not large, or a law that waits for instants, all runs at once.
+        """
+        if self.code != "full" or len(problem.spans) > 1:
+            return super().blocks(problem)
+        lanes = _heyoka().recommended_simd_size()
+        fitting = BLOCK_BYTES // (8 * len(problem.times) * problem.loop.state_length)
+        size = lanes * max(1, fitting // lanes)
+        runs = _by_speed(problem)
+        return [np.sort(runs[start : start + size]) for start in range(0, problem.runs, size)]
+
     def evaluate(
-        self, function: SampledFunction, problem: Problem, states: Array
+        self, function: SampledFunction, problem: Problem, *rows: Array
     ) -> dict[str, Array]:
         """Compiled as the law is where the work is large, by `sized`; else on arrays."""
-        compiled = _compiled_samples(function, problem.loop) if self.code == "full" else None
+        compiled = None
+        if self.code == "full":
+            lengths = tuple(row.shape[-1] for row in rows)
+            compiled = _compiled_samples(
+                function, _One(problem.loop), lengths, threading.get_ident()
+            )
         if compiled is None:
-            return super().evaluate(function, problem, states)
+            return super().evaluate(function, problem, *rows)
         held = _held_rows(problem.loop, problem.times)
-        return compiled.at_samples(problem.times, states, _parameter_rows(problem), held)
-
-    def _compile(self, loop: ClosedLoop) -> _Compiled:
-        """An integrator for the structure of a loop, whatever its parameters."""
-        return _compiled(trace(loop), self.step_tolerance, self.code != "full")
+        return compiled.at_samples(problem.times, rows, _parameter_rows(problem), held)
 
     def _solve_group(
         self,
@@ -200,8 +230,7 @@ class Taylor(Engine):
                     span, states[:, batch], numbers[:, batch], left
                 )
                 if span.later:
-                    here = slice(rows[0], rows[-1] + 1)
-                    solution.states[here, samples] = found[:, :, : len(rows)].transpose(2, 0, 1)
+                    solution.states[rows, samples] = found[:, :, : len(rows)].transpose(2, 0, 1)
                 steps[batch] += [end[3] for end in ends]
                 bad = next((end[0] for end in ends if end[0] != success), None)
                 if is_last and not np.isfinite(states[:, batch]).all():
@@ -241,7 +270,7 @@ class Taylor(Engine):
         elif end == outcomes.cb_stop:
             status = Status.SOLVER_FAILED
             reason = "a comparison in the law has no finite series here; try engine solve_ivp"
-        elif end == outcomes.err_nf_state or _is_success(end):
+        elif end in (outcomes.err_nf_state, outcomes.time_limit):
             status = Status.NON_FINITE
             reason = "the state or its derivative is no longer finite"
         else:
@@ -263,7 +292,9 @@ class Traced:
         The pairs (a, b) that the law compares.
     margins
         Their events (see `switching`).
-    first_side
+    steady
+        Whether the side of each comparison changes at its events only.
+    own_parameters
         The number of parameters of the law itself.
     after_instant
         The state after a control instant; empty where the law is not sampled.
@@ -273,7 +304,8 @@ class Traced:
     derivative: tuple[Any, ...]
     compared: tuple[tuple[Any, Any], ...]
     margins: tuple[Any, ...]
-    first_side: int
+    steady: tuple[bool, ...]
+    own_parameters: int
     after_instant: tuple[Any, ...] = ()
 
     @cached_property
@@ -289,6 +321,24 @@ class Traced:
         return hash(self._bytes)
 
 
+@dataclass(frozen=True, eq=False)
+class _One:
+    """A loop that is equal to itself only; what is traced of it once is not traced again."""
+
+    loop: ClosedLoop
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _One) and self.loop is other.loop
+
+    def __hash__(self) -> int:
+        return id(self.loop)
+
+
+@lru_cache(maxsize=64)
+def _traced(one: _One) -> Traced:
+    return trace(one.loop)
+
+
 def trace(loop: ClosedLoop) -> Traced:
     """The closed loop as expressions.
 
@@ -298,7 +348,7 @@ def trace(loop: ClosedLoop) -> Traced:
         If a component does what expressions cannot; it names component, operation and way out.
     """
     heyoka = _heyoka()
-    variables = _variables(loop)
+    variables = _symbols(loop.state_length)
     parameters = sum(value.size for value in _numbers(loop).values())
     comparisons = Comparisons(heyoka, parameters)
     token = recording.set(comparisons)
@@ -322,20 +372,27 @@ def trace(loop: ClosedLoop) -> Traced:
         for entries in (derivative, after)
     )
     compared, margins = tuple(comparisons.pairs), tuple(comparisons.margins())
-    return Traced(tuple(variables), tuple(rows), compared, margins, parameters, tuple(later))
+    steady = tuple(comparisons.steady())
+    return Traced(
+        tuple(variables), tuple(rows), compared, margins, steady, parameters, tuple(later)
+    )
 
 
-def _compiled_samples(function: SampledFunction, loop: ClosedLoop) -> CompiledFunction | None:
-    """A function of the loop, compiled; None where it does what expressions cannot.
+@lru_cache(maxsize=64)
+def _compiled_samples(
+    function: SampledFunction, one: _One, lengths: tuple[int, ...], thread: int
+) -> CompiledFunction | None:
+    """A function of the loop, compiled for a thread; None where it does what expressions cannot.
 
     Unlike a law, what is measured of one need not be compiled: an actuator may say by NumPy alone
     where it is at its limit, and a law what its Lyapunov function is.
     """
     heyoka = _heyoka()
-    variables = _variables(loop)
+    variables = _symbols(sum(lengths))
+    rows = np.split(variables[None], np.cumsum(lengths)[:-1], axis=1)
     token = recording.set(AtOnce(heyoka))
     try:
-        arrays = function(_symbolic(loop), heyoka.time, variables[None])
+        arrays = function(_symbolic(one.loop), heyoka.time, *rows)
     except Exception:
         return None
     finally:
@@ -343,9 +400,9 @@ def _compiled_samples(function: SampledFunction, loop: ClosedLoop) -> CompiledFu
     return compiled_function(heyoka, list(variables), arrays)
 
 
-def _variables(loop: ClosedLoop) -> Array:
-    """A symbol for every entry of the flat state."""
-    names = [f"y{index:04d}" for index in range(loop.state_length)]
+def _symbols(count: int) -> Array:
+    """Symbols for the entries of flat states, or of other rows of numbers."""
+    names = [f"y{index:04d}" for index in range(count)]
     return np.array(_heyoka().make_vars(*names), dtype=object)
 
 
@@ -394,7 +451,7 @@ def _parameter_rows(problem: Problem) -> Array:
     return np.concatenate(columns, axis=1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Compiled:
     """An integrator of as many runs as there are SIMD lanes; every thread needs its own."""
 
@@ -452,7 +509,7 @@ class _Compiled:
         integrator.set_time(span.start)
         integrator.state[:] = states
         self._set_parameters(numbers)
-        if span.tick is not None and not span.later:  # without dense output, three times as fast
+        if not span.later:  # without dense output, up to three times as fast
             integrator.propagate_until(span.stop, max_steps=most_steps, **watch)
             return integrator.propagate_res, integrator.state, integrator.state[:0]
         grid = np.repeat(span.grid[:, None], lanes, axis=1)
@@ -477,8 +534,8 @@ def _compiled(traced: Traced, tol: float, compact: bool) -> _Compiled:
     events, board = [], None
     if traced.compared:
         a, b = zip(*traced.compared, strict=True)
-        values = heyoka.cfunc([*a, *b, *traced.margins], list(traced.variables))
-        board = Switchboard(traced.first_side, values)
+        values = heyoka.cfunc([*a, *b], list(traced.variables))
+        board = Switchboard(traced.own_parameters, np.array(traced.steady), values)
         events = [
             heyoka.t_event_batch(margin, callback=Crossing(board, index), cooldown=0.0)
             for index, margin in enumerate(traced.margins)
@@ -495,9 +552,23 @@ def _compiled(traced: Traced, tol: float, compact: bool) -> _Compiled:
     return _Compiled(integrator, board, instant)
 
 
+@lru_cache(maxsize=32)
+def _own(compiled: _Compiled, thread: int) -> _Compiled:
+    """The copy of a thread, which takes as long to make as a run to integrate."""
+    return copy.deepcopy(compiled)
+
+
+def _by_speed(problem: Problem) -> Array:
+    """The runs in an order in which neighbours take about the same number of steps.
+
+    A batch ends with the slowest of its runs; the faster a motion begins, the more steps it takes.
+    """
+    return np.argsort(norm(problem.states), kind="stable")
+
+
 def _groups(problem: Problem, lanes: int, threads: int) -> list[Array]:
     """The runs that go together: a batch, or a thread's share where the law waits for instants."""
-    runs = np.arange(problem.runs)
+    runs = _by_speed(problem)
     batches = -(-problem.runs // lanes)
     size = lanes if len(problem.spans) == 1 else lanes * -(-batches // threads)
     return [runs[start : start + size] for start in range(0, problem.runs, size)]
@@ -523,10 +594,6 @@ def _in_threads(work: Any, threads: int, groups: Iterator[Array], lock: threadin
             raise
 
 
-def _is_success(end: Any) -> bool:
-    return bool(end == _heyoka().taylor_outcome.time_limit)
-
-
 @lru_cache(maxsize=1)
 def _heyoka() -> ModuleType:
     """heyoka, imported when first needed, with its functions made known to the laws."""
@@ -539,6 +606,7 @@ def _heyoka() -> ModuleType:
     functions |= {
         "abs": lambda x: heyoka.select(recording.get().less(x, 0.0), -x, x),
         "less": lambda a, b: recording.get().less(a, b),
+        "smooth_less": lambda a, b: recording.get().smooth_less(a, b),
         "where": heyoka.select,
     }
     register_symbols(heyoka.expression, functions)

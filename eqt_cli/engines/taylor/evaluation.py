@@ -1,10 +1,8 @@
 """Evaluates compiled expressions of the state at every sample of every run."""
 
-from __future__ import annotations
-
 import copy
 import pickle
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from types import ModuleType
@@ -13,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.engines.taylor.compiling import once
 
-AT_ONCE = 4096
-"""Samples that are evaluated together: their numbers fit the cache of a core."""
+AT_ONCE = 1024
+"""Samples that are evaluated together: their hundred numbers fit the cache of a core."""
 
 
 @dataclass(frozen=True)
@@ -38,34 +37,46 @@ class CompiledFunction:
     lanes: int
 
     def at_samples(
-        self, times: Array, states: Array, parameters: Array, held: Array
+        self, times: Array, rows: Sequence[Array], parameters: Array, held: Array
     ) -> dict[str, Array]:
         """The arrays at every sample, ``(runs, samples, …)`` each.
 
         Parameters
         ----------
         times : (samples,)
-        states : (runs, samples, n)
+        rows : (runs, samples, n) each
+            The numbers that the function takes, in its order.
         parameters : (runs, p)
             Of the loop, in the order in which they are traced.
         held : (samples, h)
             What the loop holds at these times.
         """
-        runs, samples = states.shape[:2]
-        flat = states.reshape(runs * samples, -1)
-        found = {name: np.empty((len(flat), *shape)) for name, shape in self.shapes.items()}
-        columns = {name: values.reshape(len(flat), -1) for name, values in found.items()}
-        numbers = np.arange(len(flat) + -len(flat) % self.lanes).clip(max=len(flat) - 1)
-        for start in range(0, len(numbers), AT_ONCE):
-            run, sample = np.divmod(numbers[start : start + AT_ONCE], samples)
-            rows = np.concatenate([parameters[run], held[sample]], axis=1)
+        runs, samples = rows[0].shape[:2]
+        count = runs * samples
+        given = [row.reshape(count, -1) for row in rows]
+        lengths = np.cumsum([values.shape[1] for values in given])
+        entering = np.empty((lengths[-1], AT_ONCE))
+        places = np.split(entering, lengths[:-1])
+        found = {name: np.empty((count, *shape)) for name, shape in self.shapes.items()}
+        columns = [values.reshape(count, -1) for values in found.values()]
+        varying = np.flatnonzero((parameters != parameters[0]).any(axis=0))
+        numbers = np.repeat(np.append(parameters[0], held[0])[:, None], AT_ONCE, axis=1)
+        for start in range(0, count, AT_ONCE):
+            stop = min(start + AT_ONCE, count)
+            at = np.arange(start, stop + (start - stop) % self.lanes).clip(max=count - 1)
+            run, sample = np.divmod(at, samples)
+            numbers[varying, : len(at)] = parameters[run[:, None], varying].T
+            numbers[parameters.shape[1] :, : len(at)] = held[sample].T
+            for place, values in zip(places, given, strict=True):
+                place[:, : stop - start] = values[start:stop].T
+                place[:, stop - start : len(at)] = values[-1:].T
             entries = self.function(
-                np.ascontiguousarray(flat[numbers[start : start + AT_ONCE]].T),
-                pars=np.ascontiguousarray(rows[:, : self.function.nparams].T),
+                np.ascontiguousarray(entering[:, : len(at)]),
+                pars=np.ascontiguousarray(numbers[: self.function.nparams, : len(at)]),
                 time=times[sample],
             )
-            stop, first = min(start + AT_ONCE, len(flat)), 0
-            for values in columns.values():
+            first = 0
+            for values in columns:
                 last = first + values.shape[1]
                 values[start:stop] = entries[first:last, : stop - start].T
                 first = last
@@ -85,7 +96,7 @@ def compiled_function(
         for values in arrays.values()
         for entry in np.asarray(values, dtype=object).reshape(-1)
     ]
-    function = _compiled(heyoka, pickle.dumps((entries, variables)))
+    function = once(_compiled, heyoka, pickle.dumps((entries, variables)))
     # As for integrators: every thread needs its own.
     return CompiledFunction(copy.deepcopy(function), shapes, heyoka.recommended_simd_size())
 

@@ -1,9 +1,9 @@
 """The comparisons in a traced law and where they change, exactly; it knows no law and no group.
 
 A Taylor step across a kink would follow one branch to its end, and no step-size control could see
-it. So each ``a < b`` becomes an event that ends the step, and a parameter of each lane says on
-which side it is. A side changes only when a - b has passed zero by a width far below any tolerance:
-then no crossing is missed for rounding, and two equal quantities do not switch forever.
+it. A comparison is decided where a step begins, for the whole step, and an event ends the step as
+soon as a - b has passed zero by a width far below any tolerance: then the next step begins on the
+other side, no crossing is missed for rounding, and two equal quantities do not switch forever.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 
 WIDTH = 1e-12
-"""How far a - b passes zero before a side changes, relative to its scale."""
+"""How far a - b passes zero before a step ends, relative to its scale."""
 
 AT_ONCE = 1e-6
 """A step that is shorter, s, is no more than the return to a side that was just left."""
@@ -28,6 +28,11 @@ MOST_RETURNS = 10
 
 recording: ContextVar[Comparisons | AtOnce] = ContextVar("recording")
 """Where the comparisons go of the law that is being traced."""
+
+SIDE, FACTOR, SCALE = range(3)
+NUMBERS = 3
+"""The parameters of a comparison: -1 where a < b when a side was last looked at, else 1; the factor
+of its width; and its scale: 1, or what a and b have come to."""
 
 
 @dataclass
@@ -39,35 +44,50 @@ class Comparisons:
     heyoka
         The module.
     first
-        Index of the first parameter behind the law's own. Comparison k has two: its side at
-        ``first + 2k``, negative where a < b, and its scale: 1, or what a and b have come to.
+        Index of the first parameter behind the law's own; comparison k has `NUMBERS` of them.
+    pairs
+        The pairs (a, b) with events, and their indices.
+    smooth
+        The conditions between two forms of one smooth function, which need no events.
     """
 
     heyoka: ModuleType
     first: int
     pairs: dict[tuple[Any, Any], int] = field(default_factory=dict)
+    smooth: list[Any] = field(default_factory=list)
 
     def less(self, a: Any, b: Any) -> Any:
         """The condition a < b."""
-        symbol, par = self.heyoka.expression, self.heyoka.par
+        symbol = self.heyoka.expression
         a, b = (value if isinstance(value, symbol) else symbol(float(value)) for value in (a, b))
-        if (b, a) in self.pairs:  # the same crossing must not be an event twice
-            return self.heyoka.gt(par[self.first + 2 * self.pairs[b, a]], 0.0)
-        index = self.pairs.setdefault((a, b), len(self.pairs))
-        return self.heyoka.lt(par[self.first + 2 * index], 0.0)
+        if (b, a) not in self.pairs:  # the same crossing must not be an event twice
+            self.pairs.setdefault((a, b), len(self.pairs))
+        return self.heyoka.lt(a, b)
+
+    def smooth_less(self, a: Any, b: Any) -> Any:
+        """The condition a < b, where it changes no more than the form of a function."""
+        self.smooth.append(self.heyoka.lt(a, b))
+        return self.smooth[-1]
 
     def margins(self) -> list[Any]:
-        """The events, e / (1 + e²/64) with e = (a - b) / scale + side · width.
+        """The events, e / (1 + e²/64) with e = |a - b| / scale + factor · width.
 
-        A margin has the sign of the side, or is 0. It is bounded, because heyoka chooses steps by
-        the largest of states and events: a large event would leave the states inaccurate.
+        The absolute value goes on across 0 as the branch does on which a step has begun. A margin
+        is bounded, because heyoka chooses steps by the largest of states and events: a large event
+        would leave the states inaccurate.
         """
         par, margins = self.heyoka.par, []
         for (a, b), index in self.pairs.items():
-            side, scale = par[self.first + 2 * index], par[self.first + 2 * index + 1]
-            e = (a - b) / scale + side * WIDTH
+            first = self.first + NUMBERS * index
+            e = (a - b) / par[first + SCALE]
+            e = self.heyoka.select(self.heyoka.lt(a, b), -e, e) + par[first + FACTOR] * WIDTH
             margins.append(e / (1.0 + e * e / 64.0))
         return margins
+
+    def steady(self) -> list[bool]:
+        """Whether a side changes at events only, and not with the form of a function as well."""
+        none = {condition: self.heyoka.expression(0.0) for condition in self.smooth}
+        return [not none or self.heyoka.subs(list(pair), none) == list(pair) for pair in self.pairs]
 
 
 @dataclass(frozen=True)
@@ -80,41 +100,40 @@ class AtOnce:
         """The condition a < b."""
         return self.heyoka.lt(a, b)
 
+    smooth_less = less
+
 
 @dataclass(frozen=True)
 class Switchboard:
-    """Holds the sides of every lane of an integrator true to its state.
+    """Keeps account of the sides of every lane of an integrator, so that no switch is missed.
 
     Attributes
     ----------
     first
-        Index of the first side among the parameters.
+        Index of the first parameter of the comparisons.
+    steady
+        Whether the side of each comparison changes at events only.
     evaluate
-        Compiled: every a, then every b, then every margin, of all lanes.
+        Compiled: every a, then every b, of all lanes.
     """
 
     first: int
+    steady: Array
     evaluate: Any
 
     def start(self, integrator: Any) -> None:
-        """Choose sides and scales at the initial states."""
+        """Note sides and scales at the initial states."""
         integrator.pars[self.first :] = 1.0
-        self._settle(integrator, slice(None))
+        self._note(integrator, slice(None))
 
-    def cross(self, integrator: Any, index: int, direction: int, lane: int) -> bool:
-        """Change a side where its event has happened.
-
-        False if it only goes back and forth, or if the side was wrong: a margin that comes back
-        has left without an event.
-        """
-        sides = integrator.pars[self.first :: 2, lane]
+    def cross(self, integrator: Any, index: int, lane: int) -> bool:
+        """Go on behind the event of a comparison; False if it only goes back and forth."""
+        factors = integrator.pars[self.first + FACTOR :: NUMBERS, lane]
         if integrator.last_h[lane] > AT_ONCE:
-            if direction * sides[index] > 0:
-                return False
-            sides[:] = np.sign(sides)
-        sides[index] *= -2
-        self._settle(integrator, slice(lane, lane + 1))
-        return bool(abs(sides[index]) < 2**MOST_RETURNS)
+            factors[:] = 1.0
+        factors[index] *= 2.0
+        self._note(integrator, slice(lane, lane + 1))
+        return bool(factors[index] < 2**MOST_RETURNS)
 
     def check(self, integrator: Any) -> bool:
         """After a step: False if a side has become wrong without an event.
@@ -127,43 +146,39 @@ class Switchboard:
         if (wrong > WIDTH).any():
             return False
         for lane in np.flatnonzero((wrong > 0).any(axis=0)):
-            self._settle(integrator, slice(lane, lane + 1))  # it ended on a crossing, to rounding
+            self._note(integrator, slice(lane, lane + 1))  # it ended on a crossing, to rounding
         return True
 
     def is_right(self, integrator: Any) -> bool:
         """Whether no side is wrong."""
-        return not (self._wrong(integrator) > 0).any()
+        return not self.steady.any() or not (self._wrong(integrator) > 0).any()
 
     def _wrong(self, integrator: Any) -> Array:
-        """How far each margin is on the other side, ``(comparisons, lanes)``."""
-        margins = self._values(integrator)[2]
-        wrong: Array = -margins * np.sign(integrator.pars[self.first :: 2])
+        """How far each comparison is on the other side, behind its width, ``(…, lanes)``."""
+        a, b = self._values(integrator)
+        numbers = integrator.pars[self.first :].reshape(len(a), NUMBERS, -1)
+        with np.errstate(invalid="ignore"):  # of infinite quantities
+            margins = (a - b) / numbers[:, SCALE] * numbers[:, SIDE]
+        wrong: Array = -(margins + WIDTH * numbers[:, FACTOR])[self.steady]
         return wrong
 
-    def _settle(self, integrator: Any, lanes: slice) -> None:
-        """Let the scales follow, and change every side whose margin has the other sign.
-
-        A comparison may depend on those before it, so there may be a change behind every change.
-        """
-        sides = integrator.pars[self.first :: 2, lanes]
-        scales = integrator.pars[self.first + 1 :: 2, lanes]
-        for _ in sides:
-            a, b, margins = self._values(integrator)[..., lanes]
-            # The smaller of |a| and |b|, which are equal where they cross. Growth widens the band
-            # about 0 in which no side changes, so it makes no side wrong.
-            size = np.fmin(abs(a), abs(b))
-            np.maximum(scales, size, out=scales, where=np.isfinite(size))
-            wrong = margins * sides < 0
-            if not wrong.any():
-                return
-            sides[wrong] *= -1
+    def _note(self, integrator: Any, lanes: slice) -> None:
+        """Let sides and scales follow."""
+        a, b = self._values(integrator)[..., lanes]
+        integrator.pars[self.first + SIDE :: NUMBERS, lanes] = np.where(a < b, -1.0, 1.0)
+        # The smaller of |a| and |b|, which are equal where they cross. Growth widens the band
+        # about 0 in which no step ends, so it makes no side wrong.
+        size = np.fmin(abs(a), abs(b))
+        scales = integrator.pars[self.first + SCALE :: NUMBERS, lanes]
+        np.maximum(scales, size, out=scales, where=np.isfinite(size))
 
     def _values(self, integrator: Any) -> Array:
-        """All a, b and margins, ``(3, comparisons, lanes)``."""
+        """All a and b, ``(2, comparisons, lanes)``."""
+        used = integrator.pars[: self.evaluate.nparams]
         values: Array = self.evaluate(
-            np.ascontiguousarray(integrator.state), pars=integrator.pars, time=integrator.time
+            np.ascontiguousarray(integrator.state), pars=used, time=integrator.time
         )
-        return values.reshape(3, -1, integrator.batch_size)
+        return values.reshape(2, -1, integrator.batch_size)
 
 
 @dataclass(frozen=True)
@@ -175,4 +190,4 @@ class Crossing:
 
     def __call__(self, integrator: Any, direction: int, lane: int) -> bool:
         """Go on from the event on its other side, if that leads anywhere."""
-        return self.board.cross(integrator, self.index, direction, lane)
+        return self.board.cross(integrator, self.index, lane)

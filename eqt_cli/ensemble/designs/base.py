@@ -1,7 +1,5 @@
 """What a design is: numbered points, each a value for some keys; it knows no configuration."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -80,7 +78,7 @@ def counted(design: D, problems: Problems) -> D | None:
     """
     points = design.__len__()  # len() itself fails on numbers beyond 2⁶³
     if points > MOST_POINTS:
-        problems.add(f"makes {points} points; expected at most {MOST_POINTS}")
+        problems.add(f"has {points:,} points; expected at most {MOST_POINTS:,}")
         return None
     return design
 

@@ -1,7 +1,5 @@
 """Designs one after the other, over the same keys."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +9,7 @@ from typing import Annotated, Any, ClassVar, Self
 from pydantic import Field
 
 from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.designs import Design
 from eqt_cli.ensemble.designs.base import counted
 from eqt_cli.ensemble.sweep import Sweep
@@ -34,7 +33,7 @@ class Concat(Design):
     @classmethod
     def read(cls, section: Any, problems: Problems) -> Self | None:
         if not isinstance(section, list) or not section:
-            problems.add("expected a list of blocks")
+            problems.add(f"expected a list of blocks, got {shown(section)}")
             return None
         parts = [Sweep.part(entry, problems.at(index)) for index, entry in enumerate(section)]
         found = cls([part for part in parts if part is not None])
@@ -46,7 +45,9 @@ class Concat(Design):
         """Note a part over other keys than the first."""
         for index, part in enumerate(self.parts):
             if set(part.keys) != set(self.keys):
-                problems.at(index).add(f"expected the keys of the first ({', '.join(self.keys)})")
+                problems.at(index).add(
+                    f"expected the same keys as in the first part: {', '.join(self.keys)}"
+                )
                 return
 
     @cached_property

@@ -1,7 +1,5 @@
 """Every combination of the values of several axes; the last axis changes fastest."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cached_property
 from math import prod
@@ -22,8 +20,8 @@ class Grid(Listed):
         super().check(problems)
         for key, axis in self.axes.items():
             if isinstance(axis, list) and (index := _repeated(axis)) is not None:
-                already = f"{axis[index]} is there already"
-                problems.at(key, index).add(f"{already}; give every value once")
+                already = f"{axis[index]} is listed twice"
+                problems.at(key, index).add(f"{already}; give each value once")
 
     def __len__(self) -> int:
         return prod(len(values) for values in self.lists.values())

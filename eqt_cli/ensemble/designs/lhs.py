@@ -1,7 +1,5 @@
 """Latin hypercube: along every axis, one point in each of as many equal shares as points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

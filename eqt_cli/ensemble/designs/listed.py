@@ -1,7 +1,5 @@
 """What designs have in common whose axes are lists of values."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Independent, uniformly distributed points."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """What designs have in common that spread points over ranges: seed, axes, the unit cube."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 from functools import cached_property

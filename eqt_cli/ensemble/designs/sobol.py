@@ -1,7 +1,5 @@
 """Scrambled Sobol points, which fill a cube more evenly than random ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Axes of equal length that change together."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -23,7 +21,9 @@ class Zip(Listed):
         first = self.keys[0]
         for key, values in self.lists.items():
             if len(values) != len(self):
-                problems.at(key).add(f"expected {len(self)} values as {first}, got {len(values)}")
+                problems.at(key).add(
+                    f"expected {len(self)} values, as many as {first} has, got {len(values)}"
+                )
                 return
 
     def __len__(self) -> int:

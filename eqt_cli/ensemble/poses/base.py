@@ -1,35 +1,24 @@
 """What a distribution of initial poses is, and the part that rotations have in common."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.component import Component
 from eqt_cli.core.problems import Problems
-from eqt_cli.ensemble.spread import Spread
+from eqt_cli.ensemble.spread import Distribution, Spread
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
 
 
 @dataclass(frozen=True)
-class PoseDistribution(Component):
+class PoseDistribution(Distribution):
     """A distribution on a group: a frozen dataclass whose fields are its options.
 
-    Run k starts at Q(0) = Q_d(0) · draw.
+    It draws random numbers, ``(k,)``: run k starts at Q(0) = Q_d(0) · `place`.
     """
-
-    @abstractmethod
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
-        """The random numbers of one run, ``(k,)``."""
-
-    def draw_of_run(self, G: MatrixLieGroup, generator: np.random.Generator, run: int) -> Array:
-        """The same, for a distribution that knows its runs."""
-        return self.draw(G, generator)
 
     @abstractmethod
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
@@ -37,9 +26,6 @@ class PoseDistribution(Component):
 
         Apart from `draw`, so that many runs cost one array operation.
         """
-
-    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
-        """Note what of its options does not fit the group."""
 
 
 @dataclass(frozen=True)
@@ -82,17 +68,18 @@ class RotationDistribution(PoseDistribution):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A group without rotations, or a column that it does not have."""
         if not isinstance(G, EuclideanGroup) or not G.rotations:
-            takes = f"{G.name} takes exp_normal"
+            takes = f"for {G.name} use exp_normal"
             if isinstance(G, ProductGroup):
                 takes += f", or a list of {len(G.factors)}, one per factor"
-            problems.at("kind").add(f"{self.name} needs a group of rotations; {takes}")
+            problems.at("kind").add(f"{self.name} needs a group with rotations; {takes}")
             return
         for column in ("position", "velocity"):
             spread: Spread | None = getattr(self, column)
             if spread is None:
                 continue
             if column not in G.columns:
-                has = ", ".join(G.columns) or "no translations"
-                problems.at(column).add(f"{G.name} has no {column} column; it has {has}")
+                has = ", ".join(G.columns)
+                why = f"only {has}" if has else "since it has no translations"
+                problems.at(column).add(f"{G.name} has no {column} column, {why}; remove this key")
             else:
                 spread.check(G.space, problems.at(column))

@@ -1,12 +1,9 @@
 """Rotations with uniform Euler angles, as in the paper's §7."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.option_types import Real
@@ -41,18 +38,22 @@ class Euler(RotationDistribution):
 
     def place_rotation(self, G: EuclideanGroup, numbers: Array) -> Array:
         """The rotations with these angles."""
+        from scipy.spatial.transform import Rotation  # slow to import
+
         return Rotation.from_euler(self.sequence, numbers).as_matrix()
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A group without rotations of space, an unknown sequence, bounds in the wrong order."""
         super().check(G, problems)
         if isinstance(G, EuclideanGroup) and G.space != 3:
-            takes = f"{G.name} takes haar or exp_normal"
-            problems.at("kind").add(f"euler is for rotations of space; {takes}")
+            takes = f"for {G.name} use haar or exp_normal"
+            problems.at("kind").add(f"euler needs rotations in three dimensions; {takes}")
         axes = self.sequence.upper()
         valid = len(axes) == 3 and set(axes) <= set("XYZ") and axes[1] not in (axes[0], axes[2])
         if not valid or self.sequence not in (axes, axes.lower()):
             expected = "expected three axes such as ZYX (intrinsic) or xyz (extrinsic)"
             problems.at("sequence").add(f"{expected}, got '{self.sequence}'")
         if self.low > self.high:
-            problems.at("low").add(f"expected at most high = {self.high:g}, got {self.low:g}")
+            problems.at("low").add(
+                f"expected at most {self.high:g}, the value of high, got {self.low:g}"
+            )

@@ -1,7 +1,5 @@
 """The exponential of normal coordinates, on every group."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,12 +9,12 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.poses.base import PoseDistribution
-from eqt_cli.ensemble.spread import Spread, check_coordinates
+from eqt_cli.ensemble.spread import NormalCoordinates, check_coordinates
 from eqt_cli.groups import MatrixLieGroup
 
 
 @dataclass(frozen=True)
-class ExpNormal(PoseDistribution):
+class ExpNormal(NormalCoordinates, PoseDistribution):
     """A pose times exp of independent normal algebra coordinates; for every group.
 
     Attributes
@@ -29,12 +27,7 @@ class ExpNormal(PoseDistribution):
 
     name: ClassVar[str] = "exp_normal"
 
-    std: Real | list[Real] = 1.0
     centre: list[Real] | None = None
-
-    def draw(self, G: MatrixLieGroup, generator: np.random.Generator) -> Array:
-        """m algebra coordinates."""
-        return Spread(self.std).draw(G.dimension, generator)
 
     def place(self, G: MatrixLieGroup, numbers: Array) -> Array:
         """exp of the centre times exp of the coordinates."""
@@ -43,5 +36,5 @@ class ExpNormal(PoseDistribution):
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A wrong number of standard deviations or coordinates, or a negative deviation."""
-        Spread(self.std).check(G.dimension, problems)
+        super().check(G, problems)
         check_coordinates(self.centre, G, problems.at("centre"))

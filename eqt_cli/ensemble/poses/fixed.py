@@ -1,7 +1,5 @@
 """The same initial pose in every run."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Uniformly distributed rotations."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """The same initial velocity in every run."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

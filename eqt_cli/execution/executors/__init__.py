@@ -1,8 +1,15 @@
 """Ways to have numbered items done: one file per executor, found by scanning this folder."""
 
 from eqt_cli.core.registry import Registry
-from eqt_cli.execution.executors.base import MOST_TRIES, Executor, Outcome, Task, TaskContext
+from eqt_cli.execution.executors.base import (
+    MOST_TRIES,
+    Executor,
+    Outcome,
+    Progress,
+    Task,
+    TaskContext,
+)
 
 executors = Registry("executor", __name__, Executor)
 
-__all__ = ["MOST_TRIES", "Executor", "Outcome", "Task", "TaskContext", "executors"]
+__all__ = ["MOST_TRIES", "Executor", "Outcome", "Progress", "Task", "TaskContext", "executors"]

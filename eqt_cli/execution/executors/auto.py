@@ -1,7 +1,5 @@
 """Begins in this process, and takes more of them where what is left is worth starting them."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What an executor is: it has numbered items done somewhere; it must not know what they are."""
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
@@ -35,11 +33,9 @@ class Task(Protocol):
 
     def __call__(self, item: int, context: TaskContext) -> int:
         """Do one item, leave its result where it belongs, and say how many runs failed."""
-        ...
 
     def runs_of(self, item: int) -> int:
         """The amount of progress that one item is worth."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,5 @@
 """A Dask cluster: one that runs already, or one of this machine, started for the occasion."""
 
-from __future__ import annotations
-
 import logging
 import pickle
 from collections import deque

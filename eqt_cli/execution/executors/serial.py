@@ -1,7 +1,5 @@
 """One item after the other, in this process."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """Several items at a time in threads of this process, for engines that compute outside Python."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed

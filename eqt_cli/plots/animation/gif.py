@@ -1,7 +1,5 @@
 """A run as a moving picture (GIF): bodies against the reference, error and torque as they go."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from io import BytesIO
 from typing import Any, cast
@@ -9,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.collections import PolyCollection
+from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
@@ -17,11 +15,11 @@ from PIL import Image
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.animation.motion import Motion, motion
-from eqt_cli.plots.animation.scene import block, flat, tips
+from eqt_cli.plots.animation.scene import AXES, INERTIAL, Scene, block, flat, scene_of, tips
 from eqt_cli.plots.drawing.labels import quantity, signal_label
 from eqt_cli.plots.drawing.layout import freeze, name_scale
 from eqt_cli.plots.drawing.scales import scale_norm
-from eqt_cli.plots.drawing.style import house_style, line_style
+from eqt_cli.plots.drawing.style import house_style, ink, line_style
 from eqt_cli.results.result import Result
 
 DOTS_PER_INCH = 110
@@ -29,10 +27,10 @@ COLOURS = 160
 """Of the palette that all pictures share, so that nothing flickers."""
 
 _PAPER = 245
-_NAMES = "xyz"
-_MARGIN = 1.3
-"""in lengths of an axis, beyond all places: the axes, their names and half a letter."""
-_REFERENCE = "0.35"
+_WIDTH, _BODIES, _LOWEST = 7.16, 4.4, 2.4
+"""in, of the picture, of the bodies in it, and the least height."""
+_GROUND, _GHOST = 0.16, 0.45
+"""Shares of ink: of the grid, and of the target."""
 
 
 def gif(
@@ -66,7 +64,7 @@ def gif(
     count = max(2, round(seconds * rate))
     samples = np.linspace(0, len(shown.times) - 1, count).round().astype(int)
     with house_style():
-        stage = _Stage(shown)
+        stage = _Stage(scene_of(shown), float(np.ptp(shown.times)) / (count / rate))
         pictures = []
         for sample in samples:
             pictures.append(stage.picture(int(sample)))
@@ -96,28 +94,35 @@ def _encoded(pictures: Sequence[Image.Image], milliseconds: float) -> bytes:
 
 
 class _Stage:
-    """The figure whose artists move from picture to picture."""
+    """The figure whose artists move from picture to picture: bodies left, curves right."""
 
-    def __init__(self, shown: Motion) -> None:
-        self.motion = shown
-        count = len(shown.ensembles)
-        drawing = Figure(figsize=(7.16, 1.9 + 7.16 / max(count, 3)))
+    def __init__(self, scene: Scene, speed: float) -> None:
+        self.motion, self.speed = scene.motion, speed
+        count, columns = len(self.motion.ensembles), scene.columns
+        rows = -(-count // columns)
+        side = _BODIES / max(columns, 2)
+        drawing = Figure(figsize=(_WIDTH, max(side * rows, _LOWEST)))
         self.canvas = cast(Any, FigureCanvasAgg(drawing))  # whose methods have no types
         drawing.set_dpi(DOTS_PER_INCH)
-        ratios = [7.16 / max(count, 3), 1.9]
-        upper, lower = np.ravel(np.asarray(drawing.subfigures(2, 1, height_ratios=ratios)))
-        bodies = upper.subplots(1, count, squeeze=False)[0]
-        panels = lower.subplots(1, len(shown.norms))
-        self.bodies = [_Body(axes, shown, index) for index, axes in enumerate(bodies)]
+        shares = [_BODIES, _WIDTH - _BODIES]
+        left, right = np.ravel(np.asarray(drawing.subfigures(1, 2, width_ratios=shares)))
+        places = left.subplots(rows, columns, squeeze=False).ravel()
+        for empty in places[count:]:
+            empty.set_axis_off()
+        panels = right.subplots(len(self.motion.norms), 1, sharex=True)
+        self.bodies = [_Body(axes, scene, k) for k, axes in enumerate(places[:count])]
         self.curves = [
-            _Curves(axes, shown, name) for axes, name in zip(panels, shown.norms, strict=True)
+            _Curves(axes, self.motion, name)
+            for axes, name in zip(panels, self.motion.norms, strict=True)
         ]
-        self.clock = upper.suptitle(self._time(0), fontsize="medium")
+        panels[-1].set_xlabel(quantity("t", "s"))
+        self.clock = left.suptitle(self._time(0), fontsize="medium")
         self.canvas.draw()
         freeze(drawing)
 
     def _time(self, sample: int) -> str:
-        return f"run {self.motion.run},  $t$ = {self.motion.times[sample]:.1f} s"
+        now = f"$t$ = {self.motion.times[sample]:.1f} s"
+        return f"run {self.motion.run},  {now},  played {self.speed:.2g} times as fast"
 
     def picture(self, sample: int) -> Image.Image:
         """The picture at a sample."""
@@ -131,65 +136,89 @@ class _Stage:
 
 
 class _Body:
-    """A body and the reference, seen from a fixed place."""
+    """A body and its target above the ground, in a picture that follows both."""
 
-    def __init__(self, axes: Axes, shown: Motion, index: int) -> None:
-        self.motion, self.index, self.length = shown, index, shown.length
-        ensemble = shown.ensembles[index]
+    def __init__(self, axes: Axes, scene: Scene, index: int) -> None:
+        self.axes, self.scene, self.index, self.motion = axes, scene, index, scene.motion
+        ensemble = self.motion.ensembles[index]
         self.colour = line_style(ensemble.look)["color"]
-        low, high = flat(shown.places).min(axis=0), flat(shown.places).max(axis=0)
-        middle, reach = (low + high) / 2, float((high - low).max() / 2) + _MARGIN * shown.length
-        axes.set_xlim(middle[0] - reach, middle[0] + reach)
-        axes.set_ylim(middle[1] - reach, middle[1] + reach)
         axes.set_aspect("equal")
-        axes.set_axis_off()
+        axes.set(xticks=[], yticks=[])
+        axes.grid(visible=False)
         axes.set_title(ensemble.title, color=self.colour, parse_math=False)
-        if shown.has_translation:
-            axes.plot(*flat(shown.reference.position).T, color=_REFERENCE, linewidth=0.5)
-        (self.trail,) = axes.plot([], [], color=self.colour, linewidth=0.9)
-        self.faces = PolyCollection([], edgecolor=self.colour, linewidth=0.7, zorder=2)
-        axes.add_collection(self.faces)
-        dashed = {"linestyle": (0, (3, 1.5)), "linewidth": 1.0}
-        self.reference = _Axes(axes, 3, color=_REFERENCE, **dashed)
-        self.frame = _Axes(axes, 4, color=self.colour, linestyle="-", linewidth=1.8)
+        ground: dict[str, Any] = {"color": ink(_GROUND), "linewidth": 0.5, "zorder": 0}
+        axes.add_collection(LineCollection(list(flat(scene.ground)), **ground), autolim=False)
+        if self.motion.has_translation:
+            path: dict[str, Any] = {"color": ink(_GHOST), "linewidth": 0.5, "zorder": 1}
+            axes.plot(*flat(self.motion.reference.position).T, **path)
+        (self.trail,) = axes.plot([], [], color=self.colour, linewidth=1.0, zorder=1.5)
+        self.ghost = _Block(axes, ink(_GHOST), 2, [ink(_GHOST)] * 3, linestyle=(0, (3, 1.5)))
+        self.body = _Block(axes, self.colour, 4, list(AXES.values()), linewidth=1.8)
+        _draw_inertial(axes)
         gone: dict[str, Any] = {"ha": "center", "va": "bottom", "transform": axes.transAxes}
-        self.gone = axes.text(0.5, 0, "run failed", color=self.colour, fontsize="small", **gone)
+        self.gone = axes.text(0.5, 0.02, "run failed", color=self.colour, fontsize="small", **gone)
 
     def show(self, sample: int) -> None:
-        body, reference = self.motion.body, self.motion.reference
-        place = reference.position[sample]
-        self.reference.put(place, tips(reference.rotation[sample], place, self.length))
+        body, target, length = self.motion.body, self.motion.reference, self.scene.length
+        reach = self.scene.reach[sample]
+        across, up = flat(self.scene.centre[self.index, sample])
+        self.axes.set_xlim(across - reach, across + reach)
+        self.axes.set_ylim(up - reach, up + reach)
+        self.ghost.show(target.rotation[sample], target.position[sample], length)
         rotation, place = body.rotation[self.index, sample], body.position[self.index, sample]
-        if self.motion.has_translation:
-            self.trail.set_data(*flat(body.position[self.index, : sample + 1]).T)
+        self.trail.set_data(*flat(self.scene.trail(self.index, sample)).T)
         there = bool(np.isfinite(rotation).all() and np.isfinite(place).all())
-        self.faces.set_visible(there)
-        self.frame.hide(not there)
+        self.body.hide(not there)
         self.gone.set_visible(not there)
         if there:
-            seen = block(rotation, place, self.length)
-            self.faces.set_verts([face.outline for face in seen])
-            self.faces.set_facecolor([_shaded(self.colour, face.light) for face in seen])
-            self.frame.put(place, tips(rotation, place, self.length))
+            self.body.show(rotation, place, length)
 
 
-class _Axes:
-    """The three axes of a frame, with their names."""
+class _Block:
+    """A block with its three axes and their names."""
 
-    def __init__(self, axes: Axes, order: int, **look: Any) -> None:
-        self.lines = [axes.plot([], [], zorder=order, **look)[0] for _ in _NAMES]
+    def __init__(
+        self, axes: Axes, colour: str, order: int, colours: Sequence[str], **look: Any
+    ) -> None:
+        self.colour = colour
+        self.faces = PolyCollection([], edgecolor=colour, linewidth=0.6, zorder=order)
+        axes.add_collection(self.faces, autolim=False)
+        line: dict[str, Any] = {"zorder": order + 0.5, "linewidth": 1.0} | look
         text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
-        self.names = [axes.text(0, 0, f"${n}$", color=look["color"], **text) for n in _NAMES]
+        text |= {"clip_on": True, "zorder": order + 0.5}
+        self.lines = [axes.plot([], [], color=each, **line)[0] for each in colours]
+        self.names = [
+            axes.text(0, 0, f"${name}$", color=each, **text)
+            for name, each in zip(AXES, colours, strict=True)
+        ]
 
-    def put(self, origin: Array, ends: Array) -> None:
-        start = flat(origin)
+    def show(self, rotation: Array, place: Array, length: float) -> None:
+        """Put it there, and turn it so."""
+        seen = block(rotation, place, length)
+        self.faces.set_verts([face.outline for face in seen])
+        self.faces.set_facecolor([(*_shaded(self.colour, face.light), 0.75) for face in seen])
+        start = flat(place)
+        ends = tips(rotation, place, length)
         for line, name, end in zip(self.lines, self.names, ends, strict=True):
             line.set_data([start[0], end[0]], [start[1], end[1]])
-            name.set_position(start + 1.12 * (end - start))
+            name.set_position(start + 1.14 * (end - start))
 
     def hide(self, hidden: bool) -> None:
-        for artist in (*self.lines, *self.names):
+        """Let it vanish, or come back."""
+        for artist in (self.faces, *self.lines, *self.names):
             artist.set_visible(not hidden)
+
+
+def _draw_inertial(axes: Axes) -> None:
+    """The directions of the inertial frame, in a corner."""
+    corner, length = np.array([0.12, 0.11]), 0.09
+    for name, end in zip(INERTIAL, flat(np.eye(3)), strict=True):
+        to = corner + length * end
+        look: dict[str, Any] = {"color": ink(), "transform": axes.transAxes}
+        axes.plot(*zip(corner, to, strict=True), linewidth=0.8, zorder=6, **look)
+        x, y = corner + 1.45 * length * end
+        text: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6, "zorder": 6}
+        axes.text(x, y, f"${name}$", **text, **look)
 
 
 class _Curves:
@@ -204,7 +233,6 @@ class _Curves:
         self.now = axes.axvline(self.times[0], color="0.5", linewidth=0.6)
         axes.set_xlim(self.times[0], self.times[-1])
         scale_norm(axes, log=False)
-        axes.set_xlabel(quantity("t", "s"))
         name_scale(axes, signal_label(shown.ensembles[0].results, name))
 
     def show(self, sample: int) -> None:

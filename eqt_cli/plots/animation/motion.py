@@ -1,7 +1,5 @@
 """One run as a motion: body and reference poses, error and torque over time; it draws nothing."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -9,7 +7,8 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import Part, group_named
-from eqt_cli.plots.figure_data import Ensemble, ShownRuns
+from eqt_cli.plots.shown.controllers import Ensemble
+from eqt_cli.plots.shown.trajectories import ShownRuns
 from eqt_cli.results.result import Result
 
 MOST_CONTROLLERS = 6
@@ -49,8 +48,8 @@ class Motion:
     has_translation
         Whether bodies move as well as turn.
     norms : dict of str to (controllers, samples)
-        The norms of pose error and torque by name; of the rotation part where parts have units of
-        their own.
+        The norms of pose error and torque by name; those of rotation and translation where these
+        have units of their own.
     """
 
     run: int
@@ -71,12 +70,6 @@ class Motion:
     def extent(self) -> float:
         """The largest distance of a place from the middle, m; 0 where nothing moves."""
         return float(np.linalg.norm(self.places - self.centre, axis=-1).max())
-
-    @property
-    def length(self) -> float:
-        """Of a frame's axes, m: what is seen well beside the paths."""
-        extent = self.extent
-        return 0.4 * extent if extent > 0 else 1.0
 
     @property
     def places(self) -> Array:
@@ -113,8 +106,9 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
             f"a pose of {results.group_name} is neither a rotation nor a place in metres, so no "
             "body can be shown; `eqt plot --figure runs` draws its runs"
         )
-    end = f"_{turning.name}" if turning and results.has(f"pose_error_{turning.name}") else ""
-    norms = [norm + end for norm in ("pose_error", "torque_norm")]
+    ends = [f"_{part.name}" for part in (turning, moving) if part is not None]
+    ends = [end for end in ends if results.has(f"pose_error{end}")] or [""]
+    norms = [norm + end for norm in ("pose_error", "torque_norm") for end in ends]
     return Motion(
         run=run,
         times=results.times,

@@ -1,7 +1,5 @@
 """Box plots, lying on their side, of samples that may be censored; it knows no result."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,7 +11,7 @@ from matplotlib.patches import Patch, Rectangle
 
 from eqt_cli.plots.drawing.curves import BAND
 from eqt_cli.plots.drawing.style import ink
-from eqt_cli.plots.figure_data import Sample
+from eqt_cli.plots.shown.metrics import Sample
 
 MOST_POINTS = 50
 """Runs that are drawn as points on their box; of more, only the smallest and the largest."""

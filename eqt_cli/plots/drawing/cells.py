@@ -1,7 +1,5 @@
 """The points of a sweep as cells of a map over one or two keys; it knows no metric."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,10 +13,22 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.key_labels import key_label
 from eqt_cli.plots.drawing.labels import free_text
 from eqt_cli.plots.drawing.style import ink
-from eqt_cli.results.result import Result, SweptKey
+from eqt_cli.results.result import Result
+from eqt_cli.results.swept_key import SweptKey
 
 _LONGEST = 36
 """Characters in a line of a label."""
+
+_NUMBER, _LINE = 0.28, 0.16
+"""in, of a cell with a number in it."""
+_TENS = 10
+"""Numbers from here are written without decimals."""
+_DARK = 0.55
+"""Of a colour on which numbers are white."""
+
+_LIGHT_INK, _DARK_INK = "#fdfdfd", "#020202"
+"""Nearly white and black, which a report would replace by the colours of its page."""
+_WRITTEN: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5, "zorder": 4}
 
 _MOST_LEVELS = 6
 """Values along a scale that are written."""
@@ -69,6 +79,31 @@ class Cells:
         """Hatch the cells of some points."""
         look = {"fill": False, "hatch": pattern, "edgecolor": ink(0.35), "linewidth": 0}
         self._rectangles(panel, points, look)
+
+    def write(self, panel: Axes, values: Array, image: Any, room: tuple[float, float]) -> None:
+        """Write the numbers of the points in their cells, if they fit.
+
+        Parameters
+        ----------
+        image
+            What `draw` returned, for its colours.
+        room
+            in, of the panel across and up.
+        """
+        rows, columns = self.shape
+        if room[0] / columns < _NUMBER or room[1] / rows < _LINE:
+            return
+        for point, value in enumerate(values):
+            if np.isfinite(value):
+                red, green, blue, _ = ground = image.cmap(image.norm(value))
+                dark = 0.2126 * red + 0.7152 * green + 0.0722 * blue < _DARK
+                panel.annotate(
+                    f"{value:#.2g}" if abs(value) < _TENS else f"{value:.0f}",
+                    (self.columns[point], self.rows[point]),
+                    color=_LIGHT_INK if dark else _DARK_INK,
+                    bbox={"facecolor": ground, "edgecolor": "none", "pad": 0.6},
+                    **_WRITTEN,
+                )
 
     def mark(self, panel: Axes, point: int) -> None:
         """Draw a frame around the cell of a point, seen on every colour."""

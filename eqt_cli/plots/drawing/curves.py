@@ -1,19 +1,20 @@
 """Curves as several figures draw them: bands, single runs, paths; it knows no signal."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.colors import LinearSegmentedColormap, PowerNorm
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 
 from eqt_cli.analysis.comparison.bootstrap import Resampling, intervals_of_means
 from eqt_cli.core.arrays import Array
+from eqt_cli.plots.drawing.layout import NO_NUMBERS
 from eqt_cli.plots.drawing.style import Look, ink, line_style
-from eqt_cli.plots.figure_data import Ensemble
+from eqt_cli.plots.shown.controllers import Ensemble
 
 BAND = (0.1, 0.9)
 """The quantiles over runs between which a band lies."""
@@ -23,6 +24,24 @@ RESAMPLING = Resampling(confidence=0.95, resamples=2000)
 
 THIN = 0.35
 """pt, the width of the line of a single run."""
+
+_PATH = 0.6
+"""pt, of a path among few."""
+
+_ARROWS = (0.2, 0.55)
+"""Where a path has an arrow, in shares of its length."""
+_ARROW: dict[str, Any] = {
+    "arrowstyle": "-|>,head_length=0.35,head_width=0.18",
+    "linewidth": 0,
+    "mutation_scale": 10,
+    "shrinkA": 0,
+    "shrinkB": 0,
+}
+_DARKEST, _FAINT = 3.0, 0.5
+"""The share of runs that would give a cell the full colour: more than all, so that paths are seen
+on it; and the exponent of the scale, which lets few runs be seen."""
+_FINER = 4
+"""Points for each sample of a path whose cells are counted."""
 
 Path = tuple[Array, Array]
 """Across and up, a number per sample each."""
@@ -39,6 +58,11 @@ BAND_NAMES: dict[Bands, str] = {
     "quantiles": "10–90 % of runs",
     "bootstrap": "95 % interval of the mean",
 }
+
+
+def of_bands(bands: Bands) -> str:
+    """What bands are, as the end of a sentence; nothing where there are none."""
+    return f"; bands: {BAND_NAMES[bands]}" if bands in BAND_NAMES else ""
 
 
 def draw_band(
@@ -73,16 +97,18 @@ def thin_line_legend(runs: int, most: int) -> dict[str, Artist]:
 
 
 def draw_paths(axes: Axes, paths: Mapping[int, Path], ensemble: Ensemble) -> None:
-    """Thin lines, a hollow dot at each start and a filled one at each end.
+    """Lines with arrows, a hollow dot at each start and a filled one at each end.
 
     Parameters
     ----------
     paths
         By the number of the run; a gap where they are NaN, but not at their ends.
     """
-    look = thin_line(ensemble.look, len(paths))
+    look = thin_line(ensemble.look, len(paths)) | {"linewidth": _PATH}
     for number, (x, y) in paths.items():
         axes.plot(x, y, label=f"run {number}", **look)
+        for place in _ARROWS:
+            _draw_arrow(axes, x, y, place, look["color"][0])
     start = _start(look["color"][0])
     for name, at, marker in (("start", 0, start), ("end", -1, {"color": ink(), **_END})):
         across, up = (
@@ -91,14 +117,57 @@ def draw_paths(axes: Axes, paths: Mapping[int, Path], ensemble: Ensemble) -> Non
         axes.plot(across, up, label=name, **marker)
 
 
+def _draw_arrow(axes: Axes, x: Array, y: Array, place: float, colour: str) -> None:
+    """Show in which direction a path goes, at a share of its length."""
+    steps = np.nan_to_num(np.hypot(np.diff(x), np.diff(y)))
+    along = np.cumsum(steps)
+    at = int(np.searchsorted(along, place * along[-1]))
+    ends = [(float(x[k]), float(y[k])) for k in (at, min(at + 1, len(x) - 1))]
+    if np.isfinite(ends).all() and ends[0] != ends[1]:
+        axes.annotate("", ends[1], ends[0], arrowprops=_ARROW | {"color": colour})
+
+
+def draw_density(axes: Axes, visits: Array, edges: tuple[Array, Array], look: Look) -> None:
+    """Shade the cells through which runs pass, the darker the more of them.
+
+    Parameters
+    ----------
+    visits : (cells across, cells up)
+        The share of runs that pass through a cell.
+    """
+    shades = LinearSegmentedColormap.from_list("", [ink(0), line_style(look)["color"]])
+    norm = PowerNorm(_FAINT, vmin=0, vmax=_DARKEST)
+    seen = np.ma.masked_equal(visits.T, 0)
+    cells: dict[str, Any] = {"cmap": shades, "norm": norm, "zorder": 0.4, "linewidth": 0}
+    axes.pcolormesh(*edges, seen, label=NO_NUMBERS, rasterized=True, **cells)
+
+
+def visits(paths: Sequence[Path], edges: tuple[Array, Array]) -> Array:
+    """The share of paths that pass through each cell between these edges."""
+    found = np.zeros([len(edge) - 1 for edge in edges])
+    for path in paths:
+        across, up = _between(path)
+        found += np.histogram2d(across, up, bins=list(edges))[0] > 0
+    return found / max(len(paths), 1)
+
+
+def _between(path: Path) -> list[Array]:
+    """A path with points between its samples, so that it leaps over no cell."""
+    x, y = (np.asarray(each, float) for each in path)
+    fine = np.linspace(0, len(x) - 1, _FINER * (len(x) - 1) + 1)
+    return [np.nan_to_num(np.interp(fine, np.arange(len(x)), each), nan=-np.inf) for each in (x, y)]
+
+
 def _start(colour: Any) -> dict[str, Any]:
     return _START | {"markeredgecolor": colour, "markerfacecolor": ink(0)}
 
 
-def path_legend(good: Sequence[int], most: int) -> dict[str, Artist]:
+def path_legend(good: Sequence[int], most: int, *, density: bool) -> dict[str, Artist]:
     """Handles by name, for controllers with so many good runs of which so many are drawn."""
+    shade = {"where runs pass": Patch(facecolor=ink(0.25), linewidth=0)} if density else {}
     return {
         **thin_line_legend(max(good), most),
         "start": Line2D([], [], **_start(ink(0.7))),
         "end": Line2D([], [], color=ink(), **_END),
+        **shade,
     }

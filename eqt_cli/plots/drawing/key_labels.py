@@ -1,7 +1,5 @@
 """What keys of a configuration are called along a scale, with units; it knows no figure."""
 
-from __future__ import annotations
-
 import re
 
 from eqt_cli.core.problems import parse_key

@@ -4,17 +4,18 @@ Symbols are written in the mathematics that both have in common. What a user cho
 `free_text`, which escapes it for the one that sets it (LaTeX where ``text.usetex`` is on).
 """
 
-from __future__ import annotations
-
 import re
 import textwrap
+from collections.abc import Sequence
 from itertools import groupby
 
 import matplotlib
 from matplotlib.mathtext import MathTextParser
 
+from eqt_cli.groups import Part
 from eqt_cli.plots.drawing import latex
 from eqt_cli.plots.drawing.tex_letters import mathematical, shift
+from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import Result
 
@@ -37,6 +38,15 @@ _COMMANDS = {
 }
 _PLAIN_UNIT = re.compile(r"(?:[A-Za-z0-9/() ]|\^-?[0-9])+")
 _DOLLAR = re.compile(r"(?<!\\)\$")
+_POWER = re.compile(r"\(([^()]*)\)\^(-?\d+)")
+"""A power of a product of units: ``(N m)^2``."""
+
+_OF_MOTIONS = {
+    "pose_error": (r"\|I - R_E\|_{\mathrm{F}}", r"\|x_E\|"),
+    "velocity_error": (r"\|\omega - \omega_d\|", r"\|v - v_d\|"),
+    "torque_norm": (r"\|\tau\|", r"\|f\|"),
+}
+"""What the norms are in rigid motions: of the rotation, and of the translation."""
 
 
 SYMBOLS = {quantity.name: quantity.symbol for quantity in QUANTITIES.values() if quantity.symbol}
@@ -60,8 +70,27 @@ def quantity(symbol: str, unit: str) -> str:
         return f"${symbol}$ (mixed units)"
     if not _PLAIN_UNIT.fullmatch(unit):
         return f"${symbol}$ ({_literal(unit)})"
-    upright = re.sub(r"\^(-?\d+)", r"^{\1}", unit).replace(" ", r"\,")
-    return rf"${symbol}$ $(\mathrm{{{upright}}})$"
+    return rf"${symbol}$ $({_upright(unit)})$"
+
+
+def in_units(symbol: str, units: Sequence[str]) -> str:
+    """As `quantity`, of a norm over parts with different units: ``‖τ‖ (N m and N)``."""
+    return f"${symbol}$ ({' and '.join(f'${_upright(unit)}$' for unit in units)})"
+
+
+def _upright(unit: str) -> str:
+    powers = re.sub(r"\^(-?\d+)", r"^{\1}", _multiplied_out(unit)).replace(" ", r"\,")
+    return rf"\mathrm{{{powers}}}"
+
+
+def _multiplied_out(unit: str) -> str:
+    """A unit without powers of products: ``N^2 m^2 s`` for ``(N m)^2 s``."""
+
+    def product(power: re.Match[str]) -> str:
+        factors = (re.fullmatch(r"([^^]+)(?:\^(-?\d+))?", each) for each in power[1].split())
+        return " ".join(f"{f[1]}^{int(f[2] or 1) * int(power[2])}" for f in factors if f)
+
+    return unit if "/" in unit else _POWER.sub(product, unit)
 
 
 def in_words(words: str, unit: str) -> str:
@@ -69,9 +98,16 @@ def in_words(words: str, unit: str) -> str:
     return words + quantity("", unit).removeprefix("$$")
 
 
+def _labelled(result: Result, name: str, symbol: str, unit: str) -> str:
+    """A symbol with its unit; of a norm over parts with different units, with all of them."""
+    several = result.part_units(name) if unit == "mixed" else []
+    return in_units(symbol, several) if several else quantity(symbol, unit)
+
+
 def signal_label(result: Result, signal: str) -> str:
     """The label of an axis along which a signal is drawn: its symbol with its unit there."""
-    text = quantity(result.quantity(signal).symbol, result.units(signal))
+    symbol = norm_symbol(result, result.quantity(signal))
+    text = _labelled(result, signal, symbol, result.units(signal))
     own = signal == "lyapunov" and result.lyapunov_functions
     return f"{text}, each law's own" if own else text
 
@@ -81,17 +117,51 @@ def metric_label(result: Result, metric: str, characters: int) -> str:
     found = result.quantity(metric)
     unit = result.units(metric) if result.has(metric) else found.units
     if "{}" in found.label:
-        return found.label.replace("{}", quantity(found.symbol, unit))
-    return in_words(free_text(found.label or found.long_name, characters), unit)
+        part = _part(result, found)
+        label = found.label.removesuffix(f" {part_name(part.name)}") if part else found.label
+        return label.replace("{}", _labelled(result, metric, norm_symbol(result, found), unit))
+    words = free_text(found.label or found.long_name, characters)
+    return words + _labelled(result, metric, "", unit).removeprefix("$$")
+
+
+def norm_symbol(result: Result, found: Quantity) -> str:
+    """The symbol of a quantity; that of its part where the group is one of rigid motions."""
+    part = _part(result, found)
+    if part is None:
+        return found.symbol
+    norm = found.signals[0].removesuffix(f"_{part.name}")
+    return _OF_MOTIONS[norm][0 if part.turns else 1]
+
+
+def _part(result: Result, found: Quantity) -> Part | None:
+    """The part that a norm is of, on a group of one rotation and one translation; else None."""
+    parts = () if result.group is None else result.group.parts
+    if len(parts) != 2 or not parts[0].turns or (parts[1].pose_unit, parts[1].turns) != ("m", 0):
+        return None
+    of = found.signals[0] if found.signals else ""
+    names = {f"{norm}_{part.name}": part for norm in _OF_MOTIONS for part in parts}
+    return names.get(of)
+
+
+def force_component(axis: str, unit: str) -> str:
+    r"""The symbol of a torque or force: ``\tau_{x}`` along axis ``ωx``, ``f_{x}`` along ``vx``.
+
+    The index of a coordinate whose axis is neither a turn nor a velocity is its whole name.
+    """
+    if axis.startswith("ω"):
+        return component(r"\tau", axis[1:])
+    if axis.startswith("v") and unit == "N":
+        return component("f", axis[1:])
+    return component(r"\tau", axis)
 
 
 def component(symbol: str, axis: str) -> str:
     r"""The symbol with the name of an axis as its index: ``\tau_{\omega x_{1}}`` for ``ωx₁``."""
-    pieces = []
+    pieces: list[str] = []
     for place, letters in groupby(filter(str.isalnum, axis), shift):
         text = " ".join(map(mathematical, letters))
-        pieces.append(f"{place}{{{text}}}" if place else text)
-    return f"{symbol}_{{{''.join(pieces)}}}"
+        pieces.append(f"{place}{{{text}}}" if place and pieces else text)
+    return f"{symbol}_{{{''.join(pieces)}}}" if pieces else symbol
 
 
 def notation(text: str) -> str:

@@ -1,7 +1,5 @@
 """Text for LaTeX to set: escapes, the preamble, and what a failure means; it knows no figure."""
 
-from __future__ import annotations
-
 import re
 import unicodedata
 from ast import literal_eval

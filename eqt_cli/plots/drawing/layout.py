@@ -1,14 +1,14 @@
 """Sheets of panels, their names, legends and remarks; it knows no signal and no result."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from string import ascii_lowercase
 from typing import Any
 
 from matplotlib import rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
@@ -19,7 +19,7 @@ from eqt_cli.plots.drawing.style import WIDTHS, Width, size_of_type
 EMPTY = "."
 """An empty place in a mosaic."""
 
-_PANEL_HEIGHTS: dict[Width, float] = {"column": 1.15, "page": 1.55}
+_PANEL_HEIGHTS: dict[Width, float] = {"column": 1.25, "page": 1.65}
 _LONGEST = 9.0
 """in, that the panels of a figure fill at most: a page, as long as none gets too low."""
 _LOWEST_PANEL = 0.6
@@ -33,6 +33,16 @@ _CHARACTERS, _BY_LATEX = 2.0, 1.8
 """in a line as long as the type is large; Computer Modern is wider than other fonts."""
 _SMALL = 0.833
 """Small type over the usual, as Matplotlib has it."""
+
+COLOUR_SCALE = "<colorbar>"
+"""What Matplotlib calls the panel of a colour scale, which shows no numbers of its own."""
+NO_NUMBERS = "<density>"
+"""The name of what is drawn and not kept among the numbers behind a figure: counts in cells, which
+jump where rounding takes a sample over an edge."""
+_LEAST_OF_PANEL = 0.6
+"""Of a panel's width that its name has at least."""
+_LETTER = 0.2
+"""in, of the letter of a panel."""
 
 Mosaic = list[list[str]]
 """Names of panels, row by row."""
@@ -77,6 +87,7 @@ def blank_sheet(width: Width, mosaic: Mosaic, height: float) -> tuple[Figure, di
     rows = len(mosaic)
     height = max(_LOWEST_PANEL, min(height, _LONGEST / rows))
     drawing = Figure(figsize=(WIDTHS[width], height * rows))
+    FigureCanvasAgg(drawing)  # without one, Matplotlib makes a new one for every text it measures
     nested: Any = mosaic  # Matplotlib's type for it is a recursive one
     return drawing, drawing.subplot_mosaic(nested, empty_sentinel=EMPTY)
 
@@ -155,7 +166,23 @@ def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
 
 def add_title(axes: Axes, name: str, room: float) -> None:
     """Name a panel above it, within so many inches; the name is a user's text."""
+    # Beside the letter, and as much on the other side, since the name is centred.
+    room = max(room - 2.5 * _LETTER, _LEAST_OF_PANEL * room)
     axes.set_title(free_text(name, _characters(room, size_of_type("axes.titlesize"))))
+
+
+def add_letters(figure: Figure) -> None:
+    """Letter the panels, (a), (b), …, above their left corners; a single panel needs none."""
+    panels = [axes for axes in figure.axes if axes.get_label() != COLOUR_SCALE]
+    if len(panels) > 1:
+        for number, axes in enumerate(panels):
+            axes.set_title(f"({_letter(number)})", loc="left")
+
+
+def _letter(number: int) -> str:
+    """a to z, then aa, ab, …."""
+    before, last = divmod(number, 26)
+    return (_letter(before - 1) if before else "") + ascii_lowercase[last]
 
 
 def add_legend(figure: Figure, handles: Sequence[Artist], names: Sequence[str]) -> None:
@@ -200,16 +227,31 @@ def freeze(figure: Figure) -> None:
         If a style's type is so large that it leaves no room for the panels.
     """
     figure.align_ylabels()
+    arrange(figure)
+    arrange(figure)  # once more, since other room may have brought wider numbers
+    figure.set_layout_engine("none")
+
+
+def arrange(figure: Figure) -> None:
+    """Arrange the panels, so that sizes of what is drawn are known.
+
+    Raises
+    ------
+    EqtError
+        As `freeze`.
+    """
+    engine = figure.get_layout_engine()
+    if engine is None:  # the sheet has places of its own
+        return
     with warnings.catch_warnings():
         warnings.filterwarnings("error", "constrained_layout not applied", UserWarning)
         try:
-            figure.draw_without_rendering()
+            engine.execute(figure)
         except UserWarning as warning:
             raise EqtError(
-                f"the type of the style is too large: nothing is left of the panels in a figure of "
-                f"{figure.get_figwidth():g} in; take a wider figure or smaller type"
+                f"the font size of the style leaves no room for the panels in a figure "
+                f"{figure.get_figwidth():g} in wide; use a wider figure or smaller type"
             ) from warning
-    figure.set_layout_engine("none")
 
 
 def _characters(room: float, size: float) -> int:

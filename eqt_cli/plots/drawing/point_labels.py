@@ -1,7 +1,5 @@
 """Short texts beside points, placed where they hide nothing; it knows no figure and no result."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 
@@ -12,6 +10,7 @@ from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.plots.drawing.layout import arrange
 
 _DISTANCES = (5.0, 10.0, 16.0, 25.0, 36.0, 50.0, 70.0)
 """pt, from a point to its text, in the order in which they are tried."""
@@ -40,21 +39,31 @@ def name_points(
         What no text may hide.
     """
     assert isinstance(axes.figure, Figure)
-    axes.figure.draw_without_rendering()  # which arranges the panels
+    arrange(axes.figure)
     places = axes.transData.transform(drawn)
     taken = [_around(axes, place) for place in places[np.isfinite(places).all(axis=1)]]
     names: list[Bbox] = []
+    leaders: list[Array] = []
     for point, text, colour in zip(points, texts, colours, strict=True):
-        found = _place(axes, point, text, colour, taken, names)
+        found = _place(axes, point, text, colour, taken, names, leaders)
         if found is not None:
             names.append(found[0])
             taken += found
 
 
 def _place(
-    axes: Axes, point: Array, text: str, colour: str, taken: list[Bbox], names: list[Bbox]
+    axes: Axes,
+    point: Array,
+    text: str,
+    colour: str,
+    taken: list[Bbox],
+    names: list[Bbox],
+    leaders: list[Array],
 ) -> list[Bbox] | None:
-    """Write one text where it fits; the room that it takes, and then that of its leader."""
+    """Write one text where it fits; the room that it takes, and then that of its leader.
+
+    No leader crosses a text or another leader, of which `leaders` holds the two ends.
+    """
     for distance in _DISTANCES:
         for right, up in _DIRECTIONS:
             offset = np.array([right, up]) * distance / np.hypot(right, up)
@@ -76,11 +85,28 @@ def _place(
                 np.array([box.x0 + box.x1, box.y0 + box.y1]) / 2,
             )
             leader = [_around(axes, place) for place in np.linspace(start, end, _ALONG)]
-            crosses = any(part.count_overlaps(names) for part in leader)
+            line = np.array([start, end])
+            crosses = any(part.count_overlaps(names) for part in leader) or any(
+                _cross(line, other) for other in leaders
+            )
             if not (box.count_overlaps(taken) or crosses) and _within(axes, box):
+                leaders.append(line)
                 return [box, *leader]
             written.remove()
     return None
+
+
+def _cross(one: Array, other: Array) -> bool:
+    """Whether two straight lines from end to end cross, or touch."""
+
+    def side(line: Array, point: Array) -> float:
+        along, away = line[1] - line[0], point - line[0]
+        return float(along[0] * away[1] - along[1] * away[0])
+
+    return all(
+        side(line, ends[0]) * side(line, ends[1]) <= 0
+        for line, ends in ((one, other), (other, one))
+    )
 
 
 def _around(axes: Axes, place: Array) -> Bbox:

@@ -1,7 +1,5 @@
 """Scales and their numbers; it knows no figure and no result."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np
@@ -16,6 +14,13 @@ FEW = 12
 """Values, at most, that are written below a scale instead of round numbers."""
 _LETTER, _BETWEEN = 0.055, 0.12
 """in, of a figure in a number, and between two numbers."""
+
+
+def spans_decade(values: Array) -> bool:
+    """Whether positive values differ by more than a factor of 10."""
+    seen = np.asarray(values)
+    seen = seen[np.isfinite(seen) & (seen > 0)]
+    return bool(seen.size and seen.max() > 10 * seen.min())
 
 
 def even() -> MaxNLocator:
@@ -37,10 +42,17 @@ def scale_log(axes: Axes, direction: Direction, seen: Array) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
+def scale(axes: Axes, direction: Direction, values: Array, *, log: bool | None) -> None:
+    """A logarithmic scale, if asked and all values allow it; with None, if they span a decade."""
+    seen = values[np.isfinite(values)]
+    if seen.size and (seen > 0).all() and (spans_decade(seen) if log is None else log):
+        scale_log(axes, direction, seen)
+
+
 def scale_norm(axes: Axes, *, log: bool, direction: Direction = "y") -> None:
     """A scale for curves that are never negative: logarithmic if asked and possible, or from 0."""
     across = direction == "x"
-    drawn = (line.get_xdata() if across else line.get_ydata() for line in axes.lines)
+    drawn = [line.get_xdata() if across else line.get_ydata() for line in axes.lines]
     if log and any(np.any(np.asarray(values) > 0) for values in drawn):
         axes.set(**{f"{direction}scale": "log"})
     elif across:

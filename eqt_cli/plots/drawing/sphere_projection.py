@@ -1,7 +1,5 @@
 """Lambert's azimuthal equal-area projection of the unit sphere onto the unit disc."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from eqt_cli.core.arrays import Array

@@ -1,7 +1,5 @@
 """Widths, line styles and style sheets of all figures; the colours are in eqt.mplstyle."""
 
-from __future__ import annotations
-
 import traceback
 import warnings
 from collections.abc import Iterator, Sequence
@@ -21,7 +19,7 @@ from matplotlib.font_manager import FontProperties, fontManager
 from matplotlib.style import use
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing import latex, style_sheets
+from eqt_cli.plots.drawing import formulas, latex, style_sheets
 from eqt_cli.plots.drawing.style_sheets import Settings
 
 Width = Literal["column", "page"]
@@ -91,6 +89,11 @@ class Style:
         own = style_sheets.read_file(_LATEX_SHEET) | kept
         return settings | own | {"text.latex.preamble": preamble}
 
+    @cached_property
+    def formulas(self) -> dict[Any, Any]:
+        """The formulas that Matplotlib has read in this style, for `formulas.read_once`."""
+        return {}
+
     def prepare(self, formats: Sequence[str] = ("pdf",)) -> None:
         """Make sure that figures can be drawn so, as files of these formats, before any is.
 
@@ -153,7 +156,8 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
         if to_hex(_PRESENT["grid.color"]) == ink():
             # Of a sheet that shows no grid; eqt does, and it must not hide the curves.
             _PRESENT["grid.color"] = ink(_GRID)
-        with latex.explained() if settings["text.usetex"] else nullcontext(), _moderate_numbers():
+        explained = latex.explained() if settings["text.usetex"] else nullcontext()
+        with explained, formulas.read_once(style.formulas), _moderate_numbers():
             yield
 
 
@@ -242,6 +246,13 @@ def ink(share: float = 1.0) -> str:
     paper = next((colour for colour in seen if colour[3] > 0), (1.0, 1.0, 1.0, 1.0))
     text = to_rgba(_PRESENT["text.color"])
     red, green, blue, _ = (share * a + (1 - share) * b for a, b in zip(text, paper, strict=True))
+    return to_hex((red, green, blue))
+
+
+def darker(colour: str) -> str:
+    """A colour for words: a third of the way to the colour of text."""
+    own, text = to_rgba(colour), to_rgba(ink())
+    red, green, blue, _ = ((2 * a + b) / 3 for a, b in zip(own, text, strict=True))
     return to_hex((red, green, blue))
 
 

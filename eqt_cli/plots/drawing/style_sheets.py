@@ -1,7 +1,5 @@
 """Matplotlib style sheets, refused with a reason where Matplotlib itself would only warn."""
 
-from __future__ import annotations
-
 import ast
 import logging
 import re

@@ -1,7 +1,5 @@
 """Letters and signs of Unicode in the mathematical notation of TeX; it knows no label."""
 
-from __future__ import annotations
-
 import unicodedata
 
 _RENAMED = {"LAMDA": "LAMBDA", "OMICRON": "o"}

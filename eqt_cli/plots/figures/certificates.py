@@ -1,7 +1,5 @@
 """The figure of certificates: how far each statement's number is from its bound."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -13,14 +11,21 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullLocator
 
-from eqt_cli.analysis.certificates import Row, Verdict
+from eqt_cli.analysis.certificates.base import Row, Verdict
 from eqt_cli.plots.base import OfCertificates
 from eqt_cli.plots.drawing.labels import notation
 from eqt_cli.plots.drawing.layout import add_legend
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
-from eqt_cli.plots.figure_data import ShownCertificates
+from eqt_cli.plots.shown.certificates import ShownCertificates
 
 _ROW_HEIGHT = 0.155
+_GAP = 0.12
+"""Decades, half of the gap in the frame between 0 and the least number."""
+_STROKE: dict[str, Any] = {
+    "marker": [(-0.5, -1), (0.5, 1)],
+    "markersize": 6,
+    "markeredgewidth": 0.6,
+}
 _NO_LAW, _BEYOND = 0.65, 0.07
 """Shares of ink: of markers of no law, and, transparent, of the ground beyond the bound."""
 
@@ -30,8 +35,8 @@ class Certificates(OfCertificates):
     """Certificates: what was measured over what is allowed, a row per statement of the paper.
 
     Allowed are rounding for identities and a multiple of the solver's tolerance for trajectories.
-    What lies left of 1 holds; a filled marker says so, a hollow one that the statement claims
-    nothing about the finite time of the runs, a cross that it fails.
+    Values left of 1 hold (filled). Hollow: no claim about the finite time of the runs. Cross:
+    fails. The scale is logarithmic; behind the gap in it stands 0.
     """
 
     name: ClassVar[str] = "certificates"
@@ -50,12 +55,26 @@ class Certificates(OfCertificates):
                 _mark(axes, row, height + shift, least, looks[row.controller])
         _name_rows(axes, found, width)
         _name_scale(axes, least, max(10.0, *map(_ratio, _all(found))))
-        handles: list[Artist] = [
-            Line2D([], [], linestyle="", markersize=3.5, **looks[law.label]) for law in found.laws
-        ]
-        if any(law.label == row.controller for law in found.laws for row in _all(found)):
-            add_legend(drawing, handles, [law.title for law in found.laws])
+        handles = _legend(found, looks)
+        add_legend(drawing, list(handles.values()), list(handles))
         return drawing
+
+
+def _legend(found: ShownCertificates, looks: dict[str, dict[str, Any]]) -> dict[str, Artist]:
+    """Whose markers they are, and what each shape says."""
+    shown = {row.controller for row in _all(found)}
+    titles = {law.label: law.title for law in found.laws} | {"": "no law"}
+    plain: dict[str, Any] = {"linestyle": "", "markersize": 3.5}
+    handles: dict[str, Artist] = {
+        titles[label]: Line2D([], [], **plain, **look)
+        for label, look in looks.items()
+        if label in shown
+    }
+    any_law = {"color": ink(_NO_LAW), "marker": "o"}
+    for verdict in found.verdicts:
+        look = plain | any_law | _shape(verdict)
+        handles[str(verdict)] = Line2D([], [], **look)
+    return handles
 
 
 def _all(found: ShownCertificates) -> list[Row]:
@@ -85,14 +104,17 @@ def _shifts(count: int) -> list[float]:
 
 def _mark(axes: Axes, row: Row, height: float, least: float, look: dict[str, Any]) -> None:
     at = max(_ratio(row), least)  # an exact 0 stands at the left end
-    style = dict(look)
-    if row.verdict is Verdict.FAILS:
-        style |= {"marker": "x", "markersize": 5, "markeredgewidth": 1.4}
-    elif row.verdict is not Verdict.HOLDS:
-        style |= {"markerfacecolor": ink(0)}
+    style = look | _shape(row.verdict)
     label = f"{row.name} {row.controller}".strip()
     plain: dict[str, Any] = {"markersize": 3.5, "linestyle": "", "label": label}
     axes.plot([at], [height], **(plain | style))
+
+
+def _shape(verdict: Verdict) -> dict[str, Any]:
+    """How a marker says it: filled where it holds, a cross where it fails, else hollow."""
+    if verdict is Verdict.FAILS:
+        return {"marker": "x", "markersize": 5, "markeredgewidth": 1.4}
+    return {} if verdict is Verdict.HOLDS else {"markerfacecolor": ink(0)}
 
 
 def _name_rows(axes: Axes, found: ShownCertificates, width: Width) -> None:
@@ -120,6 +142,29 @@ def _name_scale(axes: Axes, least: float, most: float) -> None:
     axes.xaxis.set_major_locator(LogLocator(numticks=6))
     axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xlabel("measured / bound")
+    axes.tick_params(axis="x", top=False)
     ticks = [tick for tick in axes.get_xticks() if 10 * least <= tick <= 3 * most]
     numbers = [f"$10^{{{round(np.log10(tick))}}}$" for tick in ticks]
-    axes.set_xticks([least, *ticks], ["$0$", *numbers])
+    axes.set_xticks([least, *ticks], ["0", *numbers])
+    _break(axes, least * 10**0.5)
+    above: dict[str, Any] = {"ha": "center", "va": "bottom", "fontsize": "small"}
+    axes.annotate(
+        "bound",
+        (1, 1),
+        (0, 1),
+        xycoords=("data", "axes fraction"),
+        textcoords="offset points",
+        **above,
+    )
+
+
+def _break(axes: Axes, place: float) -> None:
+    """Show that the scale does not reach 0, by a gap in the frame between two strokes."""
+    clear: dict[str, Any] = {"transform": axes.get_xaxis_transform(), "clip_on": False}
+    for edge in (0, 1):
+        gap = [place / 10**_GAP, place * 10**_GAP]
+        clear["label"] = f"gap {edge}"
+        axes.plot(gap, [edge, edge], color=ink(0), linewidth=1.6, zorder=4, **clear)
+        clear["label"] = f"ends of gap {edge}"
+        axes.plot(gap, [edge, edge], linestyle="", zorder=5, **_STROKE, color=ink(), **clear)
+    axes.axvline(place, label="gap", color=ink(0), linewidth=4, zorder=1)

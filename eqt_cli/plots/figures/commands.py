@@ -1,7 +1,5 @@
 """The figure of what a law asks for and what the actuators give, in a single run."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -15,7 +13,7 @@ from matplotlib.patches import Patch
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.drawing.labels import component, quantity
+from eqt_cli.plots.drawing.labels import force_component, quantity
 from eqt_cli.plots.drawing.layout import (
     add_legend,
     add_title,
@@ -25,7 +23,8 @@ from eqt_cli.plots.drawing.layout import (
     sheet,
 )
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
-from eqt_cli.plots.figure_data import Ensemble, ShownRuns
+from eqt_cli.plots.shown.controllers import Ensemble
+from eqt_cli.plots.shown.trajectories import ShownRuns
 
 _MOST_CONTROLLERS: dict[Width, int] = {"column": 4, "page": 8}
 _ASKED: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.2))}
@@ -69,7 +68,7 @@ class Commands(OverTime):
         grid = [[panels[name] for name in row] for row in rows]
         for row, (axis, unit) in zip(grid, runs.axes, strict=True):
             share_scale(row)
-            name_scale(row[0], quantity(component(r"\tau", axis), unit))
+            name_scale(row[0], quantity(force_component(axis, unit), unit))
         hide_inner_scales(panels, rows)
         limited = False
         for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):

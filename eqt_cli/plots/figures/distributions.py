@@ -1,7 +1,5 @@
 """The figure of metrics over runs: a panel per metric, a box or a curve per controller."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
@@ -14,9 +12,9 @@ from eqt_cli.plots.base import OfMetrics
 from eqt_cli.plots.drawing.box_plots import box_legend, draw_box
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, blank_sheet, rows_of
-from eqt_cli.plots.drawing.scales import even, scale_log
+from eqt_cli.plots.drawing.scales import even, scale_log, spans_decade
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
-from eqt_cli.plots.figure_data import Sample, ShownMetrics
+from eqt_cli.plots.shown.metrics import Sample, ShownMetrics
 
 MOST_STEPS = 500
 """Steps of a distribution function, at most: each then stands for several runs."""
@@ -53,13 +51,13 @@ class Distributions(OfMetrics):
     kind
         ``box``, or ``ecdf`` for the fraction of runs up to a value.
     log
-        A logarithmic scale.
+        Logarithmic scales; if not said, of the metrics that span more than a decade.
     """
 
     name: ClassVar[str] = "distributions"
 
     kind: Literal["box", "ecdf"] = "box"
-    log: bool = False
+    log: bool | None = None
 
     def compose(self, metrics: ShownMetrics, width: Width) -> Drawing:
         """Two panels in a row of a column, three in one of a page."""
@@ -86,6 +84,7 @@ class Distributions(OfMetrics):
             for row in places:
                 panels[row[0]].set_ylabel("fraction of runs")
             add_legend(drawing, panels[metrics.metrics[0]].lines, [e.title for e in metrics.shown])
+        metrics.remarks.append(f"Each law: {metrics.count()} runs.")
         return drawing
 
     def _scale(
@@ -93,7 +92,8 @@ class Distributions(OfMetrics):
     ) -> None:
         """The scale across; where runs had not settled, it ends where they do."""
         seen = np.concatenate([sample.seen for sample in samples])
-        if self.log and np.any(seen > 0):
+        log = spans_decade(seen) and bool((seen > 0).all()) if self.log is None else self.log
+        if log and np.any(seen > 0):
             scale_log(axes, "x", seen[seen > 0])
         else:
             axes.xaxis.set_major_locator(even())

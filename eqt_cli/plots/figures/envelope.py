@@ -1,7 +1,5 @@
 """The figure of how far a loop carries: the share of runs that settle over a swept number."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -13,13 +11,14 @@ from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import band_look
 from eqt_cli.plots.drawing.key_labels import key_label
-from eqt_cli.plots.drawing.layout import add_legend, add_title, blank_sheet, hide_scale, rows_of
+from eqt_cli.plots.drawing.layout import add_title, blank_sheet, hide_scale, rows_of
 from eqt_cli.plots.drawing.scales import number_values
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
-from eqt_cli.plots.figure_data import ShownSweep
-from eqt_cli.results.result import SweptKey
+from eqt_cli.plots.shown.sweep import ShownSweep
+from eqt_cli.results.swept_key import SweptKey
 
 _HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.4}
 _IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4}
@@ -75,7 +74,8 @@ class Envelope(OfSweep):
                 add_title(axes, f"{other.key} {other.at(int(points[0]))}", room)
             if name not in [row[0] for row in mosaic]:
                 hide_scale(axes)
-        add_legend(drawing, lines, swept.titles)
+        name_curves(drawing, panels.values(), lines, swept.titles)
+        swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
         return drawing
 
     def _axes(self, swept: ShownSweep) -> tuple[SweptKey, SweptKey | None]:

@@ -1,7 +1,5 @@
 """The figure of a search with two objectives: the front of each law, on held-out runs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -15,9 +13,9 @@ from eqt_cli.plots.base import OfTuning
 from eqt_cli.plots.drawing.curves import RESAMPLING
 from eqt_cli.plots.drawing.labels import metric_label
 from eqt_cli.plots.drawing.layout import add_legend
-from eqt_cli.plots.drawing.scales import scale_log
+from eqt_cli.plots.drawing.scales import scale
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
-from eqt_cli.plots.figure_data import ShownFronts
+from eqt_cli.plots.shown.fronts import ShownFronts
 
 _HEIGHTS: dict[Width, float] = {"column": 2.6, "page": 3.8}
 _SMALL = 3.5
@@ -34,12 +32,13 @@ class Fronts(OfTuning):
     Attributes
     ----------
     log
-        Logarithmic scales, where all numbers are positive.
+        Logarithmic scales, where all numbers are positive; if not said, of the objectives that span
+        more than a decade.
     """
 
     name: ClassVar[str] = "fronts"
 
-    log: bool = True
+    log: bool | None = None
 
     def compose(self, shown: ShownFronts, width: Width) -> Drawing:
         """One panel; colours and markers are those of the laws in all other figures."""
@@ -68,9 +67,8 @@ class Fronts(OfTuning):
             panel.plot(*start, "x", color=look["color"], label=f"{front.law}, start")
             seen += points
         panel.margins(0.03)
-        if self.log and all((values > 0).all() for values in seen):
-            scale_log(panel, "x", np.concatenate(seen[0::2]))
-            scale_log(panel, "y", np.concatenate(seen[1::2]))
+        scale(panel, "x", np.concatenate(seen[0::2]), log=self.log)
+        scale(panel, "y", np.concatenate(seen[1::2]), log=self.log)
         panel.set_xlabel(metric_label(shown.results, shown.objectives[0], 36))
         panel.set_ylabel(metric_label(shown.results, shown.objectives[1], 36))
         add_legend(drawing, lines, shown.titles)

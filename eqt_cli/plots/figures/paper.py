@@ -1,7 +1,5 @@
 """The four panels of the paper's figure for any result: means over runs of errors, torque and L."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -9,12 +7,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.drawing.curves import Bands, draw_band
+from eqt_cli.plots.drawing.curve_labels import name_curves
+from eqt_cli.plots.drawing.curves import Bands, draw_band, of_bands
 from eqt_cli.plots.drawing.labels import part_name
-from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
+from eqt_cli.plots.drawing.layout import add_title, name_scale, sheet
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
-from eqt_cli.plots.figure_data import ShownRuns
+from eqt_cli.plots.shown.trajectories import ShownRuns
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
 
@@ -29,7 +28,8 @@ class Paper(OverTime):
     Attributes
     ----------
     log
-        A logarithmic scale for what converges to zero: the errors and L, but not the torque.
+        A logarithmic scale for what converges to zero: the errors and L, but not the torque. The
+        default is linear, as in the paper, so that the two can be compared.
     bands
         ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, ``bootstrap``
         the 95 % interval of the mean at each time.
@@ -57,7 +57,9 @@ class Paper(OverTime):
             self._fill(axes, signal, runs)
         for signal, part in zip(norms[0], parts, strict=True):
             add_title(panels[signal], part_name(part), WIDTHS[width] / len(parts))
-        add_legend(drawing, panels[norms[0][0]].lines, [e.title for e in runs.shown])
+        complete = [axes for axes in panels.values() if len(axes.lines) == len(runs.shown)]
+        name_curves(drawing, complete, panels[norms[0][0]].lines, [e.title for e in runs.shown])
+        runs.remarks.append(f"Curves: mean over runs, {runs.count()}{of_bands(self.bands)}.")
         return drawing
 
     def _fill(self, axes: Axes, signal: str, runs: ShownRuns) -> None:

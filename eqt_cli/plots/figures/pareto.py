@@ -1,7 +1,5 @@
 """The figure of a design's trade-off: every point by two metrics, and the front of the best."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -14,9 +12,10 @@ from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend
 from eqt_cli.plots.drawing.point_labels import name_points
-from eqt_cli.plots.drawing.scales import scale_log
+from eqt_cli.plots.drawing.scales import scale
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
-from eqt_cli.plots.figure_data import ShownSweep
+from eqt_cli.plots.shown.sweep import ShownSweep
+from eqt_cli.tuning.ranking import front
 
 _HEIGHTS: dict[Width, float] = {"column": 2.4, "page": 3.4}
 _PALE = 0.45
@@ -31,7 +30,7 @@ _LONGEST, _ALONG = 40, 25
 class Pareto(OfSweep):
     """Every point of a sweep by two metrics, less being better, and the front that none betters.
 
-    Points are means over good runs; a line joins those that no other betters in both. On a page,
+    Points are means over the runs; a line joins those that no other betters in both. On a page,
     few such points carry the values of the swept keys, as far as there is room.
 
     Attributes
@@ -39,14 +38,14 @@ class Pareto(OfSweep):
     cost, error
         The metrics across and up, by their names in the result.
     log
-        Logarithmic scales.
+        Logarithmic scales; if not said, of the metrics that span more than a decade.
     """
 
     name: ClassVar[str] = "pareto"
 
     cost: str = "effort"
     error: str = "mean_pose_error"
-    log: bool = False
+    log: bool | None = None
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """The means over the runs of every point, and their front, for every controller."""
@@ -64,14 +63,14 @@ class Pareto(OfSweep):
             lines += panel.plot(x[best], y[best], drawstyle="steps-post", markersize=4.5, **look)
             fronts.append(best)
         panel.margins(0.03)
-        if self.log:
-            scale_log(panel, "x", cost[cost > 0])
-            scale_log(panel, "y", error[error > 0])
+        scale(panel, "x", cost, log=self.log)
+        scale(panel, "y", error, log=self.log)
         for name, set_label in ((self.cost, panel.set_xlabel), (self.error, panel.set_ylabel)):
             set_label(metric_label(swept.results, name, 36))
         add_legend(drawing, lines, swept.titles)
         if width == "page" and sum(map(len, fronts)) <= MOST_NAMED:
             _name_fronts(panel, swept, fronts, cost, error)
+        swept.remarks.append(f"Each point: mean over runs, {swept.count}.")
         return drawing
 
 
@@ -95,13 +94,3 @@ def steps(x: Array, y: Array) -> Array:
     across = np.stack([x[:-1] + share * np.diff(x), y[:-1] + 0 * share], axis=-1)
     down = np.stack([x[1:] + 0 * share, y[:-1] + share * np.diff(y)], axis=-1)
     return np.concatenate([across, down]).reshape(-1, 2)
-
-
-def front(cost: Array, error: Array) -> Array:
-    """The points that no other betters in both, by rising cost; NaN is bettered by all."""
-    order = np.lexsort((error, cost))
-    order = order[np.isfinite(cost[order]) & np.isfinite(error[order])]
-    least = np.minimum.accumulate(error[order])
-    strictly = np.ones(len(order), dtype=bool)
-    strictly[1:] = least[1:] < least[:-1]
-    return order[strictly]

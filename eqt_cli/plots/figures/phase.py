@@ -1,7 +1,5 @@
 """The figure of the error's phase plane: velocity error over pose error, run by run."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
@@ -15,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import critical_sets
 from eqt_cli.plots.base import OfFirstRuns
-from eqt_cli.plots.drawing.curves import draw_paths, path_legend
+from eqt_cli.plots.drawing.curves import draw_density, draw_paths, path_legend, visits
 from eqt_cli.plots.drawing.labels import signal_label
 from eqt_cli.plots.drawing.layout import (
     Mosaic,
@@ -31,12 +29,15 @@ from eqt_cli.plots.drawing.layout import (
 )
 from eqt_cli.plots.drawing.scales import scale_norm
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
-from eqt_cli.plots.figure_data import Ensemble, ShownRuns
+from eqt_cli.plots.shown.controllers import Ensemble
+from eqt_cli.plots.shown.trajectories import ShownRuns
 
 _HEIGHTS: dict[Width, float] = {"column": 1.35, "page": 1.75}
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
 _BESIDE = 0.15
 """in, of a panel's place that its title cannot use: the scale is there."""
+_CELLS = 48
+"""In which passing runs are counted, along each scale."""
 _POSE, _VELOCITY = "pose_error", "velocity_error"
 _HALF_TURN: dict[str, Any] = {
     "linestyle": "none",
@@ -51,15 +52,17 @@ _HALF_TURN: dict[str, Any] = {
 class Phase(OfFirstRuns):
     """Phase plane of the error: norm of the velocity error over that of the pose error.
 
-    Single runs, from a hollow dot at the start to a filled one at the end. A panel per controller,
-    and a column per part where parts have units of their own. A triangle
-    marks, where the scale reaches it, the rotation error of the critical points of Υ other than I,
-    which are half-turns for every weight: with no velocity error they are unstable equilibria.
+    Some single runs, from a hollow dot at the start to a filled one at the end; darker shading:
+    more runs pass there. A panel per controller, and a column per part where parts have units of
+    their own. A triangle marks the rotation error of the critical points of Υ other than I, if it
+    is within the axes. They are half-turns for every weight: with no velocity error they are
+    unstable equilibria.
 
     Attributes
     ----------
     log
-        Logarithmic scales.
+        Logarithmic scales. The default is linear, since all runs go to the point (0, 0), which is
+        the middle of the picture and has no logarithm.
     """
 
     name: ClassVar[str] = "phase"
@@ -82,9 +85,12 @@ class Phase(OfFirstRuns):
                 self._fill(axes, runs, ensemble, part)
                 add_title(axes, panel_title(ensemble.title, part), room)
             self._scale(column)
+            if self.density:
+                self._shade(column, runs, part)
             marked |= _mark_half_turns(column, runs.group, part)
         _hide_scales(panels, places, parts)
-        handles = path_legend([int(e.good.sum()) for e in shown], self.runs)
+        good = [int(e.good.sum()) for e in shown]
+        handles = path_legend(good, self.runs, density=self.density)
         if marked:
             handles["half-turns"] = Line2D([], [], color=ink(), **_HALF_TURN)
         add_legend(drawing, list(handles.values()), list(handles))
@@ -97,6 +103,19 @@ class Phase(OfFirstRuns):
         draw_paths(axes, dict(zip(numbers, zip(x, y, strict=True), strict=True)), ensemble)
         axes.set_xlabel(signal_label(ensemble.results, pose))
         name_scale(axes, signal_label(ensemble.results, velocity))
+
+    def _shade(self, column: Sequence[Axes], runs: ShownRuns, part: str) -> None:
+        """Where all runs pass, on the common scale, which this leaves as it is."""
+        first = column[0]
+        limits = first.get_xlim(), first.get_ylim()
+        scale = np.geomspace if first.get_xscale() == "log" else np.linspace
+        edges = scale(*limits[0], _CELLS + 1), scale(*limits[1], _CELLS + 1)
+        for ensemble, axes in zip(runs.shown, column, strict=True):
+            paths = zip(
+                *(runs.values(norm + part, ensemble) for norm in (_POSE, _VELOCITY)), strict=True
+            )
+            draw_density(axes, visits(list(paths), edges), edges, ensemble.look)
+        first.set(xlim=limits[0], ylim=limits[1])
 
     def _scale(self, column: Sequence[Axes]) -> None:
         """One scale for a part; it must hold every run, so it comes after them."""
@@ -119,7 +138,7 @@ def _hide_scales(panels: Mapping[str, Axes], places: Mosaic, parts: Sequence[str
 
 
 def _mark_half_turns(column: Sequence[Axes], group: MatrixLieGroup | None, part: str) -> bool:
-    """Mark the error of half-turns where the scale reaches it; whether it does."""
+    """Mark the error of half-turns if it is within the axes; whether it is."""
     errors = _half_turns(group, part) if group is not None else []
     errors = [error for error in errors if error <= column[0].get_xlim()[1]]
     for axes in column:

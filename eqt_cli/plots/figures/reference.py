@@ -1,7 +1,5 @@
 """The figure of what is to be followed: pose, velocity and torque of the reference over time."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -15,7 +13,7 @@ from eqt_cli.plots.base import OfReference
 from eqt_cli.plots.drawing.labels import component, part_name, quantity
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
 from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, line_style
-from eqt_cli.plots.figure_data import ShownReference
+from eqt_cli.plots.shown.reference import ShownReference
 
 
 @dataclass(frozen=True)
@@ -43,12 +41,13 @@ class ReferenceOverTime(OfReference):
         for place, part in enumerate(parts):
             turns = self.degrees and part.turns
             values, symbol, unit = pose_coordinates(shown.group, part, shown.pose)
+            velocity, force = _symbols(part) if len(parts) > 1 else ("V_d", r"\tau_d")
             for row, (name, coordinates, in_unit) in zip(
                 rows,
                 (
                     (symbol, values, unit),
-                    ("V_d", shown.velocity[:, part.axes], part.velocity_unit),
-                    (r"\tau_d", shown.torque[:, part.axes], part.force_unit),
+                    (velocity, shown.velocity[:, part.axes], part.velocity_unit),
+                    (force, shown.torque[:, part.axes], part.force_unit),
                 ),
                 strict=True,
             ):
@@ -73,11 +72,18 @@ class ReferenceOverTime(OfReference):
         add_legend(drawing, [Line2D([], [], **line_style(Look(k))) for k in range(most)], labels)
 
 
+def _symbols(part: Part) -> tuple[str, str]:
+    """Of the velocity and the force in a part of several."""
+    if part.turns:
+        return r"\omega_d", r"\tau_d"
+    return ("v_d", "f_d") if part.pose_unit == "m" else ("V_d", r"\tau_d")
+
+
 def pose_coordinates(G: MatrixLieGroup, part: Part, pose: Array) -> tuple[Array, str, str]:
     """A part of some poses ``(n, d, d)`` as curves ``(n, coordinates)``, their symbol and unit."""
     block = pose[(..., *part.entries)].reshape(len(pose), -1)
     if block.shape[1] == len(G.axis_names[part.axes]):
-        return block, "Q_d", part.pose_unit
+        return block, "x_d" if part.pose_unit == "m" else "Q_d", part.pose_unit
     with np.errstate(all="ignore"):
         logarithm = np.full((len(pose), G.dimension), np.nan)
         real = np.isfinite(pose).all(axis=(1, 2))

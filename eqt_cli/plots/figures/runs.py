@@ -1,13 +1,14 @@
 """The figure of single runs: thin lines under their mean, a panel per controller."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
+from matplotlib.patheffects import Normal, Stroke
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
@@ -24,9 +25,9 @@ from eqt_cli.plots.drawing.layout import (
     share_scale,
     sheet,
 )
-from eqt_cli.plots.drawing.scales import scale_norm
+from eqt_cli.plots.drawing.scales import scale_norm, spans_decade
 from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, ink
-from eqt_cli.plots.figure_data import ShownRuns
+from eqt_cli.plots.shown.trajectories import ShownRuns
 
 MOST_LINES = 200
 """Single runs drawn per controller, the first ones; more would be a solid area and a large file."""
@@ -44,7 +45,7 @@ class Runs(OverTime):
     signal
         What is drawn over time.
     log
-        A logarithmic scale.
+        A logarithmic scale; if not said, for errors and L where they span more than a decade.
     degrees
         The attitude error as the angle of the rotation, in degrees; of signal ``pose_error``.
     """
@@ -52,7 +53,7 @@ class Runs(OverTime):
     name: ClassVar[str] = "runs"
 
     signal: Literal["pose_error", "velocity_error", "torque_norm", "lyapunov"] = "pose_error"
-    log: bool = False
+    log: bool | None = None
     degrees: bool = False
 
     def check(self, problems: Problems) -> None:
@@ -80,16 +81,27 @@ class Runs(OverTime):
                 self._fill(axes, runs.times(ensemble), values, ensemble.look)
                 add_title(axes, panel_title(ensemble.title, part), room)
                 name_scale(axes, runs.error_label(signal, degrees=self.degrees))
-        for axes in panels.values():  # now that every curve of a common scale is there
-            scale_norm(axes, log=self.log)
+        for part in parts:  # now that every curve of a common scale is there
+            self._scale([panels[panel(e.label, part)] for e in shown])
         if len(parts) == 1:
             hide_inner_scales(panels, places)
         handles = thin_line_legend(max(int(e.good.sum()) for e in shown), MOST_LINES)
         handles["mean over runs"] = Line2D([], [], color=ink())
         add_legend(drawing, list(handles.values()), list(handles))
+        runs.remarks.append(f"Mean over runs, {runs.count()}.")
         return drawing
+
+    def _scale(self, panels: Sequence[Axes]) -> None:
+        """One scale; that of a torque, which need not converge to zero, is linear unless asked."""
+        log = self.log
+        if log is None:
+            seen = [np.ravel(line.get_ydata()) for axes in panels for line in axes.lines]
+            log = self.signal != "torque_norm" and spans_decade(np.concatenate(seen))
+        for axes in panels:
+            scale_norm(axes, log=log)
 
     def _fill(self, axes: Axes, times: Array, values: Array, look: Look) -> None:
         drawn = values[:MOST_LINES]
         axes.plot(times, drawn.T, **thin_line(look, len(drawn)))
-        axes.plot(times, values.mean(axis=0), color=ink(), label="mean")
+        on_paper = [Stroke(linewidth=2.4, foreground=ink(0)), Normal()]  # seen on dark lines too
+        axes.plot(times, values.mean(axis=0), color=ink(), label="mean", path_effects=on_paper)

@@ -1,7 +1,5 @@
 """The figure of attitude errors as paths on the sphere, in an equal-area projection."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
@@ -16,7 +14,7 @@ from eqt_cli.groups import Part
 from eqt_cli.mechanics.tracking import pose_error
 from eqt_cli.plots.base import OfFirstRuns
 from eqt_cli.plots.drawing import sphere_projection
-from eqt_cli.plots.drawing.curves import draw_paths, path_legend
+from eqt_cli.plots.drawing.curves import draw_density, draw_paths, path_legend, visits
 from eqt_cli.plots.drawing.labels import free_text
 from eqt_cli.plots.drawing.layout import (
     add_legend,
@@ -27,22 +25,29 @@ from eqt_cli.plots.drawing.layout import (
     panels_by_controller,
 )
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, size_of_type
-from eqt_cli.plots.figure_data import Ensemble, ShownRuns
+from eqt_cli.plots.shown.controllers import Ensemble
+from eqt_cli.plots.shown.trajectories import ShownRuns
 
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
 _AXES = "xyz"
+_BESIDE = 0.1
+"""in, of a panel's place that a disc leaves free."""
 _ABOVE = 0.05
 """in, for the title of a panel."""
-_LIMIT = 1.17
-"""Of the radius of the disc: room for the names around it."""
-_CIRCLES = (45, 90, 135, 180)
+_LIMIT = 1.2
+"""Of the radius of the disc: room for the names around it; and more below, for the scale."""
+_BELOW = 1.33
+_CIRCLES = (0, 45, 90, 135, 180)
 """Angles from the centre, degrees."""
 _RAYS = 45
 """Degrees between the lines from the centre."""
-_NUMBERED = -67.5
-"""The direction of the numbers of the circles, degrees: between two rays."""
-_OUTSIDE = 1.13
-"""Of the radius: where the number of the rim is."""
+_NUMBERED = (0, 45, 90, 180)
+"""Those of the circles, and the centre, that are numbered on the scale below the disc."""
+_SCALE, _TICK = -1.12, 0.05
+"""Of the radius: where that scale is, and how long its ticks are."""
+_TICKS: dict[str, Any] = {"linewidth": 0.5, "clip_on": False}
+_CELLS = np.linspace(-1, 1, 49), np.linspace(-1, 1, 49)
+"""Edges of the cells in which passing runs are counted."""
 _GRID: dict[str, Any] = {"linewidth": 0.4, "zorder": 0.5}
 _RIM: dict[str, Any] = {"linewidth": 0.6}
 _GRID_SHARE = 0.3
@@ -51,14 +56,15 @@ _SMALL = 0.75
 """The numbers' type over the usual."""
 _NUMBER: dict[str, Any] = {
     "ha": "center",
-    "va": "center",
-    "zorder": 4,
+    "va": "top",
 }
 
 
 @dataclass(frozen=True)
 class Sphere(OfFirstRuns):
     """Attitude errors on the sphere: the paths of a body axis as the error R_E = R R_dᵀ turns it.
+
+    Shading shows where all runs pass, in cells of equal area; darker shading: more runs pass there.
 
     The whole sphere is one disc, in Lambert's azimuthal equal-area projection: the centre is no
     error, the circles are tilts of the axis by 45°, 90° and 135°, and the rim is the half-turn
@@ -82,16 +88,20 @@ class Sphere(OfFirstRuns):
         room = WIDTHS[width] / max(len(places[0]), 2)
         drawing, panels = blank_sheet(width, places, room + _ABOVE)
         for ensemble in shown:
-            errors = _errors(runs, ensemble, self.runs)
+            errors = _errors(runs, ensemble)
             for part, suffix in zip(parts, suffixes, strict=True):
                 axes = panels[panel(ensemble.label, suffix)]
                 points = errors[(..., *part.entries)][..., centre]
                 _draw_grid(axes, centre)
-                paths = (sphere_projection.path(run, centre) for run in points)
+                paths = [sphere_projection.path(run, centre) for run in points[: self.runs]]
+                if self.density:
+                    every = [sphere_projection.project(run, centre) for run in points]
+                    draw_density(axes, visits(every, _CELLS), _CELLS, ensemble.look)
                 numbers = runs.numbers(ensemble, self.runs)
                 draw_paths(axes, dict(zip(numbers, paths, strict=True)), ensemble)
-                add_title(axes, panel_title(ensemble.title, suffix), room)
-        handles = path_legend([int(e.good.sum()) for e in shown], self.runs)
+                add_title(axes, panel_title(ensemble.title, suffix), room - _BESIDE)
+        good = [int(e.good.sum()) for e in shown]
+        handles = path_legend(good, self.runs, density=self.density)
         add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
@@ -111,25 +121,28 @@ class Sphere(OfFirstRuns):
         return found
 
 
-def _errors(runs: ShownRuns, ensemble: Ensemble, most: int) -> Array:
-    """Q_E of the first runs, ``(runs, samples, d, d)``."""
+def _errors(runs: ShownRuns, ensemble: Ensemble) -> Array:
+    """Q_E of all runs, ``(runs, samples, d, d)``."""
     assert runs.group is not None
-    poses, desired = runs.values("pose", ensemble, most), runs.desired("pose", ensemble)
+    poses, desired = runs.values("pose", ensemble), runs.desired("pose", ensemble)
     return pose_error(runs.group, poses, desired)
 
 
 def _draw_grid(axes: Axes, centre: int) -> None:
     """Circles, rays and what they mean."""
     grid: dict[str, Any] = {"color": ink(_GRID_SHARE), **_GRID}
-    ground = {"facecolor": (ink(0), 0.85), "edgecolor": "none", "pad": 0.5}
     small = _SMALL * size_of_type("font.size")
+    ticks = [[(0.0, _SCALE), (1.0, _SCALE)]]
     for angle in _CIRCLES:
-        radius = sphere_projection.radius(np.deg2rad(angle))
+        radius = float(sphere_projection.radius(np.deg2rad(angle)))
         is_rim = angle == _CIRCLES[-1]
         edge = {"color": ink(), **_RIM} if is_rim else grid
-        axes.add_patch(Circle((0, 0), float(radius), fill=False, **edge))
-        x, y = np.array(_towards(_NUMBERED)) * (_OUTSIDE if is_rim else radius)
-        axes.text(x, y, free_text(f"{angle}°", 9), fontsize=small, bbox=ground, **_NUMBER)
+        axes.add_patch(Circle((0, 0), radius, fill=False, **edge))
+        if angle in _NUMBERED:
+            ticks.append([(radius, _SCALE), (radius, _SCALE - _TICK)])
+            text = free_text(f"{angle}°", 9)
+            axes.text(radius, _SCALE - 2 * _TICK, text, fontsize=small, **_NUMBER)
+    axes.add_collection(LineCollection(ticks, color=ink(), **_TICKS))
     ends = [_towards(angle) for angle in range(0, 360, _RAYS)]
     axes.add_collection(LineCollection([[(0, 0), end] for end in ends], **grid))
     right, up = (rf"$e_{_AXES[(centre + k) % 3]}$" for k in (1, 2))
@@ -138,7 +151,7 @@ def _draw_grid(axes: Axes, centre: int) -> None:
     axes.set_xlabel(right)  # not shown, but named with the numbers behind the figure
     axes.set_ylabel(up)
     axes.set_xlim(-_LIMIT, _LIMIT)
-    axes.set_ylim(-_LIMIT, _LIMIT)
+    axes.set_ylim(-_BELOW, _LIMIT)
     axes.set_aspect("equal")
     axes.set_axis_off()
 

@@ -1,12 +1,11 @@
 """The figure of a sweep: one metric over one key as curves, over two as a map per controller."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Patch
 
@@ -14,14 +13,15 @@ from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.drawing.cells import Cells
+from eqt_cli.plots.drawing.curve_labels import name_curves
 from eqt_cli.plots.drawing.curves import BAND, band_look
 from eqt_cli.plots.drawing.key_labels import key_label
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title
-from eqt_cli.plots.drawing.scales import number_values
+from eqt_cli.plots.drawing.scales import number_values, scale, spans_decade
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
-from eqt_cli.plots.figure_data import ShownSweep
-from eqt_cli.results.result import SweptKey
+from eqt_cli.plots.shown.sweep import ShownSweep
+from eqt_cli.results.swept_key import SweptKey
 
 _LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
@@ -36,7 +36,10 @@ _BESIDE = 0.6
 """in, that the scale up and the margins take of the width."""
 
 
-FAILED, BEYOND = "////", "...."
+_COLOURS, _AROUND = 1.0, 0.9
+"""in, that the scale of colours and of a map take across, and title and scale up."""
+
+FAILED, BEYOND = "xxxx", "////"
 """Hatches of cells in which not all runs are what they should be."""
 
 
@@ -47,7 +50,8 @@ class SweepFigure(OfSweep):
     Means over the runs of every point; bands reach from the 10 % to the 90 % quantile.
 
     A frame marks the best cell of each map. Cells with failed runs, which have no mean, are
-    hatched, and so are cells with runs whose number lies beyond the horizon.
+    hatched in two directions; hatched in one are cells with censored runs, whose number lies beyond
+    the horizon. The means are written in the cells where they fit.
 
     Where the sweep is over the options of a law, points at which it is a law with a name of its own
     carry that name.
@@ -56,11 +60,14 @@ class SweepFigure(OfSweep):
     ----------
     metric
         What to show, by its name in the result.
+    log
+        A logarithmic scale of the metric; if not said, where it spans more than a decade.
     """
 
     name: ClassVar[str] = "sweep"
 
     metric: str = "mean_pose_error"
+    log: bool | None = None
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """One panel of curves, or a map per controller, of means over the runs."""
@@ -76,6 +83,7 @@ class SweepFigure(OfSweep):
             _, low, high = np.moveaxis(shares(values), -1, 0)
             most = np.nanmax(np.maximum(high - means, means - low))
             label += f"\n(intervals to ±{most:.2f})"
+        swept.remarks.append(f"Mean over runs at each point, {swept.count}{self._bands(swept)}.")
         if len(axes) == 1:
             return self._curves(swept, axes[0], values, label, width)
         return self._maps(swept, axes, means, label, width)
@@ -101,8 +109,19 @@ class SweepFigure(OfSweep):
         panel.margins(x=_MARGIN)
         _scale(panel, axis, key_label(swept.results, axis.key), WIDTHS[width] - _BESIDE)
         panel.set_ylabel(label)
-        add_legend(drawing, lines, swept.titles)
+        drawn = np.concatenate([np.ravel(line.get_ydata()) for line in lines])
+        scale(panel, "y", drawn.astype(float), log=self.log)
+        if any(swept.laws(k) for k in range(len(swept.titles))):
+            add_legend(drawing, lines, swept.titles)  # since names of points take the room
+        else:
+            name_curves(drawing, [panel], lines, swept.titles)
         return drawing
+
+    def _bands(self, swept: ShownSweep) -> str:
+        if len(swept.axes) != 1:
+            return ""
+        counts = swept.results.quantity(self.metric).counts
+        return "; bands: 95 % Wilson intervals" if counts else "; bands: 10–90 % of runs"
 
     def _band(self, swept: ShownSweep, values: Array) -> tuple[Array, Array]:
         """Where most runs are; of what counts runs, how well their share is known."""
@@ -118,23 +137,33 @@ class SweepFigure(OfSweep):
         count = len(swept.titles)
         drawing = Drawing(figsize=(WIDTHS[width], _HEIGHTS[width]))
         panels = drawing.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
-        low, high = np.nanmin(means), np.nanmax(means)
+        norm = self._colours(means)
         cells = Cells(*axes)
         failed, beyond = swept.failed_runs, swept.beyond(self.metric)
         for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=True)):
-            image = cells.draw(panel, means[:, index], vmin=low, vmax=high)
+            image = cells.draw(panel, means[:, index], norm=norm)
             cells.hatch(panel, np.flatnonzero(failed[:, index]), FAILED)
             cells.hatch(panel, np.flatnonzero(beyond[:, index]), BEYOND)
             best = _best(means[:, index], swept.results.quantity(self.metric).better)
             if best is not None:
                 cells.mark(panel, best)
-            for point, law in swept.laws(index).items():
+            named = swept.laws(index)
+            room = (WIDTHS[width] - _COLOURS) / count, _HEIGHTS[width] - _AROUND
+            others = np.array([point not in named for point in range(len(means))])
+            cells.write(panel, np.where(others, means[:, index], np.nan), image, room)
+            for point, law in named.items():
                 _name(panel, cells.columns[point], cells.rows[point], law)
             add_title(panel, title, WIDTHS[width] / count)
             cells.scales(panel, swept.results, leftmost=index == 0)
         drawing.colorbar(image, ax=list(panels), label=label)
         _explain(drawing, bool(failed.any()), bool(beyond.any()))
         return drawing
+
+    def _colours(self, means: Array) -> Normalize:
+        seen = means[np.isfinite(means)]
+        ends: dict[str, Any] = {"vmin": float(seen.min()), "vmax": float(seen.max())}
+        log = spans_decade(seen) if self.log is None else self.log
+        return LogNorm(**ends) if log and (seen > 0).all() else Normalize(**ends)
 
 
 def _best(means: Array, better: str) -> int | None:
@@ -151,7 +180,7 @@ def _explain(drawing: Drawing, failed: bool, beyond: bool) -> None:
         (failed, "failed runs, no mean", {"hatch": FAILED, "linewidth": 0}),
         (
             beyond,
-            "runs beyond the horizon, counted with it",
+            "censored runs, counted with the horizon",
             {"hatch": BEYOND, "linewidth": 0},
         ),
     ]

@@ -1,46 +1,50 @@
-"""The figure of torque components: mean and range over runs, a panel per axis and controller."""
-
-from __future__ import annotations
+"""The figure of torque components: the mean over runs of every law, a panel per axis."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.drawing.curves import BAND_NAMES, Bands, band_look, draw_band
-from eqt_cli.plots.drawing.labels import component, quantity
+from eqt_cli.plots.drawing.curves import Bands, draw_band, of_bands
+from eqt_cli.plots.drawing.labels import force_component, quantity
 from eqt_cli.plots.drawing.layout import (
+    EMPTY,
+    Mosaic,
     add_legend,
-    add_title,
-    hide_inner_scales,
     name_scale,
-    share_scale,
+    rows_of,
     sheet,
 )
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
-from eqt_cli.plots.figure_data import ShownRuns
+from eqt_cli.plots.drawing.style import Width, ink, line_style
+from eqt_cli.plots.shown.controllers import Ensemble, names
+from eqt_cli.plots.shown.trajectories import ShownRuns
 
-_MOST_CONTROLLERS: dict[Width, int] = {"column": 4, "page": 8}
-_DESIRED: dict[str, Any] = {"linewidth": 0.6, "linestyle": (0, (2, 1.5))}
-_ANY = 0.7
-"""The share of ink in the grey that stands for every controller's colour in the legend."""
+_DESIRED: dict[str, Any] = {"linewidth": 2.2, "zorder": 1.5}
+_PALE = 0.25
+"""The share of ink in the torque of the reference, which lies behind the curves."""
+_ACROSS = 3
+"""Axes of a part side by side on a page."""
+
+Share = Literal["total", "feedback", "feedforward"]
 
 
 @dataclass(frozen=True)
 class Torque(OverTime):
-    """Torque components: their mean over runs, a row per axis and a column per controller.
+    """Torque components in the body frame: the mean over runs, all laws in a panel per axis.
 
-    Components in the body frame, with the range from the 10 % to the 90 % quantile over runs unless
-    told otherwise; the desired torque is drawn in every panel.
+    Forces have panels of their own. The torque of the reference is drawn beside the whole torque
+    and the feedforward.
 
     Attributes
     ----------
+    share
+        ``total``; or ``feedforward``, what the law gives without its gains, and ``feedback``, the
+        rest. The result must be of an ideal loop, and the law must say what its feedforward is.
     bands
         ``quantiles`` shades the range from the 10 % to the 90 % quantile over runs, ``bootstrap``
         the 95 % interval of the mean at each time.
@@ -48,46 +52,67 @@ class Torque(OverTime):
 
     name: ClassVar[str] = "torque"
 
-    bands: Bands = "quantiles"
+    share: Share = "total"
+    bands: Bands = "none"
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
-        """Axes downwards with a scale each, controllers to the right."""
-        shown, most = runs.shown, _MOST_CONTROLLERS[width]
-        if len(shown) > most:
-            raise runs.error(
-                f"has a column of panels per controller, and width '{width}' has room for "
-                f"{most}, not {len(shown)}; "
-                + ("take width 'page' or " if width == "column" else "")
-                + "choose some with the option 'controllers'"
-            )
-        rows = [[f"{axis} {e.label}" for e in shown] for axis, _ in runs.axes]
-        drawing, panels = sheet(width, rows, runs.span, runs.unit("time"))
-        grid = [[panels[name] for name in row] for row in rows]
-        for row, (axis, unit) in zip(grid, runs.axes, strict=True):
-            share_scale(row)
-            name_scale(row[0], quantity(component(r"\tau", axis), unit))
-        hide_inner_scales(panels, rows)
-        for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):
-            add_title(column[0], ensemble.title, WIDTHS[width] / len(shown))
-            colour = line_style(ensemble.look)["color"]
-            times, values = runs.times(ensemble), runs.values("torque", ensemble)
-            desired = runs.desired("torque", ensemble)
-            for k, axes in enumerate(column):
-                self._fill(axes, times, values[..., k], desired[:, k], colour)
-        self._add_legend(drawing)
+        """A row per part of the coordinates on a page, and a column per part in a column."""
+        mosaic = _places(runs, width)
+        drawing, panels = sheet(width, mosaic, runs.span, runs.unit("time"))
+        for k, (axis, unit) in enumerate(runs.axes):
+            name_scale(panels[axis], quantity(force_component(axis, unit), unit))
+            for ensemble in runs.shown:
+                values = self._values(runs, ensemble)[..., k]
+                self._fill(panels[axis], runs.times(ensemble), values, ensemble)
+        handles: dict[str, Artist] = dict(
+            zip([e.title for e in runs.shown], panels[runs.axes[0][0]].lines, strict=False)
+        )
+        if self.share != "feedback":
+            handles[r"$\tau_d$"] = _draw_desired(runs, panels)
+        add_legend(drawing, list(handles.values()), list(handles))
+        what = "" if self.share == "total" else f" of the {self.share}"
+        runs.remarks.append(f"Curves: mean{what} over runs, {runs.count()}{of_bands(self.bands)}.")
         return drawing
 
-    def _fill(self, axes: Axes, times: Array, values: Array, desired: Array, colour: str) -> None:
-        axes.plot(times, values.mean(axis=0), color=colour, label="mean")
-        axes.plot(times, desired, label="desired", color=ink(), **_DESIRED)
-        draw_band(axes, times, values, self.bands, colour, "of runs")
+    def _values(self, runs: ShownRuns, ensemble: Ensemble) -> Array:
+        """What is drawn of every run, ``(runs, samples, axes)``."""
+        torque = runs.values("torque", ensemble)
+        if self.share == "total":
+            return torque
+        feedforward = runs.feedforward(ensemble)
+        return feedforward if self.share == "feedforward" else torque - feedforward
 
-    def _add_legend(self, drawing: Drawing) -> None:
-        any_colour = ink(_ANY)
-        handles: dict[str, Artist] = {
-            "mean": Line2D([], [], color=any_colour),
-            r"$\tau_d$": Line2D([], [], color=ink(), **_DESIRED),
-        }
-        if self.bands in BAND_NAMES:
-            handles[BAND_NAMES[self.bands]] = Patch(**band_look(any_colour))
-        add_legend(drawing, list(handles.values()), list(handles))
+    def _fill(self, axes: Axes, times: Array, values: Array, ensemble: Ensemble) -> None:
+        look = line_style(ensemble.look)
+        axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
+        draw_band(axes, times, values, self.bands, look["color"], ensemble.label)
+
+
+def _draw_desired(runs: ShownRuns, panels: dict[str, Axes]) -> Artist:
+    """The torque of each result's reference in every panel; the last of the lines."""
+    line: Artist = Line2D([], [])
+    for result, name in zip(runs.results, names(runs.results), strict=True):
+        first = next((e for e in runs.shown if e.results is result), None)
+        if first is None:
+            continue
+        desired = runs.desired("torque", first)
+        label = f"desired, {name}" if len(runs.results) > 1 else "desired"
+        for k, (axis, _) in enumerate(runs.axes):
+            (line,) = panels[axis].plot(
+                runs.times(first), desired[:, k], label=label, color=ink(_PALE), **_DESIRED
+            )
+    return line
+
+
+def _places(runs: ShownRuns, width: Width) -> Mosaic:
+    """The panels by their axes: those of torques and of forces apart."""
+    units = dict.fromkeys(unit for _, unit in runs.axes)
+    parts = [[axis for axis, of in runs.axes if of == unit] for unit in units]
+    if width == "page":
+        across = min(_ACROSS, max(map(len, parts)))
+        rows = [row for part in parts for row in rows_of(part, across)]
+        return [row + [EMPTY] * (across - len(row)) for row in rows]
+    if len(parts) == 1:
+        return [[axis] for axis in parts[0]]
+    tallest = max(map(len, parts))
+    return [[part[k] if k < len(part) else EMPTY for part in parts] for k in range(tallest)]

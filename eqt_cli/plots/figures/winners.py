@@ -1,7 +1,5 @@
 """The figure of a comparison over a sweep: which law wins where, and by how much."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -20,7 +18,7 @@ from eqt_cli.plots.drawing.curves import RESAMPLING
 from eqt_cli.plots.drawing.labels import metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_remarks, add_title
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
-from eqt_cli.plots.figure_data import ShownSweep
+from eqt_cli.plots.shown.sweep import ShownSweep
 
 _CELL = 0.32
 """in, the least height of a row of cells, for the number in it."""

@@ -23,7 +23,8 @@
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
   const turned = (r, v) => [0, 3, 6].map((i) => r[i] * v[0] + r[i + 1] * v[1] + r[i + 2] * v[2]);
-  const ink = (look) => (look.colour === "#000000" ? "currentColor" : look.colour);
+  // On a dark page a law's colour is lighter; animation.css says by how much.
+  const ink = (look) => (look.colour === "#000000" ? "currentColor" : `color-mix(in oklab, ${look.colour} var(--own), white)`);
 
   // The camera: rows to the right, up, and towards the eye.
   function camera() {
@@ -42,50 +43,67 @@
     return { rotation: between(course.rotation[i], course.rotation[j]), place };
   }
 
-  const scale = SIZE / 2 / (1.3 * (data.extent + data.length));
+  // A number of a list between two samples.
+  function between(list, position) {
+    const i = Math.min(Math.floor(position), last), j = Math.min(i + 1, last), s = position - i;
+    return Array.isArray(list[i]) ? list[i].map((x, k) => (1 - s) * x + s * list[j][k]) : (1 - s) * list[i] + s * list[j];
+  }
 
   function drawBody(svg, c) {
     const eye = camera(), look = data.controllers[c];
+    const centre = data.moves ? between(data.centre[c], now) : [0, 0, 0];
+    const scale = SIZE / 2 / between(data.reach, now);
     const at = (v) => {
-      const w = v.map((x, k) => x - data.centre[k]);
+      const w = v.map((x, k) => x - centre[k]);
       return [SIZE / 2 + scale * dot(eye[0], w), SIZE / 2 - scale * dot(eye[1], w)];
     };
     const parts = [];
     const line = (points) => points.map((p, k) => `${k ? "L" : "M"}${p[0].toFixed(1)} ${p[1].toFixed(1)}`).join("");
-    if (data.moves) {
-      parts.push(element("path", { class: "trail", stroke: "var(--soft)", d: line(data.reference.position.map(at)) }));
-      const upTo = data.bodies[c].position.slice(0, Math.floor(now) + 1).filter((p) => !p.includes(null));
-      parts.push(element("path", { class: "trail", stroke: ink(look), d: line(upTo.map(at)) }));
+    parts.push(element("path", { class: "ground", d: data.ground.map((ends) => line(ends.map(at))).join("") }));
+    if (data.moves) parts.push(element("path", { class: "trail target", d: line(data.reference.position.map(at)) }));
+    const first = data.times.findIndex((t) => t >= data.times[Math.floor(now)] - data.trail);
+    const past = [];
+    for (let k = first; k <= Math.floor(now); k += 1) {
+      const found = pose(data.bodies[c], k);
+      if (found) past.push(data.moves ? found.place : turned(found.rotation, [data.length, 0, 0]));
     }
-    function frame(found, attributes, name) {
-      [[1, 0, 0], [0, 1, 0], [0, 0, 1]].forEach((axis, k) => {
-        const direction = turned(found.rotation, axis);
-        const end = (share) => at(found.place.map((x, i) => x + share * data.length * direction[i]));
-        parts.push(element("path", { d: line([at(found.place), end(1)]), ...attributes }));
-        const [x, y] = end(1.13);
-        parts.push(element("text", { x: x.toFixed(1), y: y.toFixed(1), ...name }, "xyz"[k]));
-      });
-    }
-    const body = pose(data.bodies[c], now);
-    if (body) {
-      const corners = data.corners.map((v) => turned(body.rotation, v));
+    parts.push(element("path", { class: "trail", stroke: ink(look), d: line(past.map(at)) }));
+
+    // A block with its axes: the body in colour, the target as its ghost.
+    function block(found, paint, ghost) {
+      const corners = data.corners.map((v) => turned(found.rotation, v));
       for (const face of data.faces) {
         const [a, b, , d] = face.map((k) => corners[k]);
         const middle = face.reduce((sum, k) => sum.map((x, i) => x + corners[k][i] / 4), [0, 0, 0]);
         let normal = unit(cross(b.map((x, i) => x - a[i]), d.map((x, i) => x - a[i])));
         if (dot(normal, middle) < 0) normal = normal.map((x) => -x);
         if (dot(normal, eye[2]) <= 0) continue;
-        const outline = face.map((k) => at(corners[k].map((x, i) => body.place[i] + data.length * x)));
+        const outline = face.map((k) => at(corners[k].map((x, i) => found.place[i] + data.length * x)));
         const opacity = 0.65 - 0.5 * (1 + dot(normal, LIGHT)) / 2;
-        parts.push(element("path", { d: line(outline) + "Z", fill: "var(--raised)" }));
-        parts.push(element("path", { d: line(outline) + "Z", fill: ink(look), "fill-opacity": opacity.toFixed(2), stroke: ink(look) }));
+        parts.push(element("path", { d: line(outline) + "Z", fill: "var(--raised)", "fill-opacity": 0.75 }));
+        parts.push(element("path", { d: line(outline) + "Z", fill: paint, "fill-opacity": opacity.toFixed(2), stroke: paint }));
       }
+      Object.entries(data.axes).forEach(([name, colour], k) => {
+        const direction = turned(found.rotation, [0, 1, 2].map((i) => Number(i === k)));
+        const end = (share) => at(found.place.map((x, i) => x + share * data.length * direction[i]));
+        const drawn = ghost ? { class: "reference" } : { class: "axis-of-body", stroke: colour };
+        parts.push(element("path", { d: line([at(found.place), end(1)]), ...drawn }));
+        const [x, y] = end(1.14);
+        const named = ghost ? { class: "reference-name" } : { class: "axis-name", fill: colour };
+        parts.push(element("text", { x: x.toFixed(1), y: y.toFixed(1), ...named }, name));
+      });
     }
-    frame(pose(data.reference, now), { class: "reference" }, { class: "reference-name" });
-    if (body) frame(body, { stroke: ink(look), "stroke-width": 2.6 }, { fill: ink(look) });
-    if (!body) {
-      parts.push(element("text", { x: SIZE / 2, y: SIZE - 8, "text-anchor": "middle", fill: ink(look) }, "run failed"));
-    }
+    block(pose(data.reference, now), "var(--soft)", true);
+    const body = pose(data.bodies[c], now);
+    if (body) block(body, ink(look), false);
+    else parts.push(element("text", { x: SIZE / 2, y: SIZE - 8, "text-anchor": "middle", fill: ink(look) }, "run failed"));
+
+    // The directions of the inertial frame, in a corner.
+    data.inertial.forEach((name, k) => {
+      const [x, y] = [eye[0][k], -eye[1][k]], corner = [30, SIZE - 28];
+      parts.push(element("path", { class: "inertial", d: line([corner, [corner[0] + 20 * x, corner[1] + 20 * y]]) }));
+      parts.push(element("text", { class: "inertial-name", x: corner[0] + 29 * x, y: corner[1] + 29 * y }, name));
+    });
     svg.replaceChildren(...parts);
   }
 
@@ -146,7 +164,7 @@
   }
 
   function typeset(name) {
-    return name.split(/(Q_E|V_d)/).flatMap((part, i) => {
+    return name.split(/([A-Za-zω]_[A-Za-z])/).flatMap((part, i) => {
       if (i % 2 === 0) return [element("tspan", i ? { dy: -4 } : {}, part)];
       const [letter, index] = part.split("_");
       return [element("tspan", {}, letter), element("tspan", { dy: 4, "font-size": "75%" }, index)];
@@ -183,6 +201,8 @@
     bodies.forEach(drawBody);
   }
 
+  $("bodies").style.setProperty("--columns", data.columns);
+
   function show(position) {
     now = Math.min(Math.max(position, 0), last);
     const t = data.times[0] + duration * now / last;
@@ -196,8 +216,8 @@
   function told() {
     const i = Math.floor(now);
     const words = data.controllers.map((look, c) => {
-      const [error, torque] = data.panels.map((it) => it.curves[c][i]);
-      return `${look.title}: error ${error ?? "none"}, torque ${torque ?? "none"} ${data.panels[1].unit}`;
+      const numbers = data.panels.map((it) => `${it.name} ${it.curves[c][i] ?? "none"} ${it.unit ?? ""}`.trim());
+      return `${look.title}: ${numbers.join(", ")}`;
     });
     $("state").textContent = `At ${data.times[i].toFixed(2)} s: ${words.join("; ")}.`;
   }

@@ -47,6 +47,87 @@
   const table = JSON.parse($("data-runs").textContent);
   const picked = $("data-curves") ? picker(JSON.parse($("data-curves").textContent)) : null;
   runTable();
+  if ($("data-animation")) player(JSON.parse($("data-animation").textContent));
+  downloads();
+  window.addEventListener("hashchange", linked);
+  linked();
+
+  // A link to a run: report.html#run-17.
+  function linked() {
+    const run = location.hash.match(/^#run-(\d+)$/);
+    if (run && picked && picked.chooseRun(Number(run[1]))) $("picker").scrollIntoView();
+  }
+
+  // What can be kept: figures as SVG, tables as CSV, the configuration as YAML.
+  function downloads() {
+    for (const figure of document.querySelectorAll("figure > .paper")) {
+      offer(figure.nextElementSibling, "SVG", `${figure.parentElement.id}.svg`, "image/svg+xml", () => drawing(figure.firstElementChild));
+    }
+    for (const data of document.querySelectorAll("table.data:not(#all)")) {
+      const name = data.id.replace(/-table$/, "");
+      offer($(`${name}-caption`), "CSV", `${name}.csv`, "text/csv", () => csv([...data.rows].map(texts)));
+    }
+    offer($("config-caption"), "YAML", "config.yaml", "text/yaml", () => `${$("config").textContent}\n`);
+  }
+
+  function offer(beside, kind, file, type, content) {
+    const button = element("button", { type: "button", class: "download", "aria-label": `Download ${file}` }, `⤓ ${kind}`);
+    button.addEventListener("click", (event) => {
+      event.preventDefault();
+      const address = URL.createObjectURL(new Blob([content()], { type }));
+      element("a", { href: address, download: file }).click();
+      setTimeout(() => URL.revokeObjectURL(address), 1000);
+    });
+    beside.append(button);
+  }
+
+  // A figure by itself: with the ink and the ground of paper, whatever those of the page are.
+  function drawing(svg) {
+    const copy = svg.cloneNode(true);
+    const [, , width, height] = copy.getAttribute("viewBox").split(" ");
+    for (const [name, value] of Object.entries({ width: `${width}pt`, height: `${height}pt`, color: "#000" })) {
+      copy.setAttribute(name, value);
+    }
+    return new XMLSerializer().serializeToString(copy);
+  }
+
+  function texts(row) {
+    return [...row.cells].flatMap((cell) => [cell.textContent.trim(), ...Array(cell.colSpan - 1).fill("")]);
+  }
+
+  function csv(rows) {
+    const field = (value) => {
+      const text = value === null || value === undefined ? "" : String(value);
+      return /[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
+    };
+    return rows.map((row) => `${row.map(field).join(",")}\r\n`).join("");
+  }
+
+  // The animation, a page of its own; it is made when it comes into sight.
+  function player(page) {
+    const frame = element("iframe", { title: "Animation of a run" });
+    const theme = () => {
+      const chosen = document.documentElement.dataset.theme;
+      const root = frame.contentDocument?.documentElement;
+      if (!root) return;
+      if (chosen) root.dataset.theme = chosen;
+      else delete root.dataset.theme;
+    };
+    frame.addEventListener("load", () => {
+      const inner = frame.contentDocument;
+      inner.querySelectorAll("header, footer").forEach((part) => part.remove());
+      inner.documentElement.style.overflowY = "hidden";
+      new ResizeObserver(() => { frame.style.height = `${inner.documentElement.offsetHeight + 4}px`; }).observe(inner.documentElement);
+      theme();
+    });
+    $("theme").addEventListener("change", theme);
+    new IntersectionObserver((entries, watch) => {
+      if (!entries.some((entry) => entry.isIntersecting)) return;
+      watch.disconnect();
+      frame.srcdoc = page;
+      $("player").append(frame);
+    }, { rootMargin: "400px" }).observe($("player"));
+  }
 
   // The run picker.
   function picker(data) {
@@ -193,6 +274,23 @@
       $("previous").disabled = index === 0;
       $("next").disabled = index === data.runs.length - 1;
       $("run-summary").textContent = summarised();
+      $("run-link").setAttribute("href", `#run-${data.runs[index]}`);
+    }
+
+    // The runs of a controller with a value that the page can draw, the best first.
+    function ranked(controller, column) {
+      const sign = table.columns[column].better === "higher" ? -1 : 1;
+      const value = (row) => row[3 + column];
+      return table.rows
+        .filter((row) => row[0] === controller && value(row) !== null && data.runs.includes(row[1]))
+        .sort((a, b) => sign * (value(a) - value(b)));
+    }
+
+    function goTo(rank) {
+      const rows = ranked(Number($("rank-controller").value), Number($("rank-column").value));
+      if (!rows.length) return;
+      const place = { best: 0, median: Math.floor((rows.length - 1) / 2), worst: rows.length - 1 };
+      chooseRun(rows[place[rank]][1]);
     }
 
     function choose(position) {
@@ -213,7 +311,8 @@
       box.addEventListener("change", () => { visible[c] = box.checked; redraw(); });
       $("shown").append(element("label", {}, box, " ", swatch(look), look.title));
     });
-    $("pick").addEventListener("submit", (event) => event.preventDefault());
+    for (const form of ["pick", "extremes"]) $(form).addEventListener("submit", (event) => event.preventDefault());
+    for (const button of document.querySelectorAll("[data-rank]")) button.addEventListener("click", () => goTo(button.dataset.rank));
     $("previous").addEventListener("click", () => choose(index - 1));
     $("next").addEventListener("click", () => choose(index + 1));
     $("slider").addEventListener("input", (event) => choose(Number(event.target.value)));
@@ -335,6 +434,10 @@
     $("filters").addEventListener("reset", () => setTimeout(refresh));
     $("back").addEventListener("click", () => { page -= 1; render(); });
     $("forth").addEventListener("click", () => { page += 1; render(); });
+    offer($("all-caption"), "CSV", `${table.item}s.csv`, "text/csv", () => csv([
+      columns.map((column) => (column.unit ? `${column.name} (${column.unit})` : column.name)),
+      ...kept.map((row) => [table.controllers[row[0]], ...row.slice(1)]),
+    ]));
     refresh();
   }
 })();

@@ -1,8 +1,6 @@
 """What makes a torque of a command: one file per kind, found by scanning this folder."""
 
 from eqt_cli.core.registry import Registry
-from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.actuators.base import Actuator as Actuator
 
 actuators = Registry("actuator", __name__, Actuator)
-
-__all__ = ["Actuator", "actuators"]

@@ -1,7 +1,5 @@
 """What an actuator is: what becomes of a command; it knows no law, no plant and no engine."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar

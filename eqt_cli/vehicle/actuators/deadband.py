@@ -1,7 +1,5 @@
 """An actuator that does nothing for small commands."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """An actuator that follows its command with a delay of first order."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A hard limit of the torque."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

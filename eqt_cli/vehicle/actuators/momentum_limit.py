@@ -1,7 +1,5 @@
 """Wheels, which can take up only so much momentum."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

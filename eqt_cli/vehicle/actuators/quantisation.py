@@ -1,7 +1,5 @@
 """An actuator that knows only multiples of a step."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

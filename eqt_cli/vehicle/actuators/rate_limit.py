@@ -1,7 +1,5 @@
 """A hard limit of how fast the torque changes."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """What a force is; it knows no law, no actuator and no engine."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -40,3 +38,12 @@ class Force(VehiclePart):
     def instants(self) -> Array:
         """The times, s, at which it goes on in another way; in order."""
         return np.empty(0)
+
+
+class ForceOfNumbers(Force):
+    """A force all of whose options are numbers, so that those of all runs are solved together."""
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """The frame alone."""
+        return type(self), self.frame

@@ -1,7 +1,5 @@
 """A force that does not change: a push, or the torque of a thruster that leaks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

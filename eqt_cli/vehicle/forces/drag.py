@@ -1,7 +1,5 @@
 """Drag, linear and quadratic in the velocity."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Gravity that differs over a satellite: it turns the long axis towards the planet."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -12,13 +10,13 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.vehicle.component import Given
-from eqt_cli.vehicle.forces.base import Force
+from eqt_cli.vehicle.forces.base import ForceOfNumbers
 from eqt_cli.vehicle.numbers import Matrix, Number, check_numbers, drawn
 from eqt_cli.written.poses import square
 
 
 @dataclass(frozen=True)
-class GravityGradient(Force):
+class GravityGradient(ForceOfNumbers):
     """3n² c × 𝕁c on a circular orbit; c is the direction of the planet in the body frame.
 
     The orbit is in the xy plane of the spatial frame, with the planet at t = 0 along -x. Only for
@@ -44,11 +42,6 @@ class GravityGradient(Force):
         tensor = square(part.inertia, 3, G)
         return {"rate": np.array([part.rate], dtype=float), "inertia": tensor}
 
-    @property
-    def structure(self) -> tuple[Any, ...]:
-        """One for all: every option is a number."""
-        return type(self), self.frame
-
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
         """The torque."""
         rate = given["rate"][..., 0]
@@ -64,9 +57,9 @@ class GravityGradient(Force):
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Another group than SO3 and SE3, a wrong number of entries."""
         if not (isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) < 2):
-            problems.add(f"gravity_gradient is for SO3 and SE3; got {G.name}")
+            problems.add(f"gravity_gradient needs group SO3 or SE3, got {G.name}")
         if self.frame != "body":
-            problems.at("frame").add("gravity_gradient has its planet in space already")
+            problems.at("frame").add("gravity_gradient computes its own frame; remove this key")
         check_numbers(self.rate, problems.at("rate"))
         here = problems.at("inertia")
         check_numbers(self.inertia, here)

@@ -1,17 +1,15 @@
 """Gusts: a random force that is smooth, as a sum of sines with phases of the run."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array, sin
+from eqt_cli.core.arrays import Array, as_array, sin
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.component import Given, check_deviations
-from eqt_cli.vehicle.forces.base import Force
+from eqt_cli.vehicle.forces.base import ForceOfNumbers
 from eqt_cli.vehicle.numbers import Number, Numbers, check_numbers
 
 SINES = 12
@@ -22,7 +20,7 @@ SHARES = np.tan(np.pi / 2 * (np.arange(SINES) + 0.5) / SINES)
 
 
 @dataclass(frozen=True)
-class Gust(Force):
+class Gust(ForceOfNumbers):
     """A force with the spectrum of an Ornstein-Uhlenbeck process, its coordinates independent.
 
     Each coordinate is a sum of sines of equal amplitude, with frequencies that divide the spectrum
@@ -48,11 +46,6 @@ class Gust(Force):
     def varies(self) -> bool:
         """Every run has phases of its own."""
         return True
-
-    @property
-    def structure(self) -> tuple[Any, ...]:
-        """One for all but the frame."""
-        return type(self), self.frame
 
     def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
         """The amplitudes, frequencies and phases of the sines, ``(sines, m)`` or ``(sines, 1)``."""
@@ -80,5 +73,5 @@ class Gust(Force):
 
 def _column(t: Any, V: Array) -> Any:
     """Times ``(samples,)`` along the axis of samples of V; one time as it is."""
-    times = np.asarray(t)
+    times = as_array(t)
     return times[..., None] if times.ndim else t

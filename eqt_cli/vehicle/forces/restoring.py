@@ -1,7 +1,5 @@
 """Weight and buoyancy of a submerged body in space."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -12,14 +10,14 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.vehicle.component import Given
-from eqt_cli.vehicle.forces.base import Force
+from eqt_cli.vehicle.forces.base import ForceOfNumbers
 from eqt_cli.vehicle.numbers import Number, check_numbers, drawn
 
 POINTS = ("centre_of_mass", "centre_of_buoyancy", "up")
 
 
 @dataclass(frozen=True)
-class Restoring(Force):
+class Restoring(ForceOfNumbers):
     """The weight acts at the centre of mass, downwards; the buoyancy at its own centre, upwards.
 
     With u the direction upwards in the body frame, the force is (B − W) u and the torque
@@ -56,11 +54,6 @@ class Restoring(Force):
             "up": up / np.linalg.norm(up),
         }
 
-    @property
-    def structure(self) -> tuple[Any, ...]:
-        """One for all: every option is a number."""
-        return type(self), self.frame
-
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
         """Torque and force."""
         assert isinstance(G, EuclideanGroup)
@@ -74,11 +67,11 @@ class Restoring(Force):
         """Another group than SE3, points that are none, or no direction."""
         in_space = isinstance(G, EuclideanGroup) and G.space == 3 and len(G.columns) == 1
         if not in_space:
-            problems.add(
-                f"restoring is for SE3, whose coordinates are torque and force; got {G.name}"
-            )
+            problems.add(f"restoring needs group SE3, got {G.name}")
         if self.frame != "body":
-            problems.at("frame").add("restoring gives each of its numbers in a frame of its own")
+            problems.at("frame").add(
+                "restoring fixes the frame of each of its numbers; remove this key"
+            )
         for name in ("weight", "buoyancy"):
             check_numbers(getattr(self, name), problems.at(name))
         for name in POINTS:
@@ -88,4 +81,4 @@ class Restoring(Force):
             elif value is not None:
                 check_numbers(value, problems.at(name))
         if self.up is not None and not any(drawn(self.up, None)):
-            problems.at("up").add("expected a direction, got 0")
+            problems.at("up").add("expected a direction, got a vector of zeros")

@@ -1,8 +1,6 @@
 """Errors of what the law is told: one file per kind, found by scanning this folder."""
 
 from eqt_cli.core.registry import Registry
-from eqt_cli.vehicle.sensors.base import Sensor
+from eqt_cli.vehicle.sensors.base import Sensor as Sensor
 
 sensors = Registry("sensor", __name__, Sensor)
-
-__all__ = ["Sensor", "sensors"]

@@ -1,7 +1,5 @@
 """What an error of measurement is; it knows no law and no engine."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from dataclasses import dataclass
 

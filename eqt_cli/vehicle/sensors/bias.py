@@ -1,7 +1,5 @@
 """An offset of a measurement, which may drift."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

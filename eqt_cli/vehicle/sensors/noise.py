@@ -1,7 +1,5 @@
 """White noise of a measurement."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -47,8 +45,7 @@ class Noise(Sensor):
         part: Any = self
         if part.std is not None:
             return vector(part.std, G.dimension, G)
-        deviation: Array = vector(part.density or 0.0, G.dimension, G) / np.sqrt(period)
-        return deviation
+        return vector(part.density or 0.0, G.dimension, G) / np.sqrt(period)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Both or none of the two, a negative deviation, a wrong length."""

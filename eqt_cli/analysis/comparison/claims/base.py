@@ -1,7 +1,5 @@
 """What a claim is; it knows no single paper and no way to test one."""
 
-from __future__ import annotations
-
 from abc import ABC
 from dataclasses import dataclass
 from typing import ClassVar

@@ -1,0 +1,428 @@
+"""Writes into the pages of the documentation what the program knows: nothing is typed twice.
+
+    python docs/reference/generate.py            write the pages (make reference)
+    python docs/reference/generate.py --check    exit 1 where a page is not current (make docs)
+
+What is written stands between `<!-- generated: NAME [ARGUMENT] -->` and `<!-- end -->`. It is
+committed, so that the pages can be read without a build.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+DOCS = Path(__file__).parents[1]
+PART = re.compile(r"(<!-- generated: (\w+)(?: (\w+))? -->\n).*?(<!-- end -->)", re.S)
+PARTS: dict[str, Callable[..., Iterable[str]]] = {}
+
+
+def part(function: Callable[..., Iterable[str]]) -> Callable[..., Iterable[str]]:
+    """A function that writes what stands in a page under its name."""
+    PARTS[function.__name__] = function
+    return function
+
+
+def written(page: str) -> str:
+    """A page with its generated parts as they should be."""
+    return PART.sub(lambda found: f"{found[1]}{_text(found[2], found[3])}{found[4]}", page)
+
+
+def _text(name: str, argument: str | None) -> str:
+    lines = "\n".join(PARTS[name](*filter(None, [argument])))
+    return re.sub(r"\n{3,}", "\n\n", f"\n{lines.strip()}\n\n")
+
+
+def main(check: bool) -> int:
+    """Write or check all pages."""
+    stale = []
+    for path in sorted(DOCS.glob("**/*.md")):
+        page = path.read_text(encoding="utf-8")
+        if (current := written(page)) == page:
+            continue
+        stale.append(path.relative_to(DOCS.parent).as_posix())
+        if not check:
+            path.write_text(current, encoding="utf-8")
+    for name in stale:
+        print(f"{name}: {'not current; run: make reference' if check else 'written'}")
+    return int(check and bool(stale))
+
+
+def table(header: list[str], rows: list[list[str]]) -> Iterator[str]:
+    """A Markdown table."""
+    yield ""
+    yield f"| {' | '.join(header)} |"
+    yield f"|{'---|' * len(header)}"
+    for row in rows:
+        cells = [" ".join(cell.split()).replace("|", "\\|") for cell in row]
+        yield f"| {' | '.join(cells)} |"
+    yield ""
+
+
+def code(text: Any) -> str:
+    """Text as code."""
+    return f"`{text}`"
+
+
+def escaped(text: str) -> str:
+    """Running text from the program: formulas such as Ad*_V and L*_Q are no emphasis."""
+    parts = re.split(r"(`[^`]*`)", re.sub(r"``([^`]*)``", r"`\1`", text))
+    parts[::2] = [re.sub(r"([*_<$])", r"\\\1", part) for part in parts[::2]]
+    return "".join(parts)
+
+
+# Commands -----------------------------------------------------------------------------------------
+
+
+@part
+def commands() -> Iterator[str]:
+    """Every command of `eqt` with its arguments and options."""
+    import typer
+
+    from eqt_cli.cli.app import app
+
+    yield from _commands("eqt", typer.main.get_command(app))
+
+
+def _commands(path: str, command: Any) -> Iterator[str]:
+    for name, child in getattr(command, "commands", {}).items():
+        if hasattr(child, "commands"):
+            yield from _commands(f"{path} {name}", child)
+        else:
+            yield from _command(f"{path} {name}", child)
+
+
+def _command(path: str, command: Any) -> Iterator[str]:
+    given = [
+        one for one in command.params if one.name != "help" and not getattr(one, "hidden", False)
+    ]
+    arguments = [entry for entry in given if entry.param_type_name == "argument"]
+    options = [entry for entry in given if entry.param_type_name == "option"]
+    shown = [_metavar(entry) for entry in arguments]
+    yield f"## {path}"
+    yield ""
+    yield escaped(inspect.cleandoc(command.help or ""))
+    yield ""
+    yield "```text"
+    yield " ".join([path, *shown, "[OPTIONS]"])
+    yield "```"
+    rows = [[code(_metavar(entry)), _help(entry)] for entry in arguments]
+    rows += [[code(_flags(entry)), _help(entry)] for entry in options]
+    yield from table(["argument or option", "meaning"], rows)
+
+
+def _metavar(entry: Any) -> str:
+    text = (entry.metavar or entry.name).upper().strip("[]")
+    return text if entry.required else f"[{text}]"
+
+
+def _flags(entry: Any) -> str:
+    flags = ", ".join(entry.opts)
+    return flags if entry.is_flag else f"{flags} {entry.metavar or entry.name.strip('_').upper()}"
+
+
+def _help(entry: Any) -> str:
+    text = escaped(entry.help or "")
+    fixed = entry.default is not None and not callable(entry.default) and entry.default is not False
+    default = entry.default if entry.param_type_name == "option" and fixed else None
+    return f"{text} Default: `{default}`." if default not in (None, (), []) else text
+
+
+# Configuration ------------------------------------------------------------------------------------
+
+
+@part
+def configuration() -> Iterator[str]:
+    """Every key of a configuration, from its JSON schema."""
+    from eqt_cli.config.json_schema import json_schema
+    from eqt_cli.config.key_descriptions import default_of, described, value_of
+
+    schema = json_schema()
+    required = schema["required"]
+    for key, entry in schema["properties"].items():
+        yield f"## {key}"
+        yield ""
+        default = default_of(key, entry, required)
+        words = f"default {default}" if default.startswith("`") else default
+        yield f"{value_of(entry, schema).capitalize()}; {words}."
+        yield ""
+        yield escaped(described(entry, schema))
+        yield ""
+        yield from _members(entry, schema)
+        yield from _kinds(entry, schema)
+
+
+def _members(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
+    """The keys of a mapping, or of each mapping that an entry may be."""
+    from eqt_cli.config.key_descriptions import (
+        choices,
+        default_of,
+        dereferenced,
+        described,
+        value_of,
+    )
+
+    for option in choices(entry, schema):
+        if "properties" not in option:
+            continue
+        kind = option["properties"].get("kind", {}).get("const")
+        if kind:
+            continue  # a component; these have a page of their own
+        if option is not dereferenced(entry, schema):
+            yield escaped(option.get("description", "").partition("\n")[0])
+        rows = [
+            [
+                code(name),
+                value_of(inner, schema),
+                default_of(name, inner, option.get("required", [])),
+                escaped(described(inner, schema)),
+            ]
+            for name, inner in option["properties"].items()
+        ]
+        yield from table(["key", "value", "default", "meaning"], rows)
+
+
+def _kinds(entry: dict[str, Any], schema: dict[str, Any]) -> Iterator[str]:
+    """Which components an entry, or each of its items or members, may be."""
+    from eqt_cli.config.key_descriptions import choices, dereferenced
+
+    inner = [
+        entry,
+        entry.get("items", {}),
+        *dereferenced(entry, schema).get("properties", {}).values(),
+    ]
+    names = [
+        option["properties"]["kind"]["const"]
+        for value in inner
+        for option in choices(value, schema)
+        if "const" in option.get("properties", {}).get("kind", {})
+    ]
+    if names:
+        listed = ", ".join(map(code, dict.fromkeys(names)))
+        yield f"Kinds: {listed}; their options are among the [components](components.md)."
+        yield ""
+
+
+# Components ---------------------------------------------------------------------------------------
+
+
+@part
+def components(kind: str) -> Iterator[str]:
+    """The components of one kind with their options, or the properties of every group."""
+    from eqt_cli.config.catalogue import options, registry
+    from eqt_cli.core.registry import summary
+
+    if kind == "groups":
+        yield from _groups()
+        return
+    for component in registry(kind).all():
+        yield f"### {component.name}"
+        yield ""
+        yield escaped(summary(component))
+        yield ""
+        schema = {"$defs": {}, "required": [], "properties": {}} | options(component)
+        if schema["properties"]:
+            yield from _option_table(component, schema)
+
+
+def _option_table(component: type, schema: dict[str, Any]) -> Iterator[str]:
+    from eqt_cli.config.key_descriptions import default_of, value_of
+    from eqt_cli.core.registry import meanings
+
+    said = meanings(component)
+    rows = [
+        [
+            code(name),
+            value_of(entry, schema),
+            default_of(name, entry, schema["required"]),
+            escaped(said.get(name) or entry.get("description", "")),
+        ]
+        for name, entry in schema["properties"].items()
+    ]
+    yield from table(["option", "value", "default", "meaning"], rows)
+
+
+def _groups() -> Iterator[str]:
+    from eqt_cli.core.registry import summary
+    from eqt_cli.groups import group_named, groups
+
+    rows = []
+    for kind in groups.all():
+        for name in kind.examples():
+            group = group_named(name)
+            axes = ", ".join(
+                f"{', '.join(group.axis_names[part.axes])} ({part.velocity_unit})"
+                for part in group.parts
+            )
+            size = f"{group.dimension}, {group.size}×{group.size}"
+            rows.append([code(name), size, axes, escaped(summary(kind))])
+    header = ["group", "m, d×d", "coordinates of V and their units", "what it is"]
+    yield from table(header, rows)
+
+
+# Variables ----------------------------------------------------------------------------------------
+
+SMALLEST = """\
+name: smallest
+group: {group}
+inertia: 1
+gains: {{kp: 1, kd: 1}}
+reference: {{kind: constant}}
+controllers: [eqt]
+time: {{duration: 1, samples: 2}}
+"""
+
+
+@part
+def variables(group: str) -> Iterator[str]:
+    """Every variable of a result file on a group, from a file that `eqt run` has written."""
+    with smallest_result(group) as results:
+        rows = [
+            [
+                code(name),
+                ", ".join(results.dims(name)),
+                results.units(name),
+                escaped(results.long_name(name)),
+            ]
+            for name in results.names
+        ]
+    yield from table(["variable", "dimensions", "units", "meaning"], rows)
+
+
+@part
+def metrics() -> Iterator[str]:
+    """What controllers are compared by, from the table of quantities."""
+    from eqt_cli.core.registry import summary
+    from eqt_cli.results.metrics import METRICS
+
+    rows = []
+    for quantity in METRICS:
+        over = "any" if quantity.windowed else str(quantity.window)
+        stored = "yes" if quantity.stored else ""
+        meaning = escaped(summary(quantity.of))
+        rows.append(
+            [code(quantity.name), quantity.described, meaning, over, quantity.better, stored]
+        )
+    yield from table(["name", "is", "formula", "window", "better", "stored"], rows)
+
+
+MEANINGS = {
+    "title": "name of the experiment",
+    "group": "group; of a sweep over groups, all of them",
+    "config": "configuration with every default written out, YAML",
+    "plugins": "source of every plugin by its path, YAML",
+    "digest": "SHA-256 of all that the numbers depend on",
+    "titles": "how figures write each controller, JSON",
+    "provenance": "versions, machine and times, JSON",
+    "references": "the paper",
+    "cross_check_method": "engine that repeated some of the runs",
+    "cross_check_runs": "how many runs of each controller it repeated",
+    "cross_check_difference": "largest difference that it found",
+    "cross_check_bound": "bound for this difference",
+}
+"""Of the attributes of a result file; one that is new has to be described here."""
+
+
+@part
+def attributes() -> Iterator[str]:
+    """The attributes of a result file."""
+    with smallest_result("SO3") as results:
+        unknown = set(results.attributes) - set(MEANINGS)
+    if unknown:
+        raise KeyError(f"attributes without a meaning: {', '.join(sorted(unknown))}")
+    yield from table(["attribute", "meaning"], [[code(k), v] for k, v in MEANINGS.items()])
+
+
+@cache
+def _smallest(group: str, folder: str) -> Path:
+    import eqt_cli
+
+    return Path(eqt_cli.run(yaml.safe_load(SMALLEST.format(group=group)), Path(folder) / group))
+
+
+FOLDER = tempfile.TemporaryDirectory()
+
+
+@contextmanager
+def smallest_result(group: str) -> Iterator[Any]:
+    """The result of the smallest experiment on a group."""
+    from eqt_cli.store.reader import open_results
+
+    with open_results(_smallest(group, FOLDER.name)) as results:
+        yield results
+
+
+@part
+def statuses() -> Iterator[str]:
+    """How a run can end."""
+    from eqt_cli.engines import Status
+
+    rows = [[str(status.value), status.name.lower().replace("_", " ")] for status in Status]
+    yield from table(["status", "meaning"], rows)
+
+
+@part
+def functions() -> Iterator[str]:
+    """The functions of the expression grammar."""
+    from eqt_cli.core.arrays import FUNCTIONS
+
+    yield ", ".join(map(code, FUNCTIONS))
+
+
+# The paper's equations ----------------------------------------------------------------------------
+
+
+@part
+def equations() -> Iterator[str]:
+    """The table paper → program → test, from `equations.yaml`."""
+    path = DOCS / "explanation" / "equations.yaml"
+    entries = yaml.safe_load(path.read_text(encoding="utf-8"))
+    rows = [
+        [
+            escaped(entry["paper"]),
+            escaped(entry["what"]),
+            " ".join(f"{{py:obj}}`{_short(name)} <{name}>`" for name in entry["code"]),
+            " ".join(code(test.rpartition("::")[2]) for test in entry["tests"]),
+        ]
+        for entry in entries
+    ]
+    yield from table(["paper", "what", "in eqt", "test"], rows)
+
+
+@part
+def extend() -> Iterator[str]:
+    """The names of `eqt_cli.extend`, in the groups in which its modules define them."""
+    from eqt_cli import extend
+
+    names: dict[str, list[str]] = {}
+    for name in extend.__all__:
+        names.setdefault(extend.PLACES[name], []).append(name)
+    rows = [
+        [" ".join(map(code, found)), escaped(_first_sentence(import_module(module)))]
+        for module, found in sorted(names.items())
+    ]
+    yield from table(["names", "what they are about"], rows)
+
+
+def _first_sentence(module: Any) -> str:
+    return re.split(r"[;.]", (module.__doc__ or "").strip())[0]
+
+
+def _short(name: str) -> str:
+    """``Semidirect.Ad`` for a method, ``gradient`` for a function."""
+    *_, owner, last = name.split(".")
+    return f"{owner}.{last}" if owner[0].isupper() else last
+
+
+if __name__ == "__main__":
+    sys.exit(main(check="--check" in sys.argv))

@@ -1,0 +1,18 @@
+"""What `eqt_cli` offers and where that is, for type checkers and for the package itself."""
+
+from eqt_cli.api import LoadedExperiment as LoadedExperiment
+from eqt_cli.api import StoredResult as StoredResult
+from eqt_cli.api import animate as animate
+from eqt_cli.api import check_figures as check_figures
+from eqt_cli.api import choose_executor as choose_executor
+from eqt_cli.api import compare as compare
+from eqt_cli.api import compare_sweep as compare_sweep
+from eqt_cli.api import load_experiment as load_experiment
+from eqt_cli.api import open_results as open_results
+from eqt_cli.api import pack as pack
+from eqt_cli.api import plot as plot
+from eqt_cli.api import run as run
+from eqt_cli.api import tune as tune
+from eqt_cli.api import verify as verify
+from eqt_cli.api import write_report as write_report
+from eqt_cli.core.version import __version__ as __version__

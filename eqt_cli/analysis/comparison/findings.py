@@ -1,0 +1,149 @@
+"""What was found, in a sentence per claim or measure; every number is of the comparison."""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import groupby
+
+from eqt_cli.analysis.comparison import Comparison
+from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.pairs import Level, Pair
+from eqt_cli.analysis.comparison.runs_needed import SHARE
+from eqt_cli.analysis.comparison.verdicts import ClaimVerdict, Judgement
+from eqt_cli.results.result import PerRun
+
+RANKED = ("mean_torque", "mean_pose_error", "settled")
+"""Measures by which laws are ranked where no paper makes a claim about them."""
+
+PARTLY = "partly supported"
+
+_WRITE = Plain()
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A sentence.
+
+    Attributes
+    ----------
+    verdict
+        Of a claim: as of `ClaimVerdict`, or `PARTLY`; nothing where nothing was claimed.
+    claim
+        In the words of its source.
+    words
+        What was measured.
+    absent
+        Laws that the claim is also about and that are not there.
+    """
+
+    verdict: str
+    claim: str
+    words: str
+    absent: str = ""
+
+
+def findings(comparison: Comparison, titles: Mapping[str, str]) -> list[Finding]:
+    """One sentence for each claim; without claims, who is best by the usual measures.
+
+    Parameters
+    ----------
+    titles
+        How laws are written, by label.
+    """
+    claimed = groupby(comparison.judgements, key=lambda judgement: judgement.says)
+    level = f"{100 * comparison.confidence:g} %"
+    found = [_of_claim(says, list(rows), titles, level) for says, rows in claimed]
+    return found or list(_ranking(comparison, titles))
+
+
+def _of_claim(
+    says: str, rows: Sequence[Judgement], titles: Mapping[str, str], level: str
+) -> Finding:
+    verdicts = {row.verdict for row in rows}
+    mixed = PARTLY if ClaimVerdict.SUPPORTED in verdicts else str(ClaimVerdict.NOT_SUPPORTED)
+    verdict = str(verdicts.pop()) if len(verdicts) == 1 else mixed
+    in_every_run = [row for row in rows if row.pair is None]
+    compared = [row for row in rows if row.pair is not None]
+    words = [*_in_every_run(in_every_run, titles, level), *_compared(compared, titles)]
+    absent = [titles.get(kind, kind) for kind in rows[0].absent]
+    return Finding(verdict, says, "; ".join(words) + ".", listed(absent) if absent else "")
+
+
+def _in_every_run(
+    rows: Sequence[Judgement], titles: Mapping[str, str], level: str
+) -> Iterator[str]:
+    """``L never rises in a run: 200 of 200 runs under EqT``; laws with equal counts together."""
+    for (statement, held, runs, low, verdict), alike in groupby(
+        rows, key=lambda row: (row.statement, row.held, row.runs, row.low, row.verdict)
+    ):
+        more = f", and {100 * SHARE:g} % is needed" if verdict is ClaimVerdict.UNDECIDED else ""
+        laws = listed([titles[row.controller] for row in alike])
+        yield (
+            f"{statement}: {held} of {runs} runs under {laws}, so it holds for at least "
+            f"{100 * low:.1f} % of all initial states ({level} confidence){more}"
+        )
+
+
+def _compared(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[str]:
+    """The differences; of several, how many support the claim, and those that contradict it."""
+    if len(rows) < 2:
+        yield from (_difference(row.pair, titles) for row in rows if row.pair)
+        return
+    counts = Counter(row.verdict for row in rows)
+    against, open_ = counts[ClaimVerdict.NOT_SUPPORTED], counts[ClaimVerdict.UNDECIDED]
+    others = f", {open_} {'is' if open_ == 1 else 'are'} undecided" if open_ else ""
+    yield f"{counts[ClaimVerdict.SUPPORTED]} of {len(rows)} comparisons support it{others}"
+    wanted = ClaimVerdict.NOT_SUPPORTED if against or open_ else ClaimVerdict.SUPPORTED
+    yield from (_difference(row.pair, titles) for row in rows if row.pair and row.verdict is wanted)
+
+
+def _difference(pair: Pair, titles: Mapping[str, str]) -> str:
+    """``EqT has 13.5 % less mean ‖τ‖ over 0–5 s than GT (−0.283 [−0.346, −0.219] N m)``."""
+    first, second = titles[pair.first], titles[pair.second]
+    what = _measure(pair.measured)
+    number = _number(pair, pair.difference, pair.measured)
+    if pair.low <= 0 <= pair.high:
+        return f"{first} and {second} do not differ clearly in {what} ({number})"
+    share = f"{abs(100 * pair.relative):.1f} % " if pair.relative == pair.relative else ""
+    more = "more" if pair.difference > 0 else "less"
+    return f"{first} has {share}{more} {what} than {second} ({number})"
+
+
+def _ranking(comparison: Comparison, titles: Mapping[str, str]) -> Iterator[Finding]:
+    by_laws = {
+        (id(pair.measured), frozenset((pair.first, pair.second))): pair for pair in comparison.pairs
+    }
+    for _, rows in groupby(comparison.levels, key=lambda level: id(level.measured)):
+        levels = [level for level in rows if level.mean == level.mean]
+        if not levels or not levels[0].measured.quantity.name.startswith(RANKED):
+            continue
+        upwards = levels[0].measured.quantity.better == "higher"
+        best, *others = sorted(levels, key=lambda level: level.mean, reverse=upwards)
+        words = _level(best, "largest" if upwards else "smallest", titles, alone=not others)
+        if others:
+            named = (id(best.measured), frozenset((best.controller, others[0].controller)))
+            if pair := by_laws.get(named):
+                turned = pair if pair.first == best.controller else pair.turned()
+                words += f"; {_difference(turned, titles)}"
+        yield Finding("", "", f"{words}.")
+
+
+def _level(level: Level, extreme: str, titles: Mapping[str, str], *, alone: bool) -> str:
+    what, number = _measure(level.measured), _number(level, level.mean, level.measured)
+    if alone:
+        return f"{titles[level.controller]} has a {what} of {number}"
+    return f"{titles[level.controller]} has the {extreme} {what}, {number}"
+
+
+def _measure(measured: PerRun) -> str:
+    return f"{_WRITE.name(measured.quantity)} over {_WRITE.window(measured.window)}"
+
+
+def _number(row: Pair | Level, value: float, measured: PerRun) -> str:
+    unit = _WRITE.unit(measured.unit)
+    return " ".join(filter(None, [_WRITE.interval(value, row.low, row.high), unit]))
+
+
+def listed(words: Sequence[str]) -> str:
+    """``a, b and c``."""
+    return " and ".join(filter(None, [", ".join(words[:-1]), words[-1]]))

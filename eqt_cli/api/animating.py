@@ -1,0 +1,95 @@
+"""Shows a run of a result as a moving picture."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from eqt_cli.api.drawing import Note
+from eqt_cli.api.paths import ResultPath
+from eqt_cli.config.plugins import load_stored_plugins
+from eqt_cli.config.source import source_of
+from eqt_cli.core.errors import ComponentError, EqtError, Remedy
+from eqt_cli.results.result import open_result, point_folder
+
+
+def animate(
+    result: ResultPath,
+    run: int = 0,
+    controllers: Sequence[str] = (),
+    out: str | os.PathLike[str] | None = None,
+    *,
+    formats: Sequence[str] = ("gif", "html"),
+    seconds: float = 8.0,
+    point: int | None = None,
+    trust_plugins: bool = False,
+    note: Note = lambda text: None,
+) -> list[Path]:
+    """Show one run as a moving picture: bodies against the reference frame, error and torque.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    run
+        Its number, counted from 0.
+    controllers
+        Labels of those to show; all if empty.
+    out
+        The folder; ``figures`` in that of the result if not given.
+    formats
+        ``gif``, or ``html`` for a page.
+    seconds
+        How long the GIF lasts.
+    point
+        Of a sweep, counted from 0.
+    trust_plugins
+        Execute plugin sources that are stored in the result.
+    note
+        Called with what takes some seconds, before it is done.
+
+    Returns
+    -------
+    list of Path
+        The files, one per format.
+
+    Raises
+    ------
+    EqtError
+        If there is no such result, run or controller, or no body can be shown.
+
+    Examples
+    --------
+    >>> [file.name for file in eqt_cli.animate("results/paper", run=1, formats=["html"])]
+    ['run1.html']
+    """
+    from eqt_cli.plots.animation.gif import gif
+    from eqt_cli.plots.animation.motion import motion
+    from eqt_cli.plots.save import check_targets, write
+    from eqt_cli.report.animation import animation
+
+    contents = {}
+    with open_result(Path(result), point) as opened:
+        if trust_plugins:
+            load_stored_plugins(opened)
+        try:
+            motion(opened, run, controllers)  # what cannot be shown is said before all else
+        except ComponentError as error:
+            if trust_plugins or not source_of(opened).stored_plugins:
+                raise
+            text = f"{error}; the result holds plugins, which are executed only on request"
+            advice = "read them with `eqt show --plugins`, then add {}"
+            raise EqtError(text, Remedy(advice, "trust_plugins")) from error
+        within = Path("figures") if point is None else point_folder(point)
+        folder = opened.path.parent / within if out is None else Path(out)
+        paths = {format: folder / f"run{run}.{format}" for format in formats}
+        check_targets(paths.values())
+        for format, path in paths.items():
+            if format == "html":
+                contents[path] = animation(opened, run, controllers).encode()
+            else:
+                note("drawing the pictures of the GIF takes a few seconds")
+                contents[path] = gif(opened, run, controllers, seconds=seconds)
+    write(contents)
+    return list(contents)

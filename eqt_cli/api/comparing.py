@@ -1,0 +1,116 @@
+"""Compares the controllers of a result, and at each point of a sweep."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+from eqt_cli.analysis.comparison import Comparison, Window
+from eqt_cli.analysis.comparison import compare as compare_results
+from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.maps import Map, compare_map
+from eqt_cli.api.paths import ResultPath, path_from
+from eqt_cli.core.errors import EqtError
+from eqt_cli.results.result import open_result
+
+
+def compare(
+    result: str | os.PathLike[str],
+    metrics: Sequence[str] = (),
+    windows: Sequence[str | Window] = (),
+    *,
+    point: int | None = None,
+    confidence: float = Resampling.confidence,
+    resamples: int = Resampling.resamples,
+    seed: int = Resampling.seed,
+) -> Comparison:
+    """Compare the controllers of a result, run by run on the same initial states.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    metrics
+        Names of what to compare, as ``eqt compare RESULT --list`` shows them; a choice if empty.
+    windows
+        Over which seconds, as ``"0:5"``.
+    point
+        Of a sweep, counted from 0.
+    confidence, resamples, seed
+        Of the bootstrap.
+
+    Returns
+    -------
+    Comparison
+        Means of each controller, differences of each pair, and verdicts on claims.
+
+    Raises
+    ------
+    EqtError
+        If the result has no such metric or window.
+
+    Examples
+    --------
+    >>> found = eqt_cli.compare("results/paper", ["mean_torque"], ["0:5"])
+    >>> [(pair.first, pair.second) for pair in found.pairs][:2]
+    [('eqt', 'gt'), ('eqt', 'nog')]
+    """
+    if isinstance(metrics, str):
+        raise EqtError(f"metrics: expected a list of names, as [{metrics!r}], got {metrics!r}")
+    if isinstance(windows, str | Window):
+        raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
+    parsed = [_window(window) for window in windows]
+    with open_result(path_from("result", result), point) as results:
+        how = Resampling(confidence, resamples, seed)
+        return compare_results(results, metrics=metrics, windows=parsed, how=how)
+
+
+def compare_sweep(
+    result: ResultPath,
+    metrics: Sequence[str],
+    *,
+    confidence: float = Resampling.confidence,
+    resamples: int = Resampling.resamples,
+    seed: int = Resampling.seed,
+) -> list[Map]:
+    """Compare the controllers at each point of a sweep: which of them wins where.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    metrics
+        Names of stored numbers per run; one map each.
+    confidence, resamples, seed
+        As of `compare`.
+
+    Returns
+    -------
+    list of Map
+        Which law is better at each point, one for each metric.
+
+    Raises
+    ------
+    EqtError
+        If the result is no sweep, or has no such metric.
+
+    Examples
+    --------
+    >>> (map,) = eqt_cli.compare_sweep("results/sweep_gains", ["effort"])
+    >>> map.labels
+    ['eqt', 'gt']
+    """
+    with open_result(path_from("result", result)) as results:
+        if not results.is_sweep:
+            raise results.error("is a single experiment; `eqt compare` without more compares it")
+        how = Resampling(confidence, resamples, seed)
+        return [compare_map(results, name, how) for name in metrics]
+
+
+def _window(given: Any) -> Window:
+    if isinstance(given, Window):
+        return given
+    if isinstance(given, str):
+        return Window.parse(given)
+    raise EqtError(f"windows: expected text such as '0:5', or a Window, got {given!r}")

@@ -1,0 +1,200 @@
+"""Draws figures of results and experiments, or checks the numbers behind them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from eqt_cli.api.loading import LoadedExperiment, at_point, load_experiment
+from eqt_cli.api.paths import ResultPath
+from eqt_cli.core.errors import EqtError
+from eqt_cli.core.files import YAML
+from eqt_cli.execution.executors import Progress
+from eqt_cli.execution.steps import Stage, Steps
+from eqt_cli.experiment.build import Experiment
+from eqt_cli.results.result import Result, open_result, point_folder
+
+if TYPE_CHECKING:
+    from eqt_cli.analysis.certificates.base import Row
+    from eqt_cli.plots.kept_numbers import Check
+
+Note = Callable[[str], None]
+
+
+Shown = ResultPath | LoadedExperiment
+"""What figures are drawn of: a result, or an experiment as a YAML file or loaded."""
+
+
+def plot(
+    result: Shown | Sequence[Shown],
+    figure: str | Mapping[str, Mapping[str, Any]] | None = None,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    formats: Sequence[str] = ("pdf", "svg", "png"),
+    width: str = "column",
+    options: Mapping[str, Any] | None = None,
+    style: Sequence[str] = (),
+    tex: bool = False,
+    point: int | Sequence[int] | None = None,
+    trust_plugins: bool = False,
+    workers: int = 1,
+    note: Note = lambda text: None,
+    progress: Progress = lambda amount: None,
+    stage: Stage | None = None,
+) -> list[Path]:
+    """Draw a figure of a result, or one of several, and write it as files.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it; several to draw them in one figure. Or a YAML
+        configuration or a `LoadedExperiment`, of which the figures that need no run are drawn.
+    figure
+        Its name, as ``eqt list figures`` shows them; or several, with the options of each. If not
+        given, ``paper``, and of a configuration ``reference``.
+    out
+        The folder; ``figures`` in that of the first result if not given, and ``figures/<name>`` for
+        a configuration.
+    formats
+        ``pdf``, ``svg``, ``png``, or ``json`` for the numbers.
+    width
+        ``column`` (3.5 in) or ``page`` (7.16 in).
+    options
+        Of the figure, as ``{"log": True}``.
+    style
+        Matplotlib style sheets to lay over eqt's own.
+    tex
+        Let LaTeX set the text.
+    point
+        Of a sweep, counted from 0; several to draw them in one figure.
+    trust_plugins
+        Execute plugin sources that are stored in the result, where the figure shows certificates.
+    workers
+        Cores to use, where the figure shows certificates.
+    note
+        Called with what takes some seconds, before it is done.
+    progress
+        Called with how much more of the current step is done.
+    stage
+        Called with the name and the size of each step, such as the drawing of the figures.
+
+    Returns
+    -------
+    list of Path
+        The files, one per figure and format.
+
+    Raises
+    ------
+    EqtError
+        If there is no such result, figure or option, or the result lacks what it shows.
+
+    Examples
+    --------
+    >>> [file.name for file in eqt_cli.plot("results/paper", "torque", formats=["pdf", "svg"])]
+    ['torque.pdf', 'torque.svg']
+    """
+    from eqt_cli.plots.base import OfCertificates
+    from eqt_cli.plots.drawing.style import Style
+    from eqt_cli.plots.figures import figures
+    from eqt_cli.plots.render import DRAWN, render
+    from eqt_cli.plots.save import check_targets
+
+    with _opened(result, point) as opened:
+        first = opened[0]
+        figure = figure or ("paper" if isinstance(first, Result) else "reference")
+        wanted = {figure: options or {}} if isinstance(figure, str) else figure
+        within = Path("figures") if point is None else point_folder(*_points(point))
+        home = (
+            first.path.parent / within if isinstance(first, Result) else Path("figures", first.name)
+        )
+        folder = home if out is None else Path(out)
+        check_targets(folder / f"{name}.{format}" for name in wanted for format in formats)
+        steps = Steps(progress, stage)
+        rows: list[Row] = []
+        of_certificates = any(issubclass(figures.get(name), OfCertificates) for name in wanted)
+        if of_certificates and isinstance(first, Result):
+            from eqt_cli.analysis.verification import verify_stored
+
+            note("checking the paper's statements on the result takes a few seconds")
+            rows = verify_stored(
+                first, trust_plugins=trust_plugins, workers=workers, steps=steps
+            ).rows
+        look = Style(tuple(style), tex)
+        advance = steps.begin(DRAWN, len(wanted))
+        files = []
+        for name, given in wanted.items():
+            files += render(
+                opened, name, folder, formats, width, given, style=look, certificates=rows
+            )
+            advance(1)
+        return files
+
+
+def check_figures(
+    result: Shown | Sequence[Shown],
+    figures: Mapping[str, Mapping[str, Any]],
+    folder: str | os.PathLike[str],
+    *,
+    point: int | Sequence[int] | None = None,
+) -> dict[str, Check]:
+    """Compare the numbers behind figures with those that `plot` has written as ``json``.
+
+    Parameters
+    ----------
+    result, point
+        As of `plot`.
+    figures
+        Their names, with the options of each.
+    folder
+        Where the numbers are.
+
+    Returns
+    -------
+    dict of str to Check
+        What differs, by figure.
+
+    Raises
+    ------
+    EqtError
+        If there is no such result, figure, option or file.
+
+    Examples
+    --------
+    >>> files = eqt_cli.plot("results/paper", "torque", formats=["json"])
+    >>> checks = eqt_cli.check_figures("results/paper", {"torque": {}}, files[0].parent)
+    >>> checks["torque"].differences
+    []
+    """
+    from eqt_cli.plots.render import check
+
+    with _opened(result, point) as opened:
+        return {name: check(opened, name, Path(folder), given) for name, given in figures.items()}
+
+
+@contextmanager
+def _opened(
+    result: Shown | Sequence[Shown], point: int | Sequence[int] | None
+) -> Iterator[list[Result | Experiment]]:
+    """All chosen points of all results, or of configurations that have not been run."""
+    single = isinstance(result, (str, os.PathLike, LoadedExperiment))
+    given: list[Shown] = [result] if single else list(result)  # type: ignore[list-item, arg-type]  # `single` tells the types apart, which the checker does not follow
+    if not given:
+        raise EqtError("result: expected a result or several, got none")
+    points = _points(point) or [None]
+    with ExitStack() as stack:
+        yield [_shown(one, number, stack) for one in given for number in points]
+
+
+def _shown(one: Shown, point: int | None, stack: ExitStack) -> Result | Experiment:
+    if not isinstance(one, LoadedExperiment):
+        if Path(one).suffix not in YAML:
+            return stack.enter_context(open_result(Path(one), point))
+        one = load_experiment(one)
+    return at_point(one, point)
+
+
+def _points(point: int | Sequence[int] | None) -> list[Any]:
+    return [point] if isinstance(point, int) else list(point or ())

@@ -1,0 +1,153 @@
+"""From a configuration, in a file, a result or a mapping, to a checked experiment."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from eqt_cli.api.paths import path_from
+from eqt_cli.config import yaml_source
+from eqt_cli.config.source import ConfigSource, overridden, read_config
+from eqt_cli.core.errors import EqtError
+from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.read_study import study
+from eqt_cli.experiment.study import Study
+
+Configuration = str | os.PathLike[str] | Mapping[str, Any]
+"""A YAML file, a result whose configuration to use, or the configuration itself."""
+
+
+@dataclass(frozen=True)
+class LoadedExperiment:
+    """A checked experiment, or a sweep of them, ready to run.
+
+    Attributes
+    ----------
+    study
+        All of its points.
+    """
+
+    study: Study
+
+    @property
+    def experiment(self) -> Experiment:
+        """Its group, laws, gains and distributions, at the first point of a sweep."""
+        return self.study.base
+
+    @property
+    def source(self) -> ConfigSource:
+        """The configuration as it was given."""
+        return self.study.source
+
+    @property
+    def name(self) -> str:
+        """Its name, and that of its folder under ``results/``."""
+        return self.experiment.name
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """The configuration with every default written out."""
+        return self.study.resolved
+
+    @property
+    def controllers(self) -> list[str]:
+        """The labels of its controllers."""
+        return list(self.experiment.loops)
+
+    def __repr__(self) -> str:
+        runs = self.experiment.config.ensemble.runs
+        points = f"{len(self.study)} points, each with " if self.study.sweep else ""
+        return (
+            f"<experiment {self.name} on {self.experiment.group.name}: {points}{runs} runs of "
+            f"{', '.join(self.controllers)}>"
+        )
+
+
+def load_experiment(
+    config: Configuration,
+    overrides: Mapping[str, Any] | None = None,
+    *,
+    trust_plugins: bool = False,
+) -> LoadedExperiment:
+    """Read and check a configuration.
+
+    Parameters
+    ----------
+    config
+        A YAML file, a result folder or file (its stored configuration), or the configuration as a
+        mapping.
+    overrides
+        Values by key, as ``{"gains.kp": 2, "ensemble.runs": 50}``; NumPy arrays are taken as lists.
+    trust_plugins
+        Execute plugin sources that are stored in a result file.
+
+    Returns
+    -------
+    LoadedExperiment
+        To be given to `run`.
+
+    Raises
+    ------
+    ConfigError
+        With every problem, each at its place.
+    EqtError
+        If there is no such file.
+
+    Examples
+    --------
+    >>> eqt_cli.load_experiment("configs/paper.yaml", {"ensemble.runs": 10})
+    <experiment paper on SO3: 10 runs of eqt, gt, nog, asym>
+    """
+    if overrides is not None and not isinstance(overrides, Mapping):
+        raise EqtError(
+            f"overrides: expected values by key, as {{'gains.kp': 2}}, got {overrides!r}"
+        )
+    given = {f"overrides[{k!r}]": f"{k}={_flow(value)}" for k, value in (overrides or {}).items()}
+    return LoadedExperiment(study(source_from(config, given), trust_plugins=trust_plugins))
+
+
+def at_point(loaded: LoadedExperiment, point: int | None) -> Experiment:
+    """The experiment at a point of a sweep, at the first if none is chosen."""
+    if not 0 <= (point or 0) < len(loaded.study):
+        raise EqtError(f"point: expected one of 0 to {len(loaded.study) - 1}, got {point}")
+    return loaded.study.experiment(point or 0)
+
+
+def source_from(config: Configuration, overrides: Mapping[str, str]) -> ConfigSource:
+    """The text of a configuration with its overrides, not yet checked."""
+    if isinstance(config, Mapping):
+        return _from_mapping(config, overrides)
+    return read_config(path_from("config", config, "a path or a mapping"), overrides)
+
+
+def _from_mapping(config: Mapping[str, Any], overrides: Mapping[str, str]) -> ConfigSource:
+    """A configuration out of Python, by way of its text, so that it is judged like any other."""
+    text = yaml_source.dump(
+        json.loads(_flow({**config, "name": config.get("name") or "experiment"}))
+    )
+    source = yaml_source.load(text, "config")
+    return overridden(ConfigSource(source, source.data, Path.cwd()), overrides)
+
+
+def _flow(value: Any) -> str:
+    """A value as YAML on one line; JSON is YAML."""
+    try:
+        return json.dumps(value, default=_listed)
+    except TypeError as error:
+        raise EqtError(
+            f"{value!r}: a configuration holds numbers, text, lists and mappings"
+        ) from error
+
+
+def _listed(value: Any) -> Any:
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return dict(value)
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
+    raise TypeError

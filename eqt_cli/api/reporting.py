@@ -1,0 +1,100 @@
+"""Writes the page of a result, with its figures, comparison and certificates."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from eqt_cli.analysis.certificates.base import Row
+from eqt_cli.analysis.verification import verify_stored
+from eqt_cli.api.drawing import Note
+from eqt_cli.api.paths import ResultPath
+from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.executors import Progress
+from eqt_cli.execution.steps import Stage, Steps
+from eqt_cli.results.result import open_result, point_folder
+
+
+def write_report(
+    result: ResultPath,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    figures: Sequence[str] = (),
+    author: str = "",
+    notes: str = "",
+    point: int | None = None,
+    trust_plugins: bool = False,
+    workers: int = 1,
+    note: Note = lambda text: None,
+    progress: Progress = lambda amount: None,
+    stage: Stage | None = None,
+    unverified: Callable[[EqtError], None] = lambda error: None,
+) -> Path:
+    """Write a result as one HTML page that needs no network: figures, comparison, certificates.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    out
+        The page; ``report.html`` in the result folder if not given.
+    figures
+        Names of those to show; a choice if empty.
+    author, notes
+        Shown at the top of the page; blank lines in the notes part paragraphs.
+    point
+        Of a sweep, counted from 0.
+    trust_plugins
+        Execute plugin sources that are stored in the result; without, a result with plugins gets a
+        page without certificates, which says so.
+    workers
+        Cores to use.
+    note
+        Called with what takes some seconds, before it is done.
+    progress
+        Called with how much more of the current step is done.
+    stage
+        Called with the name and the size of each step, such as the drawing of the figures.
+    unverified
+        Called with the reason why the page has no certificates.
+
+    Returns
+    -------
+    Path
+        The page.
+
+    Raises
+    ------
+    EqtError
+        If there is no such result or figure, or the page cannot be written.
+
+    Examples
+    --------
+    >>> eqt_cli.write_report("results/paper", author="Ada Lovelace").name
+    'report.html'
+    """
+    from eqt_cli.plots.save import check_targets, write
+    from eqt_cli.report import report
+    from eqt_cli.report.figures import named
+
+    with open_result(Path(result), point) as opened:
+        within = Path() if point is None else point_folder(point)
+        path = opened.path.parent / within / "report.html" if out is None else Path(out)
+        check_targets([path])  # before the work, and not after it
+        wanted = named(figures) if figures else None
+        note("checking the paper's statements and drawing the figures takes a few seconds")
+        steps = Steps(progress, stage)
+        rows: list[Row] = []
+        reason = ""
+        if not opened.is_sweep:
+            try:
+                rows = verify_stored(
+                    opened, trust_plugins=trust_plugins, workers=workers, steps=steps
+                ).rows
+            except EqtError as error:
+                reason = f"The result could not be verified: {error}"
+                unverified(error)
+        page = report(opened, wanted, rows, reason, author, notes, steps)
+    write({path: page.encode()})
+    return path

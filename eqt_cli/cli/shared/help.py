@@ -1,0 +1,64 @@
+"""Help pages: options in groups, and a word for each value instead of its Python type."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from typer.core import TyperArgument, TyperCommand, TyperGroup
+
+EXPERIMENT = "Experiment"
+COMPUTING = "Computing"
+RESULT = "Result"
+SELECTION = "What to show"
+STATISTICS = "Statistics"
+LOOKS = "Looks"
+OUTPUT = "Output"
+"""Groups of options."""
+
+COMPUTE = "Compute"
+READ = "Look at results"
+LOOK_UP = "Configurations and components"
+"""Groups of commands."""
+
+
+def _without_types(parameters: list[Any]) -> None:
+    """Leave out the types that typer prints for arguments, and for options without a value.
+
+    The option ``--help`` joins the last group.
+    """
+    for parameter in parameters:
+        if isinstance(parameter, TyperArgument):
+            # On one argument, not on typer's class; older versions do not look at it.
+            parameter.display_type_rich = lambda ctx: None  # type: ignore[method-assign]  # meant
+        elif parameter.metavar is None and parameter.is_flag:
+            parameter.metavar = ""
+        if parameter.name == "help" and len(parameters) > 1:
+            parameter.rich_help_panel = parameters[-2].rich_help_panel
+
+
+class Command(TyperCommand):
+    """A command with such a help page."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print it."""
+        _without_types(self.get_params(ctx))
+        super().format_help(ctx, formatter)
+
+    def collect_usage_pieces(self, ctx: Any) -> list[str]:
+        """The line ``Usage``, without arguments that are there only to be refused in words."""
+        shown = [piece for one in self.get_params(ctx) for piece in _usage_pieces(one, ctx)]
+        return ["[OPTIONS]", *shown]
+
+
+def _usage_pieces(parameter: Any, ctx: Any) -> list[str]:
+    hidden = getattr(parameter, "hidden", False)
+    return [] if hidden else list(parameter.get_usage_pieces(ctx))
+
+
+class Group(TyperGroup):
+    """A group of commands with such a help page."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Print it."""
+        _without_types(self.get_params(ctx))
+        super().format_help(ctx, formatter)

@@ -1,0 +1,21 @@
+"""What stays on one line: words, norms, integrals, intervals and shares; it knows no layout."""
+
+import re
+import textwrap
+
+_WORD = re.compile(
+    r"(?:‖[^‖]*‖|\|\|[^|]*\|\||∫.*? dt|\[[-−+\d.e, ]{1,40}\]|\d %|[-−+\d.e]+ N m\b|\S)+"
+)
+
+
+def words(text: str) -> list[str]:
+    """The pieces of a text between which a line may be broken."""
+    return _WORD.findall(text)
+
+
+def folded(line: str, width: int, indent: str = "") -> str:
+    """A line as several of this width, the further ones indented."""
+    kept = _WORD.sub(lambda word: word[0].replace(" ", "\u00a0"), line)
+    return textwrap.fill(
+        kept, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+    ).replace("\u00a0", " ")

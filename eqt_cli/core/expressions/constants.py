@@ -1,0 +1,40 @@
+"""Parts of an expression without variables: each must have a finite value."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from eqt_cli.core.errors import ExpressionError
+from eqt_cli.core.expressions.evaluation import combine
+from eqt_cli.core.expressions.tree import Binary, Call, Node, Variable, fold
+
+
+def check_constants(tree: Node) -> None:
+    """Refuse a tree with a part without variables that has no finite value."""
+    with np.errstate(all="ignore"):
+        fold(tree, _finite_value)
+
+
+def _finite_value(node: Node, operands: tuple[float | None, ...]) -> float | None:
+    """Compute a node without variables, which must be finite; None stands for all others."""
+    if isinstance(node, Binary) and node.operator == "/" and operands[1] == 0:
+        raise ExpressionError(f"division by zero at column {node.column}", node.column)
+    if isinstance(node, Call) and node.function == "smoothstep":
+        start, end = operands[1:]
+        if start is not None and end is not None and not start < end:
+            raise ExpressionError(
+                f"'smoothstep' at column {node.column} must rise from a smaller to a larger "
+                f"number, got {start:g} and {end:g}",
+                node.column,
+            )
+    if isinstance(node, Variable) or None in operands:
+        return None
+    value = float(combine(node, operands))
+    if isinstance(node, (Binary, Call)) and not math.isfinite(value):
+        name = node.operator if isinstance(node, Binary) else node.function
+        raise ExpressionError(
+            f"'{name}' at column {node.column} has no finite value (got {value})", node.column
+        )
+    return value

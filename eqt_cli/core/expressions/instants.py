@@ -1,0 +1,63 @@
+"""When piecewise functions of the time change their piece, read off a syntax tree."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from eqt_cli.core.expressions.evaluation import combine
+from eqt_cli.core.expressions.piecewise import PIECEWISE
+from eqt_cli.core.expressions.tree import Binary, Call, Negation, Node, Variable, fold
+
+_Linear = tuple[float, float]
+"""p + q t, as (p, q)."""
+
+
+def instants_in(tree: Node) -> tuple[float, ...]:
+    """The values of ``t`` at which a piecewise function changes its piece, in order."""
+    found: set[float] = set()
+
+    def visit(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
+        if isinstance(node, Call) and node.function in PIECEWISE:
+            found.update(_roots(node.function, operands))
+            return None
+        return _linear(node, operands)
+
+    with np.errstate(all="ignore"):
+        fold(tree, visit)
+    return tuple(sorted(found))
+
+
+def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
+    """A node as p + q t, where that can be read off."""
+    if isinstance(node, Variable):
+        return (0.0, 1.0) if node.name == "t" else None
+    known = [operand for operand in operands if operand is not None]
+    if len(known) < len(operands):
+        return None
+    if isinstance(node, Binary) and node.operator in "+-":
+        (p, q), (r, s) = known
+        sign = 1 if node.operator == "+" else -1
+        return p + sign * r, q + sign * s
+    if isinstance(node, Binary) and node.operator in ("*", "/"):
+        (p, q), (r, s) = known
+        if s == 0 and node.operator == "/":
+            return p / r, q / r
+        if node.operator == "*" and q * s == 0:
+            return p * r, p * s + q * r
+        return None
+    if isinstance(node, Negation):
+        [(p, q)] = known
+        return -p, -q
+    if all(operand[1] == 0 for operand in operands if operand):
+        return combine(node, tuple(operand[0] for operand in operands if operand)), 0.0
+    return None
+
+
+def _roots(function: str, operands: tuple[_Linear | None, ...]) -> Iterator[float]:
+    """Where arguments that a function compares are equal."""
+    for one, other in PIECEWISE[function].compared(len(operands)):
+        left, right = operands[one], (0.0, 0.0) if other is None else operands[other]
+        if left and right and left[1] != right[1]:
+            yield (right[0] - left[0]) / (left[1] - right[1])

@@ -1,0 +1,296 @@
+"""A vector field as the NumPy calls that it makes, which are recorded once and then repeated.
+
+The laws are evaluated once on `Recorded` arrays, which note every call of NumPy that is made with
+them. From then on the calls alone are made, on arrays that are there already, without the Python
+code around them. What cannot be recorded, such as a law that branches on a number, is evaluated as
+it is written. It knows no group and no law.
+"""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.lib.mixins import NDArrayOperatorsMixin
+
+from eqt_cli.core.arrays import Array
+
+Field = Callable[[float, Array], Array]
+"""The time derivatives of flat states ``(runs, n)`` at a time."""
+
+WORTH_RECORDING = 40
+"""Evaluations before the field is recorded, which takes as long as about ten of them."""
+
+COMPARED = 2
+"""Evaluations after that in which the recording is compared with the field."""
+
+ROUNDING = 1e-10
+"""Relative to the largest entry: how far the two may differ, as they round differently."""
+
+
+class RecordedField:
+    """A vector field of states of one shape, recorded where it is evaluated often.
+
+    After how many evaluations is fixed, so that equal problems have equal solutions.
+    """
+
+    def __init__(self, field: Field) -> None:
+        self._field = field
+        self._evaluations = 0
+        self._recording: Recording | None = None
+
+    def __call__(self, t: float, states: Array) -> Array:
+        self._evaluations += 1
+        behind = self._evaluations - WORTH_RECORDING
+        if self._recording is not None and behind > COMPARED:
+            return self._recording.repeat(t, states)
+        found = self._field(t, states)
+        if behind == 0:
+            self._recording = recording_of(self._field, t, states)
+        elif self._recording is not None and not _agree(self._recording.repeat(t, states), found):
+            self._recording = None  # the field depends on more than time and state
+        return found
+
+
+def recording_of(field: Field, t: float, states: Array) -> Recording | None:
+    """The recording of a field; None where there is none."""
+    try:
+        return Recording(field, t, states)
+    except Exception:  # whatever a law does with an array that is none: it is not repeated then
+        return None
+
+
+def _agree(one: Array, other: Array) -> bool:
+    scale = np.abs(other[np.isfinite(other)]).max(initial=0.0)
+    return np.allclose(one, other, rtol=0.0, atol=ROUNDING * scale, equal_nan=True)
+
+
+class NotRecordable(Exception):
+    """A step that depends on more than shapes, so that it cannot be repeated."""
+
+
+class Recording:
+    """The calls, in their order, and the arrays that they read and write.
+
+    All arrays have the runs along their last axis in memory, so that a call goes through the same
+    entry of all runs at once.
+    """
+
+    def __init__(self, field: Field, t: float, states: Array) -> None:
+        self.calls: list[Callable[[], Any]] = []
+        self._runs = len(states)
+        self._known: dict[Any, tuple[Recorded, Any]] = {}
+        self._t = np.array(t)
+        self._states = self._kept(states)
+        time, state = Recorded(self, self._t), Recorded(self, self._states)
+        found = field(time, state)  # type: ignore[arg-type]  # they stand for a number and an array
+        if not isinstance(found, Recorded) or found.shape != states.shape:
+            raise NotRecordable
+        self._rates: Array = found.value
+        self._known.clear()
+
+    def repeat(self, t: float, states: Array) -> Array:
+        """The field at another time and other states of the same shape."""
+        self._t[...] = t
+        self._states[...] = states
+        for call in self.calls:
+            call()
+        return self._rates.copy(order="C")
+
+    def _kept(self, values: Any) -> Array:
+        """A new array with these values."""
+        values = np.asarray(values)
+        found = self.empty(values.shape, values.dtype)
+        found[...] = values
+        return found
+
+    def empty(self, shape: tuple[int, ...], dtype: Any) -> Array:
+        """An array with the runs along its last axis in memory."""
+        if np.dtype(dtype).hasobject:
+            raise NotRecordable
+        if len(shape) > 1 and shape[0] == self._runs:
+            return np.moveaxis(np.empty((*shape[1:], shape[0]), dtype), -1, 0)
+        return np.empty(shape, dtype)
+
+    def call(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> Recorded:
+        """Record a function that takes `out`; of equal calls only the first is made."""
+        values = [_value(argument) for argument in arguments]
+        key = function, *map(_identity, arguments), repr(options)
+        if key not in self._known:
+            out = self._kept(function(*values, **options))
+            found = self._note(out, partial(function, *values, **options, out=out))
+            self._known[key] = found, values  # with the values, no other array has their identity
+            return found
+        found, _ = self._known[key]
+        found.memory.shared = True
+        return found
+
+    def copied(self, function: Callable[..., Any], *arguments: Any, **options: Any) -> Recorded:
+        """Record any other function of arrays, whose result is copied."""
+        values = [_value(argument) for argument in arguments]
+        out = self._kept(function(*values, **options))
+        return self._note(out, lambda: np.copyto(out, function(*values, **options)))
+
+    def blank(self, shape: tuple[int, ...], dtype: Any, zeros: bool) -> Recorded:
+        """An array into which a law writes, of zeros where it does not write to all of it."""
+        out = self.empty(shape, dtype)
+        return self._note(out, partial(out.fill, 0)) if zeros else Recorded(self, out)
+
+    def _note(self, out: Array, call: Callable[[], Any]) -> Recorded:
+        call()
+        self.calls.append(call)
+        return Recorded(self, out)
+
+
+class _Memory:
+    """What arrays that are views of each other have in common."""
+
+    def __init__(self) -> None:
+        self.version = 0
+        self.shared = False
+
+
+class Recorded(NDArrayOperatorsMixin):
+    """Stands for an array while a field is recorded; it has values, but no number can be had."""
+
+    def __init__(self, recording: Recording, value: Array, memory: _Memory | None = None) -> None:
+        self.recording, self.value, self.memory = recording, value, memory or _Memory()
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        return self.value.shape
+
+    @property
+    def ndim(self) -> int:
+        return self.value.ndim
+
+    @property
+    def size(self) -> int:
+        return self.value.size
+
+    @property
+    def dtype(self) -> Any:
+        return self.value.dtype
+
+    @property
+    def T(self) -> Recorded:
+        return self._view(self.value.T)
+
+    def _view(self, value: Array) -> Recorded:
+        return Recorded(self.recording, value, self.memory)
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    def __getitem__(self, index: Any) -> Recorded:
+        return self._selected(lambda array: array[_known_index(index)])
+
+    def __setitem__(self, index: Any, values: Any) -> None:
+        if self.memory.shared:
+            raise NotRecordable
+        self.memory.version += 1
+        assign = partial(operator.setitem, self.value, _known_index(index), _value(values))
+        assign()
+        self.recording.calls.append(assign)
+
+    def reshape(self, *shape: Any) -> Recorded:
+        return self._selected(lambda array: array.reshape(*shape))
+
+    def _selected(self, select: Callable[[Array], Array]) -> Recorded:
+        """Entries in another form, which are copied where NumPy has no view of them."""
+        found = np.asarray(select(self.value))
+        if np.may_share_memory(found, self.value):
+            return self._view(found)
+        return self.recording.copied(select, self)
+
+    def swapaxes(self, one: int, other: int) -> Recorded:
+        return self._view(self.value.swapaxes(one, other))
+
+    def transpose(self, axes: tuple[int, ...]) -> Recorded:
+        return self._view(self.value.transpose(axes))
+
+    def copy(self) -> Recorded:
+        return self.recording.copied(lambda array: array, self)
+
+    def sum(self, axis: Any = None) -> Recorded:
+        return self.recording.call(np.add.reduce, self, axis=axis)
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Any:
+        if method != "__call__" or options:
+            raise NotRecordable
+        if ufunc is np.matmul:
+            return _product(self.recording, *inputs)
+        return self.recording.call(ufunc, *inputs)
+
+    def __array_function__(self, function: Any, types: Any, inputs: Any, options: Any) -> Any:
+        if function in (np.empty_like, np.zeros_like, np.ones_like):
+            made = function(*map(_value, inputs), **options)
+            if function is np.ones_like:
+                return made
+            return self.recording.blank(made.shape, made.dtype, function is np.zeros_like)
+        if function is np.broadcast_to:
+            return self._selected(lambda array: np.broadcast_to(array, *inputs[1:], **options))
+        if function is np.result_type:
+            return np.result_type(*(getattr(each, "dtype", each) for each in inputs))
+        if function not in COPIED:
+            raise NotRecordable
+        return self.recording.copied(partial(_of_values, function), *inputs, **options)
+
+    def __array__(self, *_: Any, **__: Any) -> Array:
+        raise NotRecordable
+
+    def __bool__(self) -> bool:
+        raise NotRecordable
+
+
+COPIED = {np.where, np.concatenate, np.linalg.inv, np.linalg.solve}
+"""Functions whose results depend on nothing but values, and that take no `out`."""
+
+
+def _of_values(function: Callable[..., Any], *arguments: Any, **options: Any) -> Array:
+    found: Array = function(*map(_value, arguments), **options)
+    return found
+
+
+def _product(recording: Recording, a: Any, b: Any) -> Any:
+    """a @ b, by the function that is fastest with the runs along the last axis in memory."""
+    if a.ndim == b.ndim == 2:
+        return recording.call(np.matmul, b.T, a.T).T
+    if a.ndim > 2 and b.ndim == 2 and not isinstance(b, Recorded):
+        runs_last, runs_first = (*range(1, a.ndim), 0), (a.ndim - 1, *range(a.ndim - 1))
+        return recording.call(np.matmul, b.T, a.transpose(runs_last)).transpose(runs_first)
+    if a.ndim == 1 or b.ndim == 1:
+        return recording.call(np.matmul, a, b)
+    return recording.call(_stacked_product, a, b)
+
+
+_stacked_product = partial(np.einsum, "...ij,...jk->...ik")
+
+
+def _value(argument: Any) -> Any:
+    """What an argument stands for."""
+    if isinstance(argument, Recorded):
+        return argument.value
+    if isinstance(argument, list | tuple):
+        return type(argument)(map(_value, argument))
+    return argument
+
+
+def _known_index(index: Any) -> Any:
+    """An index that is the same at every repetition."""
+    if any(isinstance(part, Recorded) for part in (index if isinstance(index, tuple) else [index])):
+        raise NotRecordable
+    return index
+
+
+def _identity(argument: Any) -> Any:
+    """Equal for arguments with equal values at every repetition."""
+    version: Any = None
+    if isinstance(argument, Recorded):
+        version, argument = (id(argument.memory), argument.memory.version), argument.value
+    if isinstance(argument, np.ndarray):
+        return argument.ctypes.data, argument.shape, argument.strides, argument.dtype.str, version
+    return type(argument), repr(argument)  # 0.0 is equal to -0.0, and not the same

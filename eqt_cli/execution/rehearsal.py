@@ -1,0 +1,176 @@
+"""Begins a study as a run would, with two runs of every law, for `eqt config check`.
+
+The runs are put together, solved and measured by what does so for a run. Nothing is kept.
+"""
+
+import time
+import traceback
+import warnings
+from collections.abc import Hashable, Iterator
+from contextlib import contextmanager
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.signals import compute
+from eqt_cli.core.arrays import Array, norm
+from eqt_cli.core.error_origin import described, place_of
+from eqt_cli.core.errors import EqtError, InputError, TraceError
+from eqt_cli.core.problems import KeyPath, Problems, parse_key
+from eqt_cli.core.registry import is_foreign
+from eqt_cli.engines import Problem
+from eqt_cli.execution.batches import Batch, batches
+from eqt_cli.experiment.study import Study
+
+MOST_SECONDS = 3.0
+"""Of one core, for all laws; those that are left then are named."""
+
+ALONE = 1e-8
+"""Relative: what the rates of a run may change by where others are beside it. Sums of another
+length are rounded in another way, and differences of nearly equal numbers enlarge that."""
+
+
+class Component(NamedTuple):
+    """A part of a loop, where it is in the configuration, and what it is called."""
+
+    part: Any
+    path: KeyPath
+    name: str
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether it is the user's own."""
+        return is_foreign(type(self.part).__module__)
+
+
+def rehearse(study: Study, problems: Problems) -> list[str]:
+    """Note what would fail in a run: an exception, a shape, no number, what cannot be compiled.
+
+    Returns
+    -------
+    list of str
+        What is no error: laws that the engine of the cross-check cannot compile, and laws that were
+        not tried since those before them took too long.
+    """
+    remarks: list[str] = []
+    started, left = time.process_time(), dict.fromkeys(study.base.loops)
+    for group in _by_kind(study):
+        if time.process_time() - started > MOST_SECONDS:
+            those = f"the laws before took more than {MOST_SECONDS:g} s"
+            return [*remarks, f"not tried: {', '.join(left)}; {those}"]
+        label, first = group[0]
+        components = _components(first.problem.loop, list(study.base.loops).index(label))
+        with _blaming(components, problems):
+            remarks += _begin([batch for _, batch in group], components)
+        for label, _ in group:
+            left.pop(label, None)
+    return remarks
+
+
+def _by_kind(study: Study) -> list[list[tuple[str, Batch]]]:
+    """The first two runs of every law, and the first of the last point; equal structures together.
+
+    So the numbers of a law come as ``(runs, 1)``, and two instances of a law are solved as one.
+    """
+    groups: dict[Hashable, list[tuple[str, Batch]]] = {}
+    for index in sorted({0, len(study.shapes) - 1}):
+        piece = study.piece(index)
+        runs = piece.plan.runs
+        entries = np.unique([0, min(1, runs - 1), (len(piece) - 1) * runs])
+        for label in study.base.loops:
+            for batch in batches(piece, label, entries):
+                groups.setdefault((index, batch.kind), []).append((label, batch))
+    return list(groups.values())
+
+
+def _begin(group: list[Batch], components: list[Component]) -> list[str]:
+    """Raise for the first thing that is wrong with these runs."""
+    problem, engine = Problem.joined([batch.problem for batch in group]), group[0].engine
+    law = components[0].name
+    rates = _rates(problem)
+    if not np.isfinite(rates).all():
+        run = int(np.flatnonzero(~np.isfinite(rates).all(axis=-1))[0])
+        name, value = _first_that_is_none(problem.loop, rates[run])
+        raise InputError(f"{law} gives no number at the start: the rate of {name} is {value:g}")
+    alone = [_rates(problem.select(slice(k, k + 1)))[0] for k in range(problem.runs)]
+    change = norm(rates - np.array(alone))
+    if (change > ALONE * (1 + norm(rates))).any():
+        raise InputError(
+            f"{law} mixes runs: the rates of a run change by {change.max():.2g} when it is solved "
+            "beside others; sum over the last axis only, as the functions of eqt_cli.extend do"
+        )
+    _measure(problem)
+    engine.rehearse(problem)
+    other = group[0].experiment.solver.other
+    if other is not None and any(component.is_foreign for component in components):
+        try:
+            other.rehearse(problem)
+        except TraceError as error:
+            return [f"{error}; the cross-check does without it"]
+    return []
+
+
+def _rates(problem: Problem) -> Array:
+    """The vector field at the start, ``(runs, n)``, behind what a sampled law does there."""
+    loop, states, t = problem.batched_loop(), problem.states, float(problem.times[0])
+    if loop.vehicle.control is not None:
+        states = loop.after_instant(t, states, problem.errors_at(0))
+    return loop.holding(loop.held(t)).vector_field(t, states)
+
+
+def _first_that_is_none(loop: ClosedLoop, rates: Array) -> tuple[str, float]:
+    """The stretch of a state that has a rate which is no number, and that number."""
+    found = loop.layout.split(rates)
+    name = next(name for name, values in found.items() if not np.isfinite(values).all())
+    return name.replace("_", " "), float(found[name][~np.isfinite(found[name])][0])
+
+
+def _measure(problem: Problem) -> None:
+    """The signals of runs that stand still, at two samples."""
+    times = problem.times[[0, -1]]
+    states = np.repeat(problem.states[:, None], len(times), axis=1)
+    compute(problem.batched_loop(extra_axes=1), times, states)
+
+
+def _components(loop: ClosedLoop, index: int) -> list[Component]:
+    """The parts of a loop, its law first."""
+    found = [
+        Component(loop.controller, ("controllers", index), f"controller '{loop.controller.name}'"),
+        Component(loop.reference, ("reference",), f"reference '{loop.reference.name}'"),
+        Component(loop.group, ("group",), f"group '{loop.group.name}'"),
+    ]
+    for place, part in loop.vehicle.parts.items():
+        found.append(Component(part, parse_key(place), f"'{getattr(part, 'name', place)}'"))
+    return found
+
+
+@contextmanager
+def _blaming(components: list[Component], problems: Problems) -> Iterator[None]:
+    """Note an exception at the component whose code raised it, with its line; else at the law.
+
+    What nobody's component but eqt's own can have raised is raised again.
+    """
+    try:
+        with warnings.catch_warnings(), np.errstate(all="ignore"):
+            warnings.simplefilter("ignore")
+            yield
+    except EqtError as error:
+        problems.at(*_culprit(error.__cause__ or error, components).path).add(str(error))
+    except Exception as error:
+        if not any(component.is_foreign for component in components):
+            raise
+        found, place = _culprit(error, components), place_of(error)
+        at = f" at {place}" if place else ""
+        problems.at(*found.path).add(
+            f"{found.name} fails when runs are solved together, with every number of a law as an "
+            f"array (runs, 1): {described(error)}{at}"
+        )
+
+
+def _culprit(error: BaseException, components: list[Component]) -> Component:
+    """The component of the innermost line that is in the file of one that is not eqt's."""
+    own = {type(c.part).__module__: c for c in reversed(components) if c.is_foreign}
+    frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]
+    modules = [str(frame.f_globals.get("__name__", "")) for frame in reversed(frames)]
+    return next((own[module] for module in modules if module in own), components[0])

@@ -1,0 +1,1 @@
+"""What of results figures show, and what they leave out; it must not know how they are drawn."""

@@ -1,0 +1,71 @@
+"""Certificates that have a number and a bound."""
+
+from collections.abc import Sequence
+
+from eqt_cli.analysis.certificates.base import Row, Verdict
+from eqt_cli.plots.drawing.labels import notation
+from eqt_cli.plots.shown.controllers import ShownControllers, error_of
+from eqt_cli.results.result import Result
+
+
+class ShownCertificates:
+    """Certificates that have a number and a bound: those of identities and of trajectories.
+
+    Parameters
+    ----------
+    results
+        The open result.
+    rows
+        What was found about it.
+    figure, chosen
+        As for `ShownControllers`.
+
+    Attributes
+    ----------
+    names : list of str
+        Of the certificates, in the paper's order.
+    laws : list of Ensemble
+        The controllers.
+
+    Raises
+    ------
+    EqtError
+        As `ShownControllers`; and if there are no certificates.
+    """
+
+    def __init__(
+        self, results: Result, rows: Sequence[Row], figure: str, chosen: Sequence[str] = ()
+    ) -> None:
+        self.laws = ShownControllers([results], figure, chosen).ensembles
+        labels = ["", *(law.label for law in self.laws)]
+        judged = [row for row in rows if row.kind != "hypothesis" and row.controller in labels]
+        self._shown = [row for row in judged if _has_place(row)]
+        self._left_out = [row for row in judged if row not in self._shown]
+        if not self._shown:
+            raise error_of(results, figure, "finds no certificate to show; see `eqt verify`")
+        self.names = list(dict.fromkeys(row.name for row in self._shown))
+
+    def rows(self, name: str) -> list[Row]:
+        """The rows of a certificate, one per law where it is about laws."""
+        return [row for row in self._shown if row.name == name]
+
+    @property
+    def verdicts(self) -> list[Verdict]:
+        """Those of the rows that are shown, in the order of their class."""
+        return [verdict for verdict in Verdict if verdict in {row.verdict for row in self._shown}]
+
+    def notes(self) -> list[str]:
+        """What was checked and has no number."""
+        notes = []
+        for row in self._left_out:
+            law = f" ({row.controller})" if row.controller else ""
+            why = f", {row.remark}" if row.remark else ""
+            notes.append(f"{notation(row.name)}{law}: {row.verdict}{why}.")
+        return notes
+
+
+def _has_place(row: Row) -> bool:
+    """Whether it has a ratio of measured to bound; 0 over 0, an exact equality, counts as 0."""
+    if row.measured is None or row.bound is None:
+        return False
+    return row.bound != 0 or row.measured == 0

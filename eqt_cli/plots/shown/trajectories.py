@@ -1,0 +1,203 @@
+"""Trajectories of the runs of one or several results."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from eqt_cli.closed_loop.signals import MIXED
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.angles import turn_of_distance
+from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.plots.drawing.labels import in_words, signal_label
+from eqt_cli.plots.shown.controllers import Ensemble, ShownControllers, error_of, names
+from eqt_cli.results.result import Result
+
+_NORMS = ("pose_error", "velocity_error", "torque_norm")
+
+
+class ShownRuns(ShownControllers):
+    """Trajectories of the runs, of one or several results on one group, that did not fail.
+
+    Raises
+    ------
+    EqtError
+        As `ShownControllers`; and if a result holds no trajectories, or of failed runs only.
+    """
+
+    def __init__(self, results: Sequence[Result], figure: str, chosen: Sequence[str] = ()) -> None:
+        super().__init__(results, figure, chosen)
+        for one in results:
+            self._check_stored(one, "lyapunov")
+            if len(one.times) < 2:
+                message = (
+                    "needs trajectories of two samples or more, and the result holds one; "
+                    "decrease store.decimate and run the experiment again"
+                )
+                raise error_of(one, figure, message)
+        self.ensembles = [
+            replace(e, good=e.results.good_stored(e.controller)) for e in self.ensembles
+        ]
+        if not self.shown:
+            raise self.error("has nothing to show: every run whose trajectory is stored failed")
+
+    def with_function(self) -> list[Ensemble]:
+        """The controllers whose L is drawn; a remark names the others."""
+        others = [e.title for e in self.shown if not e.has_function]
+        if others:
+            named = ", ".join(others)
+            self.remarks.append(f"Without L, since the law does not claim that it falls: {named}.")
+        return [e for e in self.shown if e.has_function]
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The first and the last time of all results."""
+        ends = [one.times[[0, -1]] for one in self.results]
+        return float(np.min(ends)), float(np.max(ends))
+
+    def times(self, ensemble: Ensemble) -> Array:
+        """The sample times of a controller's runs."""
+        return ensemble.results.times
+
+    def values(self, signal: str, ensemble: Ensemble, most: int | None = None) -> Array:
+        """One signal of the good runs of a controller, ``(runs, samples, …)``.
+
+        Parameters
+        ----------
+        most
+            How many runs to read, the first ones; all if None.
+
+        Raises
+        ------
+        EqtError
+            If the result does not hold the signal over time.
+        """
+        self._check_stored(ensemble.results, signal)
+        return ensemble.results.trajectories(signal, ensemble.controller, most)
+
+    def of_run(self, signal: str, ensemble: Ensemble, run: int) -> Array:
+        """One signal of one run of a controller, ``(samples, …)``.
+
+        Raises
+        ------
+        EqtError
+            If the run failed, or the result does not hold its trajectory.
+        """
+        found: Array = ensemble.results.trajectory(signal, run)[ensemble.controller]
+        if not ensemble.results.good[ensemble.controller, run]:
+            raise self.error(f"cannot show run {run} of {ensemble.label}, which failed")
+        return found
+
+    def errors(self, signal: str, ensemble: Ensemble, *, degrees: bool) -> Array:
+        """`values` of a norm; those that are distances of rotations as angles, if in `degrees`."""
+        values = self.values(signal, ensemble)
+        if degrees and signal in self.results[0].attitude_errors:
+            return np.degrees(turn_of_distance(values))
+        return values
+
+    def error_label(self, signal: str, *, degrees: bool) -> str:
+        """The label of an axis along which `errors` are drawn."""
+        if degrees and signal in self.results[0].attitude_errors:
+            return in_words("attitude error", "deg")
+        return signal_label(self.results[0], signal)
+
+    def require_attitude(self, *, degrees: bool) -> None:
+        """Refuse to show in degrees what is no angle."""
+        if degrees and not self.results[0].attitude_errors:
+            group = self.results[0].group_name
+            raise self.error(f"finds no attitude error on {group} to show in degrees")
+
+    def numbers(self, ensemble: Ensemble, most: int | None = None) -> Array:
+        """The numbers of the good runs of a controller, as `values` takes them."""
+        return ensemble.results.stored_runs[ensemble.good][:most]
+
+    def desired(self, signal: str, ensemble: Ensemble) -> Array:
+        """A signal of the reference at the sample times, ``(samples, …)``: ``torque`` for τ_d."""
+        self._check_stored(ensemble.results, f"desired_{signal}")
+        return ensemble.results[f"desired_{signal}"]
+
+    def feedforward(self, ensemble: Ensemble) -> Array:
+        """What a law gives without its gains in the good runs, body frame, ``(runs, samples, m)``.
+
+        Raises
+        ------
+        EqtError
+            If the law does not say, the loop is not ideal, or the experiment cannot be built.
+        """
+        result = ensemble.results
+        if result.loop_in_words:
+            raise self.error(
+                f"separates feedforward from feedback in ideal loops only: {result.loop_in_words}"
+            )
+        loop = result.experiment().loops[ensemble.law]
+        poses, velocities = (self.values(name, ensemble) for name in ("pose", "velocity"))
+        found = np.empty_like(velocities)
+        for k, t in enumerate(result.times):
+            inertia = loop.inertia.at(t)
+            state = Tracking(
+                G=loop.group,
+                inertia=inertia,
+                gains=loop.gains,
+                t=t,
+                Q=poses[:, k],
+                P=inertia.momentum(velocities[:, k]),
+                Qd=self.desired("pose", ensemble)[k],
+                Pd=inertia.momentum(self.desired("velocity", ensemble)[k]),
+                tau_d=self.desired("torque", ensemble)[k],
+            )
+            given = loop.controller.feedforward_torque(state)
+            if given is None:
+                raise self.error(
+                    f"cannot separate the feedforward of {ensemble.title}: the law does not say "
+                    "which of its terms are feedforward; choose others with the option "
+                    "'controllers'"
+                )
+            found[:, k] = given
+        return found
+
+    @cached_property
+    def parts(self) -> list[str]:
+        """Suffixes of the norms with units of their own, ``_rotation``; else one empty suffix."""
+        first = self.results[0]
+        suffixes = [f"_{part}" for part in first.parts(_NORMS[0])]
+        return [end for end in suffixes if all(first.has(norm + end) for norm in _NORMS)] or [""]
+
+    @property
+    def group(self) -> MatrixLieGroup | None:
+        """The group of all results; None if it is of a plugin, which need not be loaded here."""
+        return self.results[0].group
+
+    @cached_property
+    def axes(self) -> list[tuple[str, str]]:
+        """Name and torque unit of every algebra coordinate."""
+        axes = [str(name) for name in self.results[0].coordinate("axis")]
+        units = [self.unit("torque")] * len(axes)
+        if MIXED in units and self.group is not None:
+            for part in self.group.parts:
+                units[part.axes] = [part.force_unit] * len(axes[part.axes])
+        return list(zip(axes, units, strict=True))
+
+    def notes(self) -> list[str]:
+        """As `ShownControllers.notes`, after what flies and how many runs have trajectories."""
+        return [*self._loops(), *self._thinned(), *super().notes()]
+
+    def _loops(self) -> Iterator[str]:
+        """What the loops have that the paper's has not."""
+        found = {
+            name: one.loop_in_words
+            for one, name in zip(self.results, names(self.results), strict=True)
+        }
+        for name, words in found.items():
+            if words:
+                yield f"{name}: {words}" if len(self.results) > 1 else words
+
+    def _thinned(self) -> Iterator[str]:
+        for one, name in zip(self.results, names(self.results), strict=True):
+            if len(one.stored_runs) < one.runs:
+                whose = f" of {name}" if len(self.results) > 1 else ""
+                yield f"Trajectories of the first {len(one.stored_runs)} of {one.runs} runs{whose}."
+
+    def _check_stored(self, result: Result, signal: str) -> None:
+        result.check_stored(signal, who=f"figure '{self.figure}' needs")

@@ -1,0 +1,62 @@
+"""Where the templates of pages are found, and how they are filled in."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from markupsafe import Markup, escape
+
+from eqt_cli.core.printable import printable
+
+_NORM = re.compile("‖[^‖]*‖")
+
+TEMPLATES = Path(__file__).with_name("templates")
+
+
+def environment() -> Environment:
+    """Where templates are found, and how they are filled in: everything is escaped.
+
+    Markup of HTML, and what no page can show, such as an order of reading that is turned around.
+    """
+    made = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        finalize=_finalized,
+    )
+    made.filters["typeset"] = _typeset
+    made.filters["prose"] = _prose
+    return made
+
+
+def _finalized(value: Any) -> Any:
+    is_text = isinstance(value, str) and not isinstance(value, Markup)
+    return printable(value, "\n\t") if is_text else value
+
+
+def _typeset(text: str) -> Markup:
+    """The paper's symbols with their subscripts; all else is only escaped."""
+    escaped = str(escape(printable(text)))
+    for symbol in ("Q_E", "Q_d", "V_d", "P_d", "K_d", "τ_d", "τ_ff", "𝕀_t"):
+        letter, index = symbol.split("_")
+        escaped = re.sub(rf"\b{symbol}\b", f"{letter}<sub>{index}</sub>", escaped)
+    escaped = re.sub(r"\bAd_\{([^}]*)\}", r"Ad<sub>\1</sub>", escaped)
+    return Markup(_NORM.sub(lambda norm: norm[0].replace(" ", "\u00a0"), escaped))
+
+
+def _prose(text: str) -> Markup:
+    """A sentence: `_typeset`, powers of ten and minus signs as such, and no break before a unit."""
+    signed = (
+        re.sub(r"(?<![\w.])-(?=\d)", "−", text).replace(" %", "\u00a0%").replace("N m", "N\u00a0m")
+    )
+    powers = re.sub(
+        r"(?<=\d)e([-+]?)0*(\d+)",
+        lambda found: (
+            f"\u00a0·\u00a010<sup>{found[1].replace('-', '−').strip('+')}{found[2]}</sup>"
+        ),
+        str(_typeset(signed)),
+    )
+    return Markup(powers)

@@ -1,0 +1,186 @@
+"""The experiment in words: what moves, what it follows, the laws and their weights, the runs."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+from eqt_cli.config.schema import DEFAULT_ENGINE, Judgement
+from eqt_cli.config.source import source_of
+from eqt_cli.controllers import controllers
+from eqt_cli.controllers.family import Member
+from eqt_cli.core.errors import ComponentError, EqtError
+from eqt_cli.core.registry import summary
+from eqt_cli.core.validation import option_names
+from eqt_cli.engines import engines
+from eqt_cli.experiment.build import OF_EVERY_LAW
+from eqt_cli.results.result import Result
+
+
+@dataclass(frozen=True)
+class Given:
+    """A part of the configuration.
+
+    Attributes
+    ----------
+    name, symbol
+        What it is, and its letter in the equations.
+    words
+        Its value; empty where it is a matrix.
+    matrix
+        Its rows, where it is one.
+    """
+
+    name: str
+    symbol: str
+    words: str
+    matrix: list[list[str]]
+
+
+@dataclass(frozen=True)
+class Law:
+    """A law of the experiment.
+
+    Attributes
+    ----------
+    title, label, kind
+        As figures write it, as tables do, and what the configuration calls it.
+    says
+        The first line of its documentation; nothing for a law of a plugin.
+    weights
+        (g, c, n, q), where it is a member of the family; else nothing.
+    damping
+        The frame of its damping, where it is a member.
+    own
+        Its own gains and options, as running text.
+    """
+
+    title: str
+    label: str
+    kind: str
+    says: str
+    weights: tuple[str, ...]
+    damping: str
+    own: str
+
+
+def laws(result: Result) -> list[Law]:
+    """The laws in their order."""
+    entries = _stored(result).get("controllers") or []
+    own = {entry.get("label"): _own(entry) for entry in entries if isinstance(entry, Mapping)}
+    titles = zip(result.labels, result.titles, strict=True)
+    return [
+        _law(label, title, result.kinds.get(label, label), own.get(label, ""))
+        for label, title in titles
+    ]
+
+
+def _own(entry: Mapping[str, Any]) -> str:
+    """What an entry of `controllers` changes: ``gains: kp 4``."""
+    gains = told(entry.get("gains"))
+    options = {key: value for key, value in entry.items() if key not in ("kind", *OF_EVERY_LAW)}
+    return "; ".join(filter(None, [f"gains: {gains}" if gains else "", told(options)]))
+
+
+def _law(label: str, title: str, kind: str, own: str) -> Law:
+    says, damping = "", ""
+    weights: tuple[str, ...] = ()
+    with suppress(ComponentError):  # of a plugin that is not loaded here
+        law = controllers.get(kind)
+        says = summary(law)
+        # Members with body errors have another formula; their own line says which.
+        if issubclass(law, Member) and law.frames[0] == "spatial":
+            weights, damping = tuple(f"{weight:g}" for weight in law.weights), law.frames[1]
+    return Law(title, label, kind, says, weights, damping, own)
+
+
+def given(result: Result) -> list[Given]:
+    """The parts of the stored configuration, in the order of a paper's section on an experiment."""
+    config = _stored(result)
+    return list(_parts(config, result)) if config else []
+
+
+def _stored(result: Result) -> Mapping[str, Any]:
+    """The configuration in a result; nothing of a file of the first versions."""
+    try:
+        return source_of(result).data
+    except (EqtError, KeyError):
+        return {}
+
+
+def _parts(config: Mapping[str, Any], result: Result) -> Iterator[Given]:
+    group = result.group
+    yield _words("Group", "", f"{result.group_name}: {summary(type(group))}" if group else "")
+    yield _quantity("Inertia", "𝕀", config.get("inertia"))
+    gains = config.get("gains") or {}
+    yield _quantity("Weight of the navigation function", "K", gains.get("kp"))
+    yield _quantity("Damping", "K_d", gains.get("kd"))
+    yield _words("Reference", "Q_d", config.get("reference"))
+    yield _words("Target", "", config.get("target"))
+    for name in ("plant", "control", "actuators", "sensors"):
+        yield _words(name.capitalize(), "", config.get(name))
+    initial = config.get("initial") or {}
+    yield _words("Initial poses", "Q(0)", initial.get("pose"))
+    yield _words("Initial velocities", "V(0)", initial.get("velocity"))
+    yield _words("Initial states", "", initial.get("file"))
+    runs = config.get("ensemble") or {}
+    yield _words("Runs", "", f"{result.runs} of each law, from seed {runs.get('seed', 0)}")
+    time = config.get("time") or {}
+    yield _words("Time", "", f"{told(time.get('duration'))} s, {told(time.get('samples'))} samples")
+    yield _words("Integration", "", _used(config.get("solver") or {}))
+    yield _words("Sweep", "", config.get("sweep"))
+
+
+def _used(solver: Mapping[str, Any]) -> Mapping[str, Any]:
+    """The keys of the section that its engine has; a result keeps those of all engines."""
+    try:
+        engine = engines.get(solver.get("engine", DEFAULT_ENGINE))
+    except ComponentError:  # of a plugin that is not loaded here
+        return solver
+    known = ("engine", *option_names(engine), *option_names(Judgement))
+    return {key: value for key, value in solver.items() if key in known}
+
+
+def _quantity(name: str, symbol: str, value: Any) -> Given:
+    """A tensor: a number stands for so many times the identity, a list for a diagonal."""
+    if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
+        return Given(name, symbol, "", [[told(entry) for entry in row] for row in value])
+    if isinstance(value, list):
+        return Given(name, symbol, f"diag{told(value)}", [])
+    words = told(value)
+    return Given(name, symbol, f"{words} · I" if _is_number(value) else words, [])
+
+
+def _words(name: str, symbol: str, value: Any) -> Given:
+    return Given(name, symbol, told(value), [])
+
+
+def told(value: Any) -> str:
+    """A value of a configuration as running text; nothing for what is left at nothing.
+
+    ``{kind: normal, std: 1.0}`` becomes ``normal: std 1``, and ``[0.0, 1]`` becomes ``(0, 1)``.
+    """
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if _is_number(value):
+        return f"{value:.6g}".replace("-", "−")
+    if isinstance(value, list):
+        parts = [told(entry) for entry in value]
+        return "; ".join(parts) if any(isinstance(e, dict) for e in value) else _tuple(parts)
+    if isinstance(value, Mapping):
+        named = {key: told(entry) for key, entry in value.items() if key != "kind"}
+        options = ", ".join(
+            f"{key.replace('_', ' ')} {said}" for key, said in named.items() if said
+        )
+        return ": ".join(filter(None, [str(value.get("kind", "")), options]))
+    return str(value)
+
+
+def _tuple(parts: list[str]) -> str:
+    return f"({', '.join(parts)})"
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

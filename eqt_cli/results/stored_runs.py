@@ -1,0 +1,257 @@
+"""The runs of a result: how they ended, at which points of a sweep, and their trajectories."""
+
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import cached_property
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.printable import printable
+from eqt_cli.engines import Status
+from eqt_cli.experiment.law_names import LAW
+from eqt_cli.results.contract import check_status
+from eqt_cli.results.origin import KnownResult, law_title
+from eqt_cli.results.swept_key import SweptKey, log_keys
+from eqt_cli.store.reserved_names import POINT
+
+
+class StoredRuns(KnownResult):
+    """An open result with its runs; good is a run that ended with status 0."""
+
+    # Runs.
+
+    @property
+    def is_sweep(self) -> bool:
+        """Whether it has several points, each an experiment."""
+        return POINT in self.dimensions
+
+    @property
+    def points(self) -> int:
+        """How many points a sweep has; 1 for a single experiment."""
+        return self.dimensions.get(POINT, 1)
+
+    @property
+    def runs(self) -> int:
+        """Runs per controller, and point."""
+        return self.dimensions["run"]
+
+    @cached_property
+    def times(self) -> Array:
+        """The sample times of trajectories, s."""
+        return _fixed(self.coordinate("time"))
+
+    @property
+    def horizon(self) -> float | None:
+        """How long the runs last, s; None where the points of a sweep differ in it."""
+        if not self.has("time"):
+            return None
+        times = self.times
+        return float(times[-1] - times[0])
+
+    @cached_property
+    def status(self) -> Array:
+        """How every run ended, ``(controllers, runs)``, with the points of a sweep in front."""
+        found = self["status"]
+        check_status(self, found)
+        return _fixed(found)
+
+    @property
+    def good(self) -> Array:
+        """Which runs ended well, as `status`."""
+        return self.status == 0
+
+    @property
+    def failed(self) -> dict[str, int]:
+        """How many runs of each controller did not, by label."""
+        counts = np.count_nonzero(self.status, axis=-1)
+        totals = counts.sum(axis=0) if self.is_sweep else counts
+        return {label: int(total) for label, total in zip(self.labels, totals, strict=True)}
+
+    @property
+    def failures(self) -> Array:
+        """Where the failed runs are: positions along (point,) controller and run, one a row."""
+        return np.argwhere(self.status)
+
+    @property
+    def endings(self) -> dict[str, int]:
+        """How many runs failed in which way, the most frequent first."""
+        codes, counts = np.unique(self.status[self.status != 0], return_counts=True)
+        order = np.argsort(-counts, kind="stable")
+        return {meaning_of(int(codes[i])): int(counts[i]) for i in order}
+
+    def messages(self, where: Array) -> list[str]:
+        """Why runs failed, of rows of `failures`."""
+        # All messages of a million runs would take seconds: only the rows and columns of these.
+        axes = [np.unique(where[:, axis], return_inverse=True) for axis in range(where.shape[1])]
+        chosen = {dim: k for dim, (k, _) in zip(self.dims("status"), axes, strict=True)}
+        found = self.read("message", **chosen)[tuple(position for _, position in axes)]
+        return [printable(str(message)) for message in found]
+
+    def place(self, where: Sequence[int]) -> str:
+        """A run by its position as in `failures`: ``point 3 eqt run 17``."""
+        *point, controller, run = where
+        return f"{f'point {point[0]} ' if point else ''}{self.labels[controller]} run {run}"
+
+    # Sweeps.
+
+    @cached_property
+    def swept_keys(self) -> list[SweptKey]:
+        """The swept keys that take more than one value; one for keys that change together."""
+        found: list[SweptKey] = []
+        for name in self.coordinates:
+            if name != POINT and self.dims(name) == (POINT,) and not name.endswith(".label"):
+                key = self._swept_key(name)
+                if max(key.levels) > 0 and key.levels not in [other.levels for other in found]:
+                    found.append(key)
+        return found
+
+    def _swept_key(self, name: str) -> SweptKey:
+        values = self.coordinate(name)
+        key = self.long_name(name).removesuffix(", swept")
+        if values.dtype == object:
+            texts, values = np.unique(values.astype(str), return_inverse=True)
+            texts = texts[values]
+        elif self.has(f"{name}.label"):
+            texts = self.coordinate(f"{name}.label")
+        else:
+            return SweptKey(key, values.astype(float), {}, key in self._on_log_scales)
+        shown = (printable(str(text)) for text in texts)
+        return SweptKey(key, values, dict(zip(map(float, values), shown, strict=True)))
+
+    @cached_property
+    def _on_log_scales(self) -> set[str]:
+        """The keys for which a range of the sweep asks for a logarithmic scale."""
+        with suppress(KeyError, TypeError, RecursionError):
+            return set(log_keys(self._config["sweep"]))
+        return set()
+
+    def point_name(self, point: int) -> str:
+        """What is swept at a point: ``kp 2, kd 0.5``."""
+        keys = [swept.key.rpartition(".")[2] for swept in self.swept_keys]
+        if len(set(keys)) < len(keys):
+            keys = [swept.key for swept in self.swept_keys]
+        pairs = zip(keys, self.swept_keys, strict=True)
+        return ", ".join(f"{key} {swept.at(point)}" for key, swept in pairs)
+
+    def laws(self, controller: int) -> dict[int, str]:
+        """The points where a controller is a law with a name of its own, and its title.
+
+        Empty where the sweep is not over the controllers' options.
+        """
+        if not self.has(LAW):
+            return {}
+        names = self.read(LAW, controller=controller)
+        return {int(point): law_title(str(names[point])) for point in np.flatnonzero(names != "")}
+
+    # Trajectories.
+
+    @property
+    def run_dimension(self) -> str:
+        """The dimension along which trajectories lie: ``run``, or ``stored_run``."""
+        return next(dim for dim in self.dims("lyapunov") if dim.endswith("run"))
+
+    @cached_property
+    def stored_runs(self) -> Array:
+        """The numbers of the runs whose trajectories are stored; none without trajectories."""
+        if not self.is_over_time("lyapunov"):
+            return np.array([], dtype=int)
+        return _fixed(self.coordinate(self.run_dimension))
+
+    def is_over_time(self, name: str) -> bool:
+        """Whether the file holds this over time."""
+        return self.has(name) and "time" in self.dims(name)
+
+    def check_stored(self, *signals: str, who: str) -> None:
+        """Refuse to go on without signals over time.
+
+        Parameters
+        ----------
+        who
+            Who needs them, with the verb: ``figure 'paper' needs``.
+
+        Raises
+        ------
+        EqtError
+            If the file lacks one; the message says how to get it.
+        """
+        for name in signals:
+            if not self.is_over_time(name):
+                raise self.error(f"{who} {lacks([name])}")
+
+    def good_stored(self, controller: int) -> Array:
+        """Which of the runs with trajectories are good, ``(stored runs,)``."""
+        return self.good[controller][self.stored_runs]
+
+    def trajectories(self, signal: str, controller: int, most: int | None = None) -> Array:
+        """A signal of the good runs of a controller, ``(runs, samples, …)``.
+
+        Parameters
+        ----------
+        most
+            How many runs to read, the first ones; all if None.
+        """
+        good = self.good_stored(controller)
+        if most is None:
+            return self.read(signal, controller=controller)[good]
+        first = np.flatnonzero(good)[:most]
+        return self.read(signal, controller=controller, **{self.run_dimension: first})
+
+    def trajectory(self, signal: str, run: int) -> Array:
+        """A signal of one run of every controller, good or not, ``(controllers, samples, …)``.
+
+        Raises
+        ------
+        EqtError
+            If the trajectory of that run is not stored.
+        """
+        stored = self.stored_runs.tolist()
+        if run not in stored:
+            has = f"; stored are runs {stored[0]} to {stored[-1]}" if stored else ""
+            raise self.error(f"the trajectory of run {run} is not stored{has}")
+        return self.read(signal, **{self.run_dimension: stored.index(run)})
+
+    def parts(self, norm: str) -> list[str]:
+        """The parts of a norm that are stored by themselves, as ``rotation``; often none."""
+        return [
+            name.removeprefix(f"{norm}_")
+            for name in self.names
+            if name.startswith(f"{norm}_") and self.is_over_time(name)
+        ]
+
+    @cached_property
+    def attitude_errors(self) -> list[str]:
+        """The norms over time that are distances ‖I − R‖_F of rotations, which angles follow from.
+
+        None on a group of a plugin, which need not be loaded here.
+        """
+        parts = () if self.group is None else self.group.parts
+        turns = [f"_{part.name}" if len(parts) > 1 else "" for part in parts if part.turns]
+        return [name for end in turns if self.is_over_time(name := f"pose_error{end}")]
+
+    def split(self, norm: str) -> list[str]:
+        """The names of a norm's parts where it has some, else its own."""
+        return [f"{norm}_{part}" for part in self.parts(norm)] or [norm]
+
+
+def meaning_of(status: int) -> str:
+    """A status in words."""
+    try:
+        return Status(status).name.lower().replace("_", " ")
+    except ValueError:
+        return f"status {status}"
+
+
+def _fixed(values: Array) -> Array:
+    """What is kept for later, and therefore never to be written to."""
+    values.setflags(write=False)
+    return values
+
+
+def lacks(signals: Sequence[str]) -> str:
+    """What is said of signals over time that a result does not hold."""
+    needed = " and ".join(f"'{name}'" for name in signals)
+    return (
+        f"the trajectories of {needed}, which the result does not hold; set store.trajectories to "
+        "all and run the experiment again"
+    )

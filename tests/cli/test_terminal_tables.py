@@ -1,0 +1,117 @@
+"""Tables on terminals that are narrower than they are, and on a pipe."""
+
+from __future__ import annotations
+
+import sys
+from types import SimpleNamespace
+
+import pytest
+from rich.cells import cell_len
+
+from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.cli.shared.output import room, table
+from eqt_cli.cli.shared.terminal_tables import table_text
+
+ROWS = [
+    ["eqt", "1.830", "holds", "-0.283 [-0.346, -0.219]"],
+    ["stabilising", "-", "a sentence that is rather long", "0.03 [-0.57, 0.65]"],
+]
+TABLE = TextTable(
+    "t", "", ["law", "mean ‖I − Q_E‖ 0-5 s", "remark", "difference"], [Block("", ROWS)]
+)
+
+
+def laid_out(width: int | None, shown: TextTable = TABLE) -> list[str]:
+    return table_text(shown, width).plain.splitlines()
+
+
+def with_(**changes: object) -> TextTable:
+    return TextTable(**{**vars(TABLE), **changes})  # type: ignore[arg-type]
+
+
+def words(lines: list[str]) -> set[str]:
+    return {word for line in lines for word in line.split() if set(word) != {"─"}}
+
+
+def test_a_pipe_gets_every_column_unbroken() -> None:
+    assert laid_out(None) == laid_out(99)
+    assert laid_out(None) == [
+        "law          mean ‖I − Q_E‖ 0-5 s  remark                          difference",
+        "───────────  ────────────────────  ──────────────────────────────  "
+        "───────────────────────",
+        "eqt                         1.830  holds                           "
+        "-0.283 [-0.346, -0.219]",
+        "stabilising                     -  a sentence that is rather long  0.03 [-0.57, 0.65]",
+    ]
+
+
+def test_headings_are_folded_first_and_formulas_are_not() -> None:
+    assert laid_out(86)[0].strip() == "mean"
+    assert "‖I − Q_E‖" in laid_out(82)[1]
+    assert "a sentence that is rather long" in laid_out(82)[-1]
+
+
+def test_then_text_is_wrapped() -> None:
+    lines = laid_out(75)
+    assert max(map(cell_len, lines)) <= 75
+    assert words(lines) == words(laid_out(None))
+
+
+def test_then_the_least_important_columns_are_left_out() -> None:
+    lines = laid_out(50, with_(spare=("remark", "difference")))
+    assert "remark" not in lines[0] + lines[1] + lines[2]
+    assert lines[-2:] == ["", "Not shown at this width: remark."]
+    assert any("-0.283 [-0.346, -0.219]" in line for line in lines)
+
+
+def test_numbers_that_fit_only_apart_become_tables_of_their_own() -> None:
+    rows = [[f"measure {k}", *(f"{k}.{c}00 ± 0.0{c}" for c in range(1, 7))] for k in range(2)]
+    shown = TextTable("t", "", ["measure", *"abcdef"], [Block("", rows)])
+    lines = laid_out(60, shown)
+    assert max(map(cell_len, lines)) <= 60
+    assert sum(line.startswith("measure 0") for line in lines) == 2
+    for cell in rows[0][1:]:
+        assert any(cell in line for line in lines)
+
+
+def test_else_each_row_becomes_a_block_of_lines() -> None:
+    lines = laid_out(30)
+    assert lines[:4] == [
+        "eqt",
+        "  mean ‖I − Q_E‖ 0-5 s  1.830",
+        "  remark                holds",
+        "  difference            -0.283",
+    ]
+
+
+@pytest.mark.parametrize("width", range(24, 100, 3))
+def test_no_word_is_ever_broken(width: int) -> None:
+    spare = with_(spare=("remark",))
+    for shown in (TABLE, spare):
+        plain = "\n".join(laid_out(width, shown))
+        for word in ("stabilising", "1.830", "-0.283", "0.65]"):
+            assert word in plain
+
+
+def test_verdicts_are_coloured_and_say_the_same_in_words() -> None:
+    shown = TextTable("t", "", ["what", "verdict"], [Block("", [["a", "holds"], ["b", "FAILS"]])])
+    made = table_text(shown, 80)
+    styles = {made.plain[span.start : span.end].strip(): str(span.style) for span in made.spans}
+    assert styles == {"holds": "green", "FAILS": "bold red"}
+
+
+def test_what_comes_from_a_file_is_escaped() -> None:
+    shown = TextTable("t", "\x1b[2J", ["\x1b[1m"], [Block("\x07", [["\x1b[0m"]])])
+    for width in (None, 10):
+        assert table_text(shown, width).plain.replace("\n", "").isprintable()
+
+
+@pytest.mark.parametrize(("terminal", "expected"), [(True, 40), (False, None)])
+def test_only_terminals_have_a_width(
+    monkeypatch: pytest.MonkeyPatch, terminal: bool, expected: int | None
+) -> None:
+    monkeypatch.setenv("COLUMNS", "40")
+    monkeypatch.setattr(sys, "stdout", SimpleNamespace(isatty=lambda: terminal))
+    assert room() == expected
+    lines = table(TABLE.header, ROWS).plain.splitlines()
+    assert (max(map(cell_len, lines)) > 50) is (not terminal)

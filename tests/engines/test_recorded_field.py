@@ -1,0 +1,160 @@
+"""What is recorded of a vector field, and what becomes of one that cannot be recorded.
+
+That recordings of eqt's laws, references, forces and actuators equal them is in `tests/contracts`.
+"""
+
+import numpy as np
+import pytest
+
+from eqt_cli.core.arrays import apply_matrix, stack, times, where
+from eqt_cli.engines.recorded_field import (
+    COMPARED,
+    WORTH_RECORDING,
+    NotRecordable,
+    RecordedField,
+    Recording,
+)
+
+RUNS = 5
+MATRIX = np.array([[1.0, -2.0], [0.5, 3.0]])
+# Two or three terms of a few units are added in another order.
+ROUNDING = 1e-14
+
+
+def states(seed, runs=RUNS):
+    return np.random.default_rng(seed).standard_normal((runs, 2))
+
+
+def evaluated(field, evaluations, t=0.3):
+    """What a field gives, evaluated at so many states in turn."""
+    return [field(t + 0.1 * k, states(k)) for k in range(evaluations)]
+
+
+def check(field, runs=RUNS):
+    """The recording at another time and state equals the field."""
+    recording = Recording(field, 0.2, states(1, runs))
+    for t, y in ((0.7, states(2, runs)), (0.2, states(1, runs))):
+        np.testing.assert_allclose(recording.repeat(t, y), field(t, y), rtol=0, atol=ROUNDING)
+    return recording
+
+
+@pytest.mark.parametrize("runs", [1, 2, 5])  # the second is as many as there are entries
+@pytest.mark.parametrize(
+    "field",
+    [
+        lambda t, y: -t * y,
+        lambda t, y: y @ MATRIX + t,
+        lambda t, y: apply_matrix(times(y[:, :, None] * y[:, None], MATRIX), y),
+        lambda t, y: (y[:, :, None] @ y[:, None]).swapaxes(-1, -2).sum(axis=-1),
+        lambda t, y: where(y < t, y, 1.0 - y),
+        lambda t, y: stack([y[..., 1], 2.0]),
+        lambda t, y: y[:, [1, 0]],
+        lambda t, y: np.broadcast_to(t, y.shape) * y.reshape(-1)[:1],
+        lambda t, y: np.concatenate([y[:, 1:], y[:, :1]], axis=-1),
+    ],
+)
+def test_a_recording_equals_the_field(field, runs):
+    check(field, runs)
+
+
+def test_zeros_are_zeros_at_every_repetition():
+    def field(t, y):
+        found = np.zeros_like(y)
+        before = found + t
+        found[..., 0] = y[..., 1]
+        return found + before
+
+    check(field)
+
+
+def test_equal_calls_are_made_once():
+    assert len(check(lambda t, y: (y * t) + (y * t)).calls) == 2
+
+
+def test_calls_with_zeros_of_either_sign_are_not_equal():
+    def field(t, y):
+        squares = y * y + t
+        return np.copysign(1.0, squares * 0.0) + 2 * np.copysign(1.0, squares * -0.0)
+
+    np.testing.assert_array_equal(check(field).repeat(0.1, states(3)), -1.0)
+
+
+def test_a_call_is_made_again_where_what_it_read_was_written_to():
+    def field(t, y):
+        kept = y.copy()
+        first = kept * 2.0
+        kept[..., 0] = t
+        return first + kept * 2.0
+
+    check(field)
+
+
+def test_what_two_calls_share_is_not_written_to():
+    def field(t, y):
+        one, other = y * 2.0, y * 2.0
+        one[..., 0] = 0.0
+        return one + other
+
+    with pytest.raises(NotRecordable):
+        Recording(field, 0.2, states(1))
+
+
+def branching(t, y):
+    return -y if t < 2.0 else y
+
+
+def looking(t, y):
+    return -y if y.max() > 0 else y
+
+
+def filling(t, y):
+    found = np.zeros(y.shape)
+    found[:] = t * y
+    return found
+
+
+def selecting(t, y):
+    return y * len(y[y > 0])
+
+
+@pytest.mark.parametrize("field", [branching, looking, filling, selecting])
+def test_what_cannot_be_recorded_is_evaluated_as_it_is_written(field):
+    with pytest.raises(Exception):  # noqa: B017, PT011  # whatever the field makes of no array
+        Recording(field, 0.3, states(0))
+    evaluations = WORTH_RECORDING + COMPARED + 3
+    found = evaluated(RecordedField(field), evaluations)
+    np.testing.assert_array_equal(found, evaluated(field, evaluations))
+
+
+def test_a_field_that_depends_on_more_than_time_and_state_is_not_repeated():
+    def counting():
+        counted = iter(range(1000))
+        return lambda t, y: next(counted) * 1e-3 + y
+
+    evaluations = WORTH_RECORDING + COMPARED + 3
+    found = evaluated(RecordedField(counting()), evaluations)
+    # To record it is one more evaluation.
+    for k, each in enumerate(found):
+        own = k + (k >= WORTH_RECORDING)
+        np.testing.assert_array_equal(each, own * 1e-3 + states(k))
+
+
+def test_a_field_that_is_evaluated_often_is_repeated():
+    called = []
+
+    def field(t, y):
+        called.append(t)
+        return t * y
+
+    evaluations = 2 * WORTH_RECORDING
+    found = evaluated(RecordedField(field), evaluations)
+    assert len(called) == WORTH_RECORDING + COMPARED + 1
+    np.testing.assert_array_equal(found, evaluated(field, evaluations))
+
+
+def test_values_that_are_not_finite_are_repeated():
+    field = RecordedField(lambda t, y: 1.0 / (y - y[:, :1]))
+    with np.errstate(all="ignore"):
+        found = evaluated(field, 2 * WORTH_RECORDING)
+    assert np.isinf(np.array(found)[:, :, 0]).all()
+    assert field._recording is not None

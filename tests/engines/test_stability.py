@@ -1,0 +1,39 @@
+"""How many steps stability alone asks for: known stability limits, and what engines then take."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.integrate import DOP853, RK23, RK45
+
+from eqt_cli.engines import stability
+
+# Hairer and Wanner (1996), Section IV.2: on the negative real axis.
+LIMITS = {
+    "RK23": (stability.runge_kutta(RK23.A, RK23.B), 2.513),
+    "RK45": (stability.runge_kutta(RK45.A, RK45.B), 3.307),
+    "RK4": (stability.taylor(4), 2.785),
+    "Euler": (stability.taylor(1), 2.0),
+}
+
+
+@pytest.mark.parametrize("method", LIMITS)
+def test_limits_on_the_real_axis(method):
+    coefficients, limit = LIMITS[method]
+    steps = stability.steps(coefficients, np.array([[-10.0, -0.1, 3.0]]), 7.0)
+    assert steps == pytest.approx(70 / limit, rel=2 * stability.RESOLUTION)
+
+
+def test_coefficients_of_dop853_are_those_of_the_exponential_up_to_its_order():
+    found = stability.runge_kutta(DOP853.A, DOP853.B)
+    np.testing.assert_allclose(found[:9], stability.taylor(8), rtol=1e-10)
+
+
+def test_the_fastest_of_several_instants_does_not_count_for_all():
+    coefficients, limit = LIMITS["Euler"]
+    steps = stability.steps(coefficients, np.array([[-10.0], [-30.0]]), 1.0)
+    assert steps == pytest.approx(20 / limit, rel=2 * stability.RESOLUTION)
+
+
+def test_what_grows_or_rests_asks_for_no_step():
+    assert stability.steps(LIMITS["RK4"][0], np.array([[5.0, 0.0]]), 1.0) == 0

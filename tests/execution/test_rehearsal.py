@@ -1,0 +1,170 @@
+"""`config check` finds what a run would fail with, in one message with file and line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from eqt_cli.core import registry
+
+HEADER = """\
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from eqt_cli.extend import Controller, Force
+"""
+LAW = """\
+
+
+@dataclass(frozen=True)
+class Law(Controller):
+    name: ClassVar[str] = "own"
+    title: ClassVar[str] = "Own"
+    gain: float = 1.0
+
+    def torque(self, s):
+        return BODY
+"""
+FORCE = """\
+
+
+@dataclass(frozen=True)
+class Push(Force):
+    name: ClassVar[str] = "push"
+
+    def acting(self, G, t, Q, V, given):
+        return BODY
+"""
+CONFIG = """\
+group: SO3
+inertia: [2, 1, 3]
+gains: {kp: 1.0, kd: 0.5}
+reference: {torque: ["cos(t)", "sin(t)", "0"]}
+controllers: [eqt, CONTROLLERS]
+initial: {pose: haar, velocity: normal}
+ensemble: {runs: 3, seed: 1}
+time: {duration: 1.0, samples: 11}
+plugins: [own.py]
+"""
+OWN = "{kind: own, gain: 2.0}"
+TOGETHER = "fails when runs are solved together, with every number of a law as an array (runs, 1): "
+
+
+@pytest.fixture(autouse=True)
+def _no_plugins(monkeypatch):
+    monkeypatch.setattr(registry, "_loaded_plugins", {})
+    for one in registry._registries:
+        monkeypatch.setattr(one, "_plugins", {})
+
+
+@pytest.fixture
+def check(folder, invoke):
+    """What `config check` says of a law with this torque, or of another text of the plugin."""
+
+    def said(body, *sets, code=2, text=LAW, controllers=OWN, more=""):
+        Path("own.py").write_text(HEADER + text.replace("BODY", body), encoding="utf-8")
+        config = CONFIG.replace("CONTROLLERS", controllers) + more
+        Path("c.yaml").write_text(config, encoding="utf-8")
+        words = [f"--set={each}" for each in sets]
+        done = invoke("config", "check", "c.yaml", *words, code=code)
+        return done.stderr if code else done.stdout
+
+    return said
+
+
+LAWS = {
+    "a number where an array comes": (
+        "-self.gain.item() * s.V if hasattr(self.gain, 'item') else -self.gain * s.V",
+        TOGETHER + "ValueError: can only convert an array of size 1 to a Python scalar at "
+        "own.py:15: return -self.gain.item()",
+    ),
+    "a choice by a number": (
+        "-s.V if self.gain > 1 else -2 * s.V",
+        TOGETHER + "ValueError: The truth value of an array with more than one element is "
+        "ambiguous. Use a.any() or a.all() at own.py:15: "
+        "return -s.V if self.gain > 1 else -2 * s.V",
+    ),
+    "runs that are mixed": (
+        "-s.V / np.max(np.abs(s.V))",
+        "mixes runs: the rates of a run change by ",
+    ),
+    "no number": (
+        "0 * s.V / (0 * self.gain)",
+        "gives no number at the start: the rate of momentum is nan",
+    ),
+    "a value that is not a number": (
+        "np.sqrt(-1 - s.V**2)",
+        "gives no number at the start: the rate of momentum is nan",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", LAWS)
+def test_a_law(check, case):
+    body, expected = LAWS[case]
+    said = check(body)
+    assert said.startswith(
+        "1 error in c.yaml\nc.yaml:5:20: controllers[1]: controller 'own' " + expected
+    )
+    assert said.count("\n") == 2
+
+
+def test_two_instances_of_a_law_are_solved_as_one(check):
+    one, other = "{kind: own, gain: 2.0, label: a}", "{kind: own, gain: 3.0, label: b}"
+    body = "-self.gain * s.V if np.size(self.gain) == 1 or np.ptp(self.gain) == 0 else 1 / 0"
+    said = check(body, controllers=f"{one}, {other}")
+    assert f"controllers[1]: controller 'own' {TOGETHER}ZeroDivisionError: " in said
+
+
+def test_numbers_that_a_sweep_varies(check):
+    body = "-self.gain * s.V if np.ptp(self.gain) == 0 else 1 / 0"
+    check(body, code=0)
+    more = "sweep: [{grid: {'controllers[1].gain': [1, 2, 3]}}]\n"
+    assert f"controller 'own' {TOGETHER}ZeroDivisionError: " in check(body, more=more)
+
+
+def test_a_law_that_cannot_be_compiled(check):
+    pytest.importorskip("heyoka")
+    body = "-np.maximum(s.V, 0.0)"
+    said = check(body, "solver.engine=taylor")
+    assert "controllers[1]: controller 'own' cannot be compiled: " in said
+    assert f"own.py:15: return {body}" in said
+    assert said.count("\n") == 2
+    fine = check(body, "solver.engine=solve_ivp", code=0)
+    assert "controller 'own' cannot be compiled: " in fine
+    assert fine.endswith("; the cross-check does without it\n")
+
+
+def test_a_force(check):
+    said = check(
+        "V.nothing",
+        text=FORCE,
+        controllers="gt",
+        more="plant: {forces: [{kind: push}]}\n",
+    )
+    assert said.startswith(
+        "1 error in c.yaml\nc.yaml:10:18: plant.forces[0]: 'push' " + TOGETHER + "AttributeError: "
+    )
+    assert "own.py:13: return V.nothing" in said
+
+
+def test_a_torque_bound(folder, invoke):
+    Path("c.yaml").write_text(
+        CONFIG.replace("CONTROLLERS", "gt").replace("plugins: [own.py]\n", "")
+    )
+    invoke("config", "check", "c.yaml", "--most-torque", "2")
+    said = invoke("config", "check", "c.yaml", "--most-torque", "0.5", code=2).stderr
+    assert said == (
+        "1 error in c.yaml\nc.yaml:4:1: reference: needs a torque of 1 at t = 0 s, more than 0.5\n"
+    )
+
+
+def test_a_check_keeps_to_its_time(check, monkeypatch):
+    monkeypatch.setattr("eqt_cli.execution.rehearsal.MOST_SECONDS", -1.0)
+    assert "not tried: eqt, own; the laws before took more than -1 s\n" in check("-s.V", code=0)
+
+
+def test_a_law_that_is_right(check):
+    assert "not " not in check("-self.gain * s.V", code=0)
