@@ -62,7 +62,9 @@ class Trials:
         from hypothesis import Phase, settings  # pytest wants to see it imported first
 
         phases = (Phase.explicit, Phase.generate)
-        settings.register_profile("mutants", deadline=None, database=None, phases=phases)
+        settings.register_profile(
+            "mutants", deadline=None, derandomize=True, database=None, phases=phases
+        )
         settings.load_profile("mutants")
 
     def pytest_runtestloop(self, session: pytest.Session) -> bool:

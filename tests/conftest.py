@@ -29,8 +29,12 @@ from eqt_cli.results.result import open_result
 from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
 
-# A deadline would time the machine, which runs tests side by side, and not the code.
-settings.register_profile("eqt", deadline=None)
+# A deadline would time the machine, which runs tests side by side, and not the code. Samples are
+# the same in every run, so that a change is judged by what it changes; the nightly run draws new
+# ones.
+settings.register_profile(
+    "eqt", deadline=None, derandomize=os.environ.get("EQT_SAMPLES") != "random"
+)
 settings.load_profile("eqt")
 
 # Near 0, around the switch from series to closed forms, and near π.
