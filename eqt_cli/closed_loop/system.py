@@ -157,9 +157,19 @@ class ClosedLoop:
 
     @cached_property
     def instants(self) -> Array:
+        """The times, s, at which the vector field changes; in order."""
+        return np.unique(np.concatenate([self.breaks, self.knots]))
+
+    @cached_property
+    def knots(self) -> Array:
+        """The times, s, at which it changes by what is `held` only; in order."""
+        return self.reference.instants(self.group) if self.held(0.0) else np.empty(0)
+
+    @cached_property
+    def breaks(self) -> Array:
         """The times, s, at which an engine ends a step and begins anew; in order."""
-        forces = [force.instants() for force in self.vehicle.forces]
-        return np.unique(np.concatenate([self.reference.instants(self.group), *forces]))
+        own = np.empty(0) if self.held(0.0) else self.reference.instants(self.group)
+        return np.unique(np.concatenate([own, *(f.instants() for f in self.vehicle.forces)]))
 
     def held(self, t: Any) -> dict[str, Array]:
         """The numbers that the vector field holds from time t to the next instant, by name."""

@@ -104,9 +104,13 @@ class Problem:
     @cached_property
     def spans(self) -> list[Span]:
         """The horizon, cut at the instants that are known in advance."""
+        return self.spans_between(self.loop.instants)
+
+    def spans_between(self, instants: Array) -> list[Span]:
+        """The horizon, cut at these instants and where a sampled law is evaluated."""
         start, stop = float(self.times[0]), float(self.times[-1])
         ticks = self._control_instants(start, stop)
-        known = _nearest(self.loop.instants, np.array([*self.times, *ticks]))
+        known = _nearest(instants, np.array([*self.times, *ticks]))
         inner = np.unique([t for t in (*known, *ticks) if start < t < stop])
         ends = np.array([start, *inner, stop])
         # A sample at an instant is of the span behind it, and the last one of the last.

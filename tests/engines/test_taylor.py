@@ -9,6 +9,7 @@ import dataclasses
 import platform
 import re
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -19,13 +20,13 @@ from eqt_cli.controllers import Controller, controllers
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.controllers.family import Family
 from eqt_cli.core import arrays
-from eqt_cli.core.arrays import FUNCTIONS
+from eqt_cli.core.arrays import FUNCTIONS, clip
 from eqt_cli.core.errors import TraceError
 from eqt_cli.core.expressions import parse
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, Status, taylor
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.engines.taylor import EPSILON, SMALLEST_TOL, Taylor
+from eqt_cli.engines.taylor import EPSILON, SMALLEST_TOL, Taylor, integrator, library, tracing
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
 from eqt_cli.mechanics.tracking import Gains
@@ -142,6 +143,11 @@ REFERENCES = {
 }
 
 
+DENSE = WaypointsReference(
+    points=[Waypoint(0.15 * k, {"rotvec": [0.1 * k, 0, 0.02 * k**2]}) for k in range(15)]
+)
+
+
 @pytest.mark.parametrize("name", references.names())
 def test_engines_agree_on_every_reference(name):
     assert_engines_agree(problem_of(loop_of(EqT(), reference=REFERENCES[name]), runs=3))
@@ -180,6 +186,31 @@ ARGUMENTS = {
 )
 def test_expressions_of_the_grammar(text):
     assert_engines_agree(problem_of(loop_of(EqT(), reference=TorqueReference([text, "0", "t"])), 2))
+
+
+class Limited(EqT):
+    """EqT with its torque cut off at ±1, as runs far from the reference ask for more."""
+
+    def torque(self, s):
+        return clip(super().torque(s), -1.0, 1.0)
+
+
+@pytest.mark.parametrize("law", [EqT(), Limited()], ids=["smooth", "limited"])
+def test_knots_are_passed_as_if_each_piece_were_solved_by_itself(law):
+    """Every lane comes to a knot at its own step, and a law's comparisons go on there."""
+    problem = problem_of(loop_of(law, reference=DENSE), runs=7, samples=2)
+    knots = problem.loop.knots
+    times = np.array([*knots[knots < 2.0], 2.0])
+    assert len(times) > 10
+    states = problem.states
+    for piece in pairwise(times):
+        part = Problem(problem.loop, states, np.array(piece))
+        states = Taylor(tol=1e-14).solve(part, quiet).states[:, -1]
+    whole = Taylor(tol=1e-14).solve(problem, quiet)
+    assert not whole.status.any()
+    # Measured 1e-14 for the smooth law; a comparison switches within 1e-12 of its place.
+    np.testing.assert_allclose(whole.states[:, -1], states, rtol=0, atol=1e-11)
+    assert_engines_agree(problem)
 
 
 def test_initial_time_need_not_be_zero():
@@ -235,10 +266,10 @@ def test_full_code_agrees_with_compact_code(long_problem, exact):
 # What a run's numbers depend on -------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def alone():
+@pytest.fixture(scope="module", params=[REFERENCES["torque"], DENSE], ids=["torque", "waypoints"])
+def alone(request):
     """More runs than two batches of lanes, and not a multiple of any number of lanes."""
-    problem = paper_problem(runs=21)
+    problem = problem_of(loop_of(EqT(), reference=request.param), runs=21)
     return problem, Taylor().solve(problem, quiet)
 
 
@@ -264,11 +295,6 @@ def test_number_of_workers_changes_no_bit(alone, workers):
 def test_first_sample_is_the_initial_state(alone):
     problem, whole = alone
     assert (whole.states[:, 0] == problem.states).all()
-
-
-DENSE = WaypointsReference(
-    points=[Waypoint(0.15 * k, {"rotvec": [0.1 * k, 0, 0.02 * k**2]}) for k in range(15)]
-)
 
 
 @pytest.mark.parametrize("reference", [REFERENCES["torque"], DENSE], ids=["torque", "waypoints"])
@@ -306,8 +332,8 @@ def test_an_error_in_one_thread_ends_all(alone):
 @pytest.fixture
 def compilations():
     """How many integrators have been compiled since."""
-    taylor._compiled.cache_clear()
-    return lambda: taylor._compiled.cache_info().misses
+    integrator.compiled.cache_clear()
+    return lambda: integrator.compiled.cache_info().misses
 
 
 def test_one_compilation_serves_the_family(compilations):
@@ -321,8 +347,8 @@ def test_one_compilation_serves_the_family(compilations):
 
 
 def test_a_loop_is_traced_once(monkeypatch):
-    loops, trace = [], taylor.trace
-    monkeypatch.setattr(taylor, "trace", lambda loop: loops.append(loop) or trace(loop))
+    loops, trace = [], tracing.trace
+    monkeypatch.setattr(tracing, "trace", lambda loop: loops.append(loop) or trace(loop))
     problem = problem_of(loop_of(EqT()), runs=2, duration=0.1)
     for tol in (1e-8, 1e-9):
         Taylor(tol=tol).solve(problem, quiet)
@@ -666,7 +692,7 @@ def test_code_follows_the_size_of_the_work(runs, length, code):
 
 
 def test_message_where_heyoka_is_missing(monkeypatch):
-    monkeypatch.setattr(taylor, "find_spec", lambda name: None)
+    monkeypatch.setattr(library, "find_spec", lambda name: None)
     monkeypatch.setattr(platform, "system", lambda: "Darwin")
     monkeypatch.setattr(platform, "machine", lambda: "arm64")
     assert Taylor.unavailable() == (

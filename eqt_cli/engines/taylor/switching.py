@@ -124,7 +124,7 @@ class Switchboard:
     def start(self, integrator: Any) -> None:
         """Note sides and scales at the initial states."""
         integrator.pars[self.first :] = 1.0
-        self._note(integrator, slice(None))
+        self.note(integrator, slice(None))
 
     def cross(self, integrator: Any, index: int, lane: int) -> bool:
         """Go on behind the event of a comparison; False if it only goes back and forth."""
@@ -132,7 +132,7 @@ class Switchboard:
         if integrator.last_h[lane] > AT_ONCE:
             factors[:] = 1.0
         factors[index] *= 2.0
-        self._note(integrator, slice(lane, lane + 1))
+        self.note(integrator, slice(lane, lane + 1))
         return bool(factors[index] < 2**MOST_RETURNS)
 
     def check(self, integrator: Any) -> bool:
@@ -146,7 +146,7 @@ class Switchboard:
         if (wrong > WIDTH).any():
             return False
         for lane in np.flatnonzero((wrong > 0).any(axis=0)):
-            self._note(integrator, slice(lane, lane + 1))  # it ended on a crossing, to rounding
+            self.note(integrator, slice(lane, lane + 1))  # it ended on a crossing, to rounding
         return True
 
     def is_right(self, integrator: Any) -> bool:
@@ -162,7 +162,7 @@ class Switchboard:
         wrong: Array = -(margins + WIDTH * numbers[:, FACTOR])[self.steady]
         return wrong
 
-    def _note(self, integrator: Any, lanes: slice) -> None:
+    def note(self, integrator: Any, lanes: slice) -> None:
         """Let sides and scales follow."""
         a, b = self._values(integrator)[..., lanes]
         integrator.pars[self.first + SIDE :: NUMBERS, lanes] = np.where(a < b, -1.0, 1.0)

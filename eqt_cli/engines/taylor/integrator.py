@@ -1,0 +1,132 @@
+"""An integrator of heyoka for as many runs as there are SIMD lanes."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.engines.base import Span
+from eqt_cli.engines.taylor import knots
+from eqt_cli.engines.taylor.library import heyoka_module
+from eqt_cli.engines.taylor.switching import Crossing, Switchboard
+from eqt_cli.engines.taylor.tracing import Traced
+
+
+@dataclass(frozen=True, eq=False)
+class BatchIntegrator:
+    """An integrator of as many runs as there are SIMD lanes; every thread needs its own."""
+
+    heyoka: Any
+    board: Switchboard | None
+    after_instant: Any = None
+
+    @property
+    def lanes(self) -> int:
+        """How many runs it integrates at once."""
+        lanes: int = self.heyoka.batch_size
+        return lanes
+
+    def at_instant(
+        self, t: float, states: Array, numbers: Array, errors: tuple[Array, Array] | None
+    ) -> Array:
+        """The states after a control instant, ``(n, runs)``, of any number of full batches."""
+        runs = states.shape[1]
+        if errors is not None:
+            numbers = np.concatenate([numbers, *(part.reshape(runs, -1).T for part in errors)])
+        used = np.ascontiguousarray(numbers[: self.after_instant.nparams])
+        after: Array = self.after_instant(
+            np.ascontiguousarray(states), pars=used, time=np.full(runs, t)
+        )
+        return after
+
+    def go(
+        self, span: Span, states: Array, numbers: Array, most_steps: int
+    ) -> tuple[list[Any], Array, Array]:
+        """Integrate a batch through a span, by the numbers of the law in every lane.
+
+        Comparisons are looked at after every step only where looking at the end has found that a
+        switch was missed: it takes as long as the step itself.
+
+        Returns
+        -------
+        ends
+            How each lane has ended.
+        states : (n, lanes)
+            At the end.
+        samples : (samples, n, lanes)
+            All of the span where any is behind its start; else none.
+        """
+        outcomes = heyoka_module().taylor_outcome
+        if most_steps <= 0:
+            lost = np.full((span.samples, *states.shape), np.nan)
+            return [(outcomes.step_limit, 0.0, 0.0, 0)] * states.shape[1], states, lost
+        found = self._propagate(span, states, numbers, most_steps)
+        expected = (outcomes.time_limit, outcomes.step_limit)
+        if self.board is None or (
+            all(end[0] in expected for end in found[0]) and self.board.is_right(self.heyoka)
+        ):
+            return found
+        return self._propagate(span, states, numbers, most_steps, callback=self.board.check)
+
+    def _propagate(
+        self, span: Span, states: Array, numbers: Array, most_steps: int, **watch: Any
+    ) -> tuple[list[Any], Array, Array]:
+        """As `go`; what is to be called after every step may be given."""
+        integrator, lanes = self.heyoka, states.shape[1]
+        integrator.set_time(span.start)
+        integrator.state[:] = states
+        self._set_parameters(numbers)
+        if not span.later:  # without dense output, up to three times as fast
+            integrator.propagate_until(span.stop, max_steps=most_steps, **watch)
+            return integrator.propagate_res, integrator.state, integrator.state[:0]
+        grid = np.repeat(span.grid[:, None], lanes, axis=1)
+        _, found = integrator.propagate_grid(grid, max_steps=most_steps, **watch)
+        wanted = found if span.wanted.all() else found[span.wanted]
+        return integrator.propagate_res, integrator.state, wanted
+
+    def _set_parameters(self, values: Array) -> None:
+        """The numbers of the law in every lane, ``(numbers, lanes)``; the state is set."""
+        used = self.heyoka.pars
+        if self.board is None:
+            used[:] = values[: len(used)]  # heyoka has none behind the last one that occurs
+        else:
+            used[: len(values)] = values
+            self.board.start(self.heyoka)
+
+
+@lru_cache(maxsize=16)
+def compiled(traced: Traced, tol: float, compact: bool) -> BatchIntegrator:
+    """Compile a law, or find it among those compiled before."""
+    heyoka = heyoka_module()
+    events, board = [], None
+    if traced.compared:
+        a, b = zip(*traced.compared, strict=True)
+        values = heyoka.cfunc([*a, *b], list(traced.variables))
+        board = Switchboard(traced.own_parameters, np.array(traced.steady), values)
+        events = [
+            heyoka.t_event_batch(margin, callback=Crossing(board, index), cooldown=0.0)
+            for index, margin in enumerate(traced.margins)
+        ]
+    if traced.knot is not None:
+        events.append(knots.event(heyoka, traced.knot, board))
+    integrator = heyoka.taylor_adaptive_batch(
+        list(zip(traced.variables, traced.derivative, strict=True)),
+        np.zeros((len(traced.variables), heyoka.recommended_simd_size())),
+        tol=tol,
+        compact_mode=compact,
+        t_events=events,
+    )
+    after = traced.after_instant
+    instant = heyoka.cfunc(list(after), list(traced.variables)) if after else None
+    return BatchIntegrator(integrator, board, instant)
+
+
+@lru_cache(maxsize=32)
+def own(compiled: BatchIntegrator, thread: int) -> BatchIntegrator:
+    """The copy of a thread, which takes as long to make as a run to integrate."""
+    return copy.deepcopy(compiled)

@@ -1,0 +1,108 @@
+"""References in pieces: at a knot, a lane of an integrator takes the numbers of the next piece.
+
+A knot is an event in time: a step ends there in the lane that reaches it, and no other lane waits.
+"""
+
+from __future__ import annotations
+
+from contextvars import ContextVar
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.core.arrays import Array
+from eqt_cli.engines.base import ROUNDING, Problem, Span
+from eqt_cli.engines.taylor.switching import Switchboard
+
+SCALE = 1e-10
+"""heyoka chooses steps by the largest of states and events; that of a knot must not matter."""
+
+following: ContextVar[Course] = ContextVar("following")
+"""The course of the problem that is being solved."""
+
+
+def passes_knots(loop: ClosedLoop) -> bool:
+    """Whether a batch goes on through knots: not between the instants of a sampled law.
+
+    There it would have to look for a knot in every step, and many steps end at instants anyway.
+    """
+    return loop.vehicle.control is None and bool(loop.held(0.0))
+
+
+def spans_of(problem: Problem) -> list[Span]:
+    """The horizon, cut where all runs of a batch have to end a step: at all instants but knots."""
+    if passes_knots(problem.loop):
+        return problem.spans_between(problem.loop.breaks)
+    return problem.spans
+
+
+@dataclass(frozen=True)
+class Course:
+    """The spans of a problem, and the numbers that its loop holds on the way.
+
+    Attributes
+    ----------
+    spans
+        From each instant at which all runs of a batch end a step to the next.
+    rows
+        By the time, s, at which a span or a piece begins: the numbers that are held from there on,
+        and behind them the time of the next knot, if knots are passed.
+    """
+
+    spans: list[Span]
+    rows: dict[float, Array]
+
+    @staticmethod
+    def of(problem: Problem) -> Course:
+        """That of a problem."""
+        loop, spans = problem.loop, spans_of(problem)
+        times, stop = np.array([span.start for span in spans]), spans[-1].stop
+        if not passes_knots(loop):
+            return Course(spans, dict(zip(times.tolist(), held_rows(loop, times), strict=True)))
+        margin = ROUNDING * max(1.0, abs(stop))
+        inner = loop.knots[(loop.knots > times[0] + margin) & (loop.knots < stop - margin)]
+        times = np.union1d(times, inner)
+        behind_the_end = stop + 1.0
+        ahead = np.append(inner, behind_the_end)[np.searchsorted(inner, times + margin)]
+        rows = np.column_stack([held_rows(loop, times), ahead])
+        return Course(spans, dict(zip(times.tolist(), rows, strict=True)))
+
+
+def event(heyoka: ModuleType, knot: int, board: Switchboard | None) -> Any:
+    """The event at which the time of the next knot has come, which is parameter `knot`."""
+    margin = (heyoka.time - heyoka.par[knot]) * SCALE
+    return heyoka.t_event_batch(margin, callback=NextPiece(knot, board), cooldown=0.0)
+
+
+@dataclass(frozen=True)
+class NextPiece:
+    """What an integrator calls at a knot.
+
+    Attributes
+    ----------
+    knot
+        Index of the parameter that is the time of the next knot, behind the numbers that are held.
+    board
+        Of the comparisons that the law makes, if it makes any.
+    """
+
+    knot: int
+    board: Switchboard | None
+
+    def __call__(self, integrator: Any, direction: int, lane: int) -> bool:
+        """Go on by the numbers of the next piece."""
+        row = following.get().rows[float(integrator.pars[self.knot, lane])]
+        integrator.pars[self.knot + 1 - len(row) : self.knot + 1, lane] = row
+        if self.board is not None:
+            self.board.note(integrator, slice(lane, lane + 1))
+        return True
+
+
+def held_rows(loop: ClosedLoop, times: Array) -> Array:
+    """What the loop holds from each of these times to the next instant, a row each."""
+    held = [np.asarray(value) for value in loop.held(times).values()]
+    rows = [value.reshape(len(times), -1) for value in held]
+    return np.concatenate([np.empty((len(times), 0)), *rows], axis=1)

@@ -1,0 +1,61 @@
+"""heyoka, imported when first needed; nothing else of eqt imports it."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Callable
+from functools import lru_cache
+from importlib.util import find_spec
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.core.arrays import FUNCTIONS, register_symbols
+from eqt_cli.core.errors import EqtError
+from eqt_cli.engines.taylor.switching import recording
+
+
+def missing() -> str | None:
+    """Where heyoka is not installed: how to get it."""
+    if find_spec("heyoka"):
+        return None
+    return (
+        "engine taylor needs heyoka: 'pip install heyoka' on Linux, 'conda install -c "
+        "conda-forge heyoka.py' elsewhere "
+        f"(this is {platform.system()} on {platform.machine()}); or use engine solve_ivp"
+    )
+
+
+@lru_cache(maxsize=1)
+def heyoka_module() -> ModuleType:
+    """heyoka, imported when first needed, with its functions made known to the laws."""
+    try:
+        import heyoka
+    except ImportError as error:
+        raise EqtError(missing() or f"heyoka cannot be imported: {error}") from error
+    heyoka.set_logger_level_error()  # its warnings are in the outcome of the runs concerned
+    functions = {name: getattr(heyoka, name) for name in FUNCTIONS if hasattr(heyoka, name)}
+    functions |= {
+        "abs": lambda x: heyoka.select(recording.get().less(x, 0.0), -x, x),
+        "less": lambda a, b: recording.get().less(a, b),
+        "smooth_less": lambda a, b: recording.get().smooth_less(a, b),
+        "where": heyoka.select,
+    }
+    register_symbols(heyoka.expression, functions)
+    heyoka.expression.__pow__ = _with_whole_powers(heyoka.expression.__pow__)
+    module: ModuleType = heyoka
+    return module
+
+
+def _with_whole_powers(power: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
+    """heyoka's ``**``, but cubes and higher whole powers as products: its own are NaN at 0."""
+
+    def whole_or_other_power(base: Any, exponent: Any) -> Any:
+        whole = isinstance(exponent, int | float | np.integer) and exponent % 1 == 0
+        if not whole or exponent < 3:
+            return power(base, exponent)
+        half = whole_or_other_power(base, exponent // 2)
+        return half * half * base if exponent % 2 else half * half
+
+    return whole_or_other_power
