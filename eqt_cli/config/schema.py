@@ -9,7 +9,16 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAdapter
 
-from eqt_cli.core.option_types import Angle, Count, CountOrNone, Positive, Real, Runs, Samples
+from eqt_cli.core.option_types import (
+    Angle,
+    Count,
+    CountOrNone,
+    Duration,
+    Positive,
+    Real,
+    Runs,
+    Samples,
+)
 from eqt_cli.core.validation import one_of
 from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.groups.angles import distance_of_turn
@@ -107,7 +116,7 @@ class EnsembleSection(Section):
 class TimeSection(Section):
     """The uniform grid of sample times, both ends included."""
 
-    duration: Positive
+    duration: Duration
     """Length of the horizon, s."""
     samples: Samples = 401
     """Number of sample times."""

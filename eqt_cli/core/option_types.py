@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any, ClassVar
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
 from pydantic_core import core_schema
 
 from eqt_cli.core.errors import ExpressionError
@@ -88,6 +88,19 @@ Angle = Annotated[float, _Angle()]
 
 Positive = Annotated[float, _FiniteReal(above=0.0)]
 """A finite number greater than 0; in a configuration also a constant expression."""
+
+SHORTEST = 1e-12
+"""Of a horizon, s: a billionth of it is still a time that an engine can step to."""
+
+
+def _is_long_enough(duration: float) -> float:
+    if duration < SHORTEST:
+        raise ValueError(f"expected at least {SHORTEST:g} s, got {duration:g}")
+    return duration
+
+
+Duration = Annotated[Positive, AfterValidator(_is_long_enough)]
+"""The length of a horizon, s."""
 
 Count = Annotated[int, Field(strict=True, ge=1)]
 """A whole number of at least 1."""

@@ -30,10 +30,21 @@ def check_attributes(result: ResultFile) -> None:
                 _KINDS[expected].validate_python(result.attributes[name], strict=True)
             except ValidationError:
                 raise result.refusal(f"its attribute '{name}' is not {expected}") from None
+            _check_labels(result, name)
     there = [name for name in CROSS_CHECK if f"cross_check_{name}" in result.attributes]
     if there and len(there) < len(CROSS_CHECK):
         lacking = next(name for name in CROSS_CHECK if name not in there)
         raise result.refusal(f"it lacks the attribute 'cross_check_{lacking}'")
+
+
+def _check_labels(result: ResultFile, name: str) -> None:
+    """Refuse an attribute that tells something of controllers that the file does not have."""
+    if name not in _TOLD_OF or "controller" not in result.coordinates:
+        return
+    told = _TOLD_OF[name].model_validate_json(str(result.attributes[name]))
+    for label in told.labels():
+        if label not in result.coordinate("controller").tolist():
+            raise result.refusal(f"its attribute '{name}' names '{label}', which is no controller")
 
 
 def check_coordinates(result: ResultFile) -> None:
@@ -105,6 +116,20 @@ class _Functions(BaseModel):
     functions: dict[str, str] = {}
     unclaimed: list[str] = []
 
+    def labels(self) -> list[str]:
+        """All that it speaks of."""
+        return [*self.functions, *self.unclaimed]
+
+
+class _Matching(BaseModel):
+    """Which laws have a stiffness and damping that are not those of the gains."""
+
+    not_matched: list[str] = []
+
+    def labels(self) -> list[str]:
+        """All that it speaks of."""
+        return self.not_matched
+
 
 _KINDS: dict[str, TypeAdapter[Any]] = {
     "text": TypeAdapter(str),
@@ -113,6 +138,7 @@ _KINDS: dict[str, TypeAdapter[Any]] = {
     "a mapping in JSON from names to texts": TypeAdapter(Json[dict[str, str]]),
     "versions and times in JSON": TypeAdapter(Json[_Origin]),
     "names of functions in JSON": TypeAdapter(Json[_Functions]),
+    "labels of laws in JSON": TypeAdapter(Json[_Matching]),
 }
 
 _EXPECTED = {
@@ -120,9 +146,16 @@ _EXPECTED = {
     "titles": "a mapping in JSON from names to texts",
     "provenance": "versions and times in JSON",
     "lyapunov_functions": "names of functions in JSON",
+    "matching": "labels of laws in JSON",
     "cross_check_method": "text",
     "cross_check_runs": "a whole number of at least 0",
     "cross_check_difference": "a number",
     "cross_check_bound": "a number",
 }
 """What an attribute is, where a file has it."""
+
+_TOLD_OF: dict[str, type[_Functions] | type[_Matching]] = {
+    "lyapunov_functions": _Functions,
+    "matching": _Matching,
+}
+"""Attributes that tell something of controllers, by their labels."""

@@ -390,6 +390,11 @@ def test_a_missing_key(message: Message, section: str, value: str | None, said: 
         ),
         (
             "time",
+            "{duration: 1.0e-13}",
+            "c.yaml:8:8: time.duration: expected at least 1e-12 s, got 1e-13",
+        ),
+        (
+            "time",
             "{duration: 1, samples: 5.0}",
             "c.yaml:8:21: time.samples: expected a whole number, got 5.0",
         ),

@@ -176,12 +176,28 @@ def test_a_cross_check_that_is_not_whole(result, invoke, name, command):
         ("provenance", '{"eqt": 1}', "versions and times in JSON"),
         ("provenance", "[" * 500, "versions and times in JSON"),
         ("lyapunov_functions", '{"unclaimed": 5}', "names of functions in JSON"),
+        ("matching", '{"not_matched": 5}', "labels of laws in JSON"),
     ],
 )
 def test_an_attribute_of_another_type(result, invoke, name, value, expected):
     with h5py.File(result, "a") as file:
         file.attrs[name] = value
     refused(invoke, result, "show", f"its attribute '{name}' is not {expected}")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("lyapunov_functions", '{"functions": {"eqt": "L", "uaternion": "V"}}'),
+        ("lyapunov_functions", '{"unclaimed": ["uaternion"]}'),
+        ("matching", '{"not_matched": ["uaternion"]}'),
+    ],
+)
+def test_an_attribute_about_a_controller_that_is_not_there(result, invoke, name, value):
+    with h5py.File(result, "a") as file:
+        file.attrs[name] = value
+    reason = f"its attribute '{name}' names 'uaternion', which is no controller"
+    refused(invoke, result, "show", reason)
 
 
 @pytest.mark.parametrize(
