@@ -134,6 +134,16 @@ def test_a_command_loads_only_what_it_calls():
     ids=["verify", "report", "plot"],
 )
 def test_long_steps_are_counted_under_their_own_names(result, call, steps):
+    assert_counted(partial(call, result), steps)
+
+
+def test_resampling_is_counted_where_there_are_runs_enough(tmp_path):
+    result = eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW | {"ensemble.runs": 5}), tmp_path / "o")
+    assert_counted(partial(eqt_cli.compare, result, resamples=1500), {"resamples": 1500})
+
+
+def assert_counted(call, steps):
+    """That a call begins these steps, and goes through all that they count."""
     begun, done = {}, []
 
     def stage(name, count):
@@ -143,14 +153,16 @@ def test_long_steps_are_counted_under_their_own_names(result, call, steps):
     def progress(amount):
         done[-1] += amount
 
-    call(result, stage=stage, progress=progress)
+    call(stage=stage, progress=progress)
     assert begun == steps
     assert done == pytest.approx(list(steps.values()))
 
 
-def test_run_reports_progress(tmp_path):
-    done = []
-    eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW), tmp_path / "result", progress=done.append)
+@pytest.mark.parametrize("estimates", [False, True])
+def test_run_reports_progress(tmp_path, estimates):
+    """A run whose error is estimated is done after its second solve, and counts once."""
+    done, settings = [], FEW | {"solver.error_estimate": estimates}
+    eqt_cli.run(eqt_cli.load_experiment(PAPER, settings), tmp_path / "result", progress=done.append)
     assert sum(done) == pytest.approx(12)
 
 

@@ -22,6 +22,7 @@ from eqt_cli.cli.shared.output import (
     room,
     say,
 )
+from eqt_cli.cli.shared.progress import progress
 from eqt_cli.cli.shared.table_formats import as_csv, as_latex
 from eqt_cli.cli.shared.unbroken import folded
 from eqt_cli.core.errors import EqtError, suggestion
@@ -161,7 +162,16 @@ def compare(
         found = _of_whole(result, metric or (), table, bool(window or against), how, write)
     if found is None:
         _require_table_of_experiment(table)
-        comparison = api.compare(result, metric or (), window or (), point=point, **vars(how))
+        with progress(0) as advance:
+            comparison = api.compare(
+                result,
+                metric or (),
+                window or (),
+                point=point,
+                **vars(how),
+                progress=advance,
+                stage=advance.begin,
+            )
         against = _labels(comparison, against or ())
         chosen = metric or window or against or table or format is not Format.TEXT
         whole = None if chosen else verbose
@@ -240,7 +250,8 @@ def _of_sweep(
             "--window, --against and the tables of pairs and claims are of one experiment; choose "
             "a point of the sweep with --point, or --table winners or points"
         )
-    maps = api.compare_sweep(path, metrics, **vars(how))
+    with progress(0) as advance:
+        maps = api.compare_sweep(path, metrics, **vars(how), progress=advance, stage=advance.begin)
     records = [record for found in maps for record in map_records(found, result)]
     whole = table is Table.POINTS
     made = [each for found in maps for each in map_tables(found, result, write, whole=whole)]

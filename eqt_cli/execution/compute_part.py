@@ -16,6 +16,7 @@ from eqt_cli.execution.batches import Batch, batches, initial_states, reference_
 from eqt_cli.execution.cross_check import chosen_entries, largest, squares
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.result_layout import Layout
+from eqt_cli.execution.steps import scaled
 from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.critical_points import distance_to_unstable
@@ -313,10 +314,12 @@ def _solved(
 ) -> tuple[Solution, dict[str, Array], dict[str, Array]]:
     """The solution of a batch, its signals and its metrics, as far as they are wanted."""
     engine, problem, solver = batch.engine, batch.problem, batch.experiment.solver
-    solution = engine.solve(problem, context.progress, context.threads)
+    # To estimate its error, a run is solved twice; it counts as done after both.
+    progress = scaled(context.progress, 0.5) if solver.estimates_errors else context.progress
+    solution = engine.solve(problem, progress, context.threads)
     tighter = None
     if solver.estimates_errors:
-        tighter = engine.tightened(0.1).solve(problem, lambda runs: None, context.threads)
+        tighter = engine.tightened(0.1).solve(problem, progress, context.threads)
     with np.errstate(all="ignore"):  # runs that failed are NaN, or large
         signals, metrics = measured(batch, solution, reference, names, tighter)
     _judge(solution, metrics["error_estimate"], solver.judgement.max_error)

@@ -16,6 +16,7 @@ from eqt_cli.core.errors import TraceError
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
+from eqt_cli.execution.steps import scaled
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.origin import CrossCheck
@@ -251,16 +252,12 @@ def _differences(
             pieces = _Pieces.beginning(problem, part)
         redone.append(pieces)
         share = 1 / len(pieces.starts)
-        again = engine.solve(pieces.problem(whole, states), _scaled(progress, share))
+        again = engine.solve(pieces.problem(whole, states), scaled(progress, share))
         with np.errstate(all="ignore"):  # where the other engine failed, or came far
             distances = pieces.differences(whole, states, again.states)
         found.append(np.nan_to_num(distances, nan=np.inf))
     all_of_it = _Pieces((0,), len(study.base.times))
     return np.concatenate(found), min(redone, key=_Pieces.reach, default=all_of_it)
-
-
-def _scaled(progress: Callable[[float], None], share: float) -> Callable[[float], None]:
-    return lambda runs: progress(share * runs)
 
 
 def _beginning(problem: Problem, part: float) -> int:

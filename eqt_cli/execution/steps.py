@@ -13,6 +13,11 @@ def _silent(amount: float) -> None:
     """Show nothing."""
 
 
+def scaled(progress: Progress, share: float) -> Progress:
+    """Counts what is a share of the work."""
+    return lambda amount: progress(share * amount)
+
+
 @dataclass(frozen=True)
 class Steps:
     """Who is told of steps.

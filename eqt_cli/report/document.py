@@ -66,7 +66,7 @@ def report(
     author, notes
         Who answers for the page, and remarks for its reader; blank lines part their paragraphs.
     steps
-        Told of the figures.
+        Told of the figures and of the comparison.
     """
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown, certificates, steps)
@@ -93,7 +93,7 @@ def report(
             css=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),
             font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
             js=Markup((TEMPLATES / "report.js").read_text(encoding="utf-8")),
-            **(_of_sweep(result) if result.is_sweep else _of_experiment(result)),
+            **(_of_sweep(result) if result.is_sweep else _of_experiment(result, steps)),
         )
     )
 
@@ -111,14 +111,14 @@ def _has_fronts(record: dict[str, Any] | None) -> bool:
     return record is not None and len(record["objectives"]) > 1
 
 
-def _of_experiment(result: Result) -> dict[str, Any]:
+def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
     record = record_beside(result)
     tuned = tuning_tables(result, record) if record else []
     made: dict[str, TextTable] = {}
     missing: list[str] = []
     found, confidence = [], 0.0
     if not _has_fronts(record):
-        comparison = compare(result)
+        comparison = compare(result, steps=steps)
         made, missing = text_tables(comparison, Plain()), comparison.missing
         found = findings(comparison, dict(zip(result.labels, result.titles, strict=True)))
         confidence = comparison.confidence

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.execution.executors import Progress
+from eqt_cli.execution.steps import SILENT, Steps
 
 FEWEST = 5
 """Values below which no interval is given: the resamples are then too few to have quantiles."""
@@ -60,7 +62,7 @@ class Intervals:
     resamples: int
 
 
-def intervals_of_means(columns: Array, how: Resampling) -> Intervals:
+def intervals_of_means(columns: Array, how: Resampling, steps: Steps = SILENT) -> Intervals:
     """Expanded BCa intervals of the mean of every column.
 
     Bias-corrected and accelerated (Efron 1987), with the normal quantiles z replaced by
@@ -72,6 +74,8 @@ def intervals_of_means(columns: Array, how: Resampling) -> Intervals:
     ----------
     columns : (runs, columns)
         One row per run; NaN where a column has no value.
+    steps
+        Told of the resampling.
     """
     runs = len(columns)
     resamples = min(how.resamples, max(FEWEST_RESAMPLES, MOST_DRAWS // max(runs, 1)))
@@ -88,14 +92,19 @@ def intervals_of_means(columns: Array, how: Resampling) -> Intervals:
     varying = np.flatnonzero((count >= FEWEST) & (spread > 0))
     if varying.size:
         # Deviations rather than values, for the accuracy of sums.
-        drawn = _resampled_means(deviations[:, varying], valid[:, varying], resamples, how.seed)
+        advance = steps.begin("resamples", resamples)
+        drawn = _resampled_means(
+            deviations[:, varying], valid[:, varying], resamples, how.seed, advance
+        )
         offsets = _bca(deviations[:, varying], count[varying], drawn, how.confidence)
         low[varying] += offsets[0]
         high[varying] += offsets[1]
     return Intervals(mean, low, high, resamples)
 
 
-def _resampled_means(values: Array, valid: Array, resamples: int, seed: int) -> Array:
+def _resampled_means(
+    values: Array, valid: Array, resamples: int, seed: int, advance: Progress
+) -> Array:
     """Means over resampled runs, ``(resamples, columns)``."""
     runs = len(values)
     complete = bool(valid.all())
@@ -110,6 +119,7 @@ def _resampled_means(values: Array, valid: Array, resamples: int, seed: int) -> 
         number = float(runs) if complete else weights @ valid
         with np.errstate(invalid="ignore", divide="ignore"):
             means.append(weights @ values / number)
+        advance(rows)
     return np.concatenate(means)
 
 

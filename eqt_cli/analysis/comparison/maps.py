@@ -10,6 +10,7 @@ from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import Result, mean_over_runs
 
@@ -104,6 +105,7 @@ def compare_map(
     metric: str,
     how: Resampling,
     laws: Sequence[int] | None = None,
+    steps: Steps = SILENT,
 ) -> Map:
     """Compare the laws of a sweep at each of its points, run by run on the same initial states.
 
@@ -123,6 +125,8 @@ def compare_map(
         Resamples of the intervals; and the confidence, of intervals and of the map.
     laws
         The positions of the laws to compare; all if None.
+    steps
+        Told of the resampling.
 
     Raises
     ------
@@ -141,7 +145,7 @@ def compare_map(
     couples = list(combinations(range(len(chosen)), 2))
     first, second = (values[:, [pair[k] for pair in couples]] for k in (0, 1))
     differences = resolved_differences(first, second)  # (points, pairs, runs)
-    ends = _intervals(differences.reshape(-1, result.runs), how)
+    ends = _intervals(differences.reshape(-1, result.runs), how, steps)
     adjusted = _adjusted(_p_values(differences))
     means = mean_over_runs(values)
     cells = [
@@ -164,13 +168,14 @@ def compare_map(
     return Map(quantity, unit, labels, titles, result.runs, means, cells, tests, how.confidence)
 
 
-def _intervals(rows: Array, how: Resampling) -> Array:
+def _intervals(rows: Array, how: Resampling, steps: Steps) -> Array:
     """Mean, lower and upper end of each row, some rows at a time; all are resampled alike."""
     at_once = max(1, _NUMBERS // how.resamples)
-    parts = [
-        intervals_of_means(rows[start : start + at_once].T, how)
-        for start in range(0, len(rows), at_once)
-    ]
+    advance, parts = steps.begin("intervals", len(rows)), []
+    for start in range(0, len(rows), at_once):
+        some = rows[start : start + at_once]
+        parts.append(intervals_of_means(some.T, how))
+        advance(len(some))
     columns = [np.stack([part.mean, part.low, part.high], axis=-1) for part in parts]
     return np.concatenate(columns)
 

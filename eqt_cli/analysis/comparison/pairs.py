@@ -12,6 +12,7 @@ from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_
 from eqt_cli.analysis.comparison.runs_needed import runs_to_decide
 from eqt_cli.analysis.comparison.shares import Interval, PairedShares, share
 from eqt_cli.core.arrays import Array
+from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.results.result import PerRun
 
 RESOLUTION = 1e-6
@@ -120,7 +121,11 @@ class Pair:
 
 
 def statistics(
-    measured: Sequence[PerRun], labels: Sequence[str], good: Array, how: Resampling
+    measured: Sequence[PerRun],
+    labels: Sequence[str],
+    good: Array,
+    how: Resampling,
+    steps: Steps = SILENT,
 ) -> tuple[list[Level], list[Pair], int]:
     """Levels of all controllers, differences of all pairs, and how many resamples there were.
 
@@ -138,7 +143,7 @@ def statistics(
         )
     ]
     table = np.stack(columns, axis=1) if columns else np.empty((good.shape[1], 0))
-    found = intervals_of_means(table, how)
+    found = intervals_of_means(table, how, steps)
     ends = iter(map(Interval, found.mean.tolist(), found.low.tolist(), found.high.tolist()))
     levels, pairs = [], []
     for s in measured:
