@@ -179,8 +179,8 @@ def _opened(
     result: Shown | Sequence[Shown], point: int | Sequence[int] | None
 ) -> Iterator[list[Result | Experiment]]:
     """All chosen points of all results, or of configurations that have not been run."""
-    single = isinstance(result, (str, os.PathLike, LoadedExperiment))
-    given: list[Shown] = [result] if single else list(result)  # type: ignore[list-item, arg-type]  # `single` tells the types apart, which the checker does not follow
+    given: list[Shown]
+    given = [result] if isinstance(result, str | os.PathLike | LoadedExperiment) else list(result)
     if not given:
         raise EqtError("result: expected a result or several, got none")
     points = _points(point) or [None]

@@ -147,14 +147,14 @@ def _document(done: StoredResult, results: Result, counted: dict[str, Any]) -> d
 
 
 def _print_summary(done: StoredResult, results: Result) -> None:
-    from eqt_cli.cli.shared.output import print_text
+    from eqt_cli.cli.shared.output import count_of, print_text
     from eqt_cli.cli.shared.result_tables import print_outcome
 
     points = results.dimensions.get("point")
     print_outcome(results)
     took = "".join(f", {name} {value:.1f} s" for name, value in done.seconds.items())
-    over = "" if points is None else f"{points} points, "
-    print_text(f"{over}{done.runs} runs{took}")
+    over = "" if points is None else f"{count_of(points, 'point')}, "
+    print_text(f"{over}{count_of(done.runs, 'run')}{took}")
     print_text(f"results  {done.file}")
     if done.failed < done.runs:
         print_text(f"next     eqt plot {done.path}")

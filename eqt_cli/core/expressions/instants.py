@@ -50,8 +50,8 @@ def _linear(node: Node, operands: tuple[_Linear | None, ...]) -> _Linear | None:
     if isinstance(node, Negation):
         [(p, q)] = known
         return -p, -q
-    if all(operand[1] == 0 for operand in operands if operand):
-        return combine(node, tuple(operand[0] for operand in operands if operand)), 0.0
+    if all(slope == 0 for _, slope in known):
+        return combine(node, tuple(value for value, _ in known)), 0.0
     return None
 
 

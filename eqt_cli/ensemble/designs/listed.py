@@ -27,7 +27,7 @@ class Listed(Design):
     axes: Annotated[dict[str, ListedAxis], Field(min_length=1)]
 
     @cached_property
-    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
         """The keys of the axes."""
         return tuple(self.axes)
 

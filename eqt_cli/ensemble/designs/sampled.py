@@ -34,7 +34,7 @@ class Sampled(Design):
     axes: Annotated[dict[str, SampledAxis], Field(min_length=1)]
 
     @cached_property
-    def keys(self) -> tuple[str, ...]:  # type: ignore[override]
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
         """The keys of the axes."""
         return tuple(self.axes)
 
