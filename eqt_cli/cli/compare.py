@@ -68,22 +68,18 @@ def compare(
     more: options.MoreResults = None,
     metric: Annotated[
         list[str] | None,
-        typer.Option(
-            "--metric",
-            "-m",
-            metavar="NAME",
-            help="Metric to compare; --list shows all. Repeatable.",
-            rich_help_panel=SELECTION,
+        options.valued(
+            "--metric", "NAME", "Metric to compare; --list shows all. Repeatable.", SELECTION, "-m"
         ),
     ] = None,
     window: Annotated[
         list[str] | None,
-        typer.Option(
+        options.valued(
             "--window",
+            "A:B",
+            "Time window in seconds, such as 0:5, 5: or : for the whole run. Repeatable.",
+            SELECTION,
             "-w",
-            metavar="A:B",
-            help="Time window in seconds, such as 0:5, 5: or : for the whole run. Repeatable.",
-            rich_help_panel=SELECTION,
         ),
     ] = None,
     against: Annotated[
@@ -116,9 +112,7 @@ def compare(
     robust: Annotated[
         bool,
         options.flag(
-            "--robust",
-            help="For a sweep: the range over which the runs of each law settle.",
-            group=SELECTION,
+            "--robust", "For a sweep: the range over which the runs of each law settle.", SELECTION
         ),
     ] = False,
     share: Annotated[
@@ -127,12 +121,12 @@ def compare(
     ] = 0.9,
     list_: Annotated[
         bool,
-        options.flag("--list", help="List the metrics of this result.", group=SELECTION),
+        options.flag("--list", "List the metrics of this result.", SELECTION),
     ] = False,
     json: options.Json = False,
     verbose: Annotated[
         bool,
-        options.flag("--verbose", "-v", help="Print all pairs and claims as tables.", group=OUTPUT),
+        options.flag("--verbose", "Print all pairs and claims as tables.", OUTPUT, "-v"),
     ] = False,
     quiet: options.Quiet = False,
 ) -> None:

@@ -74,7 +74,7 @@ def check(
     set_: options.Set = None,
     resolved: Annotated[
         bool,
-        options.flag("--resolved", help="Print the configuration with all defaults.", group=OUTPUT),
+        options.flag("--resolved", "Print the configuration with all defaults.", OUTPUT),
     ] = False,
     most_torque: Annotated[
         float | None,

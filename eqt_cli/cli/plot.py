@@ -67,7 +67,7 @@ def plot(
     ] = "column",
     degrees: Annotated[
         bool,
-        options.flag("--degrees", help="Show attitudes and their errors in degrees.", group=LOOKS),
+        options.flag("--degrees", "Show attitudes and their errors in degrees.", LOOKS),
     ] = False,
     style: Annotated[
         list[str] | None,
@@ -80,7 +80,7 @@ def plot(
     ] = None,
     tex: Annotated[
         bool,
-        options.flag("--tex", help="Typeset the text with LaTeX; requires TeX Live.", group=LOOKS),
+        options.flag("--tex", "Typeset the text with LaTeX; requires TeX Live.", LOOKS),
     ] = False,
     out: Annotated[
         Path | None,

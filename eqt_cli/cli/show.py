@@ -30,22 +30,18 @@ UNKNOWN = "at an unknown time"
 def show(
     result: options.Result,
     config: Annotated[
-        bool, options.flag("--config", help="Print the resolved configuration.", group=SELECTION)
+        bool, options.flag("--config", "Print the resolved configuration.", SELECTION)
     ] = False,
     plugins: Annotated[
-        bool, options.flag("--plugins", help="Print the stored plugin sources.", group=SELECTION)
+        bool, options.flag("--plugins", "Print the stored plugin sources.", SELECTION)
     ] = False,
     variables: Annotated[
-        bool, options.flag("--variables", help="List the variables.", group=SELECTION)
+        bool, options.flag("--variables", "List the variables.", SELECTION)
     ] = False,
-    failed: Annotated[
-        bool, options.flag("--failed", help="List all failed runs.", group=SELECTION)
-    ] = False,
+    failed: Annotated[bool, options.flag("--failed", "List all failed runs.", SELECTION)] = False,
     table: Annotated[
         bool,
-        options.flag(
-            "--table", help="Print the metrics of every run, one run a row.", group=SELECTION
-        ),
+        options.flag("--table", "Print the metrics of every run, one run a row.", SELECTION),
     ] = False,
     format_: Annotated[
         str | None,

@@ -37,9 +37,7 @@ def sweep(
     ] = None,
     dry_run: Annotated[
         bool,
-        options.flag(
-            "--dry-run", help="Print the points, the expected time and size only.", group=COMPUTING
-        ),
+        options.flag("--dry-run", "Print the points, the expected time and size only.", COMPUTING),
     ] = False,
     out: options.Out = None,
     set_: options.Set = None,

@@ -61,14 +61,14 @@ def out(help: str, metavar: str = "DIR") -> Any:
     return valued("--out", metavar, help, RESULT, parser=folder)
 
 
-def flag(*names: str, help: str, group: str) -> Any:
-    """An option without a value."""
-    return typer.Option(*names, metavar="", help=help, rich_help_panel=group)
+def flag(option: str, help: str, group: str, *letters: str, **more: Any) -> Any:
+    """An option without a value, and perhaps a letter for it, in a group of the help."""
+    return valued(option, "", help, group, *letters, **more)
 
 
-def valued(option: str, metavar: str, help: str, group: str, **more: Any) -> Any:
-    """An option with a value, which the help calls `metavar`, in a group of the help."""
-    return typer.Option(option, metavar=metavar, help=help, rich_help_panel=group, **more)
+def valued(option: str, metavar: str, help: str, group: str, *letters: str, **more: Any) -> Any:
+    """An option with a value, which the help calls `metavar`; the rest is as of `flag`."""
+    return typer.Option(option, *letters, metavar=metavar, help=help, rich_help_panel=group, **more)
 
 
 def named(option: str, complete: completion.Complete, help: str, group: str) -> Any:
@@ -100,19 +100,9 @@ Set = Annotated[
     ),
 ]
 Out = Annotated[Path | None, out("Result folder.")]
-Json = Annotated[bool, flag("--json", help="Print one JSON document.", group=OUTPUT)]
-Quiet = Annotated[
-    bool,
-    typer.Option(
-        "--quiet",
-        "-q",
-        metavar="",
-        callback=be_quiet,
-        help="Print errors only.",
-        rich_help_panel=OUTPUT,
-    ),
-]
-Verbose = Annotated[bool, flag("--verbose", "-v", help="Print every row.", group=OUTPUT)]
+Json = Annotated[bool, flag("--json", "Print one JSON document.", OUTPUT)]
+Quiet = Annotated[bool, flag("--quiet", "Print errors only.", OUTPUT, "-q", callback=be_quiet)]
+Verbose = Annotated[bool, flag("--verbose", "Print every row.", OUTPUT, "-v")]
 Workers = Annotated[
     int | None,
     valued("--workers", "N", "Number of cores to use. Default: all.", COMPUTING, min=1),
@@ -146,18 +136,12 @@ Point = Annotated[
 ]
 Force = Annotated[
     bool,
-    flag("--force", help="Start over. Removes only what eqt wrote to the folder.", group=RESULT),
+    flag("--force", "Start over. Removes only what eqt wrote to the folder.", RESULT),
 ]
-RerunFailed = Annotated[
-    bool, flag("--rerun-failed", help="Compute only the failed runs again.", group=RESULT)
-]
+RerunFailed = Annotated[bool, flag("--rerun-failed", "Compute only the failed runs again.", RESULT)]
 TrustPlugins = Annotated[
     bool,
-    flag(
-        "--trust-plugins",
-        help="Execute the plugin sources that a result file contains.",
-        group=EXPERIMENT,
-    ),
+    flag("--trust-plugins", "Execute the plugin sources that a result file contains.", EXPERIMENT),
 ]
 
 
