@@ -4,10 +4,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from markupsafe import Markup
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.version import __version__
 from eqt_cli.plots.animation.motion import Course, Motion, motion
 from eqt_cli.plots.animation.scene import (
     AXES,
@@ -21,7 +19,7 @@ from eqt_cli.plots.animation.scene import (
     scene_of,
 )
 from eqt_cli.plots.drawing.labels import norm_symbol
-from eqt_cli.report.environment import TEMPLATES, environment
+from eqt_cli.report.environment import page
 from eqt_cli.report.run_curves import looks
 from eqt_cli.report.run_table import columns
 from eqt_cli.results.quantity import plain
@@ -45,21 +43,16 @@ def animation(result: Result, run: int, controllers: Sequence[str] = ()) -> str:
         If the run cannot be shown; see `motion`.
     """
     shown = motion(result, run, controllers)
-    css, js = ("report.css", "animation.css"), "animation.js"
-    return (
-        environment()
-        .get_template("animation.html.j2")
-        .render(
-            version=__version__,
-            title=result.title,
-            group=result.group_name,
-            labels=[ensemble.title for ensemble in shown.ensembles],
-            run=run,
-            samples=len(shown.times),
-            data=_document(scene_of(shown), result),
-            css=Markup("".join((TEMPLATES / name).read_text(encoding="utf-8") for name in css)),
-            js=Markup((TEMPLATES / js).read_text(encoding="utf-8")),
-        )
+    return page(
+        "animation.html.j2",
+        ["report.css", "animation.css"],
+        "animation.js",
+        title=result.title,
+        group=result.group_name,
+        labels=[ensemble.title for ensemble in shown.ensembles],
+        run=run,
+        samples=len(shown.times),
+        data=_document(scene_of(shown), result),
     )
 
 

@@ -17,10 +17,9 @@ from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.text_tables import TextTable
 from eqt_cli.core.errors import EqtError
-from eqt_cli.core.version import __version__
 from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.report.animation import animation
-from eqt_cli.report.environment import TEMPLATES, environment
+from eqt_cli.report.environment import TEMPLATES, page
 from eqt_cli.report.experiment import given, laws
 from eqt_cli.report.figures import COMPARED, DEFAULT, FRONTS, SWEPT, Wanted, inline_figures
 from eqt_cli.report.point_table import best_points, point_table
@@ -30,10 +29,6 @@ from eqt_cli.report.summary import accuracy, lead, provenance
 from eqt_cli.results.result import HEADLINE, Result
 from eqt_cli.tuning.folder import record_beside
 from eqt_cli.tuning.tables import tuning_tables
-
-_NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
-"""A number, perhaps with a percent sign, a spread or an interval."""
-
 
 RANKS = ("mean_pose_error", "early_torque")
 """Numbers by which the run that is animated is the median one; the first that is stored."""
@@ -70,31 +65,27 @@ def report(
     """
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown, certificates, steps)
-    return (
-        environment()
-        .get_template("report.html.j2")
-        .render(
-            version=__version__,
-            result=result,
-            failed=len(result.failures),
-            lead=lead(result),
-            author=author,
-            notes=[" ".join(part.split()) for part in re.split(r"\n\s*\n", notes) if part.strip()],
-            given=given(result),
-            laws=laws(result),
-            functions=result.lyapunov_functions,
-            accuracy=list(accuracy(result)),
-            provenance=provenance(result),
-            config=str(result.attributes.get("config", "")).rstrip(),
-            figures=[{"key": f.key, "svg": Markup(f.svg), "caption": f.caption} for f in drawn],
-            remarks=remarks,
-            certificates=_table(certificate_table(titled(certificates, result.titled))),
-            unverified=unverified,
-            css=Markup((TEMPLATES / "report.css").read_text(encoding="utf-8")),
-            font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
-            js=Markup((TEMPLATES / "report.js").read_text(encoding="utf-8")),
-            **(_of_sweep(result) if result.is_sweep else _of_experiment(result, steps)),
-        )
+    return page(
+        "report.html.j2",
+        ["report.css"],
+        "report.js",
+        result=result,
+        failed=len(result.failures),
+        lead=lead(result),
+        author=author,
+        notes=[" ".join(part.split()) for part in re.split(r"\n\s*\n", notes) if part.strip()],
+        given=given(result),
+        laws=laws(result),
+        functions=result.lyapunov_functions,
+        accuracy=list(accuracy(result)),
+        provenance=provenance(result),
+        config=str(result.attributes.get("config", "")).rstrip(),
+        figures=[{"key": f.key, "svg": Markup(f.svg), "caption": f.caption} for f in drawn],
+        remarks=remarks,
+        certificates=certificate_table(titled(certificates, result.titled)),
+        unverified=unverified,
+        font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
+        **(_of_sweep(result) if result.is_sweep else _of_experiment(result, steps)),
     )
 
 
@@ -113,7 +104,6 @@ def _has_fronts(record: dict[str, Any] | None) -> bool:
 
 def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
     record = record_beside(result)
-    tuned = tuning_tables(result, record) if record else []
     made: dict[str, TextTable] = {}
     missing: list[str] = []
     found, confidence = [], 0.0
@@ -126,12 +116,12 @@ def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
         "best": None,
         "findings": found,
         "confidence": f"{100 * confidence:g}",
-        "tuned": [_table(table) for table in tuned],
+        "tuned": tuning_tables(result, record) if record else [],
         "headline": result.headline(),
         "means": columns(result, [name for name, of in HEADLINE.items() if of is np.mean]),
-        "claims": _table(made.get("claims")),
-        "levels": _table(made.get("controllers")),
-        "pairs": _table(made.get("pairs")),
+        "claims": made.get("claims"),
+        "levels": made.get("controllers"),
+        "pairs": made.get("pairs"),
         "missing": missing,
         "picker": curves(result),
         "table": run_table(result),
@@ -167,35 +157,5 @@ def _of_sweep(result: Result) -> dict[str, Any]:
         "picker",
         "animation",
     )
-    best, table = _table(best_points(result)), point_table(result)
-    made: dict[str, Any] = {"best": best, "table": table, "tuned": []}
+    made = {"best": best_points(result), "table": point_table(result), "tuned": []}
     return dict.fromkeys(absent) | made
-
-
-def _table(table: TextTable | None) -> dict[str, Any] | None:
-    """A table for the page: minus signs as such, and which columns are numbers."""
-    if table is None:
-        return None
-    cells = list(zip(*table.rows, strict=True))
-    return {
-        "caption": table.caption,
-        "header": table.header,
-        "numeric": [all(_is_numeric(cell) for cell in column) for column in cells],
-        "blocks": [
-            {"title": block.title, "rows": [[_minus(cell) for cell in row] for row in block.rows]}
-            for block in table.blocks
-        ],
-        "notes": table.notes,
-    }
-
-
-def _is_numeric(cell: str) -> bool:
-    return cell in ("", "-") or _NUMBER.fullmatch(cell) is not None
-
-
-def _minus(cell: str) -> str:
-    """A hyphen before a digit is a minus sign."""
-    return "".join(
-        "−" if c == "-" and cell[i + 1 : i + 2].isdigit() and not cell[i - 1 : i].isalnum() else c
-        for i, c in enumerate(cell)
-    )

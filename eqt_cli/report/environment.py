@@ -1,6 +1,7 @@
 """Where the templates of pages are found, and how they are filled in."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,13 +9,27 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from eqt_cli.core.printable import printable
+from eqt_cli.core.version import __version__
 
 _NORM = re.compile("‖[^‖]*‖")
+
+_NUMBER = re.compile(r"[-+]?[\d.]+(e-?\d+)?( %| ± \S+| \[.*\])?")
+"""A number, perhaps with a percent sign, a spread or an interval."""
 
 TEMPLATES = Path(__file__).with_name("templates")
 
 
-def environment() -> Environment:
+def page(template: str, styles: Sequence[str], script: str, **values: Any) -> str:
+    """A template filled in, with its styles and its script in the page."""
+    css, js = (
+        Markup("".join((TEMPLATES / name).read_text(encoding="utf-8") for name in names))
+        for names in (styles, [script])
+    )
+    made = _environment().get_template(template)
+    return made.render(version=__version__, css=css, js=js, **values)
+
+
+def _environment() -> Environment:
     """Where templates are found, and how they are filled in: everything is escaped.
 
     Markup of HTML, and what no page can show, such as an order of reading that is turned around.
@@ -27,8 +42,7 @@ def environment() -> Environment:
         lstrip_blocks=True,
         finalize=_finalized,
     )
-    made.filters["typeset"] = _typeset
-    made.filters["prose"] = _prose
+    made.filters |= {"typeset": _typeset, "prose": _prose, "minus": _minus, "numeric": _numeric}
     return made
 
 
@@ -60,3 +74,17 @@ def _prose(text: str) -> Markup:
         str(_typeset(signed)),
     )
     return Markup(powers)
+
+
+def _minus(text: str) -> str:
+    """A hyphen before a digit, and not after a letter or digit, is a minus sign."""
+    return re.sub(r"(?<![^\W_])-(?=\d)", "−", text)
+
+
+def _numeric(rows: Sequence[Sequence[str]]) -> list[bool]:
+    """Which columns of a table are numbers."""
+    return [all(map(_is_numeric, column)) for column in zip(*rows, strict=True)]
+
+
+def _is_numeric(cell: str) -> bool:
+    return cell in ("", "-") or _NUMBER.fullmatch(cell) is not None
