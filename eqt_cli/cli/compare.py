@@ -8,8 +8,6 @@ from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
-import typer
-
 from eqt_cli.cli.shared import options
 from eqt_cli.cli.shared.help import OUTPUT, SELECTION, STATISTICS
 from eqt_cli.cli.shared.output import (

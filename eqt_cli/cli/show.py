@@ -117,7 +117,6 @@ def _document(results: Result) -> dict[str, object]:
 
 def _summary(results: Result, json: bool) -> None:
     from eqt_cli.cli.shared.result_tables import print_outcome
-    from eqt_cli.config import yaml_source
 
     if json:
         print_json(_document(results))
@@ -126,7 +125,7 @@ def _summary(results: Result, json: bool) -> None:
     named = (name for name in ("eqt", "python", "numpy", "scipy") if name in origin)
     packages = ", ".join(f"{name} {origin[name]}" for name in named)
     sizes = ", ".join(f"{name} {size}" for name, size in results.dimensions.items())
-    path = signal_path(yaml_source.load(str(results.attributes["config"]), "config").data)
+    path = signal_path(_stored(results, "config"))
     heading = [
         f"{results.title} on {results.group_name}  ({results.path})",
         f"run      {origin.get('started', UNKNOWN)} with {packages}",

@@ -63,23 +63,14 @@ def verify(
     from eqt_cli.experiment.config_at_point import config_at, without_sweep
     from eqt_cli.experiment.read_study import study
 
-    workers, oracles = workers or options.cores(), oracle or ()
+    subject: Path | api.LoadedExperiment
     if target.suffix == ".h5" or target.is_dir():
         if set_ or engine or runs:
             raise EqtError(
                 f"{target}: a result is verified as it is; --set, --engine and --runs are for a "
                 "configuration"
             )
-        with progress(0) as advance:
-            found = api.verify(
-                target,
-                point=point,
-                trust_plugins=trust_plugins,
-                workers=workers,
-                progress=advance,
-                stage=advance.begin,
-                oracle=oracles,
-            )
+        subject, new_runs = target, 0
     else:
         source = read_config(target, options.overrides(set_, engine))
         is_sweep = point is None and source.data.get("sweep")
@@ -88,15 +79,19 @@ def verify(
         if is_sweep:
             say(f"{target}: verified without its sweep; choose one of its points with --point")
         count = min(runs or RUNS, loaded.experiment.config.ensemble.runs)
-        with progress(count * len(loaded.controllers)) as advance:
-            found = api.verify(
-                loaded,
-                runs=runs,
-                workers=workers,
-                progress=advance,
-                stage=advance.begin,
-                oracle=oracles,
-            )
+        subject, point = loaded, None  # which is that point already
+        new_runs = count * len(loaded.controllers)
+    with progress(new_runs) as advance:
+        found = api.verify(
+            subject,
+            runs=runs,
+            point=point,
+            trust_plugins=trust_plugins,
+            workers=workers or options.cores(),
+            progress=advance,
+            stage=advance.begin,
+            oracle=oracle or (),
+        )
     if json:
         print_json(_document(target, found))
     else:

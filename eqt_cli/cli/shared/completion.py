@@ -28,11 +28,7 @@ Complete = Callable[[str], Completions]
 
 def names(kind: str) -> Complete:
     """Completes the name of a component."""
-
-    def complete(incomplete: str) -> Completions:
-        return _starting(incomplete, _known()["names"][kind])
-
-    return complete
+    return lambda incomplete: _starting(incomplete, _known()["names"][kind])
 
 
 def shipped(incomplete: str) -> Completions:

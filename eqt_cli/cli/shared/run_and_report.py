@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from eqt_cli.cli.shared.options import cores
-from eqt_cli.cli.shared.output import print_found, print_json, say, warn
+from eqt_cli.cli.shared.output import count_of, print_found, print_json, print_text, say, warn
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError, InterruptedRun
 from eqt_cli.core.interruptions import exit_code
@@ -147,7 +147,6 @@ def _document(done: StoredResult, results: Result, counted: dict[str, Any]) -> d
 
 
 def _print_summary(done: StoredResult, results: Result) -> None:
-    from eqt_cli.cli.shared.output import count_of, print_text
     from eqt_cli.cli.shared.result_tables import print_outcome
 
     points = results.dimensions.get("point")

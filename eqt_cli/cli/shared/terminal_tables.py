@@ -8,9 +8,9 @@ some of the columns each, or one block of lines per row. No word and no number i
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import zip_longest
 
 from rich.cells import cell_len
@@ -150,11 +150,11 @@ def table_text(table: TextTable, room: int | None) -> Text:
     if left_out:
         notes.append(f"Not shown at this width: {', '.join(left_out)}.")
     if grids is None:
-        lines += _records(columns, table.blocks, room or 0)
+        lines += _body(table.blocks, room or 0, partial(_record, columns, room or 0))
     for number, grid in enumerate(grids or ()):
         lines += [Text()] * (number > 0)
         lines += [Text(indent) + line for line in grid.head()]
-        lines += _body(grid, table.blocks, indent, room)
+        lines += _body(table.blocks, room, grid.row, indent)
     if notes:
         lines += [Text(), *(_prose(note, min(room or _NOTES, _NOTES)) for note in notes)]
     return Text("\n").join(lines)
@@ -215,35 +215,30 @@ def _shared_out(columns: list[_Column], count: int) -> list[list[_Column]]:
     return [columns[start : start + size] for start in range(0, len(columns), size)]
 
 
-def _body(grid: _Grid, blocks: Sequence[Block], indent: str, room: int | None) -> list[Text]:
+def _body(
+    blocks: Sequence[Block], room: int | None, row: Callable[[int], list[Text]], indent: str = ""
+) -> list[Text]:
+    """The titles of blocks, and the lines of their rows, by the number of each."""
     lines, index = list[Text](), 0
     for block in blocks:
         lines += [_prose(block.title, room)] if block.title else []
         for _ in block.rows:
-            lines += [Text(indent) + line for line in grid.row(index)]
+            lines += [Text(indent) + line for line in row(index)]
             index += 1
     return lines
 
 
-def _records(columns: list[_Column], blocks: Sequence[Block], room: int) -> list[Text]:
-    """Each row as a block of lines, one per column, below its first cell."""
+def _record(columns: list[_Column], room: int, index: int) -> list[Text]:
+    """A row as a block of lines, one per column, below its first cell."""
     first, *others = columns
     label = max(cell_len(column.heading) for column in others)
-    lines, index = list[Text](), 0
-    for block in blocks:
-        lines += [_prose(block.title, room)] if block.title else []
-        for _ in block.rows:
-            lines.append(Text(first.cells[index], style="bold"))
-            for column in others:
-                if not column.cells[index]:
-                    continue
-                width = max(room - label - 2 * len(_GAP), 1)
-                parts = _wrapped(column.cells[index], width, _style(column, index))
-                name = Text(_GAP + column.heading.ljust(label) + _GAP, style="dim")
-                lines += [
-                    (name if k == 0 else Text(" " * len(name))) + x for k, x in enumerate(parts)
-                ]
-            index += 1
+    lines = [Text(first.cells[index], style="bold")]
+    for column in others:
+        if column.cells[index]:
+            width = max(room - label - 2 * len(_GAP), 1)
+            parts = _wrapped(column.cells[index], width, _style(column, index))
+            name = Text(_GAP + column.heading.ljust(label) + _GAP, style="dim")
+            lines += [(name if k == 0 else Text(" " * len(name))) + x for k, x in enumerate(parts)]
     return lines
 
 
