@@ -110,7 +110,7 @@ def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
     if not _has_fronts(record):
         comparison = compare(result, steps=steps)
         made, missing = text_tables(comparison, Plain()), comparison.missing
-        found = findings(comparison, dict(zip(result.labels, result.titles, strict=True)))
+        found = findings(comparison, result.titled)
         confidence = comparison.confidence
     return {
         "best": None,

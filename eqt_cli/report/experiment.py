@@ -68,10 +68,9 @@ def laws(result: Result) -> list[Law]:
     """The laws in their order."""
     entries = _stored(result).get("controllers") or []
     own = {entry.get("label"): _own(entry) for entry in entries if isinstance(entry, Mapping)}
-    titles = zip(result.labels, result.titles, strict=True)
     return [
         _law(label, title, result.kinds.get(label, label), own.get(label, ""))
-        for label, title in titles
+        for label, title in result.titled.items()
     ]
 
 

@@ -32,17 +32,9 @@ _NUMBER = re.compile(r"[-+−±]?[\d.]+(e[-+]?\d+)?( ?%)?( ?± ?[\d.e+-]+| \[[^]
 """With its interval."""
 
 _STYLES = {
-    "holds": "green",
-    "supported": "green",
-    "agrees": "green",
-    "FAILS": "bold red",
-    "not supported": "bold red",
-    "differs": "bold red",
-    "violated": "bold red",
-    "undecided": "yellow",
-    "growing": "yellow",
-    "unknown": "yellow",
-    "not covered": "yellow",
+    "green": ("holds", "supported", "agrees"),
+    "bold red": ("FAILS", "not supported", "differs", "violated"),
+    "yellow": ("undecided", "growing", "unknown", "not covered"),
 }
 """Colours of verdicts; the word says the same without."""
 
@@ -266,7 +258,7 @@ def _style(column: _Column, index: int) -> str:
     if column.heading != _VERDICT:
         return ""
     cell = column.cells[index]
-    return next((style for word, style in _STYLES.items() if cell.startswith(word)), "")
+    return next((style for style, starts in _STYLES.items() if cell.startswith(starts)), "")
 
 
 def _total(widths: list[int]) -> int:
