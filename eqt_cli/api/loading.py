@@ -119,13 +119,9 @@ def at_point(loaded: LoadedExperiment, point: int | None) -> Experiment:
 
 def source_from(config: Configuration, overrides: Mapping[str, str]) -> ConfigSource:
     """The text of a configuration with its overrides, not yet checked."""
-    if isinstance(config, Mapping):
-        return _from_mapping(config, overrides)
-    return read_config(path_from("config", config, "a path or a mapping"), overrides)
-
-
-def _from_mapping(config: Mapping[str, Any], overrides: Mapping[str, str]) -> ConfigSource:
-    """A configuration out of Python, by way of its text, so that it is judged like any other."""
+    if not isinstance(config, Mapping):
+        return read_config(path_from("config", config, "a path or a mapping"), overrides)
+    # By way of its text, so that a configuration out of Python is judged like any other.
     text = yaml_source.dump(
         json.loads(_flow({**config, "name": config.get("name") or "experiment"}))
     )

@@ -28,6 +28,7 @@ from eqt_cli.core.errors import EqtError, suggestion
 if TYPE_CHECKING:
     from eqt_cli.analysis.comparison import Comparison
     from eqt_cli.analysis.comparison.bootstrap import Resampling
+    from eqt_cli.analysis.comparison.maps import Map
     from eqt_cli.analysis.comparison.notation import Plain
     from eqt_cli.analysis.text_tables import TextTable
     from eqt_cli.results.quantity import Quantity
@@ -167,9 +168,9 @@ def compare(
         against = _labels(comparison, against or ())
         chosen = metric or window or against or table or format is not Format.TEXT
         whole = None if chosen else verbose
-        found = _of_experiment(comparison, result, table, against, format, write, whole=whole)
+        found = _of_experiment(comparison, table, against, format, write, whole=whole)
     if json:
-        print_json(found.document)
+        print_json({"path": str(result), **found.document})
     elif format is Format.CSV:
         print_verbatim(as_csv(found.records))
     else:
@@ -210,11 +211,19 @@ def _of_whole(
     from eqt_cli import api
 
     with api.open_results(path, "arrays") as result:
-        if result.is_sweep:
-            return _of_sweep(path, result, metrics or (MAPPED,), table, narrowed, how, write)
-        if metrics or narrowed or table not in (None, Table.FRONTS):
-            return None
-        return _of_fronts(path, result, how, write)
+        if not result.is_sweep:
+            plain = not metrics and not narrowed and table in (None, Table.FRONTS)
+            return _of_fronts(result, how, write) if plain else None
+        if narrowed or table not in (None, Table.WINNERS, Table.POINTS):
+            raise EqtError(
+                "--window, --against and the tables of pairs and claims are of one experiment; "
+                "choose a point of the sweep with --point, or --table winners or points"
+            )
+        with progress(0) as advance:
+            maps = api.compare_sweep(
+                path, metrics or (MAPPED,), **vars(how), progress=advance, stage=advance.begin
+            )
+        return _of_sweep(maps, result, table, write)
 
 
 def _require_table_of_experiment(table: Table | None) -> None:
@@ -224,31 +233,15 @@ def _require_table_of_experiment(table: Table | None) -> None:
         raise EqtError("--table fronts needs a result of `eqt tune` with two `objectives`")
 
 
-def _of_sweep(
-    path: Path,
-    result: Result,
-    metrics: Sequence[str],
-    table: Table | None,
-    narrowed: bool,
-    how: Resampling,
-    write: Plain,
-) -> _Found:
+def _of_sweep(maps: Sequence[Map], result: Result, table: Table | None, write: Plain) -> _Found:
     """Which law wins at which point of a sweep."""
-    from eqt_cli import api
     from eqt_cli.analysis.comparison.map_tables import map_records, map_tables
 
-    if narrowed or table not in (None, Table.WINNERS, Table.POINTS):
-        raise EqtError(
-            "--window, --against and the tables of pairs and claims are of one experiment; choose "
-            "a point of the sweep with --point, or --table winners or points"
-        )
-    with progress(0) as advance:
-        maps = api.compare_sweep(path, metrics, **vars(how), progress=advance, stage=advance.begin)
     records = [record for found in maps for record in map_records(found, result)]
     whole = table is Table.POINTS
     made = [each for found in maps for each in map_tables(found, result, write, whole=whole)]
     shown = [each for each in made if table is None or each.name == table]
-    return _Found({"path": str(path), "points": records}, records, shown)
+    return _Found({"points": records}, records, shown)
 
 
 def _print_metrics(results: Result, json: bool) -> None:
@@ -286,7 +279,6 @@ def _labels(comparison: Comparison, names: Sequence[str]) -> list[str]:
 
 def _of_experiment(
     comparison: Comparison,
-    path: Path,
     table: Table | None,
     against: Sequence[str],
     format: Format,
@@ -309,7 +301,6 @@ def _of_experiment(
     wanted = [Table.CONTROLLERS] if briefly else [table] if table else list(made)
     shown = [made[name] for name in wanted if name in made]
     document = {
-        "path": str(path),
         "title": comparison.title,
         "group": comparison.group,
         "controllers": comparison.kinds,
@@ -374,10 +365,10 @@ def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _F
         if not result.is_sweep:
             raise EqtError(f"--robust needs a sweep; {path} is a single experiment")
         table, rows = robustness_table(result, share, confidence, write)
-    return _Found({"path": str(path), "share": share, "tested": rows}, rows, [table])
+    return _Found({"share": share, "tested": rows}, rows, [table])
 
 
-def _of_fronts(path: Path, result: Result, how: Resampling, write: Plain) -> _Found | None:
+def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Found | None:
     """Laws at equal cost; None where the result is not of a search with two objectives."""
     from eqt_cli.tuning.folder import record_beside
     from eqt_cli.tuning.fronts import at_equal_cost, equal_cost_table, fronts
@@ -387,5 +378,4 @@ def _of_fronts(path: Path, result: Result, how: Resampling, write: Plain) -> _Fo
         return None
     table = equal_cost_table(result, record, write, how)
     found = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
-    document = {"path": str(path), "objectives": record["objectives"], "fronts": found}
-    return _Found(document, found, [table])
+    return _Found({"objectives": record["objectives"], "fronts": found}, found, [table])

@@ -46,13 +46,8 @@ class Command(TyperCommand):
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """The line ``Usage``, without arguments that are there only to be refused in words."""
-        shown = [piece for one in self.get_params(ctx) for piece in _usage_pieces(one, ctx)]
-        return ["[OPTIONS]", *shown]
-
-
-def _usage_pieces(parameter: Any, ctx: Any) -> list[str]:
-    hidden = getattr(parameter, "hidden", False)
-    return [] if hidden else list(parameter.get_usage_pieces(ctx))
+        shown = [one for one in self.get_params(ctx) if not getattr(one, "hidden", False)]
+        return ["[OPTIONS]", *(piece for one in shown for piece in one.get_usage_pieces(ctx))]
 
 
 class Group(TyperGroup):

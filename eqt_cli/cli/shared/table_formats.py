@@ -33,13 +33,9 @@ def as_csv(records: Sequence[Mapping[str, Any]]) -> str:
     stream = io.StringIO()
     writer = csv.DictWriter(stream, names, lineterminator="\n")
     writer.writeheader()
-    writer.writerows({k: _csv_cell(v) for k, v in record.items()} for record in records)
+    known = ({k: v for k, v in record.items() if v == v} for record in records)  # no NaN
+    writer.writerows(known)
     return stream.getvalue().rstrip("\n")
-
-
-def _csv_cell(value: Any) -> Any:
-    missing = value is None or (isinstance(value, float) and value != value)
-    return "" if missing else value
 
 
 def _latex_row(cells: Iterable[str]) -> str:
