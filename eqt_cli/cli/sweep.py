@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from eqt_cli.cli.shared import completion, options
 from eqt_cli.cli.shared.help import COMPUTING, EXPERIMENT
-from eqt_cli.cli.shared.output import duration, print_found, say
+from eqt_cli.cli.shared.output import count_of, duration, print_found, say
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
 from eqt_cli.core.errors import EqtError
@@ -119,7 +119,7 @@ def _print_plan(study: Study, executor: Executor, json: bool) -> None:
     if len(study) > FIRST_POINTS:
         lines.append("  …")
     kept = f"{study.kept} trajectories each" if study.kept else "metrics only"
-    workers = "1 worker" if expected.workers == 1 else f"{expected.workers} workers"
+    workers = count_of(expected.workers, "worker")
     lines.append(f"time     about {duration(expected.seconds)} with {workers}")
     lines.append(f"size     {size(expected.size)}, {kept}")
     print_found(document, "\n".join(lines), json=json)

@@ -23,7 +23,9 @@ def point_table(result: Result) -> Document:
     names = [name for name in COLUMNS if result.has(name)]
     means = np.stack([result.means(name) for name in names], axis=-1)
     counts = [name for name in names if result.quantity(name).counts]
-    means = np.concatenate([means, *(_ends(result, name) for name in counts)], axis=-1)
+    means = np.concatenate(
+        [means, *(shares(result.metric(name))[..., 1:] for name in counts)], axis=-1
+    )
     failed = np.count_nonzero(result.status, axis=-1)
     points, controllers = failed.shape
     order = [(c, p) for p in range(points) for c in range(controllers)]
@@ -31,10 +33,10 @@ def point_table(result: Result) -> Document:
     return {
         "item": "point",
         "columns": [
-            {"metric": "", "name": key.key, "unit": "", "better": "", "given": True} for key in keys
-        ]
-        + columns(result, names)
-        + [column for name in counts for column in _columns_of_ends(result, name)],
+            *({**_head("", key.key), "given": True} for key in keys),
+            *columns(result, names),
+            *(column for name in counts for column in _columns_of_ends(result, name)),
+        ],
         "controllers": result.labels,
         "rows": [
             [
@@ -86,23 +88,17 @@ def _most(result: Result) -> list[list[str]]:
     return rows
 
 
-def _ends(result: Result, name: str) -> Array:
-    """The ends of the intervals of a share, ``(points, controllers, 2)``."""
-    return shares(result.metric(name))[..., 1:]
-
-
 def _columns_of_ends(result: Result, name: str) -> list[Document]:
-    """Their heads."""
+    """The heads of the ends of the interval of a share."""
     called = result.quantity(name).described
     return [
-        {
-            "metric": f"{name}_{end}",
-            "name": f"{called}, {end} end of its interval",
-            "unit": "",
-            "better": "",
-        }
-        for end in ("low", "high")
+        _head(f"{name}_{end}", f"{called}, {end} end of its interval") for end in ("low", "high")
     ]
+
+
+def _head(metric: str, name: str) -> Document:
+    """The head of a column of pure numbers, of which none are the better ones."""
+    return {"metric": metric, "name": name, "unit": "", "better": ""}
 
 
 def _best(result: Result, means: Array) -> list[str]:

@@ -57,21 +57,15 @@ def curves(result: Result) -> Document | None:
         "controllers": looks(result),
         "power": POWER,
         "levels": LEVELS,
-        "panels": [
-            _panel(head, _claimed(result, head["metric"], result.read(head["metric"], **chosen)))
-            for head in columns(result, names)
-        ],
+        "panels": [_panel(result, head, chosen) for head in columns(result, names)],
     }
 
 
-def _claimed(result: Result, signal: str, values: Array) -> Array:
-    """The values, but no L of a law that does not claim that it falls."""
-    if signal == "lyapunov" and result.without_function:
+def _panel(result: Result, head: Document, chosen: dict[str, Any]) -> Document:
+    """The curves of a signal, but no L of a law that does not claim that it falls."""
+    values = result.read(head["metric"], **chosen)
+    if head["metric"] == "lyapunov" and result.without_function:
         values[[result.labels.index(label) for label in result.without_function]] = np.nan
-    return values
-
-
-def _panel(head: Document, values: Array) -> Document:
     codes, largest = quantised(values)
     return {
         **head,

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.comparison.findings import listed
-from eqt_cli.core.arrays import Array
 from eqt_cli.results.result import Result
 
 
@@ -29,7 +28,8 @@ def lead(result: Result) -> str:
 def accuracy(result: Result) -> Iterator[str]:
     """Sentences on how far the numbers can be trusted."""
     yield from _energy(result)
-    estimates = _finite(result, "error_estimate")
+    values = result.metric("error_estimate") if "error_estimate" in result.metrics else np.array([])
+    estimates = values[np.isfinite(values)]
     if estimates.size:
         yield (
             "Global error, estimated run by run from a tighter solve: largest "
@@ -63,12 +63,6 @@ def _energy(result: Result) -> Iterator[str]:
         f"Energy balance: |L(t) + ∫dissipation − L(0)| stays below {largest:.1g} of L(0) "
         f"in every run{whose}."
     )
-
-
-def _finite(result: Result, name: str) -> Array:
-    """The values of good runs that have one."""
-    values = result.metric(name) if name in result.metrics else np.array([])
-    return values[np.isfinite(values)]
 
 
 def provenance(result: Result) -> list[tuple[str, str]]:

@@ -43,9 +43,8 @@ class Meter:
 
     def skip(self, runs: float) -> None:
         """So many runs had been done before; they say nothing of the rate."""
-        self.done += runs
         self.found += runs
-        self.show()
+        self(runs)
 
     @property
     def rate(self) -> float:

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from eqt_cli.api import LoadedExperiment, StoredResult
     from eqt_cli.execution.executors import Executor
     from eqt_cli.execution.run_study import Shard
-    from eqt_cli.experiment.study import Study
     from eqt_cli.results.result import Result
 
 
@@ -59,10 +58,10 @@ def run_experiment(
     """Run, report on stdout, and exit as the outcome demands."""
     from eqt_cli import api
 
-    shard = shard_from(shard_text)
+    shard, plans = shard_from(shard_text), experiment.study.plans
     out = out or Path("results") / experiment.name
     try:
-        with progress(experiment.study.plans.total) as advance:
+        with progress(plans.total) as advance:
             done = api.run(
                 experiment,
                 out,
@@ -76,7 +75,14 @@ def run_experiment(
                 stage=advance.begin,
             )
     except KeyboardInterrupt as error:
-        raise _interrupted(experiment.study, out, exit_code(error)) from None
+        begun = unfinished(out)
+        kept = begun.done if begun else 0
+        whole = "" if kept else f" (whole parts of {plans.runs_of(0)} are)"
+        raise InterruptedRun(
+            f"interrupted; {kept} of {plans.total} runs are kept in {out}{whole}: "
+            "run the same command again to continue, or with --force to start over",
+            exit_code(error),
+        ) from None
     for entry in done.removed:
         say(f"removed {entry}")
     if done.was_complete:
@@ -84,18 +90,6 @@ def run_experiment(
     elif done.resumed:
         say(f"{done.resumed} of {done.runs} runs were already computed")
     report(done, shard, json=json)
-
-
-def _interrupted(study: Study, out: Path, exit_code: int) -> Exception:
-
-    begun = unfinished(out)
-    done = begun.done if begun else 0
-    whole = f" (whole parts of {study.plans.runs_of(0)} are)" if not done else ""
-    return InterruptedRun(
-        f"interrupted; {done} of {study.plans.total} runs are kept in {out}{whole}: "
-        "run the same command again to continue, or with --force to start over",
-        exit_code,
-    )
 
 
 def report(done: StoredResult, shard: Shard | None = None, *, json: bool) -> None:

@@ -8,6 +8,9 @@ from typing import Any
 
 from eqt_cli.analysis.text_tables import TextTable
 
+_MATHEMATICS = {"d": "$d$", "P(better)": r"$P(\text{better})$"}
+"""Headings that are formulas."""
+
 _NUMBER = re.compile(r"[-+$]*\d[\d.]*( \\?%)?")
 
 
@@ -16,7 +19,7 @@ def as_latex(table: TextTable) -> str:
     numeric = [_is_numeric(column) for column in zip(*table.rows, strict=True)]
     layout = "".join("r" if right else "l" for right in numeric)
     lines = [f"% {table.caption}", rf"\begin{{tabular}}{{{layout}}}", r"\toprule"]
-    lines.append(_latex_row([_latex_heading(heading) for heading in table.header]))
+    lines.append(_latex_row(_MATHEMATICS.get(heading, heading) for heading in table.header))
     for block in table.blocks:
         lines.append(r"\midrule")
         if block.title:
@@ -40,10 +43,6 @@ def as_csv(records: Sequence[Mapping[str, Any]]) -> str:
 
 def _latex_row(cells: Iterable[str]) -> str:
     return " & ".join(cells) + r" \\"
-
-
-def _latex_heading(text: str) -> str:
-    return {"d": "$d$", "P(better)": r"$P(\text{better})$"}.get(text, text)
 
 
 def _is_numeric(column: Iterable[str]) -> bool:

@@ -66,10 +66,9 @@ class _Column:
     @cached_property
     def least(self) -> int:
         """The width with its text wrapped."""
-        whole = [cell_len(cell) for cell in self.cells if _is_whole(cell)]
-        words = [_longest_word(cell) for cell in self.cells if not _is_whole(cell)]
+        cells = [cell_len(x) if _is_whole(x) else _longest_word(x) for x in self.cells]
         wrapped = min(self.folded, max(_NARROW, min(_WIDE, self.folded // 2)))
-        return max([_longest_word(self.heading), *whole, *words, wrapped if words else 0])
+        return max([_longest_word(self.heading), *cells, wrapped if self.is_text else 0])
 
     @cached_property
     def is_text(self) -> bool:
@@ -156,38 +155,37 @@ def _laid_out(
     columns: list[_Column], table: TextTable, room: int | None
 ) -> tuple[list[_Grid] | None, list[str]]:
     """Grids beneath each other, and the headings that are left out; None where no grid fits."""
-    whole = _widths(columns, room)
-    if whole is not None:
-        return [_Grid(columns, whole)], []
+    if (grid := _fitted(columns, room)) is not None:
+        return [grid], []
     columns = [column for column in columns if any(column.cells)]
     shown, left_out = columns, list[str]()
     for heading in (None, *table.spare):
         if heading is not None and any(column.heading == heading for column in shown):
             shown = [column for column in shown if column.heading != heading]
             left_out.append(heading)
-        if (widths := _widths(shown, room)) is not None:
-            return [_Grid(shown, widths)], left_out
+        if (grid := _fitted(shown, room)) is not None:
+            return [grid], left_out
     keys, others = columns[: table.keys], columns[table.keys :]
     if any(column.is_text for column in others):
         return None, []
     for count in range(2, len(others) + 1):
-        groups = [[*keys, *group] for group in _shared_out(others, count)]
-        fitted = [_widths(group, room) for group in groups]
-        if all(widths is not None for widths in fitted):
-            return [_Grid(g, w) for g, w in zip(groups, fitted, strict=True) if w is not None], []
+        groups = _shared_out(others, count)
+        grids = [grid for group in groups if (grid := _fitted([*keys, *group], room)) is not None]
+        if len(grids) == len(groups):
+            return grids, []
     return None, []
 
 
-def _widths(columns: list[_Column], room: int | None) -> list[int] | None:
-    """A width for each column; None where there is no room for them."""
+def _fitted(columns: list[_Column], room: int | None) -> _Grid | None:
+    """Columns with a width for each; None where there is no room for them."""
     full = [column.full for column in columns]
     if room is None or _total(full) <= room:
-        return full
+        return _Grid(columns, full)
     folded = [column.folded for column in columns]
     if _total(folded) <= room:
-        return folded
+        return _Grid(columns, folded)
     least = [column.least for column in columns]
-    return _grown(least, folded, room) if _total(least) <= room else None
+    return _Grid(columns, _grown(least, folded, room)) if _total(least) <= room else None
 
 
 def _grown(widths: list[int], wanted: list[int], room: int) -> list[int]:
