@@ -68,11 +68,10 @@ def open_results(
     """
     if kind not in (None, "xarray", "arrays"):
         raise EqtError(f"kind {kind!r}: expected 'xarray', 'arrays' or None")
-    if kind == "arrays":
+    installed = find_spec("xarray") is not None and find_spec("h5netcdf") is not None
+    if kind == "arrays" or (kind is None and not installed):
         return open_result(Path(path), point)
-    if find_spec("xarray") is None or find_spec("h5netcdf") is None:
-        if kind is None:
-            return open_result(Path(path), point)
+    if not installed:
         raise EqtError(
             "xarray is not installed: pip install xarray h5netcdf, or open with kind='arrays'"
         )

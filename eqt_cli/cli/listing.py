@@ -6,11 +6,11 @@ from typing import Annotated, Any
 import typer
 
 from eqt_cli.cli.shared import completion, options
-from eqt_cli.cli.shared.output import print_json, print_text
+from eqt_cli.cli.shared.output import print_found
 from eqt_cli.config import shipped
 from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.core.errors import EqtError, suggestion
-from eqt_cli.core.registry import Registry, load_plugin, summary
+from eqt_cli.core.registry import load_plugin, summary
 
 
 def list_components(
@@ -38,34 +38,26 @@ def list_components(
             registry(name)  # a plugin may define any kind
     for path in plugin or ():
         load_plugin(path)
-    listed = {
-        name: (
-            [{"name": config, "summary": "", "options": []} for config in shipped.names()]
-            if name == "configs"
-            else _described(registry(name))
-        )
-        for name in ([kind] if kind else kinds)
-    }
-    if json:
-        print_json(listed)
-    else:
-        _print(listed)
+    listed = {name: _described(name) for name in ([kind] if kind else kinds)}
+    print_found(listed, _text(listed), json=json)
 
 
-def _described(registry: Registry[Any]) -> list[dict[str, Any]]:
+def _described(kind: str) -> list[dict[str, Any]]:
     from eqt_cli.config.catalogue import options
 
+    if kind == "configs":
+        return [{"name": config, "summary": "", "options": []} for config in shipped.names()]
     return [
         {
             "name": component.name,
             "summary": summary(component),
             "options": list(options(component).get("properties", {})),
         }
-        for component in registry.all()
+        for component in registry(kind).all()
     ]
 
 
-def _print(listed: dict[str, list[dict[str, Any]]]) -> None:
+def _text(listed: dict[str, list[dict[str, Any]]]) -> str:
     blocks = []
     for kind, entries in listed.items():
         width = max((len(entry["name"]) for entry in entries), default=0)
@@ -75,4 +67,4 @@ def _print(listed: dict[str, list[dict[str, Any]]]) -> None:
             if entry["options"]:
                 lines.append(f"  {'':<{width}}  options: {', '.join(entry['options'])}")
         blocks.append("\n".join(lines))
-    print_text("\n\n".join(blocks))
+    return "\n\n".join(blocks)

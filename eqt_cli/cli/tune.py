@@ -108,9 +108,7 @@ def _report(done: Tuning, *, json: bool) -> None:
         with open_result(path) as result:
             for table in tuning_tables(result, done.record):
                 print_text(laid_out(table), "")
-        for cause in causes:
-            print_text(cause)
-        print_text(f"results  {path}")
+        print_text(*causes, f"results  {path}")
         first = next((each for each in done.record["laws"] if each["winners"]), None)
         if first:
             print_text(f"next     eqt run {path / first['winners'][0]['config']}")

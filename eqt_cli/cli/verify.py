@@ -12,7 +12,7 @@ import typer
 from eqt_cli.analysis.text_tables import Block
 from eqt_cli.cli.shared import completion, options
 from eqt_cli.cli.shared.help import EXPERIMENT
-from eqt_cli.cli.shared.output import complain, laid_out, print_json, print_text, say
+from eqt_cli.cli.shared.output import complain, laid_out, print_found, say
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError
 
@@ -92,10 +92,7 @@ def verify(
             stage=advance.begin,
             oracle=oracle or (),
         )
-    if json:
-        print_json(_document(target, found))
-    else:
-        print_text(*_pieces(found, verbose=verbose))
+    print_found(_document(target, found), *_pieces(found, verbose=verbose), json=json)
     if quiet and not json:
         for cause in _causes(titled(found.rows, found.experiment.titles), found.failed_runs):
             complain(f"eqt: {target}: {cause}")

@@ -15,7 +15,6 @@ from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.findings import findings
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import text_tables
-from eqt_cli.analysis.text_tables import TextTable
 from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.report.animation import animation
@@ -32,6 +31,22 @@ from eqt_cli.tuning.tables import tuning_tables
 
 RANKS = ("mean_pose_error", "early_torque")
 """Numbers by which the run that is animated is the median one; the first that is stored."""
+
+
+OPTIONAL = (
+    "best",
+    "findings",
+    "headline",
+    "means",
+    "claims",
+    "levels",
+    "pairs",
+    "missing",
+    "picker",
+    "animation",
+    "tuned",
+)
+"""Parts that a page may lack, since they are of sweeps, of single experiments or of searches."""
 
 
 def report(
@@ -65,6 +80,7 @@ def report(
     """
     shown = _default(result) if wanted is None else wanted
     drawn, remarks = inline_figures(result, shown, certificates, steps)
+    of_kind = _of_sweep(result) if result.is_sweep else _of_experiment(result, steps)
     return page(
         "report.html.j2",
         ["report.css"],
@@ -85,7 +101,7 @@ def report(
         certificates=certificate_table(titled(certificates, result.titled)),
         unverified=unverified,
         font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
-        **(_of_sweep(result) if result.is_sweep else _of_experiment(result, steps)),
+        **dict.fromkeys(OPTIONAL) | of_kind,
     )
 
 
@@ -104,33 +120,37 @@ def _has_fronts(record: dict[str, Any] | None) -> bool:
 
 def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
     record = record_beside(result)
-    made: dict[str, TextTable] = {}
-    missing: list[str] = []
-    found, confidence = [], 0.0
-    if not _has_fronts(record):
-        comparison = compare(result, steps=steps)
-        made, missing = text_tables(comparison, Plain()), comparison.missing
-        found = findings(comparison, result.titled)
-        confidence = comparison.confidence
     return {
-        "best": None,
-        "findings": found,
-        "confidence": f"{100 * confidence:g}",
         "tuned": tuning_tables(result, record) if record else [],
         "headline": result.headline(),
         "means": columns(result, [name for name, of in HEADLINE.items() if of is np.mean]),
-        "claims": made.get("claims"),
-        "levels": made.get("controllers"),
-        "pairs": made.get("pairs"),
-        "missing": missing,
         "picker": curves(result),
         "table": run_table(result),
+        **({} if _has_fronts(record) else _compared(result, steps)),
         **_animated(result),
     }
 
 
+def _of_sweep(result: Result) -> dict[str, Any]:
+    """No means, since one over all points means little."""
+    return {"best": best_points(result), "table": point_table(result)}
+
+
+def _compared(result: Result, steps: Steps) -> dict[str, Any]:
+    comparison = compare(result, steps=steps)
+    made = text_tables(comparison, Plain())
+    return {
+        "findings": findings(comparison, result.titled),
+        "confidence": f"{100 * comparison.confidence:g}",
+        "claims": made.get("claims"),
+        "levels": made.get("controllers"),
+        "pairs": made.get("pairs"),
+        "missing": comparison.missing,
+    }
+
+
 def _animated(result: Result) -> dict[str, Any]:
-    """The animation of the median run of the first law; None where no body can be shown."""
+    """The animation of the median run of the first law; nothing where no body can be shown."""
     by = next((name for name in RANKS if result.has(name)), None)
     runs = [run for run in result.stored_runs if by and np.isfinite(result[by][0, run])]
     with suppress(EqtError):
@@ -141,21 +161,4 @@ def _animated(result: Result) -> dict[str, Any]:
                 "animated": int(middle),
                 "animated_by": result.quantity(by).described,
             }
-    return {"animation": None}
-
-
-def _of_sweep(result: Result) -> dict[str, Any]:
-    """As of an experiment; a mean over all points means little."""
-    absent = (
-        "findings",
-        "headline",
-        "means",
-        "claims",
-        "levels",
-        "pairs",
-        "missing",
-        "picker",
-        "animation",
-    )
-    made = {"best": best_points(result), "table": point_table(result), "tuned": []}
-    return dict.fromkeys(absent) | made
+    return {}

@@ -128,11 +128,9 @@ def _plain(value: Any) -> Any:
 
 def print_records(header: list[str], rows: Sequence[Sequence[Any]], *, json: bool) -> None:
     """A table, or its rows as JSON objects; a cell of several words is a list there."""
-    if json:
-        print_json([dict(zip(header, row, strict=True)) for row in rows])
-        return
+    records = [dict(zip(header, row, strict=True)) for row in rows]
     cells = [[cell if isinstance(cell, str) else ", ".join(cell) for cell in row] for row in rows]
-    print_text(table(header, cells))
+    print_found(records, table(header, cells), json=json)
 
 
 def table(header: list[str], rows: list[list[str]]) -> Text:

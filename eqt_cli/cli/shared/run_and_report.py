@@ -147,9 +147,6 @@ def _print_summary(done: StoredResult, results: Result) -> None:
     print_outcome(results)
     took = "".join(f", {name} {value:.1f} s" for name, value in done.seconds.items())
     over = "" if points is None else f"{count_of(points, 'point')}, "
-    print_text(f"{over}{count_of(done.runs, 'run')}{took}")
-    print_text(f"results  {done.file}")
-    if done.failed < done.runs:
-        print_text(f"next     eqt plot {done.path}")
-    else:
-        print_text(f"next     eqt show {done.path} --failed")
+    print_text(f"{over}{count_of(done.runs, 'run')}{took}", f"results  {done.file}")
+    then = f"plot {done.path}" if done.failed < done.runs else f"show {done.path} --failed"
+    print_text(f"next     eqt {then}")
