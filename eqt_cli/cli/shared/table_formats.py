@@ -36,7 +36,7 @@ def as_csv(records: Sequence[Mapping[str, Any]]) -> str:
     stream = io.StringIO()
     writer = csv.DictWriter(stream, names, lineterminator="\n")
     writer.writeheader()
-    known = ({k: v for k, v in record.items() if v == v} for record in records)  # no NaN
+    known = ({k: v for k, v in record.items() if v == v} for record in records)  # NaN is missing
     writer.writerows(known)
     return stream.getvalue().rstrip("\n")
 
