@@ -16,28 +16,15 @@ class Rigid:
 
     def __init__(self, s: Tracking) -> None:
         self.w, self.wd, self.w_, self.taud = s.V, s.Vd, s.V - s.Vd, s.tau_d
-        self._I = s.inertia.matrix
+        self.momentum = s.inertia.momentum  # 𝕀ω
         R_E, Rd_T = s.Q @ transpose(s.Qd), transpose(s.Qd)
         asymmetric = s.gains.K @ R_E - transpose(R_E) @ transpose(s.gains.K)
         self.proportional = apply_matrix(Rd_T, vee(asymmetric))
         self.spatial_damping = apply_matrix(Rd_T @ s.gains.K_d @ s.Qd, self.w_)
         self.body_damping = apply_matrix(s.gains.K_d, self.w_)
-
-    def momentum(self, w: Array) -> Array:
-        """𝕀ω."""
-        return apply_matrix(self._I, w)
-
-    def transport(self) -> Array:
-        """ω_d × 𝕀ω̃."""
-        return cross(self.wd, self.momentum(self.w_))
-
-    def gyroscopic(self) -> Array:
-        """ω̃ × 𝕀ω_d."""
-        return cross(self.w_, self.momentum(self.wd))
-
-    def connection(self) -> Array:
-        """𝕀(ω × ω_d)."""
-        return self.momentum(cross(self.w, self.wd))
+        self.transport = cross(self.wd, self.momentum(self.w_))  # ω_d × 𝕀ω̃
+        self.gyroscopic = cross(self.w_, self.momentum(self.wd))  # ω̃ × 𝕀ω_d
+        self.connection = self.momentum(cross(self.w, self.wd))  # 𝕀(ω × ω_d)
 
 
 class SO3Law(MemberForm):
@@ -66,7 +53,7 @@ class SO3EqT(SO3Law):
 
     def of(self, b: Rigid) -> Array:
         """The sum of its terms."""
-        return b.taud + b.gyroscopic() + b.transport() - b.spatial_damping - b.proportional
+        return b.taud + b.gyroscopic + b.transport - b.spatial_damping - b.proportional
 
 
 class SO3GT(SO3Law):
@@ -81,7 +68,7 @@ class SO3GT(SO3Law):
         """The sum of its terms."""
         return (
             b.taud
-            + b.connection() / 2
+            + b.connection / 2
             + cross(b.w, b.momentum(b.wd)) / 2
             + cross(b.wd, b.momentum(b.w)) / 2
             - cross(b.wd, b.momentum(b.wd))
@@ -100,7 +87,7 @@ class SO3NoG(SO3Law):
 
     def of(self, b: Rigid) -> Array:
         """The sum of its terms."""
-        return b.taud + b.transport() - b.spatial_damping - b.proportional
+        return b.taud + b.transport - b.spatial_damping - b.proportional
 
 
 class SO3Asym(SO3Law):
@@ -115,9 +102,9 @@ class SO3Asym(SO3Law):
         """The sum of its terms."""
         return (
             b.taud
-            + b.gyroscopic()
-            + b.transport() / 2
-            + b.connection() / 2
+            + b.gyroscopic
+            + b.transport / 2
+            + b.connection / 2
             - b.spatial_damping
             - b.proportional
         )
