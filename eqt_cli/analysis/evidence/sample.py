@@ -46,8 +46,8 @@ class Sample:
     times: Array
     flat: Array
     errors: Array
-    states: tuple[State, State, State]
-    inputs: tuple[Input, Input]
+    states: list[State]
+    inputs: list[Input]
     drawn: tuple[Array, Array, Array, Array]
     gains: Gains
     reference: Reference
@@ -119,19 +119,8 @@ def sampled(
     free = [lifted(Q, G.drift(Q)[:, None, None]) for Q in poses[2:]]
     states = [(Q, lifted(P)) for Q, P in zip(free, vectors[2:5], strict=True)]
     inputs = [(lifted(vectors[k]), lifted(vectors[k + 1])) for k in (5, 7)]
-    gains = _without_symmetry(loop, random)
-    return Sample(
-        label,
-        exact,
-        times,
-        flat,
-        errors,
-        (states[0], states[1], states[2]),
-        (inputs[0], inputs[1]),
-        (poses[0], vectors[0], poses[1], Vd),
-        gains,
-        own,
-    )
+    gains, drawn = _without_symmetry(loop, random), (poses[0], vectors[0], poses[1], Vd)
+    return Sample(label, exact, times, flat, errors, states, inputs, drawn, gains, own)
 
 
 def draw_beyond_work(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
