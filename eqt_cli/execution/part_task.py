@@ -113,7 +113,7 @@ class PartTask:
         for index in range(len(self.study.shapes)):
             piece = self.study.piece(index)
             if not (piece.desired_varies or self._has_reference(index)):
-                self.files.save_reference(index, reference_table(piece))
+                self.files.write(self.files.reference(index), reference_table(piece))
 
     def _has_reference(self, index: int) -> bool:
         try:
