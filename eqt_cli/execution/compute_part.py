@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.critical_points import distance_to_unstable
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.results.quantity_table import DESIRED, MEASURED, with_keys_of
+from eqt_cli.store.reader import ResultFile
 from eqt_cli.store.table import Attribute, Table, Variable
 
 LEADING = {Per.TRAJECTORY: "kept", Per.RUN: "entry", Per.INITIAL: "start", Per.DESIRED: "reference"}
@@ -141,11 +142,11 @@ class PartArrays:
             Per.DESIRED: len(self.points) if is_first and study.desired_varies else 0,
         }
         always = (Per.RUN, Per.TRAJECTORY)
+        layout = Layout(study)
         self.quantities = [
-            entry for entry in Layout(study).quantities if counts[entry.per] or entry.per in always
+            entry for entry in layout.quantities if counts[entry.per] or entry.per in always
         ]
-        sizes = {"time": len(base.times[self.samples]), "axis": base.group.dimension}
-        sizes |= {"row": base.group.size, "col": base.group.size}
+        sizes = layout.sizes
         self.data = {
             entry.name: _blank(entry, (counts[entry.per], *(sizes[dim] for dim in entry.dims)))
             for entry in self.quantities
@@ -227,27 +228,9 @@ def _blank(quantity: Quantity, shape: tuple[int, ...]) -> Array:
     return np.full(shape, missing, dtype=quantity.dtype)
 
 
-class StoredPart(Protocol):
-    """What a finished part holds, wherever that is: arrays by name, and attributes."""
-
-    @property
-    def path(self) -> Path:
-        """Its file."""
-
-    @property
-    def attributes(self) -> Mapping[str, Attribute]:
-        """What is said of all of it."""
-
-    def has(self, name: str) -> bool:
-        """Whether it holds an array of this name."""
-
-    def __getitem__(self, name: str) -> Array:
-        """The array of this name."""
-
-
 @dataclass(frozen=True)
 class KeptPart:
-    """A part in memory, which is in a file as well."""
+    """A part in memory, which is in a file as well; it is read as that file is."""
 
     path: Path
     table: Table
@@ -263,6 +246,10 @@ class KeptPart:
 
     def __getitem__(self, name: str) -> Array:
         return self.table.variables[name].data
+
+
+StoredPart = KeptPart | ResultFile
+"""A finished part, wherever it is read from."""
 
 
 def checked_states(results: StoredPart, layout: StateLayout) -> Array:

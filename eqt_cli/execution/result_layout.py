@@ -104,12 +104,17 @@ class Layout:
 
     def size(self, blanks: Mapping[str, Blank]) -> int:
         """Bytes of some variables."""
-        sizes = {"point": len(self.study)} | _sizes(self.coordinates)
+        sizes = self.sizes
         return sum(
             prod(sizes[dim] for dim in blank.dims)
             * (blank.dtype.itemsize if blank.dtype else TEXT_BYTES)
             for blank in blanks.values()
         )
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """The length of every dimension."""
+        return {"point": len(self.study)} | _sizes(self.coordinates)
 
     @property
     def coordinates(self) -> dict[str, Variable]:
