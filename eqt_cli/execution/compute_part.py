@@ -172,15 +172,9 @@ class PartArrays:
         kept = {Per.RUN} if (self._kept[batch.rows] < 0).all() else {Per.RUN, Per.TRAJECTORY}
         return tuple(entry.name for entry in self.quantities if entry.per in kept)
 
-    def add(
-        self,
-        batch: Batch,
-        solution: Solution,
-        signals: dict[str, Array],
-        metrics: dict[str, Array],
-    ) -> None:
+    def add(self, batch: Batch, solution: Solution, found: dict[str, Array]) -> None:
         """Keep what is asked for of some runs."""
-        per_run = metrics | {
+        found = found | {
             "steps": solution.steps,
             "status": solution.status,
             "message": np.array(solution.messages, dtype=object),
@@ -188,10 +182,10 @@ class PartArrays:
         kept, checked = self._kept[batch.rows], self._checked[batch.rows]
         for quantity in self.quantities:
             if quantity.per is Per.RUN:
-                self.data[quantity.name][batch.rows] = per_run[quantity.name]
+                self.data[quantity.name][batch.rows] = found[quantity.name]
             elif quantity.per is Per.TRAJECTORY and (kept >= 0).any():
-                found = signals[quantity.name][kept >= 0]
-                self.data[quantity.name][kept[kept >= 0]] = found[:, self.samples]
+                signal = found[quantity.name][kept >= 0]
+                self.data[quantity.name][kept[kept >= 0]] = signal[:, self.samples]
         self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
 
     def table(self) -> Table:
@@ -298,8 +292,8 @@ def _rows(results: StoredPart) -> list[str]:
 
 def _solved(
     batch: Batch, reference: Desired, names: tuple[str, ...], context: TaskContext
-) -> tuple[Solution, dict[str, Array], dict[str, Array]]:
-    """The solution of a batch, its signals and its metrics, as far as they are wanted."""
+) -> tuple[Solution, dict[str, Array]]:
+    """The solution of a batch, with its signals and its metrics as far as they are wanted."""
     engine, problem, solver = batch.engine, batch.problem, batch.experiment.solver
     # To estimate its error, a run is solved twice; it counts as done after both.
     progress = scaled(context.progress, 0.5) if solver.estimates_errors else context.progress
@@ -308,9 +302,9 @@ def _solved(
     if solver.estimates_errors:
         tighter = engine.tightened(0.1).solve(problem, progress, context.threads)
     with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-        signals, metrics = measured(batch, solution, reference, names, tighter)
-    _judge(solution, metrics["error_estimate"], solver.judgement.max_error)
-    return solution, signals, metrics
+        found = measured(batch, solution, reference, names, tighter)
+    _judge(solution, found["error_estimate"], solver.judgement.max_error)
+    return solution, found
 
 
 def measured(
@@ -319,8 +313,8 @@ def measured(
     reference: Desired,
     names: tuple[str, ...],
     tighter: Solution | None = None,
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """The signals of a solution, and what of its runs is one number each.
+) -> dict[str, Array]:
+    """The signals of a solution, and what of its runs is one number each, by name.
 
     Parameters
     ----------
@@ -353,13 +347,16 @@ def measured(
     }
     away = distance_to_unstable(loop.group, loop.gains.K, found[POSE_ERROR])
     estimate = np.full(problem.runs, np.nan) if tighter is None else largest(found[ERROR])
-    metrics |= {
-        "group_drift": found[DRIFT].max(axis=-1),
-        "unstable_distance": away.min(axis=-1),
-        "reference_residual": largest(found[RESIDUAL]),
-        "error_estimate": estimate,
-    }
-    return found, metrics
+    return (
+        found
+        | metrics
+        | {
+            "group_drift": found[DRIFT].max(axis=-1),
+            "unstable_distance": away.min(axis=-1),
+            "reference_residual": largest(found[RESIDUAL]),
+            "error_estimate": estimate,
+        }
+    )
 
 
 def _in_rows(reference: Desired, shape: tuple[int, ...]) -> Array:

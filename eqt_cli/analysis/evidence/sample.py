@@ -85,20 +85,14 @@ class Sample:
         return self.moving((lifted(identity), lifted(np.zeros(P.shape))), (self.G.hat(V), P))
 
 
-def sampled(
-    label: str,
-    loop: ClosedLoop,
-    horizon: float,
-    random: np.random.Generator,
-    *,
-    at_rest: bool = False,
-) -> Sample:
+def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Generator) -> Sample:
     """A closed loop at random states and random times of its horizon.
 
-    The reference moves, whatever it does in the experiment, unless it is to be `at_rest`; so one
-    that has no state of its own is replaced by one that has.
+    The reference moves, whatever it does in the experiment, unless the law tracks none; so one that
+    has no state of its own is replaced by one that has.
     """
     G, own = loop.group, loop.reference
+    at_rest = "track" not in loop.controller.tasks
     if "velocity" not in loop.reference.starts_from:
         loop = replace(loop, reference=TorqueReference([0.0 if at_rest else 0.5] * G.dimension))
     exact = loop.with_parameters(_with_errors(loop.parameters))
@@ -137,10 +131,9 @@ def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:
 def _with_errors(parameters: dict[str, Array]) -> dict[str, Array]:
     """The tensors of a loop with what is inexact in them: inverses, and digits of symmetry."""
     found = dict(parameters)
-    for name in ("inertia", "kp"):
-        if name in found:
-            matrix = found[name]
-            found[name] = lifted(matrix, np.abs(matrix - matrix.swapaxes(-1, -2)))
+    for name in {"inertia", "kp"} & found.keys():
+        matrix = found[name]
+        found[name] = lifted(matrix, np.abs(matrix - matrix.swapaxes(-1, -2)))
     if "inertia_inverse" in found:
         matrix, inverse = parameters["inertia"], parameters["inertia_inverse"]
         condition = np.linalg.norm(matrix) * np.linalg.norm(inverse)
