@@ -244,10 +244,10 @@ def _differences(
 ) -> tuple[Array, _Pieces]:
     """How far another way comes from each of the runs that did not fail, and what it redoes."""
     part, found, redone = _affordable(study, way, len(groups), steps), [np.empty(0)], []
+    everything = _Pieces((0,), len(study.base.times))
     for group in groups:
         engine, _ = way(group[0][0].experiment)
         problem = Problem.joined([batch.problem for batch, _ in group])
-        everything = _Pieces((0,), len(problem.times))
         pieces = everything if engine.threads else _Pieces.of(problem, engine, part)
         states = np.concatenate([states for _, states in group])
         good = np.flatnonzero(np.isfinite(states).all(axis=(1, 2)))
@@ -263,8 +263,7 @@ def _differences(
         with np.errstate(all="ignore"):  # where the other engine failed, or came far
             distances = pieces.differences(whole, states, again.states)
         found.append(np.nan_to_num(distances, nan=np.inf))
-    all_of_it = _Pieces((0,), len(study.base.times))
-    return np.concatenate(found), min(redone, key=_Pieces.reach, default=all_of_it)
+    return np.concatenate(found), min(redone, key=_Pieces.reach, default=everything)
 
 
 def _by_kind(

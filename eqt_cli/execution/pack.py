@@ -163,7 +163,8 @@ def _put_parts(
                 chosen = chosen_entries(study)
                 if ((chosen >= part.start) & (chosen < part.stop)).any():
                     states[index][label].append(checked_states(results, loop.layout))
-                work[index][label].append(found["steps"])
+                if "steps" in found:
+                    work[index][label].append(found["steps"])
         except ResultError as error:
             raise BrokenPart(listed.path, str(error)) from error
         progress(1)

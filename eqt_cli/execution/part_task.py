@@ -1,7 +1,7 @@
 """What a worker does: open the study once, compute the parts that it is told, and save them."""
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -98,14 +98,11 @@ class PartTask:
         """Parts that are in files, too, by number."""
         return {}
 
-    @contextmanager
-    def opened(self, item: int, path: Path) -> Iterator[StoredPart]:
+    def opened(self, item: int, path: Path) -> AbstractContextManager[StoredPart]:
         """What a finished part holds, once from memory where it is kept, else from its file."""
         if item in self._kept:
-            yield KeptPart(path, self._kept.pop(item))
-        else:
-            with open_results(path) as results:
-                yield results
+            return nullcontext(KeptPart(path, self._kept.pop(item)))
+        return open_results(path)
 
     @blamed()
     def prepare(self) -> None:

@@ -22,7 +22,7 @@ from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.provenance import OTHERS, differences, now, provenance, together
 from eqt_cli.execution.rerun_failed import rerun_of
 from eqt_cli.execution.result_layout import described
-from eqt_cli.execution.steps import Stage, Steps, silent, timed
+from eqt_cli.execution.steps import SILENT, Stage, Steps, silent, timed
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity_table import quantities
 from eqt_cli.store.reader import open_results
@@ -127,7 +127,9 @@ def execute(
         locks.enter_context(locked(out, shared=shard is not None, remark=remark))
         if shard:
             locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
-        session = _Session(study, folder, executor or Serial(), progress, resumed, remark, stage)
+        session = _Session(
+            study, folder, executor or Serial(), Steps(progress, stage), resumed, remark
+        )
         if complete:
             return session.rerun(complete.failed)
         if rerun_failed:
@@ -155,7 +157,7 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
                 f"{out}: {missing} of {len(study.plans)} parts are missing; run every shard to its "
                 "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
             )
-        return _Session(study, folder, Serial(), silent, silent, remark).run(False, None)
+        return _Session(study, folder, Serial(), SILENT, silent, remark).run(False, None)
 
 
 def _complete(study: Study, folder: ResultFolder) -> Execution | None:
@@ -181,10 +183,9 @@ class _Session:
     study: Study
     folder: ResultFolder
     executor: Executor
-    progress: Progress
+    steps: Steps
     resumed: Progress
     remark: Remark
-    stage: Stage | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -197,9 +198,8 @@ class _Session:
         removed = self.folder.claim(self.study, manifest, force)
         if shard is None:
             self.folder.tidy()
-        wanted = (
-            range(shard.index - 1, len(self.plan), shard.count) if shard else range(len(self.plan))
-        )
+        first, step = (shard.index - 1, shard.count) if shard else (0, 1)
+        wanted = range(first, len(self.plan), step)
         if shard or earlier.get("quantities") != manifest["quantities"]:
             self._forget_outdated(self.task, wanted)
         runs = sum(map(self.task.runs_of, wanted))
@@ -267,18 +267,17 @@ class _Session:
     def _compute(self, task: PartTask, wanted: Iterable[int] | None = None) -> None:
         """Compute what of a task is missing, or of some of its parts."""
         task.prepare()
-        for outcome in self.executor.outcomes(task, task.missing(wanted), self.progress):
+        for outcome in self.executor.outcomes(task, task.missing(wanted), self.steps.progress):
             if outcome.failed is None:
                 message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
-                self.progress(task.lose(outcome.item, message))
+                self.steps.progress(task.lose(outcome.item, message))
 
     def _pack(self, origin: dict[str, Any]) -> None:
         """Pack all parts; those that turn out to be damaged are computed again."""
         attributes, mended = described(self.study, origin), set[Path]()
-        steps = Steps(self.progress, self.stage)
         while True:
             try:
-                pack(self.task, self.folder.results, attributes, steps, self.seconds)
+                pack(self.task, self.folder.results, attributes, self.steps, self.seconds)
                 return
             except BrokenPart as broken:
                 if broken.path in mended:  # what computing it again does not cure
