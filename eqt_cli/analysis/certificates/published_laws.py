@@ -26,16 +26,13 @@ class Body:
     """A motion in the body errors, in the symbols that the laws share."""
 
     def __init__(self, s: Tracking) -> None:
-        self.s, self.G, self.V, self.P = s, s.G, s.V, s.inertia.momentum(s.V)
+        self.s, self.G, self.momentum = s, s.G, s.inertia.momentum  # 𝕀V of a velocity
+        self.V, self.P = s.V, self.momentum(s.V)
         self.Q_L = s.G.inverse(s.Qd) @ s.Q
         self.xi = transported(s)
         self.e = s.V - self.xi
         self.force = gradient(s.G, s.gains.K, self.Q_L)
         self.e_R = s.G.vee(self.Q_L)
-
-    def momentum(self, V: Array) -> Array:
-        """𝕀V."""
-        return self.s.inertia.momentum(V)
 
     def damping(self, V: Array) -> Array:
         """K_d V."""

@@ -24,7 +24,7 @@ class LyapunovCheck(TrajectoryCheck):
     def check(self, runs: Runs) -> Row:
         """As `judge`, with the function that L is and its theorem."""
         row = self.judge(runs)
-        remark = "; ".join(part for part in (row.remark, runs.own_function) if part)
+        remark = _joined(row.remark, runs.own_function)
         return replace(row, statement=runs.theorem or row.statement, remark=remark)
 
     @abstractmethod
