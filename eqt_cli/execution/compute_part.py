@@ -71,18 +71,17 @@ def solve_references(study: Study, points: Array) -> dict[str, Array]:
         for batch in reference_batches(study, points):
             states[batch.rows] = batch.engine.solve(batch.problem, lambda runs: None).states
     found = [_desired(system, times, own) for system, own in zip(systems, states, strict=True)]
-    columns = zip(*found, strict=True)
-    return {name: np.array(values) for name, values in zip(DESIRED, columns, strict=True)}
+    return {name: np.array([own[name] for own in found]) for name in DESIRED}
 
 
-def _desired(system: ReferenceSystem, times: Array, states: Array) -> tuple[Array, ...]:
+def _desired(system: ReferenceSystem, times: Array, states: Array) -> dict[str, Array]:
     """`DESIRED` of a reference at every sample, ``(samples, …)`` each."""
     s = system.tracking(times, states)
     # What is made of numbers alone has no axis of time.
-    return tuple(
-        np.broadcast_to(values, (len(times), *values.shape[values.ndim - axes :]))
-        for values, axes in ((s.Qd, 2), (s.Vd, 1), (s.tau_d, 1))
-    )
+    return {
+        name: np.broadcast_to(values, (len(times), *values.shape[values.ndim - axes :]))
+        for name, values, axes in zip(DESIRED, (s.Qd, s.Vd, s.tau_d), (2, 1, 1), strict=True)
+    }
 
 
 def compute_part(study: Study, part: Part, shared: Desired | None, context: TaskContext) -> Table:

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,8 @@ class PartTask:
     files: PartFiles
     chosen: tuple[tuple[int, Part], ...] | None = None
     keeps: bool = False
+    _kept: dict[int, Table] = field(default_factory=dict, init=False)
+    """Parts that are in files, too, by number."""
 
     def __len__(self) -> int:
         return len(self.study.plans) if self.chosen is None else len(self.chosen)
@@ -92,11 +94,6 @@ class PartTask:
         if self.keeps and _bytes(whole, *self._kept.values()) <= KEPT_BYTES:
             self._kept[item] = whole
         return failed
-
-    @cached_property
-    def _kept(self) -> dict[int, Table]:
-        """Parts that are in files, too, by number."""
-        return {}
 
     def opened(self, item: int, path: Path) -> AbstractContextManager[StoredPart]:
         """What a finished part holds, once from memory where it is kept, else from its file."""
@@ -141,7 +138,7 @@ class PartTask:
             return {name: results[name] for name in DESIRED}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"study": self.study, "files": self.files, "chosen": self.chosen}
+        return {"study": self.study, "files": self.files, "chosen": self.chosen, "_kept": {}}
 
 
 def _bytes(*tables: Table) -> int:

@@ -247,8 +247,7 @@ def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
     if set(functions.values()) != {Controller.energy} or unclaimed:
         told = {"functions": functions, "unclaimed": unclaimed}
         own["lyapunov_functions"] = json.dumps(told, ensure_ascii=False)
-    not_matched = [label for label, loop in loops.items() if loop.controller.matched is False]
-    if not_matched:
+    if not_matched := [label for label, loop in loops.items() if loop.controller.matched is False]:
         own["matching"] = json.dumps({"not_matched": not_matched}, ensure_ascii=False)
     return {
         "title": study.name,

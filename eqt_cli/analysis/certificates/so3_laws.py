@@ -3,11 +3,9 @@
 from abc import abstractmethod
 from typing import Any, ClassVar
 
-from eqt_cli.analysis.certificates.stabilisation import is_rotations_of_space, vee
+from eqt_cli.analysis.certificates.stabilisation import RigidBodyForm, vee
 from eqt_cli.analysis.certificates.tracking_laws import MemberForm
-from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, apply_matrix, cross, transpose
-from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Tracking
 
 
@@ -27,12 +25,8 @@ class Rigid:
         self.connection = self.momentum(cross(self.w, self.wd))  # 𝕀(ω × ω_d)
 
 
-class SO3Law(MemberForm):
+class SO3Law(RigidBodyForm, MemberForm):
     """A law of §7 against the paper's formula."""
-
-    def is_written_for(self, loop: ClosedLoop) -> bool:
-        """SO(3), with the constant inertia of §7."""
-        return isinstance(loop.inertia, Inertia) and is_rotations_of_space(loop.group)
 
     def torque(self, s: Tracking, law: Any) -> Array:
         """The formula, in the symbols of §7."""
