@@ -49,10 +49,10 @@ def certificate_table(rows: Sequence[Row], *, brief: bool = False) -> TextTable 
     """
     shown = [row for row in rows if row.verdict not in (_HOLDS, *_LISTED)] if brief else rows
     blocks = [
-        Block(title, [_cells(row) for row in shown if row.kind == kind])
+        Block(title, cells)
         for kind, title in _KINDS.items()
+        if (cells := [_cells(row) for row in shown if row.kind == kind])
     ]
-    blocks = [block for block in blocks if block.rows]
     notes = _notes(rows, brief=brief)
     if not (blocks or notes):
         return None
@@ -70,16 +70,12 @@ def certificate_table(rows: Sequence[Row], *, brief: bool = False) -> TextTable 
 
 def _notes(rows: Sequence[Row], *, brief: bool) -> list[str]:
     """What the verdicts mean that occur, and in a short table which rows have them."""
-    found: dict[Verdict, list[Row]] = {verdict: [] for verdict in _LEGEND}
-    for row in rows:
-        if row.verdict in found:
-            found[row.verdict].append(row)
-    return [
-        f"{verdict}: {_LEGEND[verdict]}"
-        + (f": {_named(having)}." if brief and verdict in _LISTED else ".")
-        for verdict, having in found.items()
-        if having
-    ]
+    notes = []
+    for verdict, meaning in _LEGEND.items():
+        if having := [row for row in rows if row.verdict is verdict]:
+            named = f": {_named(having)}" if brief and verdict in _LISTED else ""
+            notes.append(f"{verdict}: {meaning}{named}.")
+    return notes
 
 
 def _named(rows: Sequence[Row]) -> str:

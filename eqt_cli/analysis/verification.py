@@ -13,7 +13,7 @@ from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.analysis.evidence.runs import Runs, Setting
 from eqt_cli.analysis.evidence.sample import sampled
 from eqt_cli.analysis.oracles import Oracle
-from eqt_cli.analysis.oracles.rows import Start, oracle_rows
+from eqt_cli.analysis.oracles.rows import oracle_rows
 from eqt_cli.closed_loop import ErrorSystem
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array, norm
@@ -153,19 +153,17 @@ class _Verifier:
         """The runs of the study."""
         batch, solution = self._solved(label)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-            signals, numbers = measured(batch, solution, reference, JUDGED + SHOWN)
-        found = numbers | signals
-        return self._runs(batch, solution, label, solution.status, found, reference)
+            found = measured(batch, solution, reference, JUDGED + SHOWN)
+        return self._runs(batch, solution, label, found | {"status": solution.status}, reference)
 
     def of_stored_runs(self, label: str, results: Result, reference: Desired) -> Runs:
         """The runs of a result; states, which it does not hold, are those of the study."""
         batch, solution = self._solved(label)
         index = list(self.experiment.loops).index(label)
-        names = [*JUDGED, *(name for name in SHOWN if results.has(name))]
+        names = [*JUDGED, *(name for name in SHOWN if results.has(name)), "status"]
         kept = {name: results.read(name, controller=index) for name in names}
         kept["time"] = results["time"]
-        status = results.read("status", controller=index)
-        return self._runs(batch, solution, label, status, kept, reference)
+        return self._runs(batch, solution, label, kept, reference)
 
     def _solved(self, label: str) -> tuple[Batch, Solution]:
         [batch] = batches(self.study, label, np.arange(self.study.plan.runs))
@@ -176,13 +174,11 @@ class _Verifier:
         batch: Batch,
         solution: Solution,
         label: str,
-        status: Array,
         found: Mapping[str, Array],
         reference: Desired,
     ) -> Runs:
-        good = status == 0
-        over_time = {name: found[name] for name in SHOWN if name in found}
-        kept = {name: values[good[: len(values)]] for name, values in over_time.items()}
+        good = found["status"] == 0
+        kept = {name: found[name][good[: len(found[name])]] for name in SHOWN if name in found}
         return Runs(
             label=label,
             claims_decrease=batch.problem.loop.claims_decrease,
@@ -230,20 +226,13 @@ class _Verifier:
     def verification(self, runs: list[Runs], desired: Desired) -> Verification:
         """All rows."""
         Qd, Vd = desired["desired_pose"], desired["desired_velocity"]
-        loops, seed = self.experiment.loops, self.experiment.config.ensemble.seed
-        horizon = float(self.experiment.times[-1])
+        loops, horizon = self.experiment.loops, float(self.experiment.times[-1])
         finite = np.isfinite(Qd).all(axis=(-2, -1)) & np.isfinite(Vd).all(axis=-1)
         times = np.linspace(0.0, horizon, len(Qd))[finite]
         any_loop = replace(next(iter(loops.values())), controller=EqT())
-        common = sampled("", any_loop, horizon, generator(seed, Stream.CERTIFICATES, 0))
+        common = sampled("", any_loop, horizon, self._random(0))
         samples = [
-            sampled(
-                label,
-                loop,
-                horizon,
-                generator(seed, Stream.CERTIFICATES, index),
-                at_rest="track" not in loop.controller.tasks,
-            )
+            sampled(label, loop, horizon, self._random(index))
             for index, (label, loop) in enumerate(loops.items(), start=1)
         ]
         rigid = self.experiment.config.rigid is not False
@@ -259,9 +248,9 @@ class _Verifier:
 
     def _of_oracles(self) -> Iterator[Row]:
         """What other programs say."""
-        experiment, loops = self.experiment, self.experiment.loops
-        start = Start(experiment.initial_pose, experiment.initial_velocity, experiment.engine)
-        for index, oracle in enumerate(self.oracles, start=len(loops) + 1):
-            seed = experiment.config.ensemble.seed
-            random = generator(seed, Stream.CERTIFICATES, index)
-            yield from oracle_rows(oracle, loops, start, random)
+        for index, oracle in enumerate(self.oracles, start=len(self.experiment.loops) + 1):
+            yield from oracle_rows(oracle, self.experiment, self._random(index))
+
+    def _random(self, index: int) -> np.random.Generator:
+        """What a law's states are drawn from, or an oracle's; 0 is of no law."""
+        return generator(self.experiment.config.ensemble.seed, Stream.CERTIFICATES, index)

@@ -54,17 +54,13 @@ def batches(study: Study, label: str, entries: Array) -> Iterator[Batch]:
     Within a problem they are in the order of `entries`.
     """
     points, runs = np.divmod(entries, study.plan.runs)
-    Q, V = initial_states(study, points, runs)
-    yield from _batches(study, label, points, Q, V, runs)
+    yield from _batches(study, label, points, runs)
 
 
 def reference_batches(study: Study, points: Array) -> Iterator[Batch]:
     """The references of some points by themselves; they belong to no run."""
     label = next(iter(study.base.loops))  # all controllers have the same
-    experiments = [study.experiment(int(point)) for point in points]
-    Q = np.array([experiment.initial_pose for experiment in experiments])
-    V = np.array([experiment.initial_velocity for experiment in experiments])
-    yield from _batches(study, label, points, Q, V)
+    yield from _batches(study, label, points)
 
 
 def initial_states(study: Study, points: Array, runs: Array) -> tuple[Array, Array]:
@@ -91,24 +87,22 @@ def _draw(study: Study, point: int, runs: tuple[int, ...]) -> tuple[Array, Array
     )
 
 
-def _batches(
-    study: Study, label: str, points: Array, Q: Array, V: Array, runs: Array | None = None
-) -> Iterator[Batch]:
+def _batches(study: Study, label: str, points: Array, runs: Array | None = None) -> Iterator[Batch]:
     kinds: dict[Hashable, list[int]] = {}
     for point in _distinct(points):
         kinds.setdefault(_kind(study.experiment(point), label), []).append(point)
     for kind, members in kinds.items():
-        rows = np.flatnonzero(np.isin(points, members)) if len(kinds) > 1 else np.arange(len(Q))
+        rows = (
+            np.flatnonzero(np.isin(points, members)) if len(kinds) > 1 else np.arange(len(points))
+        )
         own = None if runs is None else runs[rows]
-        problem = _problem(study, label, points[rows], Q[rows], V[rows], own)
+        problem = _problem(study, label, points[rows], own)
         experiment = study.experiment(members[0])
         engine = experiment.engine.sized(study.plan.total, problem.loop.state_length)
         yield Batch(rows, points[rows], experiment, engine, problem, kind)
 
 
-def _problem(
-    study: Study, label: str, points: Array, Q: Array, V: Array, runs: Array | None
-) -> Problem:
+def _problem(study: Study, label: str, points: Array, runs: Array | None) -> Problem:
     distinct, which = np.unique(points, return_inverse=True)
     experiments = [study.experiment(int(point)) for point in distinct]
     loops = [experiment.loops[label] for experiment in experiments]
@@ -116,6 +110,7 @@ def _problem(
         loops = [ReferenceSystem.of(loop) for loop in loops]
     Qd = np.array([experiment.initial_pose for experiment in experiments])[which]
     Vd = np.array([experiment.initial_velocity for experiment in experiments])[which]
+    Q, V = (Qd, Vd) if runs is None else initial_states(study, points, runs)
     varying = _varying(loops, which)
     if runs is not None and any(loop.vehicle.varies for loop in loops):
         varying |= _drawn(experiments, label, which, runs)

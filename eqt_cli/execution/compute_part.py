@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.critical_points import distance_to_unstable
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.results.quantity_table import DESIRED, MEASURED, with_keys_of
+from eqt_cli.store.reader import ResultFile
 from eqt_cli.store.table import Attribute, Table, Variable
 
 LEADING = {Per.TRAJECTORY: "kept", Per.RUN: "entry", Per.INITIAL: "start", Per.DESIRED: "reference"}
@@ -70,18 +71,17 @@ def solve_references(study: Study, points: Array) -> dict[str, Array]:
         for batch in reference_batches(study, points):
             states[batch.rows] = batch.engine.solve(batch.problem, lambda runs: None).states
     found = [_desired(system, times, own) for system, own in zip(systems, states, strict=True)]
-    columns = zip(*found, strict=True)
-    return {name: np.array(values) for name, values in zip(DESIRED, columns, strict=True)}
+    return {name: np.array([own[name] for own in found]) for name in DESIRED}
 
 
-def _desired(system: ReferenceSystem, times: Array, states: Array) -> tuple[Array, ...]:
+def _desired(system: ReferenceSystem, times: Array, states: Array) -> dict[str, Array]:
     """`DESIRED` of a reference at every sample, ``(samples, …)`` each."""
     s = system.tracking(times, states)
     # What is made of numbers alone has no axis of time.
-    return tuple(
-        np.broadcast_to(values, (len(times), *values.shape[values.ndim - axes :]))
-        for values, axes in ((s.Qd, 2), (s.Vd, 1), (s.tau_d, 1))
-    )
+    return {
+        name: np.broadcast_to(values, (len(times), *values.shape[values.ndim - axes :]))
+        for name, values, axes in zip(DESIRED, (s.Qd, s.Vd, s.tau_d), (2, 1, 1), strict=True)
+    }
 
 
 def compute_part(study: Study, part: Part, shared: Desired | None, context: TaskContext) -> Table:
@@ -141,11 +141,11 @@ class PartArrays:
             Per.DESIRED: len(self.points) if is_first and study.desired_varies else 0,
         }
         always = (Per.RUN, Per.TRAJECTORY)
+        layout = Layout(study)
         self.quantities = [
-            entry for entry in Layout(study).quantities if counts[entry.per] or entry.per in always
+            entry for entry in layout.quantities if counts[entry.per] or entry.per in always
         ]
-        sizes = {"time": len(base.times[self.samples]), "axis": base.group.dimension}
-        sizes |= {"row": base.group.size, "col": base.group.size}
+        sizes = layout.sizes
         self.data = {
             entry.name: _blank(entry, (counts[entry.per], *(sizes[dim] for dim in entry.dims)))
             for entry in self.quantities
@@ -171,15 +171,9 @@ class PartArrays:
         kept = {Per.RUN} if (self._kept[batch.rows] < 0).all() else {Per.RUN, Per.TRAJECTORY}
         return tuple(entry.name for entry in self.quantities if entry.per in kept)
 
-    def add(
-        self,
-        batch: Batch,
-        solution: Solution,
-        signals: dict[str, Array],
-        metrics: dict[str, Array],
-    ) -> None:
+    def add(self, batch: Batch, solution: Solution, found: dict[str, Array]) -> None:
         """Keep what is asked for of some runs."""
-        per_run = metrics | {
+        found = found | {
             "steps": solution.steps,
             "status": solution.status,
             "message": np.array(solution.messages, dtype=object),
@@ -187,10 +181,10 @@ class PartArrays:
         kept, checked = self._kept[batch.rows], self._checked[batch.rows]
         for quantity in self.quantities:
             if quantity.per is Per.RUN:
-                self.data[quantity.name][batch.rows] = per_run[quantity.name]
+                self.data[quantity.name][batch.rows] = found[quantity.name]
             elif quantity.per is Per.TRAJECTORY and (kept >= 0).any():
-                found = signals[quantity.name][kept >= 0]
-                self.data[quantity.name][kept[kept >= 0]] = found[:, self.samples]
+                signal = found[quantity.name][kept >= 0]
+                self.data[quantity.name][kept[kept >= 0]] = signal[:, self.samples]
         self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
 
     def table(self) -> Table:
@@ -227,27 +221,9 @@ def _blank(quantity: Quantity, shape: tuple[int, ...]) -> Array:
     return np.full(shape, missing, dtype=quantity.dtype)
 
 
-class StoredPart(Protocol):
-    """What a finished part holds, wherever that is: arrays by name, and attributes."""
-
-    @property
-    def path(self) -> Path:
-        """Its file."""
-
-    @property
-    def attributes(self) -> Mapping[str, Attribute]:
-        """What is said of all of it."""
-
-    def has(self, name: str) -> bool:
-        """Whether it holds an array of this name."""
-
-    def __getitem__(self, name: str) -> Array:
-        """The array of this name."""
-
-
 @dataclass(frozen=True)
 class KeptPart:
-    """A part in memory, which is in a file as well."""
+    """A part in memory, which is in a file as well; it is read as that file is."""
 
     path: Path
     table: Table
@@ -263,6 +239,10 @@ class KeptPart:
 
     def __getitem__(self, name: str) -> Array:
         return self.table.variables[name].data
+
+
+StoredPart = KeptPart | ResultFile
+"""A finished part, wherever it is read from."""
 
 
 def checked_states(results: StoredPart, layout: StateLayout) -> Array:
@@ -311,8 +291,8 @@ def _rows(results: StoredPart) -> list[str]:
 
 def _solved(
     batch: Batch, reference: Desired, names: tuple[str, ...], context: TaskContext
-) -> tuple[Solution, dict[str, Array], dict[str, Array]]:
-    """The solution of a batch, its signals and its metrics, as far as they are wanted."""
+) -> tuple[Solution, dict[str, Array]]:
+    """The solution of a batch, with its signals and its metrics as far as they are wanted."""
     engine, problem, solver = batch.engine, batch.problem, batch.experiment.solver
     # To estimate its error, a run is solved twice; it counts as done after both.
     progress = scaled(context.progress, 0.5) if solver.estimates_errors else context.progress
@@ -321,9 +301,9 @@ def _solved(
     if solver.estimates_errors:
         tighter = engine.tightened(0.1).solve(problem, progress, context.threads)
     with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-        signals, metrics = measured(batch, solution, reference, names, tighter)
-    _judge(solution, metrics["error_estimate"], solver.judgement.max_error)
-    return solution, signals, metrics
+        found = measured(batch, solution, reference, names, tighter)
+    _judge(solution, found["error_estimate"], solver.judgement.max_error)
+    return solution, found
 
 
 def measured(
@@ -332,8 +312,8 @@ def measured(
     reference: Desired,
     names: tuple[str, ...],
     tighter: Solution | None = None,
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """The signals of a solution, and what of its runs is one number each.
+) -> dict[str, Array]:
+    """The signals of a solution, and what of its runs is one number each, by name.
 
     Parameters
     ----------
@@ -366,13 +346,16 @@ def measured(
     }
     away = distance_to_unstable(loop.group, loop.gains.K, found[POSE_ERROR])
     estimate = np.full(problem.runs, np.nan) if tighter is None else largest(found[ERROR])
-    metrics |= {
-        "group_drift": found[DRIFT].max(axis=-1),
-        "unstable_distance": away.min(axis=-1),
-        "reference_residual": largest(found[RESIDUAL]),
-        "error_estimate": estimate,
-    }
-    return found, metrics
+    return (
+        found
+        | metrics
+        | {
+            "group_drift": found[DRIFT].max(axis=-1),
+            "unstable_distance": away.min(axis=-1),
+            "reference_residual": largest(found[RESIDUAL]),
+            "error_estimate": estimate,
+        }
+    )
 
 
 def _in_rows(reference: Desired, shape: tuple[int, ...]) -> Array:

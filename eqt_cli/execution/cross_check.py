@@ -16,6 +16,7 @@ from eqt_cli.core.errors import TraceError
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
+from eqt_cli.execution.executors import Progress
 from eqt_cli.execution.steps import scaled
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
@@ -77,8 +78,8 @@ def chosen_entries(study: Study) -> Array:
 def cross_check(
     study: Study,
     found: Mapping[str, Sequence[Array]],
-    steps: Mapping[str, Array],
-    progress: Callable[[float], None] = lambda runs: None,
+    work: Mapping[str, Sequence[Array]],
+    progress: Progress,
 ) -> CrossCheck | None:
     """Solve the chosen runs again and compare; None where none are chosen.
 
@@ -86,8 +87,8 @@ def cross_check(
     ----------
     found
         For each controller the states that were found for its chosen runs, some at a time.
-    steps
-        For each controller the work of all of its runs, as the engine counts it.
+    work
+        For each controller the work of all of its runs, as the engine counts it, some at a time.
     progress
         Told how many more runs are checked, in fractions.
     """
@@ -95,6 +96,7 @@ def cross_check(
     if not len(chosen):
         return None
     groups = _by_kind(study, chosen, found)
+    steps = {label: np.concatenate(own) for label, own in work.items()}
     way = _another_way
     try:
         differences, redone = _differences(study, groups, way, steps, progress)
@@ -173,8 +175,13 @@ class _Pieces:
 
     @staticmethod
     def beginning(problem: Problem, part: float) -> _Pieces:
-        """A part of the horizon, from its start."""
-        return _Pieces((0,), _beginning(problem, part))
+        """The beginning of the horizon, as far as `MOST_SPANS` reach; two samples at least."""
+        times = problem.times
+        end = times[0] + part * (times[-1] - times[0])
+        if len(problem.spans) > MOST_SPANS:
+            end = min(end, problem.spans[MOST_SPANS].start)
+        reached = int(np.searchsorted(times, end, side="right"))
+        return _Pieces((0,), len(times) if end >= times[-1] else max(reached, 2))
 
     def can_share_evaluations(self, whole: Problem, states: Array) -> bool:
         """Whether the field gives each piece its own time: a user's part may take one time only."""
@@ -233,14 +240,14 @@ def _differences(
     groups: list[list[tuple[Batch, Array]]],
     way: Way,
     steps: Mapping[str, Array],
-    progress: Callable[[float], None],
+    progress: Progress,
 ) -> tuple[Array, _Pieces]:
     """How far another way comes from each of the runs that did not fail, and what it redoes."""
     part, found, redone = _affordable(study, way, len(groups), steps), [np.empty(0)], []
+    everything = _Pieces((0,), len(study.base.times))
     for group in groups:
         engine, _ = way(group[0][0].experiment)
         problem = Problem.joined([batch.problem for batch, _ in group])
-        everything = _Pieces((0,), len(problem.times))
         pieces = everything if engine.threads else _Pieces.of(problem, engine, part)
         states = np.concatenate([states for _, states in group])
         good = np.flatnonzero(np.isfinite(states).all(axis=(1, 2)))
@@ -256,19 +263,7 @@ def _differences(
         with np.errstate(all="ignore"):  # where the other engine failed, or came far
             distances = pieces.differences(whole, states, again.states)
         found.append(np.nan_to_num(distances, nan=np.inf))
-    all_of_it = _Pieces((0,), len(study.base.times))
-    return np.concatenate(found), min(redone, key=_Pieces.reach, default=all_of_it)
-
-
-def _beginning(problem: Problem, part: float) -> int:
-    """How many samples a part of the horizon has, as far as `MOST_SPANS` reach; two at least."""
-    times = problem.times
-    end = times[0] + part * (times[-1] - times[0])
-    if len(problem.spans) > MOST_SPANS:
-        end = min(end, problem.spans[MOST_SPANS].start)
-    if end >= times[-1]:
-        return len(times)
-    return max(int(np.searchsorted(times, end, side="right")), 2)
+    return np.concatenate(found), min(redone, key=_Pieces.reach, default=everything)
 
 
 def _by_kind(
@@ -284,14 +279,9 @@ def _by_kind(
 
 
 def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:
-    """The difference of poses and velocities of states, ``(runs, samples, n) -> (runs,)``."""
+    """max over samples of max(‖ΔQ‖_F, ‖ΔV‖) between states, ``(runs, samples, n) -> (runs,)``."""
     a, b = loop.tracking(times, one), loop.tracking(times, other)
-    return difference(a.Q - b.Q, a.V - b.V)
-
-
-def difference(pose: Array, velocity: Array) -> Array:
-    """max over samples of max(‖ΔQ‖_F, ‖ΔV‖), ``(runs,)``."""
-    return largest(squares(pose, velocity))
+    return largest(squares(a.Q - b.Q, a.V - b.V))
 
 
 def squares(pose: Array, velocity: Array) -> Array:

@@ -50,9 +50,7 @@ class ResultFolder:
 
     def is_complete(self, study: Study) -> bool:
         """Whether the folder already holds the finished results of this very experiment."""
-        manifest = self.manifest
-        same = manifest is not None and manifest["digest"] == study.digest
-        return same and self.results.exists()
+        return (self.manifest or {}).get("digest") == study.digest and self.results.exists()
 
     @property
     def is_tidy(self) -> bool:

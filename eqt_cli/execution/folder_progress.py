@@ -3,6 +3,7 @@
 import json
 import os
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -74,12 +75,10 @@ def _rate(plan: Plans, parts: dict[int, FinishedPart], since: str | None) -> flo
     start = datetime.fromisoformat(since).timestamp() if since else 0.0
     found = []
     for number, part in parts.items():
-        try:
+        with suppress(FileNotFoundError):
             finished = os.stat(part.path).st_mtime  # noqa: PTH116  # thousands, quickly
-        except FileNotFoundError:
-            continue
-        if finished >= start:
-            found.append((finished, number))
+            if finished >= start:
+                found.append((finished, number))
     found = sorted(found)[-RECENT:]
     if len(found) < 2:
         return None

@@ -1,8 +1,7 @@
 """From the files of parts to the one result file, part by part, so that the memory suffices."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
 from eqt_cli.execution.compute_part import checked_states, read_part
 from eqt_cli.execution.cross_check import chosen_entries, cross_check, together
+from eqt_cli.execution.executors import Progress
 from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.result_layout import (
     Destination,
@@ -20,6 +20,7 @@ from eqt_cli.execution.result_layout import (
     in_root,
     new_result_file,
 )
+from eqt_cli.execution.steps import Steps, silent, timed
 from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import Per, Quantity
@@ -54,14 +55,17 @@ def pack(
     task: PartTask,
     results: Path,
     attributes: Mapping[str, Attribute],
-    during: Callable[[str, int], AbstractContextManager[Callable[[float], None]]],
+    steps: Steps,
+    seconds: dict[str, float],
 ) -> None:
     """Write the result file from the parts, all of which must exist.
 
     Parameters
     ----------
-    during
-        Told the steps of it that take long: their names, and of how much they consist.
+    steps
+        Told of those of it that take long.
+    seconds
+        Where the wall time of the cross-check is noted.
 
     Raises
     ------
@@ -76,16 +80,13 @@ def pack(
             shared, decimate = task.shared(index), study.base.config.store.decimate
             for name, values in (shared or {}).items():
                 place.put(name, values[::decimate])
-        with during(PACKING, len(task)) as progress:
-            found = _put_parts(task, file, progress)
+        states, work = _put_parts(task, file, steps.begin(PACKING, len(task)))
         pieces = [study.piece(index) for index in range(len(study.shapes))]
         redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in pieces)
-        with during(CHECKING, redone) as progress:
+        with timed(seconds, "cross-check"):
+            progress = steps.begin(CHECKING, redone)
             check = together(
-                [
-                    cross_check(piece, found.states[k], found.steps(k), progress)
-                    for k, piece in enumerate(pieces)
-                ]
+                [cross_check(piece, states[k], work[k], progress) for k, piece in enumerate(pieces)]
             )
         fields = {} if check is None else asdict(check)
         checked = {f"cross_check_{name}": value for name, value in fields.items()}
@@ -107,7 +108,7 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
             _copy(group, old.at(point), layout.quantities)
         for written in (file.root, *file.groups):
             written.replaces = True
-        _put_parts(task, file, lambda parts: None)
+        _put_parts(task, file, silent)
         file.root.describe({**old.attributes, **attributes})
     with open_results(results) as new:
         return int(np.count_nonzero(new["status"]))
@@ -132,25 +133,19 @@ def _rows(shape: tuple[int, ...]) -> Iterator[slice]:
         yield slice(start, min(start + step, shape[0]))
 
 
-class _Found:
-    """What the cross-check needs of the parts, by piece and controller."""
+def _put_parts(
+    task: PartTask, file: ResultFile, progress: Progress
+) -> tuple[_ByController, _ByController]:
+    """Put all that finished parts hold in its place.
 
-    def __init__(self) -> None:
-        self.states: _ByController = defaultdict(lambda: defaultdict(list))
-        self._steps: _ByController = defaultdict(lambda: defaultdict(list))
-
-    def add_steps(self, piece: int, label: str, steps: Array) -> None:
-        """The work of the runs of a part."""
-        self._steps[piece][label].append(steps)
-
-    def steps(self, piece: int) -> dict[str, Array]:
-        """The work of all runs of each controller."""
-        return {label: np.concatenate(own) for label, own in self._steps[piece].items()}
-
-
-def _put_parts(task: PartTask, file: ResultFile, progress: Callable[[float], None]) -> _Found:
-    """Put all that finished parts hold in its place."""
-    gathered = _Found()
+    Returns
+    -------
+    states, work
+        What the cross-check needs of them, by piece and controller: the states of the runs that are
+        redone, and the work of all runs.
+    """
+    states: _ByController = defaultdict(lambda: defaultdict(list))
+    work: _ByController = defaultdict(lambda: defaultdict(list))
     for item, listed in sorted(task.files.listed().items()):
         index, part = task.part(item)
         study, place = task.study.piece(index), file.places[index]
@@ -167,13 +162,13 @@ def _put_parts(task: PartTask, file: ResultFile, progress: Callable[[float], Non
                         _put(place, layout, entry, found[entry.name], part)
                 chosen = chosen_entries(study)
                 if ((chosen >= part.start) & (chosen < part.stop)).any():
-                    gathered.states[index][label].append(checked_states(results, loop.layout))
+                    states[index][label].append(checked_states(results, loop.layout))
                 if "steps" in found:
-                    gathered.add_steps(index, label, found["steps"])
+                    work[index][label].append(found["steps"])
         except ResultError as error:
             raise BrokenPart(listed.path, str(error)) from error
         progress(1)
-    return gathered
+    return states, work
 
 
 def _put(place: Destination, layout: Layout, entry: Quantity, data: Array, part: Part) -> None:

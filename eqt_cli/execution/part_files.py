@@ -39,7 +39,7 @@ class PartFiles:
 
     folder: Path
 
-    def reference(self, piece: int = 0) -> Path:
+    def reference(self, piece: int) -> Path:
         """The file of the reference that all runs of a piece share."""
         return self.folder / (f"reference-{piece}.h5" if piece else "reference.h5")
 
@@ -61,13 +61,10 @@ class PartFiles:
     def save(self, number: int, table: Table, failed: int) -> None:
         """Write a finished part, which appears complete or not at all."""
         name = f"{number:06d}.f{failed}.h5" if failed else f"{number:06d}.h5"
-        self._write(self.folder / name, table)
+        self.write(self.folder / name, table)
 
-    def save_reference(self, piece: int, table: Table) -> None:
-        """Write the reference that all runs of a piece share."""
-        self._write(self.reference(piece), table)
-
-    def _write(self, path: Path, table: Table) -> None:
+    def write(self, path: Path, table: Table) -> None:
+        """Write one of these files, as a process of its own."""
         from eqt_cli.store.writer import write
 
         write(path, table, tag=f"{_PROCESS}-{os.getpid()}")

@@ -1,8 +1,8 @@
 """What a worker does: open the study once, compute the parts that it is told, and save them."""
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
@@ -51,6 +51,8 @@ class PartTask:
     files: PartFiles
     chosen: tuple[tuple[int, Part], ...] | None = None
     keeps: bool = False
+    _kept: dict[int, Table] = field(default_factory=dict, init=False)
+    """Parts that are in files, too, by number."""
 
     def __len__(self) -> int:
         return len(self.study.plans) if self.chosen is None else len(self.chosen)
@@ -93,19 +95,11 @@ class PartTask:
             self._kept[item] = whole
         return failed
 
-    @cached_property
-    def _kept(self) -> dict[int, Table]:
-        """Parts that are in files, too, by number."""
-        return {}
-
-    @contextmanager
-    def opened(self, item: int, path: Path) -> Iterator[StoredPart]:
+    def opened(self, item: int, path: Path) -> AbstractContextManager[StoredPart]:
         """What a finished part holds, once from memory where it is kept, else from its file."""
         if item in self._kept:
-            yield KeptPart(path, self._kept.pop(item))
-        else:
-            with open_results(path) as results:
-                yield results
+            return nullcontext(KeptPart(path, self._kept.pop(item)))
+        return open_results(path)
 
     @blamed()
     def prepare(self) -> None:
@@ -113,7 +107,7 @@ class PartTask:
         for index in range(len(self.study.shapes)):
             piece = self.study.piece(index)
             if not (piece.desired_varies or self._has_reference(index)):
-                self.files.save_reference(index, reference_table(piece))
+                self.files.write(self.files.reference(index), reference_table(piece))
 
     def _has_reference(self, index: int) -> bool:
         try:
@@ -144,7 +138,7 @@ class PartTask:
             return {name: results[name] for name in DESIRED}
 
     def __getstate__(self) -> dict[str, Any]:
-        return {"study": self.study, "files": self.files, "chosen": self.chosen}
+        return {"study": self.study, "files": self.files, "chosen": self.chosen, "_kept": {}}
 
 
 def _bytes(*tables: Table) -> int:

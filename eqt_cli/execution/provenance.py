@@ -40,11 +40,10 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-def together(origin: dict[str, Any], *others: dict[str, Any]) -> dict[str, Any]:
-    """`origin`, with those of the others that may have computed other bits than it."""
-    flat = [entry for other in others for entry in (*other.get(OTHERS, ()), other)]
+def together(origin: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
+    """`origin`, with those sessions of both that may have computed other bits than it."""
     known = {_numeric(origin): origin}
-    for entry in [*origin.get(OTHERS, ()), *flat]:
+    for entry in [*origin.get(OTHERS, ()), *other.get(OTHERS, ()), other]:
         known.setdefault(_numeric(entry), {k: v for k, v in entry.items() if k != OTHERS})
     _, *differing = known.values()
     plain = {key: value for key, value in origin.items() if key != OTHERS}

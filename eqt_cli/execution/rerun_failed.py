@@ -48,7 +48,6 @@ def rerun_of(study: Study, results: Path, folder: Path) -> PartTask:
         if (found == Status.WORKER_LOST).all():
             chosen.append((index, part))
             continue
-        for entry in part.start + np.flatnonzero(found):
-            alone = replace(part, start=int(entry), stop=int(entry) + 1)
-            chosen.append((index, alone))
+        failed = (part.start + np.flatnonzero(found)).tolist()
+        chosen += [(index, replace(part, start=entry, stop=entry + 1)) for entry in failed]
     return PartTask(study, PartFiles(folder), tuple(chosen))

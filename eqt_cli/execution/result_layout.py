@@ -104,12 +104,17 @@ class Layout:
 
     def size(self, blanks: Mapping[str, Blank]) -> int:
         """Bytes of some variables."""
-        sizes = {"point": len(self.study)} | _sizes(self.coordinates)
+        sizes = self.sizes
         return sum(
             prod(sizes[dim] for dim in blank.dims)
             * (blank.dtype.itemsize if blank.dtype else TEXT_BYTES)
             for blank in blanks.values()
         )
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """The length of every dimension."""
+        return {"point": len(self.study)} | _sizes(self.coordinates)
 
     @property
     def coordinates(self) -> dict[str, Variable]:
@@ -242,8 +247,7 @@ def described(study: Study, provenance: dict[str, Any]) -> dict[str, Any]:
     if set(functions.values()) != {Controller.energy} or unclaimed:
         told = {"functions": functions, "unclaimed": unclaimed}
         own["lyapunov_functions"] = json.dumps(told, ensure_ascii=False)
-    not_matched = [label for label, loop in loops.items() if loop.controller.matched is False]
-    if not_matched:
+    if not_matched := [label for label, loop in loops.items() if loop.controller.matched is False]:
         own["matching"] = json.dumps({"not_matched": not_matched}, ensure_ascii=False)
     return {
         "title": study.name,

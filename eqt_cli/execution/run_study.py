@@ -2,10 +2,9 @@
 
 import json
 import shutil
-import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,12 +17,12 @@ from eqt_cli.execution.executors import MOST_TRIES, Executor, Progress
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
-from eqt_cli.execution.pack import CHECKING, BrokenPart, pack, replace_runs
+from eqt_cli.execution.pack import BrokenPart, pack, replace_runs
 from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.provenance import OTHERS, differences, now, provenance, together
 from eqt_cli.execution.rerun_failed import rerun_of
 from eqt_cli.execution.result_layout import described
-from eqt_cli.execution.steps import Stage, Steps
+from eqt_cli.execution.steps import SILENT, Stage, Steps, silent, timed
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity_table import quantities
 from eqt_cli.store.reader import open_results
@@ -32,10 +31,6 @@ RERUN = "reruns"
 """The folder, in that of a result, of failed runs that are computed once more."""
 
 Remark = Callable[[EqtWarning], None]
-
-
-def _silent(runs: float) -> None:
-    """What is done with progress where nobody asks for it."""
 
 
 def warn(remark: EqtWarning) -> None:
@@ -91,8 +86,8 @@ def execute(
     force: bool = False,
     rerun_failed: bool = False,
     shard: Shard | None = None,
-    progress: Progress = _silent,
-    resumed: Progress = _silent,
+    progress: Progress = silent,
+    resumed: Progress = silent,
     remark: Remark = warn,
     stage: Stage | None = None,
 ) -> Execution:
@@ -132,7 +127,9 @@ def execute(
         locks.enter_context(locked(out, shared=shard is not None, remark=remark))
         if shard:
             locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
-        session = _Session(study, folder, executor or Serial(), progress, resumed, remark, stage)
+        session = _Session(
+            study, folder, executor or Serial(), Steps(progress, stage), resumed, remark
+        )
         if complete:
             return session.rerun(complete.failed)
         if rerun_failed:
@@ -160,7 +157,7 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
                 f"{out}: {missing} of {len(study.plans)} parts are missing; run every shard to its "
                 "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
             )
-        return _Session(study, folder, Serial(), _silent, _silent, remark).run(False, None)
+        return _Session(study, folder, Serial(), SILENT, silent, remark).run(False, None)
 
 
 def _complete(study: Study, folder: ResultFolder) -> Execution | None:
@@ -186,10 +183,9 @@ class _Session:
     study: Study
     folder: ResultFolder
     executor: Executor
-    progress: Progress
+    steps: Steps
     resumed: Progress
     remark: Remark
-    stage: Stage | None = None
     seconds: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -202,18 +198,17 @@ class _Session:
         removed = self.folder.claim(self.study, manifest, force)
         if shard is None:
             self.folder.tidy()
-        wanted = (
-            range(shard.index - 1, len(self.plan), shard.count) if shard else range(len(self.plan))
-        )
+        first, step = (shard.index - 1, shard.count) if shard else (0, 1)
+        wanted = range(first, len(self.plan), step)
         if shard or earlier.get("quantities") != manifest["quantities"]:
             self._forget_outdated(self.task, wanted)
         runs = sum(map(self.task.runs_of, wanted))
         resumed = runs - sum(map(self.task.runs_of, self.task.missing(wanted)))
         self.resumed(resumed)
-        with _timed(self.seconds, "simulation"):
+        with timed(self.seconds, "simulation"):
             self._compute(self.task, wanted)
         if shard is None:
-            with _timed(self.seconds, "writing"):
+            with timed(self.seconds, "writing"):
                 self._pack(manifest["provenance"])
             checking = self.seconds.setdefault("cross-check", 0.0)
             self.seconds["writing"] = round(self.seconds["writing"] - checking, 3)
@@ -258,10 +253,10 @@ class _Session:
         earlier = manifest.get("provenance", here)
         self._tell_versions([earlier], here)
         origin = together(earlier, here)
-        with _timed(self.seconds, "simulation"):
+        with timed(self.seconds, "simulation"):
             self._forget_outdated(again, range(len(again)))
             self._compute(again)
-        with _timed(self.seconds, "writing"):
+        with timed(self.seconds, "writing"):
             described = json.dumps(origin, ensure_ascii=False)
             still = replace_runs(again, self.folder.results, {"provenance": described})
         self.folder.finish(manifest | {"failed": still, "provenance": origin})
@@ -272,17 +267,17 @@ class _Session:
     def _compute(self, task: PartTask, wanted: Iterable[int] | None = None) -> None:
         """Compute what of a task is missing, or of some of its parts."""
         task.prepare()
-        for outcome in self.executor.outcomes(task, task.missing(wanted), self.progress):
+        for outcome in self.executor.outcomes(task, task.missing(wanted), self.steps.progress):
             if outcome.failed is None:
                 message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
-                self.progress(task.lose(outcome.item, message))
+                self.steps.progress(task.lose(outcome.item, message))
 
     def _pack(self, origin: dict[str, Any]) -> None:
         """Pack all parts; those that turn out to be damaged are computed again."""
         attributes, mended = described(self.study, origin), set[Path]()
         while True:
             try:
-                pack(self.task, self.folder.results, attributes, self._during)
+                pack(self.task, self.folder.results, attributes, self.steps, self.seconds)
                 return
             except BrokenPart as broken:
                 if broken.path in mended:  # what computing it again does not cure
@@ -291,12 +286,6 @@ class _Session:
                 self._forget_outdated(self.task, range(len(self.plan)))
                 broken.path.unlink(missing_ok=True)
                 self._compute(self.task)
-
-    @contextmanager
-    def _during(self, name: str, count: int) -> Iterator[Progress]:
-        """Count the progress of a step by itself; the cross-check is also timed by itself."""
-        with _timed(self.seconds, "cross-check") if name == CHECKING else nullcontext():
-            yield Steps(self.progress, self.stage).begin(name, count)
 
     def _tell_versions(self, earlier: Sequence[dict[str, Any]], here: dict[str, Any]) -> None:
         """Say that not all runs are of the same versions, if they are not."""
@@ -329,11 +318,3 @@ class _Session:
             "provenance": origin,
             "begun": earlier["begun"] if same and "begun" in earlier else now(),
         }
-
-
-@contextmanager
-def _timed(seconds: dict[str, float], name: str) -> Iterator[None]:
-    """Note the wall time of the block, under a name."""
-    started = time.perf_counter()
-    yield
-    seconds[name] = round(time.perf_counter() - started, 3)

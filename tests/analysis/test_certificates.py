@@ -58,10 +58,10 @@ def closed_loop(G, law=None, **parts):
     return ClosedLoop(**known | parts)
 
 
-def identities(loop, seed=0, **options):
+def identities(loop, seed=0):
     random = np.random.default_rng(seed)
     common = sampled("", dataclasses.replace(loop, controller=EqT()), 5.0, random)
-    return identity_rows(common, [sampled("law", loop, 5.0, random, **options)])
+    return identity_rows(common, [sampled("law", loop, 5.0, random)])
 
 
 def runs(**changes):
@@ -120,7 +120,7 @@ def test_identities_hold_on_every_group_for_every_law(G, name):
     at_rest = "track" not in law.tasks
     loop = closed_loop(G, law, **({"reference": ConstantReference()} if at_rest else {}))
     for seed in range(3):
-        rows = identities(loop, seed, at_rest=at_rest)
+        rows = identities(loop, seed)
         assert len(rows) >= 12
         unmatched = [row for row in rows if row.verdict is Verdict.UNCLAIMED]
         assert [row.name for row in unmatched] == [SMALL] * (not law.matched)
@@ -143,7 +143,7 @@ def test_identities_of_laws_hold_for_a_varying_inertia(name):
     at_rest = "track" not in law.tasks
     parts = {"reference": ConstantReference()} if at_rest else {}
     for inertia in varying_inertias(G):
-        rows = identities(closed_loop(G, law, inertia=inertia, **parts), at_rest=at_rest)
+        rows = identities(closed_loop(G, law, inertia=inertia, **parts))
         assert {row.verdict for row in rows} - {Verdict.UNCLAIMED} == {Verdict.HOLDS}, rows
 
 
@@ -246,9 +246,8 @@ def test_the_frame_of_K_d_is_seen_also_where_K_d_is_a_multiple_of_the_identity(n
     parts = {"gains": gains, "reference": ConstantReference()}
     in_space = property(lambda s: s.G.Ad_star(s.Qd, s.spatial_damping))
     monkeypatch.setattr(Tracking, "body_damping", in_space)
-    at_rest = name == "stabilising"
-    found = identities(closed_loop(G, law, **parts), at_rest=at_rest)
-    rows = {"stabilising control"} if at_rest else {"GT on SO(3)", WEIGHTS}
+    found = identities(closed_loop(G, law, **parts))
+    rows = {"stabilising control"} if name == "stabilising" else {"GT on SO(3)", WEIGHTS}
     assert {row.name for row in found if row.verdict is Verdict.FAILS} == rows
 
 

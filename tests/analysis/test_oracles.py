@@ -6,7 +6,7 @@ import pytest
 from eqt_cli import api
 from eqt_cli.analysis.oracles import MuJoCo, Pinocchio, oracle_named
 from eqt_cli.analysis.oracles.base import RigidBody, SteppingOracle
-from eqt_cli.analysis.oracles.rows import Start, oracle_rows
+from eqt_cli.analysis.oracles.rows import oracle_rows
 from eqt_cli.core.errors import EqtError
 from eqt_cli.groups import group_named
 
@@ -44,7 +44,7 @@ BODY = {  # 10 kg, its centre of mass away from the origin of its frame
 class Euler(SteppingOracle):
     """Euler's equations about a fixed point, J ω̇ = τ − ω × Jω, with steps of first order."""
 
-    name, package, title = "euler", "numpy", "Euler"
+    name, title = "euler", "Euler"
     sign = 1.0
 
     @classmethod
@@ -76,8 +76,7 @@ class WrongSign(Euler):
 
 def rows_of(oracle, config=CONFIG):
     experiment = api.load_experiment(config).experiment
-    start = Start(experiment.initial_pose, experiment.initial_velocity, experiment.engine)
-    found = oracle_rows(oracle, experiment.loops, start, np.random.default_rng(3))
+    found = oracle_rows(oracle, experiment, np.random.default_rng(3))
     return {row.name.split(" converges")[0]: row for row in found}
 
 

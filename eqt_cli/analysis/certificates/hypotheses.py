@@ -39,7 +39,8 @@ class NavigationFunction(Hypothesis):
         if found is None:
             return [self.row(Verdict.UNKNOWN, remark=f"critical points on {G.name} not known")]
         remark = "; ".join(_described(each) for each in found)
-        return [self.row(_verdict(found), _least(found), remark=remark)]
+        sizes = [np.sort(np.abs(each.hessian))[each.nullity :].min() for each in found]
+        return [self.row(_verdict(found), float(min(sizes)), remark=remark)]
 
 
 def _verdict(found: list[CriticalSet]) -> Verdict:
@@ -48,11 +49,6 @@ def _verdict(found: list[CriticalSet]) -> Verdict:
     if minima != found[:1] or not clean:  # the identity comes first, and is a single point
         return Verdict.VIOLATED
     return Verdict.MORSE_BOTT if any(each.dimension for each in found) else Verdict.HOLDS
-
-
-def _least(found: list[CriticalSet]) -> float:
-    sizes = [np.sort(np.abs(each.hessian))[each.nullity :].min() for each in found]
-    return float(min(sizes))
 
 
 def _described(each: CriticalSet) -> str:
@@ -140,10 +136,9 @@ class PoseBounded(Hypothesis):
     def check(self, setting: Setting) -> list[Row]:
         """The supremum, and what is known of it."""
         measured, verdict = _over_horizon(frobenius(setting.desired_pose))
-        keeps = setting.loop.reference.keeps_velocity
         if setting.loop.group.compact:
             return [self.row(Verdict.HOLDS, measured, remark="the group is compact")]
-        if keeps and not setting.desired_velocity[0].any():
+        if setting.loop.reference.keeps_velocity and not setting.desired_velocity[0].any():
             return [self.row(Verdict.HOLDS, measured, remark="the reference is at rest")]
         return [self.row(verdict, measured, remark="supremum over the horizon")]
 

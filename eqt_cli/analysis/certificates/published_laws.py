@@ -11,13 +11,12 @@ from typing import Any, ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Identity, LiteralForm, Row, Verdict
-from eqt_cli.analysis.certificates.stabilisation import is_rotations_of_space, vee
+from eqt_cli.analysis.certificates.stabilisation import RigidBodyForm, is_rotations_of_space, vee
 from eqt_cli.analysis.certificates.tracking_laws import bracket, coadjoint, transported
 from eqt_cli.analysis.evidence.running_error import lifted, rate_of
 from eqt_cli.analysis.evidence.sample import Sample, with_rate
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, apply_matrix, cross, dot, sqrt, stack, tanh, transpose
-from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.navigation import gradient
 from eqt_cli.mechanics.tracking import Tracking
 
@@ -26,16 +25,13 @@ class Body:
     """A motion in the body errors, in the symbols that the laws share."""
 
     def __init__(self, s: Tracking) -> None:
-        self.s, self.G, self.V, self.P = s, s.G, s.V, s.inertia.momentum(s.V)
+        self.s, self.G, self.momentum = s, s.G, s.inertia.momentum  # 𝕀V of a velocity
+        self.V, self.P = s.V, self.momentum(s.V)
         self.Q_L = s.G.inverse(s.Qd) @ s.Q
         self.xi = transported(s)
         self.e = s.V - self.xi
         self.force = gradient(s.G, s.gains.K, self.Q_L)
         self.e_R = s.G.vee(self.Q_L)
-
-    def momentum(self, V: Array) -> Array:
-        """𝕀V."""
-        return self.s.inertia.momentum(V)
 
     def damping(self, V: Array) -> Array:
         """K_d V."""
@@ -209,12 +205,8 @@ class QuaternionForm(LiteralForm):
         return forward - b.damping(b.e) - 2 * apply_matrix(stiffness(s), vector)
 
 
-class LeeOnSO3(LiteralForm):
-    """An attitude law of Lee and others in the symbols R, Ω, J, for a constant inertia."""
-
-    def is_written_for(self, loop: ClosedLoop) -> bool:
-        """Rotations of space, with the constant inertia of the papers."""
-        return is_rotations_of_space(loop.group) and isinstance(loop.inertia, Inertia)
+class LeeOnSO3(RigidBodyForm):
+    """An attitude law of Lee and others in the symbols R, Ω, J."""
 
     def torque(self, s: Tracking, law: Any) -> Array:
         """−k_R e_R − k_Ω e_Ω and the paper's feedforward, with ½k_R I = K and k_Ω I = K_d."""

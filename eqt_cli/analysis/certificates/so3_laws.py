@@ -3,11 +3,9 @@
 from abc import abstractmethod
 from typing import Any, ClassVar
 
-from eqt_cli.analysis.certificates.stabilisation import is_rotations_of_space, vee
+from eqt_cli.analysis.certificates.stabilisation import RigidBodyForm, vee
 from eqt_cli.analysis.certificates.tracking_laws import MemberForm
-from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, apply_matrix, cross, transpose
-from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Tracking
 
 
@@ -16,36 +14,19 @@ class Rigid:
 
     def __init__(self, s: Tracking) -> None:
         self.w, self.wd, self.w_, self.taud = s.V, s.Vd, s.V - s.Vd, s.tau_d
-        self._I = s.inertia.matrix
+        self.momentum = s.inertia.momentum  # 𝕀ω
         R_E, Rd_T = s.Q @ transpose(s.Qd), transpose(s.Qd)
         asymmetric = s.gains.K @ R_E - transpose(R_E) @ transpose(s.gains.K)
         self.proportional = apply_matrix(Rd_T, vee(asymmetric))
         self.spatial_damping = apply_matrix(Rd_T @ s.gains.K_d @ s.Qd, self.w_)
         self.body_damping = apply_matrix(s.gains.K_d, self.w_)
-
-    def momentum(self, w: Array) -> Array:
-        """𝕀ω."""
-        return apply_matrix(self._I, w)
-
-    def transport(self) -> Array:
-        """ω_d × 𝕀ω̃."""
-        return cross(self.wd, self.momentum(self.w_))
-
-    def gyroscopic(self) -> Array:
-        """ω̃ × 𝕀ω_d."""
-        return cross(self.w_, self.momentum(self.wd))
-
-    def connection(self) -> Array:
-        """𝕀(ω × ω_d)."""
-        return self.momentum(cross(self.w, self.wd))
+        self.transport = cross(self.wd, self.momentum(self.w_))  # ω_d × 𝕀ω̃
+        self.gyroscopic = cross(self.w_, self.momentum(self.wd))  # ω̃ × 𝕀ω_d
+        self.connection = self.momentum(cross(self.w, self.wd))  # 𝕀(ω × ω_d)
 
 
-class SO3Law(MemberForm):
+class SO3Law(RigidBodyForm, MemberForm):
     """A law of §7 against the paper's formula."""
-
-    def is_written_for(self, loop: ClosedLoop) -> bool:
-        """SO(3), with the constant inertia of §7."""
-        return isinstance(loop.inertia, Inertia) and is_rotations_of_space(loop.group)
 
     def torque(self, s: Tracking, law: Any) -> Array:
         """The formula, in the symbols of §7."""
@@ -66,7 +47,7 @@ class SO3EqT(SO3Law):
 
     def of(self, b: Rigid) -> Array:
         """The sum of its terms."""
-        return b.taud + b.gyroscopic() + b.transport() - b.spatial_damping - b.proportional
+        return b.taud + b.gyroscopic + b.transport - b.spatial_damping - b.proportional
 
 
 class SO3GT(SO3Law):
@@ -81,7 +62,7 @@ class SO3GT(SO3Law):
         """The sum of its terms."""
         return (
             b.taud
-            + b.connection() / 2
+            + b.connection / 2
             + cross(b.w, b.momentum(b.wd)) / 2
             + cross(b.wd, b.momentum(b.w)) / 2
             - cross(b.wd, b.momentum(b.wd))
@@ -100,7 +81,7 @@ class SO3NoG(SO3Law):
 
     def of(self, b: Rigid) -> Array:
         """The sum of its terms."""
-        return b.taud + b.transport() - b.spatial_damping - b.proportional
+        return b.taud + b.transport - b.spatial_damping - b.proportional
 
 
 class SO3Asym(SO3Law):
@@ -115,9 +96,9 @@ class SO3Asym(SO3Law):
         """The sum of its terms."""
         return (
             b.taud
-            + b.gyroscopic()
-            + b.transport() / 2
-            + b.connection() / 2
+            + b.gyroscopic
+            + b.transport / 2
+            + b.connection / 2
             - b.spatial_damping
             - b.proportional
         )

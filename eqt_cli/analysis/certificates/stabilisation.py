@@ -156,6 +156,14 @@ def _slope(s: Tracking, E: Array) -> Array:
     return rate_of(potential(s.G, s.gains.K, Q @ s.G.inverse(s.Qd)))
 
 
+class RigidBodyForm(LiteralForm):
+    """A law that its source writes for SO(3) and a constant inertia."""
+
+    def is_written_for(self, loop: ClosedLoop) -> bool:
+        """Rotations of space, with a constant inertia."""
+        return is_rotations_of_space(loop.group) and isinstance(loop.inertia, Inertia)
+
+
 def is_rotations_of_space(G: MatrixLieGroup) -> bool:
     """Whether [u, v] = u × v in a group of 3×3 matrices: the group is SO(3), whatever its name."""
     if G.dimension != 3 or G.size != 3:

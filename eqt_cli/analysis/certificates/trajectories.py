@@ -24,7 +24,7 @@ class LyapunovCheck(TrajectoryCheck):
     def check(self, runs: Runs) -> Row:
         """As `judge`, with the function that L is and its theorem."""
         row = self.judge(runs)
-        remark = "; ".join(part for part in (row.remark, runs.own_function) if part)
+        remark = _joined(row.remark, runs.own_function)
         return replace(row, statement=runs.theorem or row.statement, remark=remark)
 
     @abstractmethod
@@ -111,7 +111,9 @@ class Convergence(LyapunovCheck):
     A finite horizon cannot refute a limit; only a growing L does.
     """
 
-    def arrived(self, runs: Runs, final: Array, near: Array, found: Approach | None) -> Row:
+    def arrived(
+        self, runs: Runs, final: Array, near: Array, found: Approach | None, bound: float | None
+    ) -> Row:
         """Count the runs that are not there yet, and say how fast L decays, and what stays.
 
         Parameters
@@ -122,6 +124,8 @@ class Convergence(LyapunovCheck):
             Which runs are within the bound.
         found
             How the errors end of the runs whose trajectories are kept.
+        bound
+            What the measured error must not exceed; None where there is no scale for it.
         """
         label = runs.label
         if not len(final):
@@ -146,11 +150,7 @@ class Convergence(LyapunovCheck):
             verdict = Verdict.UNCLAIMED
         else:
             verdict = Verdict.FAILS if rate * span / 2 < -GROWTH else Verdict.UNDECIDED
-        return self.row(verdict, largest(final), self.bound(runs), remark, label)
-
-    @abstractmethod
-    def bound(self, runs: Runs) -> float | None:
-        """What the measured error must not exceed; None where there is no scale for it."""
+        return self.row(verdict, largest(final), bound, remark, label)
 
 
 class PoseConvergence(Convergence):
@@ -161,14 +161,10 @@ class PoseConvergence(Convergence):
 
     def judge(self, runs: Runs) -> Row:
         """The final pose errors."""
-        final, errors = runs.final_pose_error, runs.pose_error
+        final, errors, bound = runs.final_pose_error, runs.pose_error, runs.threshold
         L = runs.lyapunov
         found = None if errors is None else approach(runs.times, errors, runs.rtol, 1.0, L)
-        return self.arrived(runs, final, final <= runs.threshold, found)
-
-    def bound(self, runs: Runs) -> float | None:
-        """The settling threshold."""
-        return runs.threshold
+        return self.arrived(runs, final, final <= bound, found, bound)
 
 
 class MomentumConvergence(Convergence):
@@ -184,13 +180,9 @@ class MomentumConvergence(Convergence):
         """The velocity errors."""
         final, errors = runs.final_velocity_error, runs.velocity_error
         if errors is None:
-            return self.arrived(runs, final, np.isfinite(final), None)
+            return self.arrived(runs, final, np.isfinite(final), None, None)
         found = approach(runs.times, errors, runs.rtol, runs.desired_speed, runs.lyapunov)
-        return self.arrived(runs, found.left, found.arrived, found)
-
-    def bound(self, runs: Runs) -> float | None:
-        """The part that may be left."""
-        return None if runs.velocity_error is None else LEFT
+        return self.arrived(runs, found.left, found.arrived, found, LEFT)
 
 
 def _joined(*remarks: str) -> str:

@@ -125,12 +125,10 @@ class Bounded:
 def lifted(values: Array, errors: Any = 0.0, rates: Any = 0.0, rate_errors: Any = 0.0) -> Array:
     """Floats as `Bounded` numbers, with the errors that they come with and their rates."""
     parts = [np.asarray(part, dtype=float) for part in (values, errors, rates, rate_errors)]
-    shape = np.shape(values)
-    out = np.empty(shape, dtype=object)
-    whole = [np.broadcast_to(part, shape) for part in parts]
-    for index in np.ndindex(shape):
-        out[index] = Bounded(*(float(part[index]) for part in whole))
-    return out
+    return np.asarray(_OF_NUMBERS(*parts), dtype=object)
+
+
+_OF_NUMBERS = np.frompyfunc(Bounded, 4, 1)
 
 
 def value_of(numbers: Array) -> tuple[Array, Array]:
@@ -140,7 +138,6 @@ def value_of(numbers: Array) -> tuple[Array, Array]:
 
 def rate_of(numbers: Array) -> Array:
     """The rates of change as numbers of their own, with the bounds of their errors."""
-    numbers = np.asarray(numbers, dtype=object)
     return lifted(_read(numbers, "rate"), _read(numbers, "rate_error"))
 
 

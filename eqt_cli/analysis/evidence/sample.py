@@ -46,8 +46,8 @@ class Sample:
     times: Array
     flat: Array
     errors: Array
-    states: tuple[State, State, State]
-    inputs: tuple[Input, Input]
+    states: list[State]
+    inputs: list[Input]
     drawn: tuple[Array, Array, Array, Array]
     gains: Gains
     reference: Reference
@@ -85,20 +85,14 @@ class Sample:
         return self.moving((lifted(identity), lifted(np.zeros(P.shape))), (self.G.hat(V), P))
 
 
-def sampled(
-    label: str,
-    loop: ClosedLoop,
-    horizon: float,
-    random: np.random.Generator,
-    *,
-    at_rest: bool = False,
-) -> Sample:
+def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Generator) -> Sample:
     """A closed loop at random states and random times of its horizon.
 
-    The reference moves, whatever it does in the experiment, unless it is to be `at_rest`; so one
-    that has no state of its own is replaced by one that has.
+    The reference moves, whatever it does in the experiment, unless the law tracks none; so one that
+    has no state of its own is replaced by one that has.
     """
     G, own = loop.group, loop.reference
+    at_rest = "track" not in loop.controller.tasks
     if "velocity" not in loop.reference.starts_from:
         loop = replace(loop, reference=TorqueReference([0.0 if at_rest else 0.5] * G.dimension))
     exact = loop.with_parameters(_with_errors(loop.parameters))
@@ -119,19 +113,8 @@ def sampled(
     free = [lifted(Q, G.drift(Q)[:, None, None]) for Q in poses[2:]]
     states = [(Q, lifted(P)) for Q, P in zip(free, vectors[2:5], strict=True)]
     inputs = [(lifted(vectors[k]), lifted(vectors[k + 1])) for k in (5, 7)]
-    gains = _without_symmetry(loop, random)
-    return Sample(
-        label,
-        exact,
-        times,
-        flat,
-        errors,
-        (states[0], states[1], states[2]),
-        (inputs[0], inputs[1]),
-        (poses[0], vectors[0], poses[1], Vd),
-        gains,
-        own,
-    )
+    gains, drawn = _without_symmetry(loop, random), (poses[0], vectors[0], poses[1], Vd)
+    return Sample(label, exact, times, flat, errors, states, inputs, drawn, gains, own)
 
 
 def draw_beyond_work(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
@@ -148,10 +131,9 @@ def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:
 def _with_errors(parameters: dict[str, Array]) -> dict[str, Array]:
     """The tensors of a loop with what is inexact in them: inverses, and digits of symmetry."""
     found = dict(parameters)
-    for name in ("inertia", "kp"):
-        if name in found:
-            matrix = found[name]
-            found[name] = lifted(matrix, np.abs(matrix - matrix.swapaxes(-1, -2)))
+    for name in {"inertia", "kp"} & found.keys():
+        matrix = found[name]
+        found[name] = lifted(matrix, np.abs(matrix - matrix.swapaxes(-1, -2)))
     if "inertia_inverse" in found:
         matrix, inverse = parameters["inertia"], parameters["inertia_inverse"]
         condition = np.linalg.norm(matrix) * np.linalg.norm(inverse)

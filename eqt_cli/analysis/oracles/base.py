@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from importlib import import_module
 from importlib.util import find_spec
 from typing import ClassVar, Self
 
@@ -64,7 +65,7 @@ class Oracle(ABC):
 
     Attributes
     ----------
-    name, package
+    name
         As after ``--oracle``, and of the Python package.
     remedy
         What to do where the package is missing.
@@ -73,19 +74,18 @@ class Oracle(ABC):
     """
 
     name: ClassVar[str]
-    package: ClassVar[str]
     remedy: ClassVar[str]
     title: ClassVar[str]
 
     @classmethod
     def is_installed(cls) -> bool:
         """Whether its package is there."""
-        return find_spec(cls.package) is not None
+        return find_spec(cls.name) is not None
 
     @classmethod
-    @abstractmethod
     def version(cls) -> str:
-        """Of its package."""
+        """Of its package, which is loaded for that."""
+        return str(import_module(cls.name).__version__)
 
     @abstractmethod
     def __init__(self, body: RigidBody) -> None:

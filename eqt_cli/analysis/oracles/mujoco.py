@@ -17,15 +17,8 @@ class MuJoCo(SteppingOracle):
     """
 
     name: ClassVar[str] = "mujoco"
-    package: ClassVar[str] = "mujoco"
     remedy: ClassVar[str] = "install it with pip install mujoco"
     title: ClassVar[str] = "MuJoCo"
-
-    @classmethod
-    def version(cls) -> str:
-        import mujoco
-
-        return str(mujoco.__version__)
 
     def __init__(self, body: RigidBody) -> None:
         import mujoco

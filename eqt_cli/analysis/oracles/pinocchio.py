@@ -16,15 +16,8 @@ class Pinocchio(Oracle):
     """
 
     name: ClassVar[str] = "pinocchio"
-    package: ClassVar[str] = "pinocchio"
     remedy: ClassVar[str] = "install it with pip install pin"
     title: ClassVar[str] = "Pinocchio"
-
-    @classmethod
-    def version(cls) -> str:
-        import pinocchio
-
-        return str(pinocchio.__version__)
 
     def __init__(self, body: RigidBody) -> None:
         import pinocchio

@@ -1,7 +1,7 @@
 """What a foreign plant says of an experiment, as rows beside the certificates."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,8 @@ from eqt_cli.analysis.evidence.sample import draw_beyond_work
 from eqt_cli.analysis.oracles.base import Oracle, RigidBody, SteppingOracle
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, frobenius, norm
-from eqt_cli.engines import Engine, Problem
+from eqt_cli.engines import Problem
+from eqt_cli.experiment.build import Experiment
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.lie_poisson import lie_poisson
@@ -44,37 +45,28 @@ SHORTFALL = 0.2
 """Of the order, which is reached in the limit of short steps only."""
 
 
-@dataclass(frozen=True)
-class Start:
-    """Where the stepped loop starts from: the reference, and an engine for eqt's own solution."""
-
-    pose: Array
-    velocity: Array
-    engine: Engine
-
-
 def oracle_rows(
-    kind: type[Oracle], loops: Mapping[str, ClosedLoop], start: Start, random: np.random.Generator
+    kind: type[Oracle], experiment: Experiment, random: np.random.Generator
 ) -> list[Row]:
     """The accelerations of plant and reference, and a sampled loop where the oracle integrates."""
     ask = _Asked(kind, random)
     rows: list[Row] = []
-    for index, (label, loop) in enumerate(loops.items()):
+    for index, (label, loop) in enumerate(experiment.loops.items()):
         if index == 0:  # the reference and its inertia are the same for all laws
             rows.append(ask.row("acceleration of the reference", "", ask.reference, loop))
         rows.append(ask.row("acceleration of the plant", label, ask.plant, loop))
         if issubclass(kind, SteppingOracle):
             name = "sampled loop converges to eqt's"
-            rows.append(ask.row(name, label, ask.closed_loop, loop, start))
+            rows.append(ask.row(name, label, ask.closed_loop, loop, experiment))
     return rows
 
 
-_Answer = tuple[Verdict, float | None, float | None, str]
-"""A verdict, what was measured, its bound and a remark."""
+_Answer = tuple[float, float, str]
+"""What was measured, its bound and a remark."""
 
 
-class _NotCovered(Exception):
-    """Why the other program cannot be asked."""
+class _Unanswered(Exception):
+    """The verdict where there is no answer, and why there is none."""
 
 
 class _Asked:
@@ -87,9 +79,10 @@ class _Asked:
     def row(self, name: str, label: str, ask: Callable[..., _Answer], *about: Any) -> Row:
         """What it answers."""
         try:
-            verdict, measured, bound, remark = ask(*about)
-        except _NotCovered as reason:
-            verdict, measured, bound, remark = Verdict.NOT_COVERED, None, None, str(reason)
+            measured, bound, remark = ask(*about)
+        except _Unanswered as unanswered:
+            return Row(name, self.statement, "oracle", label, None, None, *unanswered.args)
+        verdict = Verdict.HOLDS if measured <= bound else Verdict.FAILS
         return Row(name, self.statement, "oracle", label, measured, bound, verdict, remark)
 
     def reference(self, loop: ClosedLoop) -> _Answer:
@@ -108,30 +101,28 @@ class _Asked:
         forces = _without_inertia(loop.vehicle).acting(s, loop.torque(s))
         return _compared(s, body, (s.Q, s.V, forces, s.inertia.velocity(P_dot)))
 
-    def closed_loop(self, loop: ClosedLoop, start: Start) -> _Answer:
+    def closed_loop(self, loop: ClosedLoop, experiment: Experiment) -> _Answer:
         """A loop with a zero-order hold, stepped by the oracle, against eqt's solution."""
         body = self._body(loop, self._states(loop), true=False)
         assert isinstance(body, SteppingOracle)
         loop = replace(loop, vehicle=Vehicle(control=Sampling(PERIOD)))
         G, x = loop.group, self.random.standard_normal((2, loop.group.dimension)) / 2
-        first = loop.initial_state(
-            start.pose @ G.exp(x[0]), start.velocity + x[1], start.pose, start.velocity
-        )
+        Qd, Vd = experiment.initial_pose, experiment.initial_velocity
+        first = loop.initial_state(Qd @ G.exp(x[0]), Vd + x[1], Qd, Vd)
         times = PERIOD * np.arange(INSTANTS + 1)
-        engine = start.engine.sized(1, loop.state_length)
+        engine = experiment.engine.sized(1, loop.state_length)
         exact = engine.tightened(min(1.0, RTOL / engine.rtol))
         solution = exact.solve(Problem(loop, first[None], times), lambda runs: None)
         if solution.status[0]:
-            said = f"eqt's own run fails: {solution.messages[0]}"
-            return Verdict.UNDECIDED, None, None, said
+            reason = f"eqt's own run fails: {solution.messages[0]}"
+            raise _Unanswered(Verdict.UNDECIDED, reason)
         found = [_stepped(loop, body, times, first, solution.states[0], n) for n in SUBSTEPS]
         orders = np.log2(np.array(found[:-1]) / found[1:])
         bound = max(found[0] / SUBSTEPS[-1] ** (ORDER - SHORTFALL), STATES_PER_RTOL * RTOL)
-        verdict = Verdict.HOLDS if found[-1] <= bound else Verdict.FAILS
         falls = ", ".join(f"{order:.2f}" for order in orders)
         step = PERIOD / SUBSTEPS[-1]
         said = f"at {times[-1]:g} s, steps of {step:g} s; falls with order {falls}"
-        return verdict, found[-1], bound, said
+        return found[-1], bound, said
 
     def _states(self, loop: ClosedLoop) -> Tracking:
         """The loop at random states, all at one time."""
@@ -152,15 +143,16 @@ class _Asked:
             given = {name.removeprefix(prefix): x for name, x in own if name.startswith(prefix)}
             inertia = loop.vehicle.inertia.at(inertia, s.t, given)
         if inertia.change is not None:
-            raise _NotCovered("the inertia varies in time")
+            raise _Unanswered(Verdict.NOT_COVERED, "the inertia varies in time")
         body = RigidBody.of(loop.group, np.asarray(inertia.matrix))
         if body is None:
-            raise _NotCovered("no rigid body in space has this group or this inertia")
+            reason = "no rigid body in space has this group or this inertia"
+            raise _Unanswered(Verdict.NOT_COVERED, reason)
         try:
             return self.kind(body)
         except ValueError as error:
             reason = f"{self.kind.title} does not take this body: {error}"
-            raise _NotCovered(reason) from error
+            raise _Unanswered(Verdict.NOT_COVERED, reason) from error
 
 
 def _compared(s: Tracking, oracle: Oracle, given: tuple[Array, ...]) -> _Answer:
@@ -174,8 +166,7 @@ def _compared(s: Tracking, oracle: Oracle, given: tuple[Array, ...]) -> _Answer:
         found = oracle.acceleration(*_placed(s, Q[k]), V[k], force[k])
         size = max(1.0, float(np.abs(expected[k]).max()))
         worst = max(worst, float(np.abs(found - expected[k]).max()) / size)
-    verdict = Verdict.HOLDS if worst <= TOLERANCE else Verdict.FAILS
-    return verdict, worst, TOLERANCE, f"relative, at {STATES} random states"
+    return worst, TOLERANCE, f"relative, at {STATES} random states"
 
 
 def _without_inertia(vehicle: Vehicle) -> Vehicle:

@@ -135,8 +135,7 @@ def _serve(pipe: Any, task: Task) -> None:
     """The life of a worker: items until the pipe ends."""
     interruptions.of_worker()
     threading.Thread(target=_end_with_parent, daemon=True).start()  # where the system does not
-    due = 0.0
-    pending = 0.0
+    due = pending = 0.0
 
     def report(amount: float) -> None:
         nonlocal due, pending
