@@ -13,6 +13,8 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.plots.drawing.layout import add_letters, add_remarks, freeze
+from eqt_cli.plots.drawing.style import HOUSE, house_style
 from eqt_cli.plots.shown.certificates import ShownCertificates
 from eqt_cli.plots.shown.fronts import ShownFronts
 from eqt_cli.plots.shown.metrics import ShownMetrics
@@ -81,9 +83,6 @@ class Figure(Component, Generic[S]):
             If an option will not do, the results lack what the figure shows, or it cannot be drawn
             in this style.
         """
-        from eqt_cli.plots.drawing.layout import add_letters, add_remarks, freeze
-        from eqt_cli.plots.drawing.style import HOUSE, house_style
-
         problems = Problems(lambda path: f"figure '{self.name}'")
         self.check(problems)
         problems.raise_if_any()
@@ -108,6 +107,12 @@ class Figure(Component, Generic[S]):
                     f"{one.source.path}: figure '{self.name}' shows results, and this is a "
                     f"configuration; run it first, or draw what needs no run: {', '.join(others)}"
                 )
+
+    def _only(self, results: Sequence[Result], what: str) -> Result:
+        """The one result, which is all that such a figure shows."""
+        if len(results) > 1:
+            raise results[1].error(f"figure '{self.name}' shows one {what} at a time")
+        return results[0]
 
     @abstractmethod
     def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> S:
@@ -171,9 +176,7 @@ class OfSweep(Figure[ShownSweep]):
 
     def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownSweep:
         """The points and what was measured at each."""
-        if len(results) > 1:
-            raise results[1].error(f"figure '{self.name}' shows one sweep at a time")
-        return ShownSweep(results[0], self.name, self.controllers)
+        return ShownSweep(self._only(results, "sweep"), self.name, self.controllers)
 
 
 @dataclass(frozen=True)
@@ -182,9 +185,8 @@ class OfCertificates(Figure[ShownCertificates]):
 
     def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownCertificates:
         """The certificates that have a number and a bound."""
-        if len(results) > 1:
-            raise results[1].error(f"figure '{self.name}' shows one result at a time")
-        return ShownCertificates(results[0], certificates, self.name, self.controllers)
+        shown = self._only(results, "result")
+        return ShownCertificates(shown, certificates, self.name, self.controllers)
 
 
 @dataclass(frozen=True)
@@ -208,9 +210,7 @@ class OfTuning(Figure[ShownFronts]):
 
     def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownFronts:
         """The fronts of the laws."""
-        if len(results) > 1:
-            raise results[1].error(f"figure '{self.name}' shows one search at a time")
-        return ShownFronts(results[0], self.name, self.controllers)
+        return ShownFronts(self._only(results, "search"), self.name, self.controllers)
 
 
 # Beside the base class, so that a plugin that imports one is known to the other.

@@ -167,9 +167,7 @@ def _largest(new: Curve, old: Curve, across: float, up: float) -> float:
 
 
 def _record(curve: Curve) -> str:
-    texts = [
-        f"{json.dumps(k)}: {json.dumps(getattr(curve, k), ensure_ascii=False)}" for k in _TEXTS
-    ]
+    texts = [f'"{k}": {json.dumps(getattr(curve, k), ensure_ascii=False)}' for k in _TEXTS]
     numbers = [f'"{k}": [{", ".join(map(_text, getattr(curve, k)))}]' for k in ("x", "y")]
     return "{" + ",\n ".join([*texts, *numbers]) + "}"
 

@@ -101,9 +101,8 @@ class _Stage:
         count, columns = len(self.motion.ensembles), scene.columns
         rows = -(-count // columns)
         side = _BODIES / max(columns, 2)
-        drawing = Figure(figsize=(_WIDTH, max(side * rows, _LOWEST)))
+        drawing = Figure(figsize=(_WIDTH, max(side * rows, _LOWEST)), dpi=DOTS_PER_INCH)
         self.canvas = cast(Any, FigureCanvasAgg(drawing))  # whose methods have no types
-        drawing.set_dpi(DOTS_PER_INCH)
         shares = [_BODIES, _WIDTH - _BODIES]
         left, right = np.ravel(np.asarray(drawing.subfigures(1, 2, width_ratios=shares)))
         places = left.subplots(rows, columns, squeeze=False).ravel()

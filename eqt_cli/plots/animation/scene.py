@@ -63,13 +63,8 @@ class Face:
 
 def camera() -> Array:
     """Rows: right, up, and towards the eye, (3, 3)."""
-    towards = np.array(
-        [
-            np.cos(ELEVATION) * np.cos(AZIMUTH),
-            np.cos(ELEVATION) * np.sin(AZIMUTH),
-            np.sin(ELEVATION),
-        ]
-    )
+    level = np.array([np.cos(AZIMUTH), np.sin(AZIMUTH), 0.0])
+    towards = np.cos(ELEVATION) * level + [0.0, 0.0, np.sin(ELEVATION)]
     right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
     return np.stack([right, np.cross(towards, right), towards])
 
@@ -81,8 +76,7 @@ def corners() -> Array:
 
 def tips(rotation: Array, position: Array, length: float) -> Array:
     """The ends of the three axes of a frame, in the plane of the picture, (3, 2)."""
-    ends = position + length * rotation.T
-    return (ends @ camera().T)[:, :2]
+    return flat(position + length * rotation.T)
 
 
 def flat(position: Array) -> Array:
@@ -93,13 +87,11 @@ def flat(position: Array) -> Array:
 def block(rotation: Array, position: Array, length: float) -> list[Face]:
     """The faces that the eye sees; a block is convex, so they do not hide each other."""
     placed = position + length * _CORNERS @ rotation.T
-    view = camera()
     seen = []
     for face, normal in zip(FACES, _NORMALS, strict=True):
         turned = rotation @ normal
-        if turned @ view[2] > 0:
-            outline = (placed[list(face)] @ view.T)[:, :2]
-            seen.append(Face(outline, float((1 + turned @ _LIGHT) / 2)))
+        if turned @ camera()[2] > 0:
+            seen.append(Face(flat(placed[list(face)]), float((1 + turned @ _LIGHT) / 2)))
     return seen
 
 

@@ -50,14 +50,14 @@ class Cells:
     @cached_property
     def columns(self) -> Array:
         """Of each point."""
-        return np.searchsorted(self._levels(self.across), self.across.values)
+        return np.unique(self.across.values, return_inverse=True)[1]
 
     @cached_property
     def rows(self) -> Array:
         """Of each point."""
         if self.up is None:
             return np.zeros_like(self.columns)
-        return np.searchsorted(self._levels(self.up), self.up.values)
+        return np.unique(self.up.values, return_inverse=True)[1]
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -77,8 +77,7 @@ class Cells:
 
     def hatch(self, panel: Axes, points: Iterable[int], pattern: str) -> None:
         """Hatch the cells of some points."""
-        look = {"fill": False, "hatch": pattern, "edgecolor": ink(0.35), "linewidth": 0}
-        self._rectangles(panel, points, look)
+        self._outline(panel, points, hatch=pattern, edgecolor=ink(0.35), linewidth=0)
 
     def write(self, panel: Axes, values: Array, image: Any, room: tuple[float, float]) -> None:
         """Write the numbers of the points in their cells, if they fit.
@@ -108,16 +107,13 @@ class Cells:
     def mark(self, panel: Axes, point: int) -> None:
         """Draw a frame around the cell of a point, seen on every colour."""
         for colour, width in ((ink(0), 2.2), (ink(), 1.0)):
-            look = {"fill": False, "edgecolor": colour, "linewidth": width, "zorder": 3}
-            self._rectangles(panel, [point], look, 0.06)
+            self._outline(panel, [point], 0.06, edgecolor=colour, linewidth=width, zorder=3)
 
-    def _rectangles(
-        self, panel: Axes, points: Iterable[int], look: dict[str, Any], inset: float = 0.0
-    ) -> None:
+    def _outline(self, panel: Axes, points: Iterable[int], inset: float = 0, **look: Any) -> None:
         side = 1 - 2 * inset
         for point in points:
             corner = self.columns[point] - side / 2, self.rows[point] - side / 2
-            panel.add_patch(Rectangle(corner, side, side, **look))
+            panel.add_patch(Rectangle(corner, side, side, fill=False, **look))
 
     def scales(self, panel: Axes, result: Result, *, leftmost: bool = True) -> None:
         """Name the keys, and number the cells along them."""
@@ -128,16 +124,10 @@ class Cells:
             self._number(panel, "y", self.up, result)
 
     def _number(self, panel: Axes, direction: str, key: SweptKey, result: Result) -> None:
-        levels = self._levels(key)
+        levels = np.unique(key.values).tolist()
         shown = range(0, len(levels), max(1, len(levels) // _MOST_LEVELS))
-        numbers = [f"{levels[k]:.3g}".replace("-", "−") for k in shown]
-        names = [
-            key.texts.get(float(levels[k]), text) for k, text in zip(shown, numbers, strict=True)
-        ]
-        texts = [free_text(name, _LONGEST) for name in names]
+        numbers = {level: f"{level:.3g}".replace("-", "−") for level in levels}
+        names = numbers | key.texts
+        texts = [free_text(names[levels[k]], _LONGEST) for k in shown]
         panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
         panel.set(**{f"{direction}label": key_label(result, key.key)})
-
-    @staticmethod
-    def _levels(key: SweptKey) -> Array:
-        return np.unique(key.values)

@@ -54,30 +54,24 @@ def name_curves(
         The curves as the legend would show them, and a user's texts.
     """
     wanted = [free_text(name, LONGEST) for name in names]
-    few = 2 <= len(names) <= MOST_NAMED and all(len(name) <= LONGEST for name in names)
-    if few:
+    if 2 <= len(names) <= MOST_NAMED and all(len(name) <= LONGEST for name in names):
         add_letters(drawing)  # which take room
         arrange(drawing)
-        found = [(panel, _places(panel, wanted)) for panel in panels]
-        best = max(found, key=lambda each: _worst(each[1]), default=None)
-        if best is not None and best[1]:
-            _write(best[0], wanted, best[1])
+        found = [(panel, places) for panel in panels if (places := _places(panel, wanted))]
+        if found:
+            panel, places = max(found, key=lambda each: min(place.margin for place in each[1]))
+            _write(panel, wanted, places)
             return
     add_legend(drawing, lines, names)
-
-
-def _worst(places: Sequence[_Place]) -> float:
-    return min((place.margin for place in places), default=-1.0)
 
 
 def _write(axes: Axes, names: Sequence[str], places: Sequence[_Place]) -> None:
     to_data = axes.transData.inverted()
     for line, name, place in zip(axes.lines, names, places, strict=False):
-        x, y = to_data.transform(_pixels(axes, (place.low + place.high) / 2))
+        x, y = to_data.transform((place.low + place.high) / 2 * axes.figure.dpi / 72)
         look: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": "small"}
-        look["color"] = darker(str(line.get_color()))
         look["path_effects"] = [Stroke(linewidth=1.5, foreground=ink(0)), Normal()]
-        axes.text(float(x), float(y), name, **look)
+        axes.text(float(x), float(y), name, color=darker(str(line.get_color())), **look)
 
 
 def _places(axes: Axes, names: Sequence[str]) -> list[_Place]:
@@ -89,9 +83,7 @@ def _places(axes: Axes, names: Sequence[str]) -> list[_Place]:
         return []
     found: list[_Place] = []
     for index, name in enumerate(names):
-        others = np.concatenate(
-            [c for k, c in enumerate(curves) if k != index] or [np.empty((0, 2))]
-        )
+        others = np.concatenate([*curves[:index], *curves[index + 1 :]])
         room = _size(axes, name) + 2 * max(map(_marked, axes.lines))
         place = _best(axes, curves[index], others, room, found)
         if place is None:
@@ -104,9 +96,8 @@ def _best(
     axes: Axes, own: Array, others: Array, size: Array, taken: Sequence[_Place]
 ) -> _Place | None:
     """The place beside a curve that is farthest from all others."""
-    room = axes.bbox
-    low, high = _points_of(axes, np.array([[room.x0, room.y0], [room.x1, room.y1]]))
-    best: _Place | None = None
+    low, high = _points_of(axes, axes.bbox.get_points())
+    free: list[_Place] = []
     for x in np.linspace(low[0], high[0], _PLACES)[1:-1]:
         beside = own[np.abs(own[:, 0] - x) <= size[0] / 2 + _PAD]
         if not len(beside):
@@ -124,9 +115,8 @@ def _best(
             away = _distance(others, corner, opposite)
             if away < _PAD or away < _NEARER * max(_distance(own, corner, opposite), _GAP):
                 continue
-            if best is None or away > best.margin:
-                best = _Place(corner, opposite, away)
-    return best
+            free.append(_Place(corner, opposite, away))
+    return max(free, key=lambda place: place.margin, default=None)
 
 
 def _distance(points: Array, low: Array, high: Array) -> float:
@@ -144,9 +134,7 @@ def _points(axes: Axes, line: Line2D) -> Array:
     corners = corners[np.isfinite(corners).all(axis=1)]
     if len(corners) < 2:
         return corners
-    low, high = _points_of(
-        axes, np.array([[axes.bbox.x0, axes.bbox.y0], [axes.bbox.x1, axes.bbox.y1]])
-    )
+    low, high = _points_of(axes, axes.bbox.get_points())
     corners = np.clip(corners, low - 1e4, high + 1e4)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(corners, axis=0).T))])
     steps = np.linspace(0, along[-1], max(2, min(5000, int(along[-1] / _STEP))))
@@ -159,8 +147,7 @@ def _size(axes: Axes, name: str) -> Array:
     written = axes.text(0, 0, name, fontsize="small")
     box = Text.get_window_extent(written)
     written.remove()
-    assert axes.figure is not None
-    return np.array([box.width, box.height]) * 72 / axes.figure.dpi
+    return _points_of(axes, np.array([box.width, box.height]))
 
 
 def _marked(line: Line2D) -> float:
@@ -169,10 +156,4 @@ def _marked(line: Line2D) -> float:
 
 
 def _points_of(axes: Axes, pixels: Array) -> Array:
-    assert axes.figure is not None
     return pixels * 72 / axes.figure.dpi
-
-
-def _pixels(axes: Axes, points: Array) -> Array:
-    assert axes.figure is not None
-    return points * axes.figure.dpi / 72

@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from eqt_cli.analysis.comparison.bootstrap import Resampling, intervals_of_means
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.drawing.layout import NO_NUMBERS
-from eqt_cli.plots.drawing.style import Look, ink, line_style
+from eqt_cli.plots.drawing.style import Look, ink, line_style, marker
 from eqt_cli.plots.shown.controllers import Ensemble
 
 BAND = (0.1, 0.9)
@@ -45,6 +45,9 @@ _FINER = 4
 
 Path = tuple[Array, Array]
 """Across and up, a number per sample each."""
+
+_POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
+"""Hollow markers, so that all are seen where curves coincide."""
 
 _DOT: dict[str, Any] = {"linestyle": "none", "marker": "o"}
 _START = _DOT | {"markersize": 2.2, "markeredgewidth": 0.5}
@@ -79,6 +82,22 @@ def draw_band(
     axes.fill_between(times, low, high, label=name, **band_look(colour))
 
 
+def draw_mean(axes: Axes, times: Array, values: Array, bands: Bands, ensemble: Ensemble) -> None:
+    """The mean over runs, of values ``(runs, samples)`` of a controller, and the band around it."""
+    look = line_style(ensemble.look)
+    axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
+    draw_band(axes, times, values, bands, look["color"], ensemble.label)
+
+
+def draw_points(
+    axes: Axes, across: Array, up: Array, band: tuple[Array, Array], position: int, title: str
+) -> list[Line2D]:
+    """A curve with a hollow marker at every number, in its band, of the controller there."""
+    look = line_style(position)
+    axes.fill_between(across, *band, label=title, **band_look(look["color"]))
+    return axes.plot(across, up, label=title, marker=marker(position), **_POINTS, **look)
+
+
 def band_look(colour: str) -> dict[str, Any]:
     """A tint of the colour, with edges that tell overlapping bands apart."""
     return {"facecolor": (colour, 0.1), "edgecolor": (colour, 0.8), "linewidth": 0.35}
@@ -90,8 +109,9 @@ def thin_line(look: Look, count: int) -> dict[str, Any]:
     return {"color": (line_style(look)["color"], opacity), "linewidth": THIN}
 
 
-def thin_line_legend(runs: int, most: int) -> dict[str, Artist]:
-    """A handle by name, for that many runs of a controller of which so many are drawn."""
+def thin_line_legend(shown: Sequence[Ensemble], most: int) -> dict[str, Artist]:
+    """A handle by name, for controllers of whose good runs so many are drawn at most."""
+    runs = max(np.count_nonzero(ensemble.good) for ensemble in shown)
     name = "single runs" if runs <= most else f"first {most} runs"
     return {name: Line2D([], [], color=ink(0.5), linewidth=2 * THIN)}
 
@@ -110,11 +130,9 @@ def draw_paths(axes: Axes, paths: Mapping[int, Path], ensemble: Ensemble) -> Non
         for place in _ARROWS:
             _draw_arrow(axes, x, y, place, look["color"][0])
     start = _start(look["color"][0])
-    for name, at, marker in (("start", 0, start), ("end", -1, {"color": ink(), **_END})):
-        across, up = (
-            [coordinate[at] for coordinate in pair] for pair in zip(*paths.values(), strict=True)
-        )
-        axes.plot(across, up, label=name, **marker)
+    for name, at, dot in (("start", 0, start), ("end", -1, {"color": ink(), **_END})):
+        ends = [(x[at], y[at]) for x, y in paths.values()]
+        axes.plot(*zip(*ends, strict=True), label=name, **dot)
 
 
 def _draw_arrow(axes: Axes, x: Array, y: Array, place: float, colour: str) -> None:
@@ -127,28 +145,17 @@ def _draw_arrow(axes: Axes, x: Array, y: Array, place: float, colour: str) -> No
         axes.annotate("", ends[1], ends[0], arrowprops=_ARROW | {"color": colour})
 
 
-def draw_density(axes: Axes, visits: Array, edges: tuple[Array, Array], look: Look) -> None:
-    """Shade the cells through which runs pass, the darker the more of them.
-
-    Parameters
-    ----------
-    visits : (cells across, cells up)
-        The share of runs that pass through a cell.
-    """
-    shades = LinearSegmentedColormap.from_list("", [ink(0), line_style(look)["color"]])
-    norm = PowerNorm(_FAINT, vmin=0, vmax=_DARKEST)
-    seen = np.ma.masked_equal(visits.T, 0)
-    cells: dict[str, Any] = {"cmap": shades, "norm": norm, "zorder": 0.4, "linewidth": 0}
-    axes.pcolormesh(*edges, seen, label=NO_NUMBERS, rasterized=True, **cells)
-
-
-def visits(paths: Sequence[Path], edges: tuple[Array, Array]) -> Array:
-    """The share of paths that pass through each cell between these edges."""
-    found = np.zeros([len(edge) - 1 for edge in edges])
+def draw_density(axes: Axes, paths: Sequence[Path], edges: tuple[Array, Array], look: Look) -> None:
+    """Shade the cells between these edges through which paths pass, the darker the more of them."""
+    visits = np.zeros([len(edge) - 1 for edge in edges])
     for path in paths:
         across, up = _between(path)
-        found += np.histogram2d(across, up, bins=list(edges))[0] > 0
-    return found / max(len(paths), 1)
+        visits += np.histogram2d(across, up, bins=list(edges))[0] > 0
+    shades = LinearSegmentedColormap.from_list("", [ink(0), line_style(look)["color"]])
+    norm = PowerNorm(_FAINT, vmin=0, vmax=_DARKEST)
+    seen = np.ma.masked_equal(visits.T / max(len(paths), 1), 0)
+    cells: dict[str, Any] = {"cmap": shades, "norm": norm, "zorder": 0.4, "linewidth": 0}
+    axes.pcolormesh(*edges, seen, label=NO_NUMBERS, rasterized=True, **cells)
 
 
 def _between(path: Path) -> list[Array]:
@@ -162,11 +169,11 @@ def _start(colour: Any) -> dict[str, Any]:
     return _START | {"markeredgecolor": colour, "markerfacecolor": ink(0)}
 
 
-def path_legend(good: Sequence[int], most: int, *, density: bool) -> dict[str, Artist]:
-    """Handles by name, for controllers with so many good runs of which so many are drawn."""
+def path_legend(shown: Sequence[Ensemble], most: int, *, density: bool) -> dict[str, Artist]:
+    """Handles by name, for controllers of whose good runs so many are drawn at most."""
     shade = {"where runs pass": Patch(facecolor=ink(0.25), linewidth=0)} if density else {}
     return {
-        **thin_line_legend(max(good), most),
+        **thin_line_legend(shown, most),
         "start": Line2D([], [], **_start(ink(0.7))),
         "end": Line2D([], [], color=ink(), **_END),
         **shade,

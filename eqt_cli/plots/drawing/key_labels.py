@@ -2,9 +2,13 @@
 
 import re
 
+from matplotlib.axes import Axes
+
 from eqt_cli.core.problems import parse_key
 from eqt_cli.plots.drawing.labels import free_text, in_words, quantity
+from eqt_cli.plots.drawing.scales import number_values
 from eqt_cli.results.result import Result
+from eqt_cli.results.swept_key import SweptKey
 
 _TORQUE, _DAMPING, _RATE = "torque", "torque s", "torque/s"
 """Units that are those of a torque on this group, with what else belongs to them."""
@@ -31,19 +35,37 @@ _WORDS = {
 
 _LONGEST = 36
 """Characters in a line of a label."""
+_MARGIN = 0.03
+"""of the width, so that markers at the ends are whole."""
+_BESIDE = 0.6
+"""in, that the scale up and the margins take of the width."""
 
 
 def key_label(result: Result, key: str) -> str:
     """The name of a swept key, with its unit; the key itself where it has no name."""
-    steps = [str(step) for step in parse_key(key) if isinstance(step, str)]
+    path = parse_key(key)
+    steps = [step for step in path if isinstance(step, str)]
     of = _owner(result, key)
     symbol = _SYMBOLS.get(".".join(steps[-2:]))
-    if symbol and isinstance(parse_key(key)[-1], str):
+    if symbol and isinstance(path[-1], str):
         return quantity(symbol[0], _unit(result, symbol[1])) + free_text(of, _LONGEST)
-    if steps[-1] not in _WORDS or not isinstance(parse_key(key)[-1], str):
+    if steps[-1] not in _WORDS or not isinstance(path[-1], str):
         return free_text(key, _LONGEST)
     words, unit = _WORDS[steps[-1]]
     return in_words(free_text(words + of, _LONGEST), _unit(result, unit))
+
+
+def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> None:
+    """Name the scale across and what is at it, in a panel that takes so many inches."""
+    panel.margins(x=_MARGIN)
+    panel.set_xlabel(key_label(result, axis.key))
+    if axis.texts:
+        texts = [free_text(text, _LONGEST) for text in axis.texts.values()]
+        panel.set_xticks(list(axis.texts), texts)
+        return
+    if axis.logarithmic:
+        panel.set_xscale("log")
+    number_values(panel, axis.values, room - _BESIDE)
 
 
 def _owner(result: Result, key: str) -> str:

@@ -6,7 +6,6 @@ Symbols are written in the mathematics that both have in common. What a user cho
 
 import re
 import textwrap
-from collections.abc import Sequence
 from itertools import groupby
 
 import matplotlib
@@ -73,11 +72,6 @@ def quantity(symbol: str, unit: str) -> str:
     return rf"${symbol}$ $({_upright(unit)})$"
 
 
-def in_units(symbol: str, units: Sequence[str]) -> str:
-    """As `quantity`, of a norm over parts with different units: ``‖τ‖ (N m and N)``."""
-    return f"${symbol}$ ({' and '.join(f'${_upright(unit)}$' for unit in units)})"
-
-
 def _upright(unit: str) -> str:
     powers = re.sub(r"\^(-?\d+)", r"^{\1}", _multiplied_out(unit)).replace(" ", r"\,")
     return rf"\mathrm{{{powers}}}"
@@ -99,9 +93,10 @@ def in_words(words: str, unit: str) -> str:
 
 
 def _labelled(result: Result, name: str, symbol: str, unit: str) -> str:
-    """A symbol with its unit; of a norm over parts with different units, with all of them."""
+    """A symbol with its unit; of a norm over parts with different units: ``‖τ‖ (N m and N)``."""
     several = result.part_units(name) if unit == "mixed" else []
-    return in_units(symbol, several) if several else quantity(symbol, unit)
+    units = " and ".join(f"${_upright(each)}$" for each in several)
+    return f"${symbol}$ ({units})" if several else quantity(symbol, unit)
 
 
 def signal_label(result: Result, signal: str) -> str:
@@ -148,11 +143,9 @@ def force_component(axis: str, unit: str) -> str:
 
     The index of a coordinate whose axis is neither a turn nor a velocity is its whole name.
     """
-    if axis.startswith("ω"):
-        return component(r"\tau", axis[1:])
     if axis.startswith("v") and unit == "N":
         return component("f", axis[1:])
-    return component(r"\tau", axis)
+    return component(r"\tau", axis.removeprefix("ω"))
 
 
 def component(symbol: str, axis: str) -> str:

@@ -152,16 +152,11 @@ def name_scale(axes: Axes, text: str) -> None:
     axes.set_ylabel(text, va="baseline", labelpad=4)
 
 
-def hide_scale(axes: Axes) -> None:
-    """Leave out what names a vertical scale, since the panel to the left shows it."""
-    axes.tick_params(labelleft=False)
-    axes.set_ylabel("")
-
-
 def hide_inner_scales(panels: Mapping[str, Axes], mosaic: Mosaic) -> None:
     """Name and number a vertical scale in the first panel of a row only."""
     for name in (name for row in mosaic for name in row[1:] if name != EMPTY):
-        hide_scale(panels[name])
+        panels[name].tick_params(labelleft=False)
+        panels[name].set_ylabel("")
 
 
 def add_title(axes: Axes, name: str, room: float) -> None:

@@ -45,10 +45,7 @@ def name_points(
     names: list[Bbox] = []
     leaders: list[Array] = []
     for point, text, colour in zip(points, texts, colours, strict=True):
-        found = _place(axes, point, text, colour, taken, names, leaders)
-        if found is not None:
-            names.append(found[0])
-            taken += found
+        taken += _place(axes, point, text, colour, taken, names, leaders)
 
 
 def _place(
@@ -59,10 +56,10 @@ def _place(
     taken: list[Bbox],
     names: list[Bbox],
     leaders: list[Array],
-) -> list[Bbox] | None:
+) -> list[Bbox]:
     """Write one text where it fits; the room that it takes, and then that of its leader.
 
-    No leader crosses a text or another leader, of which `leaders` holds the two ends.
+    No leader crosses a text of `names` or another leader, of which `leaders` holds the two ends.
     """
     for distance in _DISTANCES:
         for right, up in _DIRECTIONS:
@@ -80,20 +77,17 @@ def _place(
             )
             written.get_window_extent()  # which moves the text to its place
             box = Text.get_window_extent(written)  # without its leader
-            start, end = (
-                axes.transData.transform(point),
-                np.array([box.x0 + box.x1, box.y0 + box.y1]) / 2,
-            )
-            leader = [_around(axes, place) for place in np.linspace(start, end, _ALONG)]
-            line = np.array([start, end])
+            line = np.array([axes.transData.transform(point), box.get_points().mean(axis=0)])
+            leader = [_around(axes, place) for place in np.linspace(line[0], line[1], _ALONG)]
             crosses = any(part.count_overlaps(names) for part in leader) or any(
                 _cross(line, other) for other in leaders
             )
             if not (box.count_overlaps(taken) or crosses) and _within(axes, box):
+                names.append(box)
                 leaders.append(line)
                 return [box, *leader]
             written.remove()
-    return None
+    return []
 
 
 def _cross(one: Array, other: Array) -> bool:
@@ -115,6 +109,6 @@ def _around(axes: Axes, place: Array) -> Bbox:
 
 
 def _within(axes: Axes, box: Bbox) -> bool:
-    room, reach = axes.bbox, _AROUND / 72 * axes.figure.dpi
-    inner = room.x0 + reach <= box.x0 and box.x1 <= room.x1 - reach
-    return bool(inner and room.y0 + reach <= box.y0 and box.y1 <= room.y1 - reach)
+    room = axes.bbox.padded(-_AROUND / 72 * axes.figure.dpi)
+    inner = room.x0 <= box.x0 and box.x1 <= room.x1
+    return bool(inner and room.y0 <= box.y0 and box.y1 <= room.y1)

@@ -21,6 +21,7 @@ from eqt_cli.plots.shown.certificates import ShownCertificates
 _ROW_HEIGHT = 0.155
 _GAP = 0.12
 """Decades, half of the gap in the frame between 0 and the least number."""
+_MARKER: dict[str, Any] = {"linestyle": "", "markersize": 3.5}
 _STROKE: dict[str, Any] = {
     "marker": [(-0.5, -1), (0.5, 1)],
     "markersize": 6,
@@ -54,7 +55,7 @@ class Certificates(OfCertificates):
             for row, shift in zip(rows, _shifts(len(rows)), strict=True):
                 _mark(axes, row, height + shift, least, looks[row.controller])
         _name_rows(axes, found, width)
-        _name_scale(axes, least, max(10.0, *map(_ratio, _all(found))))
+        _name_scale(axes, least, max(10.0, *map(_ratio, found.shown)))
         handles = _legend(found, looks)
         add_legend(drawing, list(handles.values()), list(handles))
         return drawing
@@ -62,23 +63,17 @@ class Certificates(OfCertificates):
 
 def _legend(found: ShownCertificates, looks: dict[str, dict[str, Any]]) -> dict[str, Artist]:
     """Whose markers they are, and what each shape says."""
-    shown = {row.controller for row in _all(found)}
+    shown = {row.controller for row in found.shown}
     titles = {law.label: law.title for law in found.laws} | {"": "no law"}
-    plain: dict[str, Any] = {"linestyle": "", "markersize": 3.5}
     handles: dict[str, Artist] = {
-        titles[label]: Line2D([], [], **plain, **look)
+        titles[label]: Line2D([], [], **_MARKER, **look)
         for label, look in looks.items()
         if label in shown
     }
     any_law = {"color": ink(_NO_LAW), "marker": "o"}
     for verdict in found.verdicts:
-        look = plain | any_law | _shape(verdict)
-        handles[str(verdict)] = Line2D([], [], **look)
+        handles[str(verdict)] = Line2D([], [], **(_MARKER | any_law | _shape(verdict)))
     return handles
-
-
-def _all(found: ShownCertificates) -> list[Row]:
-    return [row for name in found.names for row in found.rows(name)]
 
 
 def _ratio(row: Row) -> float:
@@ -89,7 +84,7 @@ def _ratio(row: Row) -> float:
 
 def _least(found: ShownCertificates) -> float:
     """The left end of the scale: a decade below the least ratio that is not 0."""
-    ratios = [ratio for row in _all(found) if (ratio := _ratio(row)) > 0]
+    ratios = [ratio for row in found.shown if (ratio := _ratio(row)) > 0]
     return float(10.0 ** (np.floor(np.log10(min([*ratios, 1.0]))) - 1))
 
 
@@ -104,10 +99,8 @@ def _shifts(count: int) -> list[float]:
 
 def _mark(axes: Axes, row: Row, height: float, least: float, look: dict[str, Any]) -> None:
     at = max(_ratio(row), least)  # an exact 0 stands at the left end
-    style = look | _shape(row.verdict)
     label = f"{row.name} {row.controller}".strip()
-    plain: dict[str, Any] = {"markersize": 3.5, "linestyle": "", "label": label}
-    axes.plot([at], [height], **(plain | style))
+    axes.plot([at], [height], label=label, **(_MARKER | look | _shape(row.verdict)))
 
 
 def _shape(verdict: Verdict) -> dict[str, Any]:
@@ -119,17 +112,15 @@ def _shape(verdict: Verdict) -> dict[str, Any]:
 
 def _name_rows(axes: Axes, found: ShownCertificates, width: Width) -> None:
     """The statements, with where the paper makes them if there is room."""
-    texts = []
-    for name in found.names:
-        statement = f"{found.rows(name)[0].statement}:  " if width == "page" else ""
-        texts.append(notation(statement + name))
+    firsts = [found.rows(name)[0] for name in found.names]
+    statements = [f"{row.statement}:  " if width == "page" else "" for row in firsts]
+    texts = [notation(where + row.name) for where, row in zip(statements, firsts, strict=True)]
     axes.set_yticks(range(len(texts)), texts)
     axes.tick_params(axis="y", length=0)
     axes.set_ylim(len(texts) - 0.4, -0.6)
-    kinds = [found.rows(name)[0].kind for name in found.names]
-    for height, (kind, following) in enumerate(pairwise(kinds)):
-        if kind != following:
-            axes.axhline(height + 0.5, label=f"below {kind}", color=ink(), linewidth=0.5)
+    for height, (row, following) in enumerate(pairwise(firsts)):
+        if row.kind != following.kind:
+            axes.axhline(height + 0.5, label=f"below {row.kind}", color=ink(), linewidth=0.5)
 
 
 def _name_scale(axes: Axes, least: float, most: float) -> None:

@@ -1,31 +1,26 @@
 """The figure of how far a loop carries: the share of runs that settle over a swept number."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
+from matplotlib.lines import Line2D
 
 from eqt_cli.analysis.comparison.shares import shares
-from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.drawing.curve_labels import name_curves
-from eqt_cli.plots.drawing.curves import band_look
-from eqt_cli.plots.drawing.key_labels import key_label
-from eqt_cli.plots.drawing.layout import add_title, blank_sheet, hide_scale, rows_of
-from eqt_cli.plots.drawing.scales import number_values
-from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style, marker
+from eqt_cli.plots.drawing.curves import draw_points
+from eqt_cli.plots.drawing.key_labels import scale_along
+from eqt_cli.plots.drawing.layout import add_title, blank_sheet, hide_inner_scales, rows_of
+from eqt_cli.plots.drawing.style import WIDTHS, Width
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.swept_key import SweptKey
 
 _HEIGHTS: dict[Width, float] = {"column": 1.9, "page": 2.4}
 _IN_A_ROW: dict[Width, int] = {"column": 2, "page": 4}
 _MOST_PANELS = 12
-_POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
-_BESIDE = 0.6
-"""in, that the scale up and the margins take of the width."""
 
 
 @dataclass(frozen=True)
@@ -58,22 +53,22 @@ class Envelope(OfSweep):
         mosaic = rows_of(names, min(_IN_A_ROW[width], len(names)))
         drawing, panels = blank_sheet(width, mosaic, _HEIGHTS[width])
         room = WIDTHS[width] / len(mosaic[0])
-        lines = []
+        laws = list(zip(swept.controllers, swept.titles, strict=True))
+        lines: list[Line2D] = []
         for name, level in zip(names, levels, strict=True):
             axes = panels[name]
             points = np.flatnonzero(other.values == level) if other else np.arange(len(settled))
             order = points[np.argsort(across.values[points], kind="stable")]
-            lines = [
-                self._curve(axes, across.values[order], settled[order, k], position, title)
-                for k, (position, title) in enumerate(
-                    zip(swept.controllers, swept.titles, strict=True)
-                )
-            ]
-            self._scales(axes, across, swept, room)
+            x, lines = across.values[order], []
+            for k, (position, title) in enumerate(laws):
+                share, low, high = shares(settled[order, k]).T
+                lines += draw_points(axes, x, share, (low, high), position, title)
+            axes.set_ylim(-0.03, 1.03)
+            axes.set_ylabel(f"share settled {f'by {self.by:g} s' if self.by else 'at the end'}")
+            scale_along(axes, swept.results, across, room)
             if other:
                 add_title(axes, f"{other.key} {other.at(int(points[0]))}", room)
-            if name not in [row[0] for row in mosaic]:
-                hide_scale(axes)
+        hide_inner_scales(panels, mosaic)
         name_curves(drawing, panels.values(), lines, swept.titles)
         swept.remarks.append(f"Each point: {swept.count}; bands: 95 % Wilson intervals.")
         return drawing
@@ -83,9 +78,8 @@ class Envelope(OfSweep):
         axes = swept.axes
         numbers = [axis for axis in axes if not axis.texts]
         if not numbers or len(axes) > 2:
-            keys = ", ".join(axis.key for axis in axes) or "none"
             raise swept.error(
-                f"shows a swept number and at most one more key, and here are: {keys}"
+                f"shows a swept number and at most one more key, and here are: {swept.keys}"
             )
         other = next((axis for axis in axes if axis is not numbers[0]), None)
         if other and len(np.unique(other.values)) > _MOST_PANELS:
@@ -94,23 +88,3 @@ class Envelope(OfSweep):
                 f"{len(np.unique(other.values))}"
             )
         return numbers[0], other
-
-    def _curve(self, axes: Axes, across: Array, settled: Array, position: int, title: str) -> Any:
-        found = shares(settled)
-        style = line_style(position)
-        band = band_look(style["color"])
-        axes.fill_between(across, found[:, 1], found[:, 2], label=title, **band)
-        (line,) = axes.plot(
-            across, found[:, 0], label=title, marker=marker(position), **_POINTS, **style
-        )
-        return line
-
-    def _scales(self, axes: Axes, across: SweptKey, swept: ShownSweep, room: float) -> None:
-        end = f"by {self.by:g} s" if self.by else "at the end"
-        axes.set_ylim(-0.03, 1.03)
-        axes.set_ylabel(f"share settled {end}")
-        axes.set_xlabel(key_label(swept.results, across.key))
-        axes.margins(x=0.03)
-        if across.logarithmic:
-            axes.set_xscale("log")
-        number_values(axes, across.values, room - _BESIDE)

@@ -54,15 +54,10 @@ class Fronts(OfTuning):
             x, y = (each[best, 0] for each in points)
             lines += panel.plot(x, y, label=front.law, **style)
             _crosses(panel, points, best, look["color"], f"{front.law}, intervals")
-            hollow = {"color": look["color"], "marker": marker(position), "markersize": _SMALL}
             if len(others):
-                panel.plot(
-                    *(each[others, 0] for each in points),
-                    linestyle="",
-                    markerfacecolor="none",
-                    label=f"{front.law}, bettered",
-                    **hollow,
-                )
+                x, y = (each[others, 0] for each in points)
+                hollow = style | {"linestyle": "", "markerfacecolor": "none"}
+                panel.plot(x, y, label=f"{front.law}, bettered", **hollow)
             start = shown.start(front)
             panel.plot(*start, "x", color=look["color"], label=f"{front.law}, start")
             seen += points

@@ -8,11 +8,11 @@ from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.plots.base import OverTime
 from eqt_cli.plots.drawing.curve_labels import name_curves
-from eqt_cli.plots.drawing.curves import Bands, draw_band, of_bands
+from eqt_cli.plots.drawing.curves import Bands, draw_mean, of_bands
 from eqt_cli.plots.drawing.labels import part_name
 from eqt_cli.plots.drawing.layout import add_title, name_scale, sheet
 from eqt_cli.plots.drawing.scales import scale_norm
-from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
+from eqt_cli.plots.drawing.style import WIDTHS, Width
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
 _NORMS = ("pose_error", "velocity_error", "torque_norm")
@@ -65,9 +65,6 @@ class Paper(OverTime):
     def _fill(self, axes: Axes, signal: str, runs: ShownRuns) -> None:
         for ensemble in runs.with_function() if signal == "lyapunov" else runs.shown:
             values = runs.errors(signal, ensemble, degrees=self.degrees)
-            look = line_style(ensemble.look)
-            times = runs.times(ensemble)
-            axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
-            draw_band(axes, times, values, self.bands, look["color"], ensemble.label)
+            draw_mean(axes, runs.times(ensemble), values, self.bands, ensemble)
         scale_norm(axes, log=self.log and not signal.startswith("torque_norm"))
         name_scale(axes, runs.error_label(signal, degrees=self.degrees))

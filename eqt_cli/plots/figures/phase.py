@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import critical_sets
 from eqt_cli.plots.base import OfFirstRuns
-from eqt_cli.plots.drawing.curves import draw_density, draw_paths, path_legend, visits
+from eqt_cli.plots.drawing.curves import draw_density, draw_paths, path_legend
 from eqt_cli.plots.drawing.labels import signal_label
 from eqt_cli.plots.drawing.layout import (
     Mosaic,
@@ -89,8 +89,7 @@ class Phase(OfFirstRuns):
                 self._shade(column, runs, part)
             marked |= _mark_half_turns(column, runs.group, part)
         _hide_scales(panels, places, parts)
-        good = [int(e.good.sum()) for e in shown]
-        handles = path_legend(good, self.runs, density=self.density)
+        handles = path_legend(shown, self.runs, density=self.density)
         if marked:
             handles["half-turns"] = Line2D([], [], color=ink(), **_HALF_TURN)
         add_legend(drawing, list(handles.values()), list(handles))
@@ -111,10 +110,8 @@ class Phase(OfFirstRuns):
         scale = np.geomspace if first.get_xscale() == "log" else np.linspace
         edges = scale(*limits[0], _CELLS + 1), scale(*limits[1], _CELLS + 1)
         for ensemble, axes in zip(runs.shown, column, strict=True):
-            paths = zip(
-                *(runs.values(norm + part, ensemble) for norm in (_POSE, _VELOCITY)), strict=True
-            )
-            draw_density(axes, visits(list(paths), edges), edges, ensemble.look)
+            x, y = (runs.values(norm + part, ensemble) for norm in (_POSE, _VELOCITY))
+            draw_density(axes, list(zip(x, y, strict=True)), edges, ensemble.look)
         first.set(xlim=limits[0], ylim=limits[1])
 
     def _scale(self, column: Sequence[Axes]) -> None:

@@ -12,7 +12,7 @@ from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.plots.base import OfReference
 from eqt_cli.plots.drawing.labels import component, part_name, quantity
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
-from eqt_cli.plots.drawing.style import WIDTHS, Look, Width, line_style
+from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
 from eqt_cli.plots.shown.reference import ShownReference
 
 
@@ -42,20 +42,17 @@ class ReferenceOverTime(OfReference):
             turns = self.degrees and part.turns
             values, symbol, unit = pose_coordinates(shown.group, part, shown.pose)
             velocity, force = _symbols(part) if len(parts) > 1 else ("V_d", r"\tau_d")
-            for row, (name, coordinates, in_unit) in zip(
-                rows,
-                (
-                    (symbol, values, unit),
-                    (velocity, shown.velocity[:, part.axes], part.velocity_unit),
-                    (force, shown.torque[:, part.axes], part.force_unit),
-                ),
-                strict=True,
-            ):
+            panes = (
+                (symbol, values, unit),
+                (velocity, shown.velocity[:, part.axes], part.velocity_unit),
+                (force, shown.torque[:, part.axes], part.force_unit),
+            )
+            for row, (name, coordinates, in_unit) in zip(rows, panes, strict=True):
                 axes = panels[row[place]]
                 if turns and in_unit.startswith("rad"):
                     coordinates, in_unit = np.degrees(coordinates), in_unit.replace("rad", "deg")
                 for k, axis in enumerate(shown.group.axis_names[part.axes]):
-                    axes.plot(shown.times, coordinates[:, k], label=axis, **line_style(Look(k)))
+                    axes.plot(shown.times, coordinates[:, k], label=axis, **line_style(k))
                 name_scale(axes, quantity(name, in_unit))
             if len(parts) > 1:
                 add_title(panels[rows[0][place]], part_name(part.name), WIDTHS[width] / len(parts))
@@ -69,7 +66,7 @@ class ReferenceOverTime(OfReference):
             ", ".join(f"${component('', axes[k]).lstrip('_')}$" for axes in names if k < len(axes))
             for k in range(most)
         ]
-        add_legend(drawing, [Line2D([], [], **line_style(Look(k))) for k in range(most)], labels)
+        add_legend(drawing, [Line2D([], [], **line_style(k)) for k in range(most)], labels)
 
 
 def _symbols(part: Part) -> tuple[str, str]:

@@ -73,19 +73,17 @@ class Runs(OverTime):
         room = WIDTHS[width] / len(places[0])
         drawing, panels = sheet(width, places, runs.span, runs.unit("time"))
         for part in parts:
-            share_scale(panels[panel(e.label, part)] for e in shown)
-        for ensemble in shown:
-            for part in parts:
-                axes, signal = panels[panel(ensemble.label, part)], self.signal + part
+            column, signal = [panels[panel(e.label, part)] for e in shown], self.signal + part
+            share_scale(column)
+            for ensemble, axes in zip(shown, column, strict=True):
                 values = runs.errors(signal, ensemble, degrees=self.degrees)
                 self._fill(axes, runs.times(ensemble), values, ensemble.look)
                 add_title(axes, panel_title(ensemble.title, part), room)
                 name_scale(axes, runs.error_label(signal, degrees=self.degrees))
-        for part in parts:  # now that every curve of a common scale is there
-            self._scale([panels[panel(e.label, part)] for e in shown])
+            self._scale(column)  # now that every curve of a common scale is there
         if len(parts) == 1:
             hide_inner_scales(panels, places)
-        handles = thin_line_legend(max(int(e.good.sum()) for e in shown), MOST_LINES)
+        handles = thin_line_legend(shown, MOST_LINES)
         handles["mean over runs"] = Line2D([], [], color=ink())
         add_legend(drawing, list(handles.values()), list(handles))
         runs.remarks.append(f"Mean over runs, {runs.count()}.")

@@ -9,12 +9,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure as Drawing
 from matplotlib.patches import Circle
 
-from eqt_cli.core.arrays import Array
-from eqt_cli.groups import Part
+from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.mechanics.tracking import pose_error
 from eqt_cli.plots.base import OfFirstRuns
 from eqt_cli.plots.drawing import sphere_projection
-from eqt_cli.plots.drawing.curves import draw_density, draw_paths, path_legend, visits
+from eqt_cli.plots.drawing.curves import draw_density, draw_paths, path_legend
 from eqt_cli.plots.drawing.labels import free_text
 from eqt_cli.plots.drawing.layout import (
     add_legend,
@@ -25,7 +24,6 @@ from eqt_cli.plots.drawing.layout import (
     panels_by_controller,
 )
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, size_of_type
-from eqt_cli.plots.shown.controllers import Ensemble
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
 _COLUMNS: dict[Width, int] = {"column": 2, "page": 4}
@@ -45,19 +43,12 @@ _NUMBERED = (0, 45, 90, 180)
 """Those of the circles, and the centre, that are numbered on the scale below the disc."""
 _SCALE, _TICK = -1.12, 0.05
 """Of the radius: where that scale is, and how long its ticks are."""
-_TICKS: dict[str, Any] = {"linewidth": 0.5, "clip_on": False}
 _CELLS = np.linspace(-1, 1, 49), np.linspace(-1, 1, 49)
 """Edges of the cells in which passing runs are counted."""
-_GRID: dict[str, Any] = {"linewidth": 0.4, "zorder": 0.5}
-_RIM: dict[str, Any] = {"linewidth": 0.6}
 _GRID_SHARE = 0.3
 """Of ink."""
 _SMALL = 0.75
 """The numbers' type over the usual."""
-_NUMBER: dict[str, Any] = {
-    "ha": "center",
-    "va": "top",
-}
 
 
 @dataclass(frozen=True)
@@ -82,13 +73,15 @@ class Sphere(OfFirstRuns):
 
     def compose(self, runs: ShownRuns, width: Width) -> Drawing:
         """A disc per controller, or a column of discs per rotation of the group."""
-        shown, parts, centre = runs.shown, self._rotations(runs), _AXES.index(self.axis)
+        shown, centre = runs.shown, _AXES.index(self.axis)
+        group, parts = self._rotations(runs)
         suffixes = [f"_{part.name}" for part in parts] if len(parts) > 1 else [""]
         places = panels_by_controller([e.label for e in shown], suffixes, _COLUMNS[width])
         room = WIDTHS[width] / max(len(places[0]), 2)
         drawing, panels = blank_sheet(width, places, room + _ABOVE)
         for ensemble in shown:
-            errors = _errors(runs, ensemble)
+            poses, desired = runs.values("pose", ensemble), runs.desired("pose", ensemble)
+            errors = pose_error(group, poses, desired)
             for part, suffix in zip(parts, suffixes, strict=True):
                 axes = panels[panel(ensemble.label, suffix)]
                 points = errors[(..., *part.entries)][..., centre]
@@ -96,17 +89,16 @@ class Sphere(OfFirstRuns):
                 paths = [sphere_projection.path(run, centre) for run in points[: self.runs]]
                 if self.density:
                     every = [sphere_projection.project(run, centre) for run in points]
-                    draw_density(axes, visits(every, _CELLS), _CELLS, ensemble.look)
+                    draw_density(axes, every, _CELLS, ensemble.look)
                 numbers = runs.numbers(ensemble, self.runs)
                 draw_paths(axes, dict(zip(numbers, paths, strict=True)), ensemble)
                 add_title(axes, panel_title(ensemble.title, suffix), room - _BESIDE)
-        good = [int(e.good.sum()) for e in shown]
-        handles = path_legend(good, self.runs, density=self.density)
+        handles = path_legend(shown, self.runs, density=self.density)
         add_legend(drawing, list(handles.values()), list(handles))
         return drawing
 
-    def _rotations(self, runs: ShownRuns) -> list[Part]:
-        """The rotations in space among the parts of the group."""
+    def _rotations(self, runs: ShownRuns) -> tuple[MatrixLieGroup, list[Part]]:
+        """The group, and the rotations in space among its parts."""
         if runs.group is None:
             name = runs.results[0].group_name
             raise runs.error(f"does not know group '{name}', which a plugin of the result defines")
@@ -118,33 +110,26 @@ class Sphere(OfFirstRuns):
                 f"shows rotations in space, and {runs.group.name} {has}; "
                 "figure 'runs' shows its errors over time"
             )
-        return found
-
-
-def _errors(runs: ShownRuns, ensemble: Ensemble) -> Array:
-    """Q_E of all runs, ``(runs, samples, d, d)``."""
-    assert runs.group is not None
-    poses, desired = runs.values("pose", ensemble), runs.desired("pose", ensemble)
-    return pose_error(runs.group, poses, desired)
+        return runs.group, found
 
 
 def _draw_grid(axes: Axes, centre: int) -> None:
     """Circles, rays and what they mean."""
-    grid: dict[str, Any] = {"color": ink(_GRID_SHARE), **_GRID}
+    grid: dict[str, Any] = {"color": ink(_GRID_SHARE), "linewidth": 0.4, "zorder": 0.5}
     small = _SMALL * size_of_type("font.size")
     ticks = [[(0.0, _SCALE), (1.0, _SCALE)]]
     for angle in _CIRCLES:
         radius = float(sphere_projection.radius(np.deg2rad(angle)))
-        is_rim = angle == _CIRCLES[-1]
-        edge = {"color": ink(), **_RIM} if is_rim else grid
+        edge = {"color": ink(), "linewidth": 0.6} if angle == _CIRCLES[-1] else grid
         axes.add_patch(Circle((0, 0), radius, fill=False, **edge))
         if angle in _NUMBERED:
             ticks.append([(radius, _SCALE), (radius, _SCALE - _TICK)])
             text = free_text(f"{angle}°", 9)
-            axes.text(radius, _SCALE - 2 * _TICK, text, fontsize=small, **_NUMBER)
-    axes.add_collection(LineCollection(ticks, color=ink(), **_TICKS))
-    ends = [_towards(angle) for angle in range(0, 360, _RAYS)]
-    axes.add_collection(LineCollection([[(0, 0), end] for end in ends], **grid))
+            axes.text(radius, _SCALE - 2 * _TICK, text, fontsize=small, ha="center", va="top")
+    axes.add_collection(LineCollection(ticks, color=ink(), linewidth=0.5, clip_on=False))
+    angles = np.deg2rad(np.arange(0, 360, _RAYS))
+    rays = [[(0.0, 0.0), (np.cos(angle), np.sin(angle))] for angle in angles]
+    axes.add_collection(LineCollection(rays, **grid))
     right, up = (rf"$e_{_AXES[(centre + k) % 3]}$" for k in (1, 2))
     axes.text(1.04, 0, right, ha="left", va="center", fontsize="small")
     axes.text(0, 1.04, up, ha="center", va="bottom", fontsize="small")
@@ -154,7 +139,3 @@ def _draw_grid(axes: Axes, centre: int) -> None:
     axes.set_ylim(-_BELOW, _LIMIT)
     axes.set_aspect("equal")
     axes.set_axis_off()
-
-
-def _towards(degrees: float) -> tuple[float, float]:
-    return float(np.cos(np.deg2rad(degrees))), float(np.sin(np.deg2rad(degrees)))

@@ -14,27 +14,17 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.drawing.cells import Cells
 from eqt_cli.plots.drawing.curve_labels import name_curves
-from eqt_cli.plots.drawing.curves import BAND, band_look
-from eqt_cli.plots.drawing.key_labels import key_label
+from eqt_cli.plots.drawing.curves import BAND, draw_points
+from eqt_cli.plots.drawing.key_labels import scale_along
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend, add_title
-from eqt_cli.plots.drawing.scales import number_values, scale, spans_decade
-from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
+from eqt_cli.plots.drawing.scales import scale, spans_decade
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.results.swept_key import SweptKey
 
 _LABEL = {"boxstyle": "round,pad=0.15", "edgecolor": "none", "alpha": 0.85}
 _HEIGHTS: dict[Width, float] = {"column": 2.2, "page": 3.0}
-
-_LONGEST = 36
-"""Characters in a line of a label."""
-_POINTS: dict[str, Any] = {"markersize": 4.5, "markerfacecolor": "none"}
-"""Hollow markers, so that all are seen where curves coincide."""
-_MARGIN = 0.03
-"""of the width, so that markers at the ends are whole."""
-_BESIDE = 0.6
-"""in, that the scale up and the margins take of the width."""
-
 
 _COLOURS, _AROUND = 1.0, 0.9
 """in, that the scale of colours and of a map take across, and title and scale up."""
@@ -71,21 +61,20 @@ class SweepFigure(OfSweep):
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """One panel of curves, or a map per controller, of means over the runs."""
-        values, means, axes = swept.metric(self.metric), swept.means(self.metric), swept.axes
-        if not 1 <= len(axes) <= 2:
-            keys = ", ".join(axis.key for axis in axes) or "none"
-            raise swept.error(
-                f"has room for one or two swept keys, and here are {len(axes)} ({keys}); "
-                "figure 'pareto' shows sweeps of any number"
-            )
+        values, means = swept.metric(self.metric), swept.means(self.metric)
+        axes = swept.one_or_two("; figure 'pareto' shows sweeps of any number")
         label = metric_label(swept.results, self.metric, 36)
-        if swept.results.quantity(self.metric).counts and len(axes) == 2:
+        counts = swept.results.quantity(self.metric).counts
+        remark = f"Mean over runs at each point, {swept.count}"
+        if len(axes) == 1:
+            bands = "95 % Wilson intervals" if counts else "10–90 % of runs"
+            swept.remarks.append(f"{remark}; bands: {bands}.")
+            return self._curves(swept, axes[0], values, label, width)
+        if counts:
             _, low, high = np.moveaxis(shares(values), -1, 0)
             most = np.nanmax(np.maximum(high - means, means - low))
             label += f"\n(intervals to ±{most:.2f})"
-        swept.remarks.append(f"Mean over runs at each point, {swept.count}{self._bands(swept)}.")
-        if len(axes) == 1:
-            return self._curves(swept, axes[0], values, label, width)
+        swept.remarks.append(f"{remark}.")
         return self._maps(swept, axes, means, label, width)
 
     def _curves(
@@ -97,17 +86,11 @@ class SweepFigure(OfSweep):
         lines = []
         for k, (position, title) in enumerate(zip(swept.controllers, swept.titles, strict=True)):
             found = values[order, k]
-            style = line_style(position)
-            mean = np.mean(found, axis=-1)
-            shape = {"marker": marker(position), **_POINTS}
-            lines += panel.plot(axis.values[order], mean, label=title, **shape, **style)
+            mean, band = np.mean(found, axis=-1), self._band(swept, found)
+            lines += draw_points(panel, axis.values[order], mean, band, position, title)
             for point, law in swept.laws(k).items():
                 _name(panel, axis.values[point], mean[order.tolist().index(point)], law)
-            low, high = self._band(swept, found)
-            band = band_look(style["color"])
-            panel.fill_between(axis.values[order], low, high, label=title, **band)
-        panel.margins(x=_MARGIN)
-        _scale(panel, axis, key_label(swept.results, axis.key), WIDTHS[width] - _BESIDE)
+        scale_along(panel, swept.results, axis, WIDTHS[width])
         panel.set_ylabel(label)
         drawn = np.concatenate([np.ravel(line.get_ydata()) for line in lines])
         scale(panel, "y", drawn.astype(float), log=self.log)
@@ -117,19 +100,13 @@ class SweepFigure(OfSweep):
             name_curves(drawing, [panel], lines, swept.titles)
         return drawing
 
-    def _bands(self, swept: ShownSweep) -> str:
-        if len(swept.axes) != 1:
-            return ""
-        counts = swept.results.quantity(self.metric).counts
-        return "; bands: 95 % Wilson intervals" if counts else "; bands: 10–90 % of runs"
-
     def _band(self, swept: ShownSweep, values: Array) -> tuple[Array, Array]:
         """Where most runs are; of what counts runs, how well their share is known."""
-        if not swept.results.quantity(self.metric).counts:
+        if swept.results.quantity(self.metric).counts:
+            _, low, high = np.moveaxis(shares(values), -1, 0)
+        else:
             low, high = np.quantile(values, BAND, axis=-1)
-            return low, high
-        ends = shares(values)
-        return ends[..., 1], ends[..., 2]
+        return low, high
 
     def _maps(
         self, swept: ShownSweep, axes: list[SweptKey], means: Array, label: str, width: Width
@@ -175,33 +152,16 @@ def _best(means: Array, better: str) -> int | None:
 
 def _explain(drawing: Drawing, failed: bool, beyond: bool) -> None:
     """Say what frames and hatches mean."""
-    known: list[tuple[bool, str, dict[str, Any]]] = [
-        (True, "best mean", {"linewidth": 1.0}),
-        (failed, "failed runs, no mean", {"hatch": FAILED, "linewidth": 0}),
-        (
-            beyond,
-            "censored runs, counted with the horizon",
-            {"hatch": BEYOND, "linewidth": 0},
-        ),
-    ]
-    shown = [(name, look) for there, name, look in known if there]
-    patches = [Patch(fill=False, edgecolor=ink(0.6), **look) for _, look in shown]
-    add_legend(drawing, patches, [name for name, _ in shown])
+    looks: dict[str, dict[str, Any]] = {"best mean": {"linewidth": 1.0}}
+    if failed:
+        looks["failed runs, no mean"] = {"hatch": FAILED, "linewidth": 0}
+    if beyond:
+        looks["censored runs, counted with the horizon"] = {"hatch": BEYOND, "linewidth": 0}
+    patches = [Patch(fill=False, edgecolor=ink(0.6), **look) for look in looks.values()]
+    add_legend(drawing, patches, list(looks))
 
 
 def _name(panel: Axes, x: float, y: float, law: str) -> None:
     """Write a law's name at its point."""
     box = _LABEL | {"facecolor": ink(0)}
     panel.annotate(free_text(law, 12), (x, y), ha="center", va="center", fontsize="small", bbox=box)
-
-
-def _scale(panel: Axes, axis: SweptKey, label: str, room: float) -> None:
-    """Name the scale across and what is at it, within so many inches."""
-    panel.set_xlabel(label)
-    if axis.texts:
-        texts = [free_text(text, _LONGEST) for text in axis.texts.values()]
-        panel.set_xticks(list(axis.texts), texts)
-        return
-    if axis.logarithmic:
-        panel.set_xscale("log")
-    number_values(panel, axis.values, room)

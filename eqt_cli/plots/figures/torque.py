@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.drawing.curves import Bands, draw_band, of_bands
+from eqt_cli.plots.drawing.curves import Bands, draw_mean, of_bands
 from eqt_cli.plots.drawing.labels import force_component, quantity
 from eqt_cli.plots.drawing.layout import (
     EMPTY,
@@ -20,7 +20,7 @@ from eqt_cli.plots.drawing.layout import (
     rows_of,
     sheet,
 )
-from eqt_cli.plots.drawing.style import Width, ink, line_style
+from eqt_cli.plots.drawing.style import Width, ink
 from eqt_cli.plots.shown.controllers import Ensemble, names
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
@@ -63,7 +63,7 @@ class Torque(OverTime):
             name_scale(panels[axis], quantity(force_component(axis, unit), unit))
             for ensemble in runs.shown:
                 values = self._values(runs, ensemble)[..., k]
-                self._fill(panels[axis], runs.times(ensemble), values, ensemble)
+                draw_mean(panels[axis], runs.times(ensemble), values, self.bands, ensemble)
         handles: dict[str, Artist] = dict(
             zip([e.title for e in runs.shown], panels[runs.axes[0][0]].lines, strict=False)
         )
@@ -81,11 +81,6 @@ class Torque(OverTime):
             return torque
         feedforward = runs.feedforward(ensemble)
         return feedforward if self.share == "feedforward" else torque - feedforward
-
-    def _fill(self, axes: Axes, times: Array, values: Array, ensemble: Ensemble) -> None:
-        look = line_style(ensemble.look)
-        axes.plot(times, values.mean(axis=0), label=ensemble.label, **look)
-        draw_band(axes, times, values, self.bands, look["color"], ensemble.label)
 
 
 def _draw_desired(runs: ShownRuns, panels: dict[str, Axes]) -> Artist:

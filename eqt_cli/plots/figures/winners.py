@@ -59,19 +59,10 @@ class Winners(OfSweep):
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """One map; colours are those of the laws in all other figures."""
-        axes = swept.axes
-        if not 1 <= len(axes) <= 2:
-            keys = ", ".join(axis.key for axis in axes) or "none"
-            raise swept.error(
-                f"has room for one or two swept keys, and here are {len(axes)} ({keys})"
-            )
+        axes = swept.one_or_two()
         swept.results.check_metrics([self.metric], who=f"figure '{self.name}'")
-        found = compare_map(
-            swept.results,
-            self.metric,
-            replace(RESAMPLING, confidence=self.confidence),
-            swept.controllers,
-        )
+        resampling = replace(RESAMPLING, confidence=self.confidence)
+        found = compare_map(swept.results, self.metric, resampling, swept.controllers)
         cells = Cells(*axes)
         rows, columns = cells.shape
         height = min(max(_LEAST, _CELL * rows + 0.6), _MOST)
@@ -113,13 +104,11 @@ def _number_leads(panel: Axes, cells: Cells, found: Map) -> None:
 def _explain(drawing: Drawing, colours: Sequence[str], found: Map, failed: bool) -> None:
     """A legend of the laws that win somewhere."""
     frame: dict[str, Any] = {"edgecolor": ink(0.4), "linewidth": 0.5}
-    patches = [Patch(facecolor=colours[0], **frame)]
-    names = ["undecided"]
+    patches = {"undecided": Patch(facecolor=colours[0], **frame)}
     for law, title in enumerate(found.titles):
-        wins = found.wins(law)
-        patches.append(Patch(facecolor=(colours[law + 1], _TINT), **frame))
-        names.append(f"{title}: {wins}")
+        name = f"{title}: {found.wins(law)}"
+        patches[name] = Patch(facecolor=(colours[law + 1], _TINT), **frame)
     if failed:
-        patches.append(Patch(fill=False, hatch=FAILED, edgecolor=ink(0.35), linewidth=0))
-        names.append("with failed runs")
-    add_legend(drawing, patches, names)
+        hatched = Patch(fill=False, hatch=FAILED, edgecolor=ink(0.35), linewidth=0)
+        patches["with failed runs"] = hatched
+    add_legend(drawing, list(patches.values()), list(patches))

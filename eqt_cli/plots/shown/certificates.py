@@ -22,8 +22,10 @@ class ShownCertificates:
 
     Attributes
     ----------
+    shown : list of Row
+        The certificates.
     names : list of str
-        Of the certificates, in the paper's order.
+        Theirs, in the paper's order.
     laws : list of Ensemble
         The controllers.
 
@@ -39,20 +41,20 @@ class ShownCertificates:
         self.laws = ShownControllers([results], figure, chosen).ensembles
         labels = ["", *(law.label for law in self.laws)]
         judged = [row for row in rows if row.kind != "hypothesis" and row.controller in labels]
-        self._shown = [row for row in judged if _has_place(row)]
-        self._left_out = [row for row in judged if row not in self._shown]
-        if not self._shown:
+        self.shown = [row for row in judged if _has_place(row)]
+        self._left_out = [row for row in judged if row not in self.shown]
+        if not self.shown:
             raise error_of(results, figure, "finds no certificate to show; see `eqt verify`")
-        self.names = list(dict.fromkeys(row.name for row in self._shown))
+        self.names = list(dict.fromkeys(row.name for row in self.shown))
 
     def rows(self, name: str) -> list[Row]:
         """The rows of a certificate, one per law where it is about laws."""
-        return [row for row in self._shown if row.name == name]
+        return [row for row in self.shown if row.name == name]
 
     @property
     def verdicts(self) -> list[Verdict]:
         """Those of the rows that are shown, in the order of their class."""
-        return [verdict for verdict in Verdict if verdict in {row.verdict for row in self._shown}]
+        return [verdict for verdict in Verdict if verdict in {row.verdict for row in self.shown}]
 
     def notes(self) -> list[str]:
         """What was checked and has no number."""

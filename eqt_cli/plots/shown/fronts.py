@@ -24,6 +24,8 @@ class ShownFronts:
     ----------
     fronts : list of Front
         Of the laws.
+    titles : list of str
+        How the laws are written.
     positions : list of int
         Those of the laws in the search, on which their line styles depend.
     objectives : list of str
@@ -37,8 +39,9 @@ class ShownFronts:
 
     def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
         self.results = results
-        positions([results], figure, [label for label in chosen if label not in _laws(results)])
         record = None if results.is_sweep else record_beside(results)
+        laws = [law["label"] for law in record["laws"]] if record else []
+        positions([results], figure, [label for label in chosen if label not in laws])
         if record is None or len(record["objectives"]) < 2:
             raise error_of(
                 results,
@@ -46,17 +49,12 @@ class ShownFronts:
                 "shows the fronts of `eqt tune` with two `objectives`; this is none",
             )
         self.objectives = list(record["objectives"])
-        laws = [law["label"] for law in record["laws"]]
         found = [front for front in fronts(results, record) if not chosen or front.law in chosen]
         if not found:
             raise error_of(results, figure, "finds no front with two points")
         self.fronts, self.positions = found, [laws.index(front.law) for front in found]
+        self.titles = [law_title(front.law) for front in found]
         self.starts = {law["label"]: results.labels.index(law["start"]) for law in record["laws"]}
-
-    @property
-    def titles(self) -> list[str]:
-        """How the laws are written."""
-        return [law_title(front.law) for front in self.fronts]
 
     def values(self, front: Front) -> list[Array]:
         """Both metrics of all winners of a law, ``(winners, runs)``."""
@@ -74,9 +72,3 @@ class ShownFronts:
             f"Means over {self.results.runs} held-out runs with 95 % intervals. Hollow: points of "
             "the search that others better there. Crosses: starting gains."
         ]
-
-
-def _laws(results: Result) -> list[str]:
-    """The labels of the laws of a search."""
-    record = None if results.is_sweep else record_beside(results)
-    return [law["label"] for law in record["laws"]] if record else []

@@ -117,7 +117,5 @@ class ShownMetrics(ShownControllers):
 
 def _sample(name: str, ensemble: Ensemble) -> Sample:
     result, controller = ensemble.results, ensemble.controller
-    values = np.where(result.censored(name, controller), np.inf, result.metric(name, controller))[
-        ensemble.good
-    ]
-    return Sample(values[~np.isnan(values)])
+    values = np.where(result.censored(name, controller), np.inf, result.metric(name, controller))
+    return Sample(values[ensemble.good & ~np.isnan(values)])

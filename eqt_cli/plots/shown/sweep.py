@@ -52,6 +52,24 @@ class ShownSweep:
         """The swept keys that take more than one value; one for keys that change together."""
         return self.results.swept_keys
 
+    def one_or_two(self, instead: str = "") -> list[SweptKey]:
+        """`axes`, for a figure that has room for no more of them.
+
+        Raises
+        ------
+        EqtError
+            If there are more, or none; it ends with what to do instead.
+        """
+        if not 1 <= len(self.axes) <= 2:
+            here = f"{len(self.axes)} ({self.keys})"
+            raise self.error(f"has room for one or two swept keys, and here are {here}{instead}")
+        return self.axes
+
+    @property
+    def keys(self) -> str:
+        """The names of `axes`, for messages."""
+        return ", ".join(axis.key for axis in self.axes) or "none"
+
     def metric(self, name: str) -> Array:
         """A metric of every run, ``(points, shown controllers, runs)``; NaN where one failed.
 

@@ -185,12 +185,8 @@ class ShownRuns(ShownControllers):
 
     def _loops(self) -> Iterator[str]:
         """What the loops have that the paper's has not."""
-        found = {
-            name: one.loop_in_words
-            for one, name in zip(self.results, names(self.results), strict=True)
-        }
-        for name, words in found.items():
-            if words:
+        for one, name in zip(self.results, names(self.results), strict=True):
+            if words := one.loop_in_words:
                 yield f"{name}: {words}" if len(self.results) > 1 else words
 
     def _thinned(self) -> Iterator[str]:
