@@ -212,7 +212,7 @@ def test_a_point_at_which_a_run_failed_has_no_mean(swept, altered):
         np.ma.filled(axes.collections[0].get_array(), np.nan) for axes in drawing.axes[:2]
     )
     assert (np.isnan(first).sum(), np.isnan(second).sum()) == (1, 0)
-    assert drawing.get_supxlabel().splitlines()[1] == "1 runs failed; 1 of 12 means left out."
+    assert drawing.get_supxlabel().splitlines()[1] == "1 run failed; 1 of 12 means left out."
     offsets = Pareto().draw([results]).axes[0].collections[0].get_offsets()
     assert np.ma.count_masked(np.ma.masked_invalid(offsets)) == 2
 
@@ -288,6 +288,17 @@ def test_winners_are_those_of_the_comparison(swept):
     assert drawn.T.ravel().tolist() == [cell.winner + 1 for cell in found.cells]
 
 
+def test_winners_say_what_they_are_where_runs_failed_too(swept, altered):
+    results = swept(TWO)
+    status = results["status"].copy()
+    status[0, 0, 0] = 1
+    drawing = Winners(metric="effort").draw([altered(results.path, status=status)])
+    first, second, *_ = drawing.get_supxlabel().split("\n")
+    assert first == "Numbers: lead over the next law in per cent of its mean."
+    assert second.startswith("6 paired tests over ")
+    assert "1 run failed; 1 of 12 means left out." in drawing.get_supxlabel()
+
+
 # Shares of runs.
 
 FLIES = {"actuators": [{"kind": "lag", "time_constant": 0.1}], "settling_threshold": 1.0}
@@ -326,7 +337,7 @@ def test_a_failed_run_has_not_settled(swept, altered):
     status[0, 0, 0] = 1
     drawing = Envelope().draw([altered(results.path, status=status, settling_time=times)])
     assert drawing.axes[0].lines[0].get_ydata()[0] == pytest.approx(5 / 6)
-    assert "1 runs failed; they count as not settled." in drawing.get_supxlabel()
+    assert "1 run failed; counted as not settled." in drawing.get_supxlabel()
 
 
 def test_a_second_key_has_a_panel_for_each_value(swept):

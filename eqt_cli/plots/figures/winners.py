@@ -16,7 +16,7 @@ from eqt_cli.plots.base import OfSweep
 from eqt_cli.plots.drawing.cells import Cells
 from eqt_cli.plots.drawing.curves import RESAMPLING
 from eqt_cli.plots.drawing.labels import metric_label
-from eqt_cli.plots.drawing.layout import add_legend, add_remarks, add_title
+from eqt_cli.plots.drawing.layout import add_legend, add_title
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style
 from eqt_cli.plots.shown.sweep import ShownSweep
 
@@ -82,14 +82,11 @@ class Winners(OfSweep):
         add_title(panel, f"better {metric_label(swept.results, self.metric, 60)}", WIDTHS[width])
         _explain(drawing, colours, found, bool(failed))
         share = f"{100 * (1 - self.confidence):g} %"
-        add_remarks(
-            drawing,
-            [
-                "Numbers: lead over the next law in per cent of its mean.",
-                f"{found.tests} paired tests over {found.runs} runs a point; at most {share} of "
-                "the wins are false, in expectation.",
-            ],
-        )
+        swept.remarks += [
+            "Numbers: lead over the next law in per cent of its mean.",
+            f"{found.tests} paired tests over {found.runs} runs a point; at most {share} of "
+            "the wins are false, in expectation.",
+        ]
         return drawing
 
 

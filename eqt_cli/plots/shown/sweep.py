@@ -128,8 +128,9 @@ class ShownSweep:
         without = failed.any(axis=-1)
         if without.any():
             left_out = f"{np.count_nonzero(without)} of {without.size} means left out"
-            count = f"{np.count_nonzero(failed)} runs failed"
-            yield f"{count}; {'they count as not settled' if self._shares else left_out}."
+            number = int(np.count_nonzero(failed))
+            count = f"{number} run{'s' * (number != 1)} failed"
+            yield f"{count}; {'counted as not settled' if self._shares else left_out}."
 
     def _censored(self) -> Iterator[str]:
         horizon = self.results.horizon
