@@ -28,7 +28,7 @@ def signal_path(config: Mapping[str, Any]) -> str:
 def loop_in_words(config: Mapping[str, Any]) -> str:
     """What a loop has that the paper's has not, in a sentence; "" for the ideal loop.
 
-    ``The loop has a hold of 0.1 s; actuators limit, lag; forces constant; noise of the pose.``
+    ``The loop has a sample period of 0.1 s; actuators (lag); errors of the measured pose (noise).``
     """
     plant, control = config.get("plant") or {}, config.get("control")
     sensors = config.get("sensors") or {}
@@ -36,15 +36,17 @@ def loop_in_words(config: Mapping[str, Any]) -> str:
     if control:
         delay = control.get("delay", 0)
         late = f" and a delay of {delay} period{'s' * (delay > 1)}" if delay else ""
-        found.append(f"a hold of {control['period']:g} s{late}")
+        found.append(f"a sample period of {control['period']:g} s{late}")
     if kinds := _kinds(config.get("actuators")):
-        found.append(f"actuators {', '.join(kinds)}")
+        found.append(f"actuators ({', '.join(kinds)})")
     if plant.get("inertia") is not None:
         found.append("an inertia that the law does not know")
     if kinds := _kinds(plant.get("forces")):
-        found.append(f"forces {', '.join(kinds)}")
+        found.append(f"forces ({', '.join(kinds)})")
     found += [
-        f"{', '.join(kinds)} of the {name}" for name in sensors if (kinds := _kinds(sensors[name]))
+        f"errors of the measured {name} ({', '.join(kinds)})"
+        for name in sensors
+        if (kinds := _kinds(sensors[name]))
     ]
     return f"The loop has {'; '.join(found)}." if found else ""
 
