@@ -87,6 +87,8 @@ def test_many_runs_get_fewer_resamples(monkeypatch):
     monkeypatch.setattr(bootstrap, "MOST_DRAWS", 200_000)
     assert intervals(skewed(100, 1)).resamples == 2000
     assert intervals(skewed(1000, 1)).resamples == bootstrap.FEWEST_RESAMPLES
+    monkeypatch.setattr(bootstrap, "MOST_DRAWS", 2000)
+    assert intervals(skewed(1, 1)).resamples == 2000
 
 
 @pytest.mark.parametrize("effect", [0.3, -0.3, 0.6, 1.2])
@@ -106,3 +108,11 @@ def test_no_number_of_runs_decides_about_nothing(effect):
 def test_runs_without_exception_for_95_percent():
     # 0.95^58 = 0.051, 0.95^59 = 0.0485
     assert runs_without_exception(0.95) == 59
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_single_resample_is_the_whole_interval(seed):
+    """Also where it is greater than the mean, or less, so that no half of them is on each side."""
+    found = intervals(skewed(9, 1), resamples=1, seed=seed)
+    assert found.low == found.high
+    assert found.low != found.mean

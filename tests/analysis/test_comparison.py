@@ -328,3 +328,18 @@ def test_differences_that_solvers_cannot_tell_are_none():
     second = np.array([1 + 1e-7, 1 + 1e-5, -2 - 1e-6, 0.0])
     expected = [0.0, -1e-5, 0.0, 0.0]
     assert resolved_differences(first, second) == pytest.approx(expected, rel=1e-6, abs=0)
+
+
+@pytest.mark.parametrize(("unit", "claimed"), [("1", ["mean_pose_error"]), ("m", [])])
+def test_claims_about_attitude_are_tested_on_errors_that_are_rotations(make_result, unit, claimed):
+    values = make_result.constant(1 + NOISE**2, 2 + NOISE**2)
+    units = {"pose_error": unit, "mean_pose_error": unit}
+    signals = {"pose_error": values, "lyapunov": values}
+    metrics = {"mean_pose_error": values[..., 0]}
+    results = make_result(["gt", "eqt"], signals, metrics, units=units)
+    found = [r["metric"] for r in records(compare(results))["claims"] if "held" not in r]
+    assert found == claimed
+
+
+def test_the_horizon_is_from_the_first_sample_to_the_last(torques):
+    assert compare(torques, metrics=["mean_torque"]).horizon == 20.0

@@ -44,6 +44,20 @@ def start(loop):
     return loop.initial_state(Q, V, Qd, Vd)
 
 
+class Silent(EqT):
+    """EqT, which does not say what it dissipates, since it has a torque of its own."""
+
+    def torque(self, s):
+        return super().torque(s)
+
+
+def test_nothing_is_taken_out_of_L_where_the_dissipation_is_not_known():
+    loop = loop_with(Silent())
+    rates = loop.vector_field(0.0, start(loop))
+    assert not loop.work(rates).any()
+    assert loop.work(loop_with(EqT()).vector_field(0.0, start(loop))).all()
+
+
 def test_join_undoes_split():
     layout = StateLayout({"a": 2, "b": 0, "c": 3})
     state = np.arange(10.0).reshape(2, 5)

@@ -415,6 +415,7 @@ def test_progress_is_reported_along_the_way():
     reports = []
     SolveIvp(block=10).solve(paper_problem(runs=10, duration=5.0), reports.append)
     assert max(reports) < 2  # no report of more than a fifth
+    assert len(reports) <= 51  # one for every 2 % and the last
 
 
 # Options ------------------------------------------------------------------------------------------

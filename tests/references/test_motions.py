@@ -246,6 +246,18 @@ def test_acceleration_is_what_the_torque_gives(G, kind):
     np.testing.assert_allclose(s.Vd_dot[0], given, rtol=0, atol=1e-11)
 
 
+def test_velocities_that_a_reference_knows_are_its_own():
+    """And not those of the momentum that an inertia makes of them, which are rounded twice."""
+    G = group_named("SE3")
+    found = reference("path", G)
+    loop = closed_loop(G, found)
+    state = loop.initial_state(*[G.identity, np.zeros(G.dimension)] * 2)
+    s = loop.tracking(2.2, state[None])
+    _, V, V_dot = found.motion(G, 2.2)
+    np.testing.assert_array_equal(s.Vd, V[None])
+    np.testing.assert_array_equal(s.Vd_dot, V_dot[None])
+
+
 @pytest.mark.parametrize(
     ("kind", "stretches"),
     [("path", []), ("slew", []), ("waypoints", []), ("rates", ["desired_pose"])],
