@@ -100,6 +100,14 @@ def test_that_many_runs_decide_with_the_stated_power(effect):
     assert np.mean(p_values < 0.05) == pytest.approx(POWER, abs=0.03)
 
 
+@pytest.mark.parametrize("effect", [0.21, 0.4, 0.9])
+@pytest.mark.parametrize("confidence", [0.8, 0.99, 0.999])
+def test_numbers_of_runs_are_those_of_guenther(effect, confidence):
+    z, power = stats.norm.ppf([(1 + confidence) / 2, POWER])
+    expected = np.ceil(((z + power) / effect) ** 2 + z * z / 2)
+    assert runs_to_decide(effect, confidence) == runs_to_decide(-effect, confidence) == expected
+
+
 @pytest.mark.parametrize("effect", [0.0, np.nan, 1e-200])
 def test_no_number_of_runs_decides_about_nothing(effect):
     assert runs_to_decide(effect, 0.95) is None
@@ -116,3 +124,12 @@ def test_a_single_resample_is_the_whole_interval(seed):
     found = intervals(skewed(9, 1), resamples=1, seed=seed)
     assert found.low == found.high
     assert found.low != found.mean
+
+
+def test_what_is_drawn_at_once_does_not_matter(monkeypatch):
+    columns = skewed(30, 2)
+    whole = intervals(columns, resamples=1000)
+    monkeypatch.setattr(bootstrap, "_CHUNK", 30 * 64)
+    parts = intervals(columns, resamples=1000)
+    assert parts.low == pytest.approx(whole.low, rel=1e-12)
+    assert parts.high == pytest.approx(whole.high, rel=1e-12)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison import Window, compare
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.analysis.comparison.records import records
 from eqt_cli.core.errors import EqtError
@@ -343,3 +344,43 @@ def test_claims_about_attitude_are_tested_on_errors_that_are_rotations(make_resu
 
 def test_the_horizon_is_from_the_first_sample_to_the_last(torques):
     assert compare(torques, metrics=["mean_torque"]).horizon == 20.0
+
+
+def test_a_pair_that_is_turned_has_its_interval_turned(torques):
+    pair = only(compare(torques, metrics=["mean_torque"]).pairs)
+    turned = pair.turned()
+    assert (turned.first, turned.second) == ("gt", "eqt")
+    assert (turned.low, turned.high) == (-pair.high, -pair.low)
+    assert (turned.difference, turned.cohen_d) == (-pair.difference, -pair.cohen_d)
+    assert (turned.mean_first, turned.mean_second) == (pair.mean_second, pair.mean_first)
+    assert turned.first_better == 0.0
+    assert turned.turned() == pair
+
+
+def test_a_claim_says_which_of_its_controllers_are_not_there(make_result):
+    values = make_result.constant(NOISE**2 + 1, NOISE**2 + 2)
+    results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
+    absent = [(judgement.says[:8], judgement.absent) for judgement in compare(results).judgements]
+    assert absent == [
+        ("All four", ("nog", "asym")),
+        ("All four", ("nog", "asym")),
+        ("the EqT ", ()),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        (Resampling(confidence=0.0), "confidence 0: expected a number between 0 and 1, as 0.95"),
+        (Resampling(confidence=1.0), "confidence 1: expected a number between 0 and 1, as 0.95"),
+        (Resampling(resamples=0), "resamples 0: expected at least 1"),
+    ],
+)
+def test_resampling_that_gives_no_interval(torques, how, message):
+    with pytest.raises(EqtError) as caught:
+        compare(torques, metrics=["mean_torque"], how=how)
+    assert str(caught.value) == message
+
+
+def test_one_resample_is_allowed(torques):
+    assert compare(torques, metrics=["mean_torque"], how=Resampling(resamples=1)).resamples == 1

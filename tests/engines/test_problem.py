@@ -7,8 +7,8 @@ from typing import ClassVar
 import numpy as np
 import pytest
 
-from eqt_cli.engines import Engine, Problem
-from eqt_cli.engines.base import _nearest
+from eqt_cli.engines import Engine, Problem, Status
+from eqt_cli.engines.base import Solution, _nearest
 
 
 @pytest.mark.parametrize(
@@ -65,3 +65,17 @@ def test_control_instants_are_multiples_of_the_period_before_the_end(start, stop
     loop = SimpleNamespace(vehicle=SimpleNamespace(control=SimpleNamespace(period=period)))
     problem = Problem(loop, np.zeros((1, 1)), np.array([start, stop]))
     assert problem.control_instants == instants
+
+
+def test_numbers_of_ends_of_runs_never_change():
+    """They stand in result files; an empty solution has the good one."""
+    assert {end.name: end.value for end in Status} == {
+        "OK": 0,
+        "SOLVER_FAILED": 1,
+        "NON_FINITE": 2,
+        "STEP_LIMIT": 3,
+        "ACCURACY": 4,
+        "WORKER_LOST": 5,
+    }
+    problem = Problem(None, np.zeros((2, 1)), np.arange(3.0))
+    assert Solution.empty(problem).status.tolist() == [Status.OK] * problem.runs

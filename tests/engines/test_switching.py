@@ -353,3 +353,9 @@ def test_so_many_returns_at_once_are_a_sliding_mode():
     integrator.last_h[1] = 2 * AT_ONCE
     assert board.cross(integrator, 0, 1)
     assert integrator.pars[FACTOR].tolist() == [1, 2]
+
+
+def test_sides_within_their_width_are_right():
+    board, integrator = lanes_with(1.0, -0.5 * WIDTH)
+    assert board.is_right(integrator)
+    assert board.check(integrator)

@@ -316,6 +316,14 @@ def test_progress_adds_up_to_the_number_of_runs(alone, workers):
     assert len(reports) > 1
 
 
+def test_progress_adds_up_over_instants():
+    reference = TorqueReference(["step(t, 0.5)", "step(t, 1)", 0.0])
+    reports = []
+    Taylor().solve(problem_of(loop_of(EqT(), reference=reference), runs=5), reports.append)
+    assert sum(reports) == pytest.approx(5)
+    assert len(reports) > 2
+
+
 def test_an_error_in_one_thread_ends_all(alone):
     problem, _ = alone
 

@@ -209,6 +209,11 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
             "a is swept by an earlier block; remove one of them",
         ),
         (
+            [{"grid": {"a": [1]}}, {"grid": {"a": {"low": 0, "high": 1, "points": 2}}}],
+            (1, "grid", "a"),
+            "a is swept by an earlier block; remove one of them",
+        ),
+        (
             [{"concat": [{"grid": {"a": [1]}}, {"grid": {"b": [1]}}]}],
             (0, "concat", 1),
             "expected the same keys as in the first part: a",

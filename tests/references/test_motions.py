@@ -13,6 +13,7 @@ from eqt_cli.core.arrays import frobenius, norm
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, engines
 from eqt_cli.groups import group_named
+from eqt_cli.mechanics import motions
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
 from eqt_cli.mechanics.motions import spline
 from eqt_cli.mechanics.tracking import Gains
@@ -144,6 +145,14 @@ def test_a_spline_is_found_in_either_direction():
     along = np.array([[1.0, 2.0, 3.0], [2.0, 3.0, 5.0], [3.5, 7.0, 8.0], [6.0, 9.0, 9.5]])
     there, back = (spline(G, times, G.exp(sign * along)) for sign in (1, -1))
     assert back.numbers == pytest.approx(-there.numbers, abs=1e-12)
+
+
+def test_in_a_vector_space_one_iteration_finds_the_spline(monkeypatch):
+    """And a second or a third sees that nothing changes any more but for rounding."""
+    monkeypatch.setattr(motions, "MOST_ITERATIONS", 3)
+    G, times = group_named("R1"), np.array([0.0, 1.0, 2.0, 4.0])
+    pieces = spline(G, times, G.exp(np.array([[0.0], [1.0], [4.0], [2.0]])))
+    assert len(pieces.starts) == 3
 
 
 def test_waypoints_in_a_vector_space_are_the_natural_cubic_spline():

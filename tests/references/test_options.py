@@ -5,6 +5,7 @@ import pytest
 
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import group_named
+from eqt_cli.references.path import PathFactor, PathReference
 from eqt_cli.references.slew import SlewReference
 from eqt_cli.references.waypoints import Waypoint, WaypointsReference
 
@@ -90,3 +91,11 @@ def test_only_numbers_that_differ_from_piece_to_piece_are_held():
     held = pieces.at(pieces.starts)["numbers"]
     shared = (held == held[0]).all(axis=0)
     assert not np.isin(held[0, shared], (-1.0, 0.0, 1.0)).any()
+
+
+def test_every_factor_of_a_path_is_looked_at():
+    factors = [PathFactor("wz", "0.1*t"), PathFactor("wq", "t"), PathFactor("wx", "0.1*u")]
+    assert [option for option, _ in notes(PathReference(factors))] == [
+        "factors[1].axis",
+        "factors[2].by",
+    ]
