@@ -41,6 +41,16 @@ def test_the_gyroscopic_weights_do_not_matter():
     assert Family(gyroscopic=7.0, quadratic=-3.0).claims_decrease is True
 
 
+def test_the_quadratic_term_has_its_weight():
+    """−q ad*_Ṽ 𝕀Ṽ, on SO3 q Ṽ × 𝕀Ṽ."""
+    G, moments, rest = group_named("SO3"), np.array([1.0, 2.0, 4.0]), np.zeros(3)
+    inertia, V = Inertia(np.diag(moments), np.diag(1 / moments)), np.array([1.0, -2.0, 0.5])
+    gains = Gains(np.eye(3), np.eye(3))
+    s = Tracking(G, inertia, gains, 0.0, np.eye(3), moments * V, np.eye(3), rest, rest)
+    difference = Family(quadratic=2.0).torque(s) - Family().torque(s)
+    assert difference == pytest.approx(2 * np.cross(V, moments * V), abs=1e-14)
+
+
 @pytest.mark.parametrize("feedforward", [True, False])
 def test_stabilising_claims_it_with_its_feedforward(feedforward):
     assert Stabilising(feedforward=feedforward).claims_decrease is feedforward
