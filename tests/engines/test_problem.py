@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.engines import Engine, Problem, Status
-from eqt_cli.engines.base import Solution, _nearest
+from eqt_cli.engines.base import Solution, Span, _nearest
 
 
 @pytest.mark.parametrize(
@@ -79,3 +79,12 @@ def test_numbers_of_ends_of_runs_never_change():
     }
     problem = Problem(None, np.zeros((2, 1)), np.arange(3.0))
     assert Solution.empty(problem).status.tolist() == [Status.OK] * problem.runs
+
+
+@pytest.mark.parametrize(
+    ("wanted", "later"), [([1, 0], 0), ([1, 1, 0], 1), ([0, 1, 1], 2), ([0, 0], 0), ([1, 0, 1], 1)]
+)
+def test_samples_behind_the_start_of_a_span_are_counted(wanted, later):
+    grid = np.linspace(0.0, 1.0, len(wanted))
+    span = Span(0.0, 1.0, (False, False), grid, np.array(wanted, dtype=bool))
+    assert (span.samples, span.later) == (sum(wanted), later)
