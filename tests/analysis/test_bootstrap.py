@@ -87,6 +87,8 @@ def test_many_runs_get_fewer_resamples(monkeypatch):
     monkeypatch.setattr(bootstrap, "MOST_DRAWS", 200_000)
     assert intervals(skewed(100, 1)).resamples == 2000
     assert intervals(skewed(1000, 1)).resamples == bootstrap.FEWEST_RESAMPLES
+    monkeypatch.setattr(bootstrap, "MOST_DRAWS", 2000)
+    assert intervals(skewed(1, 1)).resamples == 2000
 
 
 @pytest.mark.parametrize("effect", [0.3, -0.3, 0.6, 1.2])
@@ -98,6 +100,14 @@ def test_that_many_runs_decide_with_the_stated_power(effect):
     assert np.mean(p_values < 0.05) == pytest.approx(POWER, abs=0.03)
 
 
+@pytest.mark.parametrize("effect", [0.21, 0.4, 0.9])
+@pytest.mark.parametrize("confidence", [0.8, 0.99, 0.999])
+def test_numbers_of_runs_are_those_of_guenther(effect, confidence):
+    z, power = stats.norm.ppf([(1 + confidence) / 2, POWER])
+    expected = np.ceil(((z + power) / effect) ** 2 + z * z / 2)
+    assert runs_to_decide(effect, confidence) == runs_to_decide(-effect, confidence) == expected
+
+
 @pytest.mark.parametrize("effect", [0.0, np.nan, 1e-200])
 def test_no_number_of_runs_decides_about_nothing(effect):
     assert runs_to_decide(effect, 0.95) is None
@@ -106,3 +116,20 @@ def test_no_number_of_runs_decides_about_nothing(effect):
 def test_runs_without_exception_for_95_percent():
     # 0.95^58 = 0.051, 0.95^59 = 0.0485
     assert runs_without_exception(0.95) == 59
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_single_resample_is_the_whole_interval(seed):
+    """Also where it is greater than the mean, or less, so that no half of them is on each side."""
+    found = intervals(skewed(9, 1), resamples=1, seed=seed)
+    assert found.low == found.high
+    assert found.low != found.mean
+
+
+def test_what_is_drawn_at_once_does_not_matter(monkeypatch):
+    columns = skewed(30, 2)
+    whole = intervals(columns, resamples=1000)
+    monkeypatch.setattr(bootstrap, "_CHUNK", 30 * 64)
+    parts = intervals(columns, resamples=1000)
+    assert parts.low == pytest.approx(whole.low, rel=1e-12)
+    assert parts.high == pytest.approx(whole.high, rel=1e-12)

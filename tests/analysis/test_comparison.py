@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison import Window, compare
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.analysis.comparison.records import records
 from eqt_cli.core.errors import EqtError
@@ -328,3 +329,58 @@ def test_differences_that_solvers_cannot_tell_are_none():
     second = np.array([1 + 1e-7, 1 + 1e-5, -2 - 1e-6, 0.0])
     expected = [0.0, -1e-5, 0.0, 0.0]
     assert resolved_differences(first, second) == pytest.approx(expected, rel=1e-6, abs=0)
+
+
+@pytest.mark.parametrize(("unit", "claimed"), [("1", ["mean_pose_error"]), ("m", [])])
+def test_claims_about_attitude_are_tested_on_errors_that_are_rotations(make_result, unit, claimed):
+    values = make_result.constant(1 + NOISE**2, 2 + NOISE**2)
+    units = {"pose_error": unit, "mean_pose_error": unit}
+    signals = {"pose_error": values, "lyapunov": values}
+    metrics = {"mean_pose_error": values[..., 0]}
+    results = make_result(["gt", "eqt"], signals, metrics, units=units)
+    found = [r["metric"] for r in records(compare(results))["claims"] if "held" not in r]
+    assert found == claimed
+
+
+def test_the_horizon_is_from_the_first_sample_to_the_last(torques):
+    assert compare(torques, metrics=["mean_torque"]).horizon == 20.0
+
+
+def test_a_pair_that_is_turned_has_its_interval_turned(torques):
+    pair = only(compare(torques, metrics=["mean_torque"]).pairs)
+    turned = pair.turned()
+    assert (turned.first, turned.second) == ("gt", "eqt")
+    assert (turned.low, turned.high) == (-pair.high, -pair.low)
+    assert (turned.difference, turned.cohen_d) == (-pair.difference, -pair.cohen_d)
+    assert (turned.mean_first, turned.mean_second) == (pair.mean_second, pair.mean_first)
+    assert turned.first_better == 0.0
+    assert turned.turned() == pair
+
+
+def test_a_claim_says_which_of_its_controllers_are_not_there(make_result):
+    values = make_result.constant(NOISE**2 + 1, NOISE**2 + 2)
+    results = make_result(["eqt", "gt"], {"torque_norm": values, "lyapunov": values})
+    absent = [(judgement.says[:8], judgement.absent) for judgement in compare(results).judgements]
+    assert absent == [
+        ("All four", ("nog", "asym")),
+        ("All four", ("nog", "asym")),
+        ("the EqT ", ()),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("how", "message"),
+    [
+        (Resampling(confidence=0.0), "confidence 0: expected a number between 0 and 1, as 0.95"),
+        (Resampling(confidence=1.0), "confidence 1: expected a number between 0 and 1, as 0.95"),
+        (Resampling(resamples=0), "resamples 0: expected at least 1"),
+    ],
+)
+def test_resampling_that_gives_no_interval(torques, how, message):
+    with pytest.raises(EqtError) as caught:
+        compare(torques, metrics=["mean_torque"], how=how)
+    assert str(caught.value) == message
+
+
+def test_one_resample_is_allowed(torques):
+    assert compare(torques, metrics=["mean_torque"], how=Resampling(resamples=1)).resamples == 1

@@ -1,6 +1,6 @@
 """The layout of a flat state, and the memory of a law as a stretch of it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -12,6 +12,8 @@ from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references.torque import TorqueReference
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.forces.constant import ConstantForce
 
 RTOL = 1e-9
 
@@ -42,6 +44,29 @@ def start(loop):
     Q, Qd = G.exp(random.standard_normal((2, 4, 3)))
     V, Vd = random.standard_normal((2, 4, 3))
     return loop.initial_state(Q, V, Qd, Vd)
+
+
+class Silent(EqT):
+    """EqT, which does not say what it dissipates, since it has a torque of its own."""
+
+    def torque(self, s):
+        return super().torque(s)
+
+
+def test_nothing_is_taken_out_of_L_where_the_dissipation_is_not_known():
+    loop = loop_with(Silent())
+    rates = loop.vector_field(0.0, start(loop))
+    assert not loop.work(rates).any()
+    assert loop.work(loop_with(EqT()).vector_field(0.0, start(loop))).all()
+
+
+def test_a_force_that_the_law_does_not_know_puts_its_power_into_L():
+    push = np.array([0.1, -0.2, 0.3])
+    vehicle = Vehicle(forces=(ConstantForce(push.tolist()),))
+    loop = replace(loop_with(EqT()), vehicle=vehicle)
+    s = loop.tracking(0.3, start(loop))
+    found = loop.outflow(s, loop.controller.torque(s) + push)
+    np.testing.assert_allclose(found, loop.dissipation(s) - s.V_tilde @ push, rtol=0, atol=1e-14)
 
 
 def test_join_undoes_split():

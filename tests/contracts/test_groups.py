@@ -67,3 +67,12 @@ def test_symbols_give_the_same_as_floats(elements, symbols):
             (G.ad_star(v, p), G.ad_star(V, P)),
         ):
             np.testing.assert_allclose(back(found), expected[0, :2], rtol=0, atol=ROUNDING)
+
+
+def test_motion_along_an_element_is_its_exponential(elements):
+    """V = Ad_h U, and exp(aV) is h exp(aU) h⁻¹."""
+    for G, _, V, *_ in elements:
+        frame, numbers, rates = G.screw(V)
+        along, moved = (f(numbers, 0.7 * rates) for f in (G.along, G.exp_along))
+        assert np.abs(G.Ad(frame, along) - 0.7 * V).max() < ROUNDING
+        assert np.abs(frame @ moved @ G.inverse(frame) - G.exp(0.7 * V)).max() < ROUNDING

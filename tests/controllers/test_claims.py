@@ -6,10 +6,14 @@ import numpy as np
 import pytest
 
 from eqt_cli.controllers import controllers
+from eqt_cli.controllers.body_errors import CancellingLaw
 from eqt_cli.controllers.family import Family
 from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
 from eqt_cli.controllers.quaternion import Quaternion
 from eqt_cli.controllers.stabilising import Stabilising
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.tracking import Gains, Tracking
 
 
 @pytest.mark.parametrize(
@@ -37,6 +41,16 @@ def test_the_gyroscopic_weights_do_not_matter():
     assert Family(gyroscopic=7.0, quadratic=-3.0).claims_decrease is True
 
 
+def test_the_quadratic_term_has_its_weight():
+    """−q ad*_Ṽ 𝕀Ṽ, on SO3 q Ṽ × 𝕀Ṽ."""
+    G, moments, rest = group_named("SO3"), np.array([1.0, 2.0, 4.0]), np.zeros(3)
+    inertia, V = Inertia(np.diag(moments), np.diag(1 / moments)), np.array([1.0, -2.0, 0.5])
+    gains = Gains(np.eye(3), np.eye(3))
+    s = Tracking(G, inertia, gains, 0.0, np.eye(3), moments * V, np.eye(3), rest, rest)
+    difference = Family(quadratic=2.0).torque(s) - Family().torque(s)
+    assert difference == pytest.approx(2 * np.cross(V, moments * V), abs=1e-14)
+
+
 @pytest.mark.parametrize("feedforward", [True, False])
 def test_stabilising_claims_it_with_its_feedforward(feedforward):
     assert Stabilising(feedforward=feedforward).claims_decrease is feedforward
@@ -46,6 +60,18 @@ def test_every_shipped_law_that_tracks_claims_it_or_asks_for_its_gains():
     claimed = {law.name: law().claims_decrease for law in controllers.all() if "track" in law.tasks}
     assert claimed.pop("goodarzi2013") is None  # its integral may be too strong for the gains
     assert set(claimed.values()) == {True}, claimed
+
+
+@pytest.mark.parametrize(
+    "law", [law for law in controllers.all() if issubclass(law, CancellingLaw)]
+)
+def test_laws_that_cancel_all_other_forces_claim_what_their_damping_takes_out(law):
+    """⟨K_d V, V⟩ before a target at rest."""
+    G, gains = group_named("SO3"), Gains(np.eye(3), np.diag([1.0, 2.0, 3.0]))
+    Q, V, rest = G.exp(np.array([0.3, -0.2, 0.5])), np.array([1.0, -2.0, 0.5]), np.zeros(3)
+    s = Tracking(G, Inertia(np.eye(3), np.eye(3)), gains, 0.0, Q, V, G.identity, rest, rest)
+    assert law().claims(G, gains) is True
+    assert law().dissipation(s) == pytest.approx(1 + 2 * 4 + 3 / 4, rel=1e-14)
 
 
 @pytest.mark.parametrize("bound", [None, 0.3, 2.0])

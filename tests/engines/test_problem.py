@@ -1,9 +1,14 @@
 """What engines share, apart from any of them."""
 
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import ClassVar
+
 import numpy as np
 import pytest
 
-from eqt_cli.engines.base import _nearest
+from eqt_cli.engines import Engine, Problem, Status
+from eqt_cli.engines.base import Solution, Span, _nearest
 
 
 @pytest.mark.parametrize(
@@ -11,6 +16,7 @@ from eqt_cli.engines.base import _nearest
     [
         (0.3 + 1e-16, 0.3),
         (0.1 * 3, 0.3),
+        (0.3 - 1e-16, 0.3),
         (0.5, 0.5),
         (0.0, 0.0),
         (1.0, 1.0),
@@ -26,3 +32,59 @@ def test_instants_are_sample_times_but_for_rounding(instant, found):
 
 def test_without_instants_there_is_nothing_to_move():
     assert _nearest(np.empty(0), np.array([0.0])).size == 0
+
+
+@dataclass(frozen=True)
+class Asked(Engine):
+    """Notes the times that it is asked for."""
+
+    name: ClassVar[str] = "asked"
+
+    rtol: float = 1e-9
+    times: list = field(default_factory=list)
+
+    def solve(self, problem, progress, workers=1):
+        self.times.append(problem.times.tolist())
+
+    def tightened(self, factor):
+        return self
+
+
+@pytest.mark.parametrize("times", [[2.0, 12.0], [2.0, 3.0, 12.0]])
+def test_a_billionth_of_the_horizon_is_rehearsed(times):
+    engine = Asked()
+    engine.rehearse(Problem(None, np.zeros((1, 1)), np.array(times)))
+    assert engine.times == [[2.0, pytest.approx(2 + 1e-8, abs=1e-15)]]
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "period", "instants"),
+    [(0.0, 10.0, 2.0, 5), (3.0, 10.0, 2.0, 3), (4.0, 9.0, 2.0, 3), (-3.0, 3.0, 2.0, 3)],
+)
+def test_control_instants_are_multiples_of_the_period_before_the_end(start, stop, period, instants):
+    loop = SimpleNamespace(vehicle=SimpleNamespace(control=SimpleNamespace(period=period)))
+    problem = Problem(loop, np.zeros((1, 1)), np.array([start, stop]))
+    assert problem.control_instants == instants
+
+
+def test_numbers_of_ends_of_runs_never_change():
+    """They stand in result files; an empty solution has the good one."""
+    assert {end.name: end.value for end in Status} == {
+        "OK": 0,
+        "SOLVER_FAILED": 1,
+        "NON_FINITE": 2,
+        "STEP_LIMIT": 3,
+        "ACCURACY": 4,
+        "WORKER_LOST": 5,
+    }
+    problem = Problem(None, np.zeros((2, 1)), np.arange(3.0))
+    assert Solution.empty(problem).status.tolist() == [Status.OK] * problem.runs
+
+
+@pytest.mark.parametrize(
+    ("wanted", "later"), [([1, 0], 0), ([1, 1, 0], 1), ([0, 1, 1], 2), ([0, 0], 0), ([1, 0, 1], 1)]
+)
+def test_samples_behind_the_start_of_a_span_are_counted(wanted, later):
+    grid = np.linspace(0.0, 1.0, len(wanted))
+    span = Span(0.0, 1.0, (False, False), grid, np.array(wanted, dtype=bool))
+    assert (span.samples, span.later) == (sum(wanted), later)

@@ -3,6 +3,8 @@
 That recordings of eqt's laws, references, forces and actuators equal them is in `tests/contracts`.
 """
 
+from functools import partial
+
 import numpy as np
 import pytest
 
@@ -13,6 +15,7 @@ from eqt_cli.engines.recorded_field import (
     NotRecordable,
     RecordedField,
     Recording,
+    _agree,
 )
 
 RUNS = 5
@@ -158,3 +161,30 @@ def test_values_that_are_not_finite_are_repeated():
         found = evaluated(field, 2 * WORTH_RECORDING)
     assert np.isinf(np.array(found)[:, :, 0]).all()
     assert field._recording is not None
+
+
+def test_arrays_have_their_runs_along_the_last_axis_in_memory():
+    """So that a call goes through the same entry of all runs at once."""
+    recording = Recording(lambda t, y: -y, 0.2, states(1))
+    of_runs, others, rates = (recording.empty(s, float) for s in ((RUNS, 2), (2, 3), (RUNS,)))
+    assert of_runs.T.flags.c_contiguous
+    assert others.flags.c_contiguous
+    assert rates.shape == (RUNS,)
+
+
+def test_products_with_a_constant_matrix_are_those_of_matmul():
+    """Others, of two matrices for every run, are those of einsum, which is faster there."""
+
+    def field(t, y):
+        squares = y[:, :, None] * y[:, None]
+        return (squares @ MATRIX).sum(axis=-1) + (squares @ squares).sum(axis=-1)
+
+    products = [call.func for call in check(field).calls if isinstance(call, partial)]
+    assert products.count(np.matmul) == 1
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_recording_may_differ_from_its_field_by_rounding(sign):
+    found = sign * np.array([3.0, 0.5, 0.0])
+    assert _agree(found + np.array([0.0, 0.0, 1e-10]), found)
+    assert not _agree(found + np.array([0.0, 0.0, 1e-9]), found)

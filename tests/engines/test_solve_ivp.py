@@ -156,6 +156,13 @@ def test_tolerance_of_a_run_does_not_depend_on_how_full_its_block_is():
     assert (left_over.states == alone.states).all()
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_only_explicit_methods_take_steps_for_their_stability(method):
+    work = SolveIvp(method=method).work_for_stability(np.array([[-1000.0]]), 1.0)
+    assert (work > 1000) == (method in ("DOP853", "RK45", "RK23"))
+    assert work > 1000 or work == 0
+
+
 def test_runs_at_once_are_whole_blocks():
     engine = SolveIvp(block=30)
     assert [engine.runs_at_once(most) for most in (1, 29, 30, 100)] == [30, 30, 30, 90]
@@ -415,6 +422,7 @@ def test_progress_is_reported_along_the_way():
     reports = []
     SolveIvp(block=10).solve(paper_problem(runs=10, duration=5.0), reports.append)
     assert max(reports) < 2  # no report of more than a fifth
+    assert len(reports) <= 51  # one for every 2 % and the last
 
 
 # Options ------------------------------------------------------------------------------------------

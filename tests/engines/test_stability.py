@@ -36,4 +36,11 @@ def test_the_fastest_of_several_instants_does_not_count_for_all():
 
 
 def test_what_grows_or_rests_asks_for_no_step():
-    assert stability.steps(LIMITS["RK4"][0], np.array([[5.0, 0.0]]), 1.0) == 0
+    for rates in ([5.0, 0.0], [0.5], [0.5 + 3j, 0.5 - 3j]):
+        assert stability.steps(LIMITS["RK4"][0], np.array([rates]), 1.0) == 0
+
+
+def test_limit_of_an_oscillation_that_hardly_decays():
+    """2√2 on the imaginary axis, where |R(iy)|² = 1 − y⁶/72 + y⁸/576 (ibid.)."""
+    steps = stability.steps(LIMITS["RK4"][0], np.array([[-1e-12 + 10j, -1e-12 - 10j]]), 7.0)
+    assert steps == pytest.approx(70 / np.sqrt(8), rel=2 * stability.RESOLUTION)

@@ -6,6 +6,7 @@ cut so fine that every step is far shorter than what happens between two kinks.
 """
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import ClassVar
 
 import numpy as np
@@ -28,6 +29,15 @@ from eqt_cli.core.arrays import (
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.taylor import Taylor
+from eqt_cli.engines.taylor.switching import (
+    AT_ONCE,
+    FACTOR,
+    MOST_RETURNS,
+    NUMBERS,
+    SIDE,
+    WIDTH,
+    Switchboard,
+)
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.tracking import Gains
@@ -295,3 +305,57 @@ def test_comparison_without_a_finite_series_is_a_failure_where_it_matters():
     ]
     assert np.isfinite(solution.states[0, 0]).all()
     assert np.isnan(solution.states[0, 1:]).all()
+
+
+# The account of sides -----------------------------------------------------------------------------
+
+
+class Compared:
+    """Stands for the compiled comparison of one a per lane with 0."""
+
+    nparams = 0
+
+    def __init__(self, a):
+        self.a = a
+
+    def __call__(self, state, pars, time):
+        return np.array([self.a, 0.0 * self.a])
+
+
+def lanes_with(*a):
+    """The board of one comparison, and an integrator with these a, whose sides were a ≥ 0."""
+    pars = np.ones((NUMBERS, len(a)))
+    integrator = SimpleNamespace(
+        pars=pars, state=pars, time=pars[0], last_h=0 * pars[0], batch_size=len(a)
+    )
+    return Switchboard(0, np.array([True]), Compared(np.array(a))), integrator
+
+
+def test_only_a_lane_that_has_passed_its_width_changes_its_side():
+    board, integrator = lanes_with(-1.5 * WIDTH, -0.5 * WIDTH, -WIDTH, 1.0)
+    assert board.check(integrator)
+    assert integrator.pars[SIDE].tolist() == [-1, 1, 1, 1]
+
+
+def test_a_side_far_behind_its_width_was_missed():
+    board, integrator = lanes_with(1.0, -2.5 * WIDTH)
+    assert not board.check(integrator)
+    assert not board.is_right(integrator)
+    assert integrator.pars[SIDE].tolist() == [1, 1]
+
+
+def test_so_many_returns_at_once_are_a_sliding_mode():
+    board, integrator = lanes_with(1.0, 1.0)
+    integrator.last_h[:] = AT_ONCE
+    returns = [board.cross(integrator, 0, 1) for _ in range(MOST_RETURNS)]
+    assert returns == [True] * (MOST_RETURNS - 1) + [False]
+    assert integrator.pars[FACTOR].tolist() == [1, 2**MOST_RETURNS]
+    integrator.last_h[1] = 2 * AT_ONCE
+    assert board.cross(integrator, 0, 1)
+    assert integrator.pars[FACTOR].tolist() == [1, 2]
+
+
+def test_sides_within_their_width_are_right():
+    board, integrator = lanes_with(1.0, -0.5 * WIDTH)
+    assert board.is_right(integrator)
+    assert board.check(integrator)

@@ -316,6 +316,14 @@ def test_progress_adds_up_to_the_number_of_runs(alone, workers):
     assert len(reports) > 1
 
 
+def test_progress_adds_up_over_instants():
+    reference = TorqueReference(["step(t, 0.5)", "step(t, 1)", 0.0])
+    reports = []
+    Taylor().solve(problem_of(loop_of(EqT(), reference=reference), runs=5), reports.append)
+    assert sum(reports) == pytest.approx(5)
+    assert len(reports) > 2
+
+
 def test_an_error_in_one_thread_ends_all(alone):
     problem, _ = alone
 
@@ -682,13 +690,45 @@ def test_tolerances_that_make_sense(engine, problems):
     [
         (1, 25, "compact"),
         (taylor.FULL_CODE_RUNS, 25, "full"),
+        (taylor.FULL_CODE_RUNS - 1, 25, "compact"),
+        (taylor.FULL_CODE_RUNS, taylor.FULL_CODE_STATES, "full"),
+        (taylor.FULL_CODE_RUNS, taylor.FULL_CODE_STATES + 1, "compact"),
         (taylor.FULL_CODE_RUNS, 49, "compact"),
         (taylor.MUCH_WORK_RUNS, 49, "full"),
+        (taylor.MUCH_WORK_RUNS - 1, 49, "compact"),
     ],
 )
 def test_code_follows_the_size_of_the_work(runs, length, code):
     assert Taylor().sized(runs, length).code == code
     assert Taylor(code="compact").sized(runs, length).code == "compact"
+
+
+def test_a_block_fills_4_mebibytes_with_whole_batches_of_lanes():
+    """Ten runs and a bit of 2,000 samples of 25 numbers; of more samples, one batch."""
+    lanes = library.heyoka_module().recommended_simd_size()
+    for samples, fitting in ((2000, 10), (200_000, 0)):
+        problem = paper_problem(runs=23, samples=samples)
+        blocks = Taylor(code="full").blocks(problem)
+        size = max(fitting // lanes * lanes, lanes)
+        assert [len(block) for block in blocks] == [size] * (23 // size) + [23 % size]
+        np.testing.assert_array_equal(np.sort(np.concatenate(blocks)), np.arange(23))
+        speeds = [arrays.norm(problem.states[block]) for block in blocks]
+        assert all(one.max() <= other.min() for one, other in pairwise(speeds))
+
+
+@pytest.mark.parametrize(
+    ("code", "reference", "cut"),
+    [
+        ("full", REFERENCES["torque"], True),
+        ("full", DENSE, True),
+        ("full", TorqueReference(["step(t, 1)", 0.0, 0.0]), False),
+        ("compact", REFERENCES["torque"], False),
+    ],
+    ids=["large", "knots", "an instant", "small"],
+)
+def test_blocks_are_cut_of_large_works_that_need_not_wait(code, reference, cut):
+    problem = problem_of(loop_of(EqT(), reference=reference), runs=23, samples=2000)
+    assert (len(Taylor(code=code).blocks(problem)) > 1) == cut
 
 
 def test_message_where_heyoka_is_missing(monkeypatch):

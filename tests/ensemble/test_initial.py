@@ -89,6 +89,18 @@ def test_first_initial_state_of_the_paper_never_changes():
     assert V[0].tolist() == [0.30743101562047603, -0.6832539358036811, -0.9619450269247757]
 
 
+def test_numbers_of_streams_never_change():
+    """As those drawn from them."""
+    assert {stream.name: stream.value for stream in Stream} == {
+        "INITIAL_STATE": 0,
+        "CROSS_CHECK": 1,
+        "CERTIFICATES": 2,
+        "VEHICLE": 3,
+    }
+    firsts = [generator(2025, stream, 0).integers(2**63) for stream in Stream]
+    assert len(set(firsts)) == 4
+
+
 def test_streams_of_seeds_and_runs_differ():
     firsts = {
         generator(root, Stream.INITIAL_STATE, run).integers(2**63)

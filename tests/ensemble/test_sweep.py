@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pydantic import TypeAdapter
 
 from eqt_cli.config import catalogue
 from eqt_cli.config.json_schema import json_schema
 from eqt_cli.core.problems import Problems, dotted
-from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.ensemble.axes import Choices, Drawn, Spaced
 from eqt_cli.ensemble.designs import Design, designs
 from eqt_cli.ensemble.sweep import Sweep
 
@@ -203,6 +204,16 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
             "a.b overlaps with a, which is swept by an earlier block; remove one of them",
         ),
         (
+            [{"grid": {"a": [1]}}, {"concat": [{"grid": {"a": [1]}}, {"grid": {"a": [2]}}]}],
+            (1, "concat", 0, "grid", "a"),
+            "a is swept by an earlier block; remove one of them",
+        ),
+        (
+            [{"grid": {"a": [1]}}, {"grid": {"a": {"low": 0, "high": 1, "points": 2}}}],
+            (1, "grid", "a"),
+            "a is swept by an earlier block; remove one of them",
+        ),
+        (
             [{"concat": [{"grid": {"a": [1]}}, {"grid": {"b": [1]}}]}],
             (0, "concat", 1),
             "expected the same keys as in the first part: a",
@@ -285,3 +296,22 @@ def test_a_whole_number_is_in_the_middle_of_its_part(value):
     axis = Drawn(low=2.0, high=7.0, integer=True)
     assert axis.share(value) == pytest.approx((value + 0.5 - 2) / 6)
     assert axis.at(axis.share(value)) == value
+
+
+@pytest.mark.parametrize(
+    ("share", "value"), [(0.0, "p"), (0.33, "p"), (0.34, "q"), (0.67, "r"), (1.0, "r")]
+)
+def test_choices_have_equal_parts_of_the_way_and_the_end_belongs_to_the_last(share, value):
+    assert Choices(["p", "q", "r"]).at(share) == value
+
+
+@pytest.mark.parametrize("axis", [Spaced, Drawn])
+def test_an_editor_is_told_that_a_logarithm_takes_positive_numbers(axis):
+    [narrower, *_] = TypeAdapter(axis).json_schema()["allOf"]
+    assert narrower["if"] == {"properties": {"scale": {"const": "log"}}, "required": ["scale"]}
+    kinds = narrower["then"]["properties"]["low"]["anyOf"]
+    assert {"type": "number", "exclusiveMinimum": 0} in kinds
+    options = {"points": 3} if axis is Spaced else {}
+    for low, problems in ((0.0, Problems()), (1e-3, Problems())):
+        axis(low=low, high=1.0, scale="log", **options).check(problems)
+        assert bool(problems) == (low == 0.0)

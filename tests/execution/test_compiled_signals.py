@@ -8,6 +8,7 @@ import pytest
 import eqt_cli
 from eqt_cli.closed_loop.signals import SIGNALS
 from eqt_cli.engines import Engine, taylor
+from eqt_cli.engines.taylor import evaluation
 from eqt_cli.execution.batches import batches
 from eqt_cli.execution.compute_part import compute_part, measured, shared_reference
 from eqt_cli.execution.executors import TaskContext
@@ -65,6 +66,16 @@ def test_signals_of_a_run_do_not_depend_on_its_neighbours(solved):
     single = measured(alone, one, reference, ALL, other)
     for name, values in whole.items():
         np.testing.assert_array_equal(single[name], values[[4]])
+
+
+def test_signals_do_not_depend_on_how_many_samples_are_evaluated_together(solved, monkeypatch):
+    batch, solution, tighter, reference = solved
+    whole = measured(with_code(batch, "full"), solution, reference, ALL, tighter)
+    monkeypatch.setattr(evaluation, "AT_ONCE", 64)  # of 147
+    parts = measured(with_code(batch, "full"), solution, reference, ALL, tighter)
+    for found, expected in zip(parts, whole, strict=True):
+        for name, values in expected.items():
+            np.testing.assert_array_equal(found[name], values)
 
 
 @pytest.mark.parametrize("threads", [1, 2])

@@ -11,8 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eqt_cli.core.arrays import apply_matrix, dot, transpose
+from eqt_cli.core.errors import ComponentError
 from eqt_cli.groups import group_named
-from eqt_cli.groups.angles import FARTHEST, distance_of_turn, turn_of_distance
+from eqt_cli.groups.angles import (
+    FARTHEST,
+    distance_of_turn,
+    inverse_jacobian_terms,
+    ratio_to_sine,
+    turn_of_distance,
+)
 from eqt_cli.groups.product import ProductGroup
 from eqt_cli.groups.so3 import SO3
 
@@ -475,3 +482,42 @@ def test_a_turn_and_its_distance_undo_each_other(angle):
 def test_velocities_have_the_unit_of_their_part_per_second():
     units = {part.name: part.velocity_unit for part in group_named("SE23").parts}
     assert units == {"rotation": "rad/s", "velocity": "m/s^2", "position": "m/s"}
+
+
+@pytest.mark.parametrize("angle", [0.5, 1.0, 2.0, 3.0, np.pi])
+def test_terms_of_the_inverse_jacobian_are_those_of_the_cotangent(angle):
+    """ψ = (1 − x cot x)/θ² with x = θ/2, and dψ/dθ² by hand."""
+    x, square = angle / 2, angle**2
+    cot, squared_sine = np.cos(x) / np.sin(x), np.sin(x) ** 2
+    psi, slope = inverse_jacobian_terms(square)
+    assert psi == pytest.approx((1 - x * cot) / square, rel=1e-13)
+    # Differences of numbers of order 1, over θ⁴.
+    expected = (x / squared_sine - cot) / (8 * x * square) - (1 - x * cot) / square**2
+    assert slope == pytest.approx(expected, abs=1e-14 / square**2)
+
+
+@pytest.mark.parametrize("angle", [0.1, 1.0, 1.5])
+def test_the_ratio_to_the_sine_is_found_from_the_cosine(angle):
+    assert ratio_to_sine(np.cos(angle)) == pytest.approx(angle / np.sin(angle), rel=1e-14)
+
+
+def test_a_product_has_64_axes_at_most():
+    assert group_named("*".join(["R1"] * 64)).dimension == 64
+    with pytest.raises(ComponentError) as caught:
+        group_named("*".join(["R1"] * 65))
+    assert str(caught.value) == (
+        "group 'R1*…': its 65 factors have more than 64 axes; expected at most 64"
+    )
+
+
+@pytest.mark.parametrize("name", ["SE2", "SE3", "SE23"])
+def test_a_screw_without_a_rotation_has_the_rate_1(name):
+    """And its numbers are the velocities themselves."""
+    G = group_named(name)
+    turns = G.parts[0].axes.stop
+    V = np.append(np.zeros(turns), np.arange(1.0, G.dimension - turns + 1))
+    frame, numbers, rates = G.screw(V)
+    assert rates.tolist() == [1.0]
+    assert numbers[0] == 0.0
+    assert_equal(G.Ad(frame, G.along(numbers, rates)), V)
+    assert np.abs(numbers[1:]).max() == np.abs(V).max()

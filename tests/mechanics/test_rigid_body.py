@@ -66,3 +66,12 @@ def test_a_varying_inertia_says_when():
     G = group_named("SO3")
     assert not_rigid(G, law, 4.0) == ""
     assert not_rigid(G, law, 8.0).endswith(": 1 + 1 < 2.02 at t = 4.08 s")
+
+
+def test_moments_are_what_a_turn_meets_where_all_else_may_move():
+    """Then velocities are 𝕀⁻¹P, of whose rotations only a moment without a force remains."""
+    A = np.random.default_rng(0).standard_normal((6, 6))
+    inertia = A @ A.T + np.eye(6)
+    free = np.linalg.inv(inertia)[:3, :3]
+    [moments] = group_named("SE3").principal_moments(inertia)
+    assert moments == pytest.approx(np.linalg.eigvalsh(np.linalg.inv(free)), rel=1e-12)

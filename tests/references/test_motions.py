@@ -13,6 +13,7 @@ from eqt_cli.core.arrays import frobenius, norm
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, engines
 from eqt_cli.groups import group_named
+from eqt_cli.mechanics import motions
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
 from eqt_cli.mechanics.motions import spline
 from eqt_cli.mechanics.tracking import Gains
@@ -146,6 +147,14 @@ def test_a_spline_is_found_in_either_direction():
     assert back.numbers == pytest.approx(-there.numbers, abs=1e-12)
 
 
+def test_in_a_vector_space_one_iteration_finds_the_spline(monkeypatch):
+    """And a second or a third sees that nothing changes any more but for rounding."""
+    monkeypatch.setattr(motions, "MOST_ITERATIONS", 3)
+    G, times = group_named("R1"), np.array([0.0, 1.0, 2.0, 4.0])
+    pieces = spline(G, times, G.exp(np.array([[0.0], [1.0], [4.0], [2.0]])))
+    assert len(pieces.starts) == 3
+
+
 def test_waypoints_in_a_vector_space_are_the_natural_cubic_spline():
     G = group_named("R3")
     t = np.linspace(0.0, 6.0, 50)
@@ -244,6 +253,18 @@ def test_acceleration_is_what_the_torque_gives(G, kind):
     s = loop.tracking(2.2, state[None])
     given = found.velocity(G, 2.2)[1] if kind == "rates" else found.motion(G, 2.2)[2]
     np.testing.assert_allclose(s.Vd_dot[0], given, rtol=0, atol=1e-11)
+
+
+def test_velocities_that_a_reference_knows_are_its_own():
+    """And not those of the momentum that an inertia makes of them, which are rounded twice."""
+    G = group_named("SE3")
+    found = reference("path", G)
+    loop = closed_loop(G, found)
+    state = loop.initial_state(*[G.identity, np.zeros(G.dimension)] * 2)
+    s = loop.tracking(2.2, state[None])
+    _, V, V_dot = found.motion(G, 2.2)
+    np.testing.assert_array_equal(s.Vd, V[None])
+    np.testing.assert_array_equal(s.Vd_dot, V_dot[None])
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from eqt_cli.results.metrics import settling_time
-from eqt_cli.results.quantity_table import QUANTITIES
+from eqt_cli.results.quantity_table import MEASURED, QUANTITIES
 from eqt_cli.results.time_windows import WHOLE, Window
+from eqt_cli.vehicle import Vehicle
 
 T, H = 20.0, 0.5
 TIMES = np.linspace(0, T, 41)
@@ -149,6 +150,7 @@ def test_work_counts_power_of_either_sign():
         ([4.0, 3.0, 5.0, 1.0], 2 / 4),
         ([4.0, 1.0, 2.0, 3.0], 2 / 4),
         ([4.0, 6.0, 0.0, 1.0], 2 / 4),
+        ([4.0, 3.0, 3.5, 1.0], 0.5 / 4),
         ([0.0, 0.0, 0.0, 0.0], 0.0),
     ],
 )
@@ -190,3 +192,32 @@ def test_words_say_what_closing_is():
     assert QUANTITIES["closing_torque"].long_name == (
         "root mean square of ||tau|| over the last quarter of the time"
     )
+
+
+def test_result_files_hold_these_numbers():
+    """The others follow from trajectories, by `eqt compare`; some only say more of a vehicle."""
+    assert [quantity.name for quantity in MEASURED] == [
+        "effort",
+        "peak_torque",
+        "early_torque",
+        "mean_pose_error",
+        "final_pose_error",
+        "final_velocity_error",
+        "settling_time",
+        "settled",
+        "saturated_share",
+        "closing_pose_error",
+        "closing_torque",
+        "energy_residual",
+    ]
+    ideal = [quantity.name for quantity in MEASURED if quantity.stored_of(Vehicle())]
+    assert ideal == [
+        "effort",
+        "peak_torque",
+        "early_torque",
+        "mean_pose_error",
+        "final_pose_error",
+        "final_velocity_error",
+        "settling_time",
+        "energy_residual",
+    ]

@@ -1,0 +1,101 @@
+"""Options of references: poses and files, and what is said of those that will not do."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import group_named
+from eqt_cli.references.path import PathFactor, PathReference
+from eqt_cli.references.slew import SlewReference
+from eqt_cli.references.waypoints import Waypoint, WaypointsReference
+
+G = group_named("SO3")
+POINTS = [Waypoint(0.0, "identity"), Waypoint(2.0, {"rotvec": [0.3, 0.0, 0.0]})]
+TEXT = "t,qx,qy,qz,qw\n0,0,0,0,1\n2,0.14943813247359922,0,0,0.9887710779360422\n"
+
+
+def notes(reference):
+    """What a reference notes of its options, as (option, message)."""
+    problems = Problems()
+    reference.check(G, problems)
+    return [(problem.path, problem.message) for problem in problems]
+
+
+def test_waypoints_may_stand_in_a_file():
+    written = WaypointsReference(POINTS)
+    in_a_file = WaypointsReference(file="plan.csv").with_files({"plan.csv": TEXT})
+    t = np.linspace(0.0, 2.0, 5)
+    for found, expected in zip(in_a_file.motion(G, t), written.motion(G, t), strict=True):
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
+
+
+def test_files_are_those_that_hold_waypoints():
+    assert WaypointsReference(file="plan.csv").files == {"file": "plan.csv"}
+    assert WaypointsReference(POINTS).files == {}
+
+
+def test_without_its_file_a_reference_stays_as_it_is():
+    """Where the file could not be read, which is noted elsewhere, and where there is none."""
+    unread, written = WaypointsReference(file="plan.csv"), WaypointsReference(POINTS)
+    assert unread.with_files({"other.csv": TEXT}) is unread
+    assert written.with_files({"plan.csv": TEXT}) is written
+    assert notes(unread) == []
+
+
+@pytest.mark.parametrize(
+    ("given", "got"), [({}, "neither"), ({"points": POINTS, "file": "plan.csv"}, "both")]
+)
+def test_waypoints_are_given_in_one_way(given, got):
+    message = f"expected the waypoints as `points` or in a `file`, got {got}"
+    assert notes(WaypointsReference(**given)) == [("", message)]
+
+
+def test_two_waypoints_are_enough():
+    assert notes(WaypointsReference(POINTS)) == []
+    assert notes(WaypointsReference(POINTS[:1])) == [
+        ("points", "expected at least two waypoints, got 1")
+    ]
+
+
+def test_each_waypoint_is_looked_at():
+    points = [POINTS[1], Waypoint(2.0, "identiy"), Waypoint(3.0, "identity")]
+    (pose, wrong), time = notes(WaypointsReference(points))
+    assert pose == "points[1].pose"
+    assert wrong
+    assert time == ("points[1].t", "expected a time after 2 s, got 2")
+
+
+def test_what_is_wrong_in_a_file_is_noted_at_its_name():
+    found = WaypointsReference(file="plan.csv").with_files({"plan.csv": TEXT + "1,0,0,0,1\n"})
+    assert notes(found) == [("file", "plan.csv:4: expected a time after 2 s, got 1 s")]
+
+
+@pytest.mark.parametrize(
+    ("option", "given"), [("from", {"from_": "nowhere", "to": "identity"}), ("to", {"to": "up"})]
+)
+def test_both_ends_of_a_slew_are_looked_at(option, given):
+    [(path, message)] = notes(SlewReference(duration=1.0, **given))
+    assert path == option
+    assert message
+
+
+def test_a_slew_begins_at_once_unless_told():
+    slew = SlewReference(to={"rotvec": [0.0, 0.0, 1.0]}, duration=2.0)
+    Q, _, _ = slew.motion(G, np.array([0.0, 1.0, 2.0]))
+    np.testing.assert_allclose(Q, G.exp(np.array([[0, 0, 0], [0, 0, 0.5], [0, 0, 1]])), atol=1e-15)
+
+
+def test_only_numbers_that_differ_from_piece_to_piece_are_held():
+    """What is 0, 1 or −1 in all pieces is structure, which costs nothing once compiled."""
+    pieces = SlewReference(to={"rotvec": [0.0, 0.0, 1.0]}, duration=2.0, start=1.0).pieces(G)
+    held = pieces.at(pieces.starts)["numbers"]
+    shared = (held == held[0]).all(axis=0)
+    assert not np.isin(held[0, shared], (-1.0, 0.0, 1.0)).any()
+
+
+def test_every_factor_of_a_path_is_looked_at():
+    factors = [PathFactor("wz", "0.1*t"), PathFactor("wq", "t"), PathFactor("wx", "0.1*u")]
+    assert [option for option, _ in notes(PathReference(factors))] == [
+        "factors[1].axis",
+        "factors[2].by",
+    ]
