@@ -20,7 +20,7 @@ ASKED_BY = tuple(
 """Ctrl-C; the end of a job's time; a terminal that was closed."""
 
 AGAIN_AFTER = 0.05
-"""s until a signal that came while a library was loaded is looked at again."""
+"""s until a signal is looked at again that came while a library was loaded, or in a finaliser."""
 
 
 PATIENCE = 5.0
@@ -63,19 +63,18 @@ def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
     def handle(number: int, frame: FrameType | None) -> None:
         nonlocal asked
         if _is_loading(frame):
-            timer = threading.Timer(AGAIN_AFTER, signal.raise_signal, [number])
-            timer.daemon = True
-            timer.start()
+            _raise_again(number)
             return
         if asked is None:
             asked = time.monotonic()
             raise Interrupted(number)
         if time.monotonic() > asked + PATIENCE:
             at_once()
-            started = sys.modules.get("multiprocessing")  # loaded by those who start processes
-            for child in started.active_children() if started else ():
-                child.kill()
-            os._exit(128 + number)
+            _end_now(number)
+
+    def forget() -> None:
+        nonlocal asked
+        asked = None
 
     earlier: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():  # others cannot say what they want
@@ -83,11 +82,46 @@ def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
             if signal.getsignal(number) != signal.SIG_IGN:
                 earlier[number] = signal.signal(number, handle)
     try:
-        yield
+        with _none_is_lost(forget):
+            yield
     finally:
         for number, handler in earlier.items():
             # What is left to end after an interruption shall not be interrupted itself.
             signal.signal(number, handler if asked is None else signal.SIG_IGN)
+
+
+@contextmanager
+def _none_is_lost(forget: Callable[[], None]) -> Iterator[None]:
+    """Python ignores exceptions in finalisers: raise that of a signal again, as if it were new."""
+    earlier = sys.unraisablehook
+
+    def notice(ignored: Any) -> None:
+        if isinstance(ignored.exc_value, Interrupted):
+            forget()
+            _raise_again(ignored.exc_value.exit_code - 128)
+        else:
+            earlier(ignored)
+
+    sys.unraisablehook = notice
+    try:
+        yield
+    finally:
+        sys.unraisablehook = earlier
+
+
+def _end_now(number: int) -> None:
+    """End this process and those that it has started, and wait for nothing."""
+    started = sys.modules.get("multiprocessing")  # loaded by those who start processes
+    for child in started.active_children() if started else ():
+        child.kill()
+    os._exit(128 + number)
+
+
+def _raise_again(number: int) -> None:
+    """The signal once more, when what it must not interrupt may be over."""
+    timer = threading.Timer(AGAIN_AFTER, signal.raise_signal, [number])
+    timer.daemon = True
+    timer.start()
 
 
 def _is_loading(frame: FrameType | None) -> bool:

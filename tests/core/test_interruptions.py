@@ -1,0 +1,58 @@
+"""Signals become exceptions where they can be raised, and are never lost."""
+
+import signal
+import sys
+import time
+
+import pytest
+
+from eqt_cli.core.interruptions import ASKED_BY, Interrupted, as_exceptions
+
+
+@pytest.fixture(autouse=True)
+def handlers():
+    """Signals mean again what they meant before: who was told to stop ignores more."""
+    before = {number: signal.getsignal(number) for number in ASKED_BY}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+class Told:
+    """Receives a signal while it is finalised, where Python ignores exceptions."""
+
+    def __del__(self):
+        signal.raise_signal(signal.SIGTERM)
+        time.sleep(0)
+
+
+def told_while_finalised():
+    with as_exceptions(lambda: None):
+        Told()
+        until = time.monotonic() + 10
+        while time.monotonic() < until:
+            time.sleep(0.01)
+
+
+def test_a_signal_in_a_finaliser_is_not_lost(capsys):
+    hook = sys.unraisablehook
+    with pytest.raises(Interrupted) as raised:
+        told_while_finalised()
+    assert raised.value.exit_code == 143
+    assert capsys.readouterr().err == ""
+    assert sys.unraisablehook is hook
+
+
+def test_other_ignored_exceptions_are_told_as_before():
+    class Broken:
+        def __del__(self):
+            raise ValueError("told")
+
+    sys_hook, told = sys.unraisablehook, []
+    sys.unraisablehook = told.append
+    try:
+        with as_exceptions(lambda: None):
+            Broken()
+    finally:
+        sys.unraisablehook = sys_hook
+    assert [str(ignored.exc_value) for ignored in told] == ["told"]
