@@ -4,6 +4,8 @@ A file may come from a stranger, or from a disk that has failed: it is a sound H
 things that eqt never says. It must not know what readers do with it.
 """
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np
@@ -27,21 +29,21 @@ def check_attributes(result: ResultFile) -> None:
     for name, expected in _EXPECTED.items():
         if name in result.attributes:
             try:
-                _KINDS[expected].validate_python(result.attributes[name], strict=True)
+                told = _KINDS[expected].validate_python(result.attributes[name], strict=True)
             except ValidationError:
                 raise result.refusal(f"its attribute '{name}' is not {expected}") from None
-            _check_labels(result, name)
+            if isinstance(told, _ToldOfLaws):
+                _check_labels(result, name, told)
     there = [name for name in CROSS_CHECK if f"cross_check_{name}" in result.attributes]
     if there and len(there) < len(CROSS_CHECK):
         lacking = next(name for name in CROSS_CHECK if name not in there)
         raise result.refusal(f"it lacks the attribute 'cross_check_{lacking}'")
 
 
-def _check_labels(result: ResultFile, name: str) -> None:
+def _check_labels(result: ResultFile, name: str, told: _ToldOfLaws) -> None:
     """Refuse an attribute that tells something of controllers that the file does not have."""
-    if name not in _TOLD_OF or "controller" not in result.coordinates:
+    if "controller" not in result.coordinates:
         return
-    told = _TOLD_OF[name].model_validate_json(str(result.attributes[name]))
     for label in told.labels():
         if label not in result.coordinate("controller").tolist():
             raise result.refusal(f"its attribute '{name}' names '{label}', which is no controller")
@@ -110,24 +112,32 @@ class _Origin(BaseModel):
     other_sessions: list[dict[str, Any]] = []
 
 
-class _Functions(BaseModel):
+class _ToldOfLaws(BaseModel):
+    """What is told of some laws, by their labels."""
+
+    def labels(self) -> list[str]:
+        """Those of the laws."""
+        return []
+
+
+class _Functions(_ToldOfLaws):
     """Which function L is, by label, and which laws do not claim that it falls."""
 
     functions: dict[str, str] = {}
     unclaimed: list[str] = []
 
     def labels(self) -> list[str]:
-        """All that it speaks of."""
+        """Those of functions, and those without a claim."""
         return [*self.functions, *self.unclaimed]
 
 
-class _Matching(BaseModel):
+class _Matching(_ToldOfLaws):
     """Which laws have a stiffness and damping that are not those of the gains."""
 
     not_matched: list[str] = []
 
     def labels(self) -> list[str]:
-        """All that it speaks of."""
+        """Those of such laws."""
         return self.not_matched
 
 
@@ -153,9 +163,3 @@ _EXPECTED = {
     "cross_check_bound": "a number",
 }
 """What an attribute is, where a file has it."""
-
-_TOLD_OF: dict[str, type[_Functions] | type[_Matching]] = {
-    "lyapunov_functions": _Functions,
-    "matching": _Matching,
-}
-"""Attributes that tell something of controllers, by their labels."""

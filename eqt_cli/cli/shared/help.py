@@ -29,7 +29,7 @@ def _without_types(parameters: list[Any]) -> None:
     for parameter in parameters:
         if isinstance(parameter, TyperArgument):
             # On one argument, not on typer's class; older versions do not look at it.
-            parameter.display_type_rich = lambda ctx: None  # type: ignore[method-assign]  # meant
+            parameter.display_type_rich = lambda ctx: None  # type: ignore[method-assign]  # hides it
         elif parameter.metavar is None and parameter.is_flag:
             parameter.metavar = ""
         if parameter.name == "help" and len(parameters) > 1:

@@ -163,7 +163,7 @@ def _folded(text: str, stream: TextIO) -> str:
 def _fold(line: str, width: int) -> str:
     if len(line) <= width:
         return line
-    indent = min(len(_HANGING.match(line)[0]), width // 2)  # type: ignore[index]  # it may be empty
+    indent = min(len(_HANGING.match(line)[0]), width // 2)  # type: ignore[index]  # every line matches
     return folded(line, width, " " * indent)
 
 
