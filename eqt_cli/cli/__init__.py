@@ -7,6 +7,9 @@ import sys
 from eqt_cli.core import interruptions
 from eqt_cli.core.errors import EqtError, InterruptedRun
 
+# pydantic otherwise reads the metadata of every installed package, in search of plugins.
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+
 INTERRUPTED = "interrupted; run the same command again"
 
 FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))

@@ -78,6 +78,13 @@ class _Generator(GenerateJsonSchema):
                 found["properties"][name] = {"description": said[name]} | option
         return found
 
+    def model_schema(self, schema: core_schema.ModelSchema) -> dict[str, Any]:
+        """The keys of a section, each with its meaning."""
+        found = super().model_schema(schema)
+        for name, text in meanings(schema["cls"]).items():
+            found["properties"][name] = {"description": text} | found["properties"][name]
+        return found | {"description": summary(schema["cls"])}
+
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> dict[str, Any]:
         """`anyOf` for `oneOf`: a list of numbers fits several members of our unions."""
         return {"anyOf": super().tagged_union_schema(schema)["oneOf"]}

@@ -68,69 +68,108 @@ def _distance_of_angle(value: Any) -> Any:
 class Section(BaseModel):
     """A mapping with known keys only."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", strict=True)
 
 
 class GainsSection(Section):
-    """Gains of the control laws."""
+    """Gains of the control laws.
+
+    Attributes
+    ----------
+    kp
+        Navigation weight K of Υ(Q) = ½ tr((Q − I) K (Q − I)ᵀ): scalar, diagonal or d×d matrix; for
+        a product of groups also a list with one of these per factor.
+    kd
+        Rayleigh tensor K_d, positive definite: scalar, diagonal or m×m matrix.
+    """
 
     kp: Weight
-    """Navigation weight K of Υ(Q) = ½ tr((Q − I) K (Q − I)ᵀ): scalar, diagonal or d×d matrix;
-    for a product of groups also a list with one of these per factor."""
     kd: Matrix
-    """Rayleigh tensor K_d, positive definite: scalar, diagonal or m×m matrix."""
 
 
 class OwnGainsSection(Section):
-    """Gains of one law, where it has others than the section `gains` says."""
+    """Gains of one law, where it has others than the section `gains` says.
+
+    Attributes
+    ----------
+    kp
+        Navigation weight of this law.
+    kd
+        Rayleigh tensor of this law.
+    """
 
     kp: Weight | None = None
-    """Navigation weight of this law."""
     kd: Matrix | None = None
-    """Rayleigh tensor of this law."""
 
 
 class InitialSection(Section):
-    """Distributions of the initial state, relative to the reference's."""
+    """Distributions of the initial state, relative to the reference's.
+
+    Attributes
+    ----------
+    pose
+        Q(0) = Q_d(0) · draw; for a product of groups also a list with one entry per factor.
+    velocity
+        V(0) = V_d(0) + draw.
+    file
+        Instead of both: a table of poses and velocities with a row for each run, or an earlier
+        result, whose runs start there; relative to this file.
+    relative
+        Whether the poses and velocities in the file are relative to the reference's.
+    """
 
     pose: Any = "fixed"
-    """Q(0) = Q_d(0) · draw; for a product of groups also a list with one entry per factor."""
     velocity: Any = "fixed"
-    """V(0) = V_d(0) + draw."""
     file: str | None = None
-    """Instead of both: a table of poses and velocities with a row for each run, or an earlier
-    result, whose runs start there; relative to this file."""
     relative: bool = False
-    """Whether the poses and velocities in the file are relative to the reference's."""
 
 
 class EnsembleSection(Section):
-    """How many runs, from which seed."""
+    """How many runs, from which seed.
+
+    Attributes
+    ----------
+    runs
+        Runs per controller; as many as `initial.file` has rows, if there is one.
+    seed
+        Root of all random streams.
+    """
 
     runs: Runs = 1
-    """Runs per controller; as many as `initial.file` has rows, if there is one."""
     seed: int = Field(default=0, ge=0, lt=2**63)
-    """Root of all random streams."""
 
 
 class TimeSection(Section):
-    """The uniform grid of sample times, both ends included."""
+    """The uniform grid of sample times, both ends included.
+
+    Attributes
+    ----------
+    duration
+        Length of the horizon, s.
+    samples
+        Number of sample times.
+    """
 
     duration: Duration
-    """Length of the horizon, s."""
     samples: Samples = 401
-    """Number of sample times."""
 
 
 class StoreSection(Section):
-    """What goes into the result file."""
+    """What goes into the result file.
+
+    Attributes
+    ----------
+    trajectories
+        Trajectories of all runs, of none, or of the first N runs of each controller.
+    decimate
+        Keep every n-th sample of the trajectories; metrics use all.
+    compression
+        gzip saves little on smooth signals and costs ten times the writing time.
+    """
 
     trajectories: Literal["all", "none"] | Annotated[int, Field(ge=0)] = "all"
-    """Trajectories of all runs, of none, or of the first N runs of each controller."""
     decimate: Count = 1
-    """Keep every n-th sample of the trajectories; metrics use all."""
     compression: Literal["none", "gzip"] = "none"
-    """gzip saves little on smooth signals and costs ten times the writing time."""
 
 
 Formula = str | float
@@ -138,19 +177,30 @@ Formula = str | float
 
 
 class FactoredInertiaSection(Section):
-    """𝕀_t = S_tᵀ 𝕀_0 S_t, as in Theorem 3.2."""
+    """𝕀_t = S_tᵀ 𝕀_0 S_t, as in Theorem 3.2.
+
+    Attributes
+    ----------
+    initial
+        𝕀_0, symmetric positive definite.
+    factor
+        S_t, m×m expressions in t with S(0) = I.
+    """
 
     initial: Matrix
-    """𝕀_0, symmetric positive definite."""
     factor: list[list[Formula]]
-    """S_t, m×m expressions in t with S(0) = I."""
 
 
 class PrescribedInertiaSection(Section):
-    """𝕀_t as it is; the feedforward is then ½𝕀̇V."""
+    """𝕀_t as it is; the feedforward is then ½𝕀̇V.
+
+    Attributes
+    ----------
+    matrix
+        𝕀_t, m×m expressions in t, symmetric positive definite at all times.
+    """
 
     matrix: list[list[Formula]]
-    """𝕀_t, m×m expressions in t, symmetric positive definite at all times."""
 
 
 def _inertia_kind(value: Any) -> str | None:
@@ -169,10 +219,15 @@ InertiaValue = Annotated[_Constant | _Varying, one_of(_inertia_kind, _INERTIAS)]
 
 
 class RelativeInertiaSection(Section):
-    """(1 + r) 𝕀, of the 𝕀 that the laws believe."""
+    """(1 + r) 𝕀, of the 𝕀 that the laws believe.
+
+    Attributes
+    ----------
+    relative
+        r: 0.1 is 10 % more.
+    """
 
     relative: Number
-    """r: 0.1 is 10 % more."""
 
 
 def _plant_inertia_kind(value: Any) -> str | None:
@@ -194,37 +249,60 @@ PlantInertia = Annotated[
 
 
 class PlantSection(Section):
-    """What is there, of which the laws know nothing."""
+    """What is there, of which the laws know nothing.
+
+    Attributes
+    ----------
+    inertia
+        The true inertia: as `inertia`, or {relative: 0.1} for 10 % more than the laws believe.
+    forces
+        Forces that act beside the actuators (`eqt list forces`).
+    """
 
     inertia: PlantInertia | None = None
-    """The true inertia: as `inertia`, or {relative: 0.1} for 10 % more than the laws believe."""
     forces: list[Any] | None = None
-    """Forces that act beside the actuators (`eqt list forces`)."""
 
 
 class ControlSection(Section):
-    """The clock of the laws; without it they act continuously."""
+    """The clock of the laws; without it they act continuously.
+
+    Attributes
+    ----------
+    period
+        The laws are evaluated at t = k·period, s, and their commands held in between.
+    delay
+        After how many whole periods a command arrives; until the first one does, 0 is held.
+    """
 
     period: Positive
-    """The laws are evaluated at t = k·period, s, and their commands held in between."""
     delay: CountOrNone = 0
-    """After how many whole periods a command arrives; until the first one does, 0 is held."""
 
 
 class SensorsSection(Section):
-    """Errors of what the laws are told; each is a list whose entries add up."""
+    """Errors of what the laws are told; each is a list whose entries add up.
+
+    Attributes
+    ----------
+    pose
+        Q_m = Q exp(n), with n in the coordinates of the algebra (`eqt list sensors`).
+    velocity
+        V_m = V + b (`eqt list sensors`).
+    """
 
     pose: list[Any] | None = None
-    """Q_m = Q exp(n), with n in the coordinates of the algebra (`eqt list sensors`)."""
     velocity: list[Any] | None = None
-    """V_m = V + b (`eqt list sensors`)."""
 
 
 class LogRange(Section):
-    """A range on a logarithmic scale, in short."""
+    """A range on a logarithmic scale, in short.
+
+    Attributes
+    ----------
+    log
+        Its ends.
+    """
 
     log: list[Positive]
-    """Its ends."""
 
 
 def _tuned_kind(value: Any) -> str | None:
@@ -244,12 +322,18 @@ TunedAxis = Annotated[
 
 
 class WorstRunSection(Section):
-    """A bound that every run keeps, and not only their mean."""
+    """A bound that every run keeps, and not only their mean.
+
+    Attributes
+    ----------
+    max
+        No run may have more.
+    min
+        No run may have less.
+    """
 
     max: Real | None = None
-    """No run may have more."""
     min: Real | None = None
-    """No run may have less."""
 
 
 Bound = Annotated[
@@ -263,100 +347,151 @@ Bound = Annotated[
 
 
 class ConfirmSection(Section):
-    """The runs on which winners are judged; none of them takes part in the search."""
+    """The runs on which winners are judged; none of them takes part in the search.
+
+    Attributes
+    ----------
+    runs
+        How many.
+    seed
+        Root of their random streams, another than `ensemble.seed`; default: one more than that.
+    """
 
     runs: Count = 500
-    """How many."""
     seed: int | None = Field(default=None, ge=0, lt=2**63)
-    """Root of their random streams, another than `ensemble.seed`; default: one more than that."""
 
 
 class TuneSection(Section):
-    """What `eqt tune` chooses for each law, by what, and for how long it searches."""
+    """What `eqt tune` chooses for each law, by what, and for how long it searches.
+
+    Attributes
+    ----------
+    over
+        What is tuned, in `gains` and `controllers`, and between which values: `[low, high]`, `{log:
+        [low, high]}`, or a range as of designs. Keys of an entry of `controllers` are that law's
+        own; keys of `gains` are tuned for every law.
+    objective
+        The metric to be made best, in the mean over runs.
+    objectives
+        Instead of it two metrics, of which the Pareto front is found.
+    subject_to
+        Bounds of metrics: a number bounds the mean over runs from the side that is worse, `{max:
+        …}` or `{min: …}` the worst run.
+    budget
+        Generations; each law has the same number.
+    population
+        Points of a generation, each with `ensemble.runs` runs.
+    seed
+        Of the search.
+    confirm
+        The held-out runs on which the winners and the starting gains are compared.
+    """
 
     over: Annotated[dict[str, TunedAxis], Field(min_length=1)]
-    """What is tuned, in `gains` and `controllers`, and between which values: `[low, high]`,
-    `{log: [low, high]}`, or a range as of designs. Keys of an entry of `controllers` are that
-    law's own; keys of `gains` are tuned for every law."""
     objective: str | None = None
-    """The metric to be made best, in the mean over runs."""
     objectives: list[str] | None = None
-    """Instead of it two metrics, of which the Pareto front is found."""
     subject_to: dict[str, Bound] = Field(default_factory=dict)
-    """Bounds of metrics: a number bounds the mean over runs from the side that is worse,
-    `{max: …}` or `{min: …}` the worst run."""
     budget: Count = 40
-    """Generations; each law has the same number."""
     population: Annotated[int, Field(ge=5)] = 32
-    """Points of a generation, each with `ensemble.runs` runs."""
     seed: CountOrNone = 0
-    """Of the search."""
     confirm: ConfirmSection = Field(default_factory=ConfirmSection)
-    """The held-out runs on which the winners and the starting gains are compared."""
 
 
 class TargetSection(Section):
-    """Where `task: stabilise` is to end."""
+    """Where `task: stabilise` is to end.
+
+    Attributes
+    ----------
+    pose
+        The target pose: identity, a matrix, or rotation and translations by name.
+    """
 
     pose: Any = "identity"
-    """The target pose: identity, a matrix, or rotation and translations by name."""
 
 
 class Config(Section):
-    """An experiment: one mechanical system, one reference, several controllers, many runs."""
+    """An experiment: one mechanical system, one reference, several controllers, many runs.
+
+    Attributes
+    ----------
+    name
+        Name of the experiment and of its folder under results/; default: the file's stem.
+    task
+        Follow a `reference`, or come to rest at a `target`.
+    group
+        The configuration space: SO3, SE3, … (`eqt list groups`).
+    inertia
+        Inertia tensor 𝕀: scalar, diagonal, m×m matrix, or varying in time.
+    rigid
+        false: `inertia` is not a rigid body's (added mass, rotors, a mechanism), so that its
+        principal moments may break the triangle inequality without a warning.
+    gains
+        Gains of the control laws.
+    reference
+        The desired trajectory: `kind` (default torque), its options, `pose` and `velocity`.
+    target
+        Where to come to rest, for `task: stabilise`.
+    controllers
+        Control laws to compare, from the same initial states (`eqt list controllers`).
+    plant
+        Where what flies is not what the laws believe: `inertia`, and `forces`.
+    actuators
+        What a command passes on its way to the plant, in order (`eqt list actuators`).
+    control
+        The clock of the laws: `period`, and `delay`.
+    sensors
+        Errors of what the laws are told, at the instants of `control`.
+    initial
+        Where the runs start.
+    ensemble
+        How many runs.
+    time
+        The horizon and its samples.
+    solver
+        `engine` and its options (`eqt list engines`).
+    store
+        What to keep.
+    sweep
+        Blocks of `grid`, `zip`, `random`, `lhs`, `sobol` or `concat`, which multiply; for `eqt
+        sweep`.
+    tune
+        What `eqt tune` searches for; every other command leaves it aside.
+    settling_threshold
+        Pose error ‖I − Q_E‖_F below which a run counts as settled; also the angle of a rotation,
+        such as 2 deg, which is the distance 2√2 sin(θ/2).
+    early_window
+        How long the early part of a run is, for `early_torque`, s; default: 5, as in the paper.
+    closing_window
+        The share of the time at its end over which `closing_pose_error` and `closing_torque` are
+        taken; default: 0.25.
+    plugins
+        Python files with components of your own, relative to this file.
+    """
 
     name: str | None = Field(default=None, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
-    """Name of the experiment and of its folder under results/; default: the file's stem."""
     task: Literal["track", "stabilise"] = "track"
-    """Follow a `reference`, or come to rest at a `target`."""
     group: str
-    """The configuration space: SO3, SE3, … (`eqt list groups`)."""
     inertia: InertiaValue
-    """Inertia tensor 𝕀: scalar, diagonal, m×m matrix, or varying in time."""
     rigid: bool | None = None
-    """false: `inertia` is not a rigid body's (added mass, rotors, a mechanism), so that its
-    principal moments may break the triangle inequality without a warning."""
     gains: GainsSection = Field(examples=["{kp: 1, kd: 1}"])
-    """Gains of the control laws."""
     reference: dict[str, Any] | None = None
-    """The desired trajectory: `kind` (default torque), its options, `pose` and `velocity`."""
     target: TargetSection | None = None
-    """Where to come to rest, for `task: stabilise`."""
     controllers: list[Any] = Field(min_length=1)
-    """Control laws to compare, from the same initial states (`eqt list controllers`)."""
     plant: PlantSection | None = None
-    """Where what flies is not what the laws believe: `inertia`, and `forces`."""
     actuators: list[Any] | None = None
-    """What a command passes on its way to the plant, in order (`eqt list actuators`)."""
     control: ControlSection | None = None
-    """The clock of the laws: `period`, and `delay`."""
     sensors: SensorsSection | None = None
-    """Errors of what the laws are told, at the instants of `control`."""
     initial: InitialSection = Field(default_factory=InitialSection)
-    """Where the runs start."""
     ensemble: EnsembleSection = Field(default_factory=EnsembleSection)
-    """How many runs."""
     time: TimeSection = Field(examples=["{duration: 20}"])
-    """The horizon and its samples."""
     solver: dict[str, Any] = Field(default_factory=dict)
-    """`engine` and its options (`eqt list engines`)."""
     store: StoreSection = Field(default_factory=StoreSection)
-    """What to keep."""
     sweep: list[dict[str, Any]] | None = None
-    """Blocks of `grid`, `zip`, `random`, `lhs`, `sobol` or `concat`, which multiply; for
-    `eqt sweep`."""
     tune: TuneSection | None = None
-    """What `eqt tune` searches for; every other command leaves it aside."""
     settling_threshold: Annotated[Positive, BeforeValidator(_distance_of_angle)] = 0.05
-    """Pose error ‖I − Q_E‖_F below which a run counts as settled; also the angle of a rotation,
-    such as 2 deg, which is the distance 2√2 sin(θ/2)."""
     early_window: Positive | None = None
-    """How long the early part of a run is, for `early_torque`, s; default: 5, as in the paper."""
     closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
-    """The share of the time at its end over which `closing_pose_error` and `closing_torque` are
-    taken; default: 0.25."""
     plugins: list[str] = Field(default_factory=list)
-    """Python files with components of your own, relative to this file."""
 
 
 DEFAULT_ENGINE = "solve_ivp"

@@ -9,7 +9,6 @@ from functools import lru_cache
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from pydantic import BaseModel, Discriminator, TypeAdapter, ValidationError
-from pydantic.fields import FieldInfo
 
 from eqt_cli.core.component import option_of_field
 from eqt_cli.core.errors import suggestion
@@ -71,7 +70,7 @@ def fields_of(model: type[BaseModel], data: Any, problems: Problems) -> dict[str
         if name in data:
             value = validated(field.rebuild_annotation(), data[name], problems.at(name))
         elif field.is_required():
-            problems.at(name).add(f"{_MISSING}: {_meaning(name, field)}")
+            problems.at(name).add(f"{_MISSING}: {_meanings(model)[name]}")
             value = None
         else:
             value = field.get_default(call_default_factory=True)
@@ -87,24 +86,19 @@ def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[s
         kind = next((hint[str(step)] for hint in hints if str(step) in hint), kind)
     found = dict.fromkeys(() if path else common, "")
     for owner in _owners(kind):
-        if issubclass(owner, BaseModel):
-            found |= {name: _meaning(name, field) for name, field in owner.model_fields.items()}
-        else:
-            found |= dict.fromkeys(option_names(owner), "") | _meanings(owner)
+        found |= _meanings(owner)
     return found
 
 
-def _meanings(component: type) -> dict[str, str]:
-    """What the docstring of a component says of its options, by their names as written."""
-    said = meanings(component).items()
-    names = set(option_names(component))
-    found = {option_of_field(name): text.removesuffix(".") for name, text in said}
-    return {name: text for name, text in found.items() if name in names}
-
-
-def _meaning(name: str, field: FieldInfo) -> str:
-    said = " ".join((field.description or "").split()).removesuffix(".")
-    return said + "".join(f", for example {name}: {example}" for example in field.examples or ())
+def _meanings(owner: type) -> dict[str, str]:
+    """What the docstring of a model or component says of its keys, by their names as written."""
+    said = {option_of_field(name): text.removesuffix(".") for name, text in meanings(owner).items()}
+    if not issubclass(owner, BaseModel):
+        return {name: said.get(name, "") for name in option_names(owner)}
+    return {
+        name: said[name] + "".join(f", for example {name}: {each}" for each in field.examples or ())
+        for name, field in owner.model_fields.items()
+    }
 
 
 def _owners(kind: Any) -> list[type]:

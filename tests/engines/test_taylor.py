@@ -8,6 +8,8 @@ would beg the question, against solve_ivp.
 import dataclasses
 import platform
 import re
+import subprocess
+import sys
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import ClassVar
@@ -361,6 +363,39 @@ def test_a_loop_is_traced_once(monkeypatch):
     for tol in (1e-8, 1e-9):
         Taylor(tol=tol).solve(problem, quiet)
     assert loops == [problem.loop]
+
+
+CACHE_OF_A_PROCESS = """
+from eqt_cli.engines.taylor.library import heyoka_module
+compiler = heyoka_module().llvm_state
+print(compiler.get_diskcache_path(), compiler.get_diskcache_limit())
+"""
+
+
+@pytest.mark.parametrize("own", [False, True], ids=["default", "HEYOKA_CACHE_DIR"])
+def test_compiled_laws_are_kept_in_a_small_file_of_their_own(tmp_path, monkeypatch, own):
+    if not hasattr(library.heyoka_module().llvm_state, "get_diskcache_path"):
+        pytest.skip("this heyoka keeps nothing on disk")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.delenv("HEYOKA_CACHE_DIR", raising=False)
+    if own:
+        monkeypatch.setenv("HEYOKA_CACHE_DIR", str(tmp_path / "mine"))
+    told = subprocess.run(
+        [sys.executable, "-c", CACHE_OF_A_PROCESS], capture_output=True, text=True, check=True
+    )
+    path, limit = told.stdout.split()
+    assert path == str(tmp_path / ("mine" if own else "eqt"))
+    assert (int(limit) == library.CACHED_BYTES) is not own
+
+
+def test_where_nothing_can_be_kept_laws_are_compiled_all_the_same(tmp_path, monkeypatch):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file" / "cache"))
+    monkeypatch.delenv("HEYOKA_CACHE_DIR", raising=False)
+    compile_one = "x = heyoka_module().make_vars('x'); heyoka_module().cfunc([x], [x])"
+    code = f"from eqt_cli.engines.taylor.library import heyoka_module; {compile_one}"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize(

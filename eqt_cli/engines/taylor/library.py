@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import platform
 from collections.abc import Callable
+from contextlib import suppress
 from functools import lru_cache
 from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -14,6 +17,10 @@ import numpy as np
 from eqt_cli.core.arrays import FUNCTIONS, register_symbols
 from eqt_cli.core.errors import EqtError
 from eqt_cli.engines.taylor.switching import recording
+
+CACHED_BYTES = 100_000_000
+"""Of compiled laws on disk, hundreds of them. heyoka looks through all of its file when a process
+compiles or loads its first law, at 0.3 ms per MB, and by itself lets the file grow to 21 GB."""
 
 
 def missing() -> str | None:
@@ -35,6 +42,7 @@ def heyoka_module() -> ModuleType:
     except ImportError as error:
         raise EqtError(missing() or f"heyoka cannot be imported: {error}") from error
     heyoka.set_logger_level_error()  # its warnings are in the outcome of the runs concerned
+    _bound_the_cache(heyoka.llvm_state)
     functions = {name: getattr(heyoka, name) for name in FUNCTIONS if hasattr(heyoka, name)}
     functions |= {
         "abs": lambda x: heyoka.select(recording.get().less(x, 0.0), -x, x),
@@ -46,6 +54,18 @@ def heyoka_module() -> ModuleType:
     heyoka.expression.__pow__ = _with_whole_powers(heyoka.expression.__pow__)
     module: ModuleType = heyoka
     return module
+
+
+def _bound_the_cache(compiler: Any) -> None:
+    """Keep compiled laws in a folder of eqt's own, unless the user has said where.
+
+    Elsewhere the size is the user's affair, and that of other programs.
+    """
+    if "HEYOKA_CACHE_DIR" in os.environ or not hasattr(compiler, "set_diskcache_path"):
+        return
+    compiler.set_diskcache_path(Path(compiler.get_diskcache_path()).parent / "eqt")
+    with suppress(RuntimeError):  # where nothing can be written, nothing is kept
+        compiler.set_diskcache_limit(CACHED_BYTES)
 
 
 def _with_whole_powers(power: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
