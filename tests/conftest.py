@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import sys
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
@@ -21,6 +22,7 @@ from hypothesis import strategies as st
 from eqt_cli.cli import main
 from eqt_cli.config.source import read_config
 from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.core.interruptions import ASKED_BY
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.read_study import study
@@ -36,6 +38,11 @@ settings.register_profile(
     "eqt", deadline=None, derandomize=os.environ.get("EQT_SAMPLES") != "random"
 )
 settings.load_profile("eqt")
+
+# Under `nohup`, or behind `&` of a script, signals are ignored, and then by all that tests start.
+for number in ASKED_BY:
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, signal.SIG_DFL)
 
 # Near 0, around the switch from series to closed forms, and near π.
 ANGLES = [0.0, 1e-12, 1e-9, 1e-6, 1.1e-3, 0.1, np.pi - 1e-3, np.pi - 1e-6, np.pi - 1e-9]
