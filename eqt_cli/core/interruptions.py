@@ -1,7 +1,7 @@
 """Being told to stop: Ctrl-C, and what clusters and closed terminals send, are one thing.
 
-The signal becomes an exception at a moment when it can be one: not while a library is loaded, of
-which half would remain. It knows nothing of what is under way.
+The signal becomes an exception at a moment when it can be one: not while a library is loaded or a
+process started, of which half would remain. It knows nothing of what is under way.
 """
 
 import os
@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
@@ -20,8 +21,7 @@ ASKED_BY = tuple(
 """Ctrl-C; the end of a job's time; a terminal that was closed."""
 
 AGAIN_AFTER = 0.05
-"""s until a signal is looked at again that came while a library was loaded, or in a finaliser."""
-
+"""s until a signal is looked at again that came when it could not be an exception."""
 
 PATIENCE = 5.0
 """s that an end may take; who asks again after them wants it at once."""
@@ -62,7 +62,7 @@ def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
 
     def handle(number: int, frame: FrameType | None) -> None:
         nonlocal asked
-        if _is_loading(frame):
+        if _would_leave_half(frame):
             _raise_again(number)
             return
         if asked is None:
@@ -119,18 +119,32 @@ def _end_now(number: int) -> None:
 
 def _raise_again(number: int) -> None:
     """The signal once more, when what it must not interrupt may be over."""
-    timer = threading.Timer(AGAIN_AFTER, signal.raise_signal, [number])
+    timer = threading.Timer(AGAIN_AFTER, _tell_main_thread, [number])
     timer.daemon = True
     timer.start()
 
 
-def _is_loading(frame: FrameType | None) -> bool:
-    """Whether a module is being imported."""
+def _tell_main_thread(number: int) -> None:
+    """Raise a signal there, so that it ends a wait; it would not if another thread received it."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(threading.main_thread().ident or 0, number)
+    else:
+        signal.raise_signal(number)
+
+
+def _would_leave_half(frame: FrameType | None) -> bool:
+    """Whether a module is being imported, or a process started."""
     while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
+        file, function = frame.f_code.co_filename, frame.f_code.co_name
+        if file.startswith("<frozen importlib"):
+            return True
+        if function == "start" and file.endswith(_PROCESSES):
             return True
         frame = frame.f_back
     return False
+
+
+_PROCESSES = str(Path("multiprocessing", "process.py"))
 
 
 def of_worker() -> None:

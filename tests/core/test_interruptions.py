@@ -1,5 +1,6 @@
 """Signals become exceptions where they can be raised, and are never lost."""
 
+import importlib
 import signal
 import sys
 import time
@@ -41,6 +42,23 @@ def test_a_signal_in_a_finaliser_is_not_lost(capsys):
     assert raised.value.exit_code == 143
     assert capsys.readouterr().err == ""
     assert sys.unraisablehook is hook
+
+
+def test_a_signal_during_an_import_ends_the_wait_after_it(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    name = f"told_{tmp_path.name}"
+    (tmp_path / f"{name}.py").write_text("import signal; signal.raise_signal(signal.SIGTERM)")
+
+    def load_and_wait():
+        with as_exceptions(lambda: None):
+            importlib.import_module(name)
+            time.sleep(10)
+
+    started = time.monotonic()
+    with pytest.raises(Interrupted):
+        load_and_wait()
+    assert time.monotonic() - started < 5
+    assert name in sys.modules
 
 
 def test_other_ignored_exceptions_are_told_as_before():

@@ -1,5 +1,7 @@
+import multiprocessing
 import signal
 import socket
+import subprocess
 import sys
 import time
 from contextlib import suppress
@@ -8,6 +10,7 @@ from importlib.util import find_spec
 import pytest
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.interruptions import ASKED_BY, Interrupted, as_exceptions
 from eqt_cli.execution.executors import MOST_TRIES, Outcome, executors
 
 # In a file of its own, where spawned processes find it.
@@ -120,12 +123,44 @@ def test_workers_end_when_nobody_listens_any_more(task):
     outcomes = executors.get("local")(2).outcomes(task, list(range(1, 10)), lambda amount: None)
     next(outcomes)
     outcomes.close()
-    import multiprocessing
-
     deadline = time.monotonic() + 10
     while multiprocessing.active_children() and time.monotonic() < deadline:
         time.sleep(0.01)
     assert not multiprocessing.active_children()
+
+
+@POSIX
+def test_a_signal_while_a_worker_is_started_leaves_none(task, monkeypatch):
+    from multiprocessing.popen_spawn_posix import Popen
+
+    launch = Popen._launch
+
+    def launch_and_tell(process, what):
+        launch(process, what)
+        signal.raise_signal(signal.SIGTERM)
+
+    monkeypatch.setattr(Popen, "_launch", launch_and_tell)
+    before = {number: signal.getsignal(number) for number in ASKED_BY}
+    try:
+        with pytest.raises(Interrupted), as_exceptions(lambda: None):
+            list(executors.get("local")(2).outcomes(task, range(100, 10**6), lambda amount: None))
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    assert not multiprocessing.active_children()
+
+
+@POSIX
+def test_workers_that_nobody_has_ended_end_with_python(task):
+    """As after an interruption of the very moment in which they are ended."""
+    task = f"__import__({type(task).__module__!r}).Task({task.folder!r})"
+    code = (
+        "from eqt_cli.execution.executors import executors\n"
+        "if __name__ == '__main__':\n"
+        f"    open_ended = executors.get('local')(2).outcomes({task}, range(1, 1000), print)\n"
+        "    next(open_ended)\n"
+    )
+    subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL, timeout=60, check=True)
 
 
 @POSIX

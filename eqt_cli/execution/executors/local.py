@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import pickle
+import signal
 import threading
 import time
 from collections import deque
@@ -134,6 +135,8 @@ class _Worker:
 def _serve(pipe: Any, task: Task) -> None:
     """The life of a worker: items until the pipe ends."""
     interruptions.of_worker()
+    # Python, at its end, ends by this signal the workers that an interruption has left over.
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()  # where the system does not
     due = pending = 0.0
 
