@@ -112,5 +112,5 @@ class WaypointsReference(PiecewiseReference):
         for index, point in enumerate(points):
             pose_from(point.pose, G, problems.at(index, "pose"))
             if index and not point.t > points[index - 1].t:
-                before = points[index - 1].t
-                problems.at(index, "t").add(f"expected a time after {before:g} s, got {point.t:g}")
+                wanted = f"expected a time after {points[index - 1].t:g} s"
+                problems.at(index, "t").add(f"{wanted}, got {point.t:g} s")

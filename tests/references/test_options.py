@@ -62,7 +62,7 @@ def test_each_waypoint_is_looked_at():
     (pose, wrong), time = notes(WaypointsReference(points))
     assert pose == "points[1].pose"
     assert wrong
-    assert time == ("points[1].t", "expected a time after 2 s, got 2")
+    assert time == ("points[1].t", "expected a time after 2 s, got 2 s")
 
 
 def test_what_is_wrong_in_a_file_is_noted_at_its_name():
