@@ -69,6 +69,6 @@ class ShownFronts:
     def notes(self) -> list[str]:
         """What a reader must know about the points."""
         return [
-            f"Means over {self.results.runs} held-out runs with 95 % intervals. Hollow: points of "
-            "the search that others better there. Crosses: starting gains."
+            f"Means over {self.results.runs} held-out runs with 95 % intervals. Hollow: found by "
+            "the search, but dominated on these runs. Crosses: starting gains."
         ]
