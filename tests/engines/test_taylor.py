@@ -374,8 +374,6 @@ print(compiler.get_diskcache_path(), compiler.get_diskcache_limit())
 
 @pytest.mark.parametrize("own", [False, True], ids=["default", "HEYOKA_CACHE_DIR"])
 def test_compiled_laws_are_kept_in_a_small_file_of_their_own(tmp_path, monkeypatch, own):
-    if not hasattr(library.heyoka_module().llvm_state, "get_diskcache_path"):
-        pytest.skip("this heyoka keeps nothing on disk")
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.delenv("HEYOKA_CACHE_DIR", raising=False)
     if own:

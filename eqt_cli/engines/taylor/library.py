@@ -61,7 +61,7 @@ def _bound_the_cache(compiler: Any) -> None:
 
     Elsewhere the size is the user's affair, and that of other programs.
     """
-    if "HEYOKA_CACHE_DIR" in os.environ or not hasattr(compiler, "set_diskcache_path"):
+    if "HEYOKA_CACHE_DIR" in os.environ:
         return
     compiler.set_diskcache_path(Path(compiler.get_diskcache_path()).parent / "eqt")
     with suppress(RuntimeError):  # where nothing can be written, nothing is kept
