@@ -71,23 +71,25 @@ class _Generator(GenerateJsonSchema):
 
     def dataclass_schema(self, schema: core_schema.DataclassSchema) -> dict[str, Any]:
         """The options, each with its meaning."""
-        found = super().dataclass_schema(schema)
-        said = {option_of_field(name): text for name, text in meanings(schema["cls"]).items()}
-        for name, option in found["properties"].items():
-            if name in said:
-                found["properties"][name] = {"description": said[name]} | option
-        return found
+        return _with_meanings(super().dataclass_schema(schema), schema["cls"])
 
     def model_schema(self, schema: core_schema.ModelSchema) -> dict[str, Any]:
         """The keys of a section, each with its meaning."""
-        found = super().model_schema(schema)
-        for name, text in meanings(schema["cls"]).items():
-            found["properties"][name] = {"description": text} | found["properties"][name]
+        found = _with_meanings(super().model_schema(schema), schema["cls"])
         return found | {"description": summary(schema["cls"])}
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> dict[str, Any]:
         """`anyOf` for `oneOf`: a list of numbers fits several members of our unions."""
         return {"anyOf": super().tagged_union_schema(schema)["oneOf"]}
+
+
+def _with_meanings(found: dict[str, Any], kind: type) -> dict[str, Any]:
+    """The schema of a class, with what its docstring says of each key."""
+    said = {option_of_field(name): text for name, text in meanings(kind).items()}
+    for name, option in found["properties"].items():
+        if name in said:
+            found["properties"][name] = {"description": said[name]} | option
+    return found
 
 
 def _any_of(

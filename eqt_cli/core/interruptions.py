@@ -126,9 +126,10 @@ def _raise_again(number: int) -> None:
 
 def _tell_main_thread(number: int) -> None:
     """Raise a signal there, so that it ends a wait; it would not if another thread received it."""
-    if hasattr(signal, "pthread_kill"):
-        signal.pthread_kill(threading.main_thread().ident or 0, number)
-    else:
+    main_thread = threading.main_thread().ident
+    if hasattr(signal, "pthread_kill") and main_thread is not None:
+        signal.pthread_kill(main_thread, number)
+    else:  # on Windows
         signal.raise_signal(number)
 
 

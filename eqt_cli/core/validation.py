@@ -93,11 +93,14 @@ def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[s
 def _meanings(owner: type) -> dict[str, str]:
     """What the docstring of a model or component says of its keys, by their names as written."""
     said = {option_of_field(name): text.removesuffix(".") for name, text in meanings(owner).items()}
-    if not issubclass(owner, BaseModel):
-        return {name: said.get(name, "") for name in option_names(owner)}
+    examples: dict[str, list[Any]] = (
+        {name: field.examples or [] for name, field in owner.model_fields.items()}
+        if issubclass(owner, BaseModel)
+        else {name: [] for name in option_names(owner)}
+    )
     return {
-        name: said[name] + "".join(f", for example {name}: {each}" for each in field.examples or ())
-        for name, field in owner.model_fields.items()
+        name: said.get(name, "") + "".join(f", for example {name}: {each}" for each in given)
+        for name, given in examples.items()
     }
 
 
