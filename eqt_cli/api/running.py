@@ -150,8 +150,7 @@ def choose_executor(
     workers
         Cores to use.
     name
-        Of an executor. If not given: Dask for a scheduler, threads for an engine that computes
-        outside Python, and else processes, for more than one core.
+        Of an executor. If not given: Dask for a scheduler, else `auto`.
     scheduler
         Address of a running Dask scheduler.
 
@@ -165,11 +164,12 @@ def choose_executor(
     >>> experiment = eqt_cli.load_experiment("configs/paper.yaml")
     >>> executor = eqt_cli.choose_executor(experiment, workers=2, name="threads")
     """
+    make: Callable[..., Executor] = executors.get("dask" if scheduler else name or "auto")
     if scheduler:
-        make: Callable[..., Executor] = executors.get("dask")  # the only one with a scheduler
         return make(workers, scheduler)
-    suitable = "threads" if experiment.experiment.engine.threads else "auto"
-    return executors.get(name or suitable)(workers)
+    if name in (None, "auto"):
+        return make(workers, experiment.experiment.engine.threads)
+    return make(workers)
 
 
 def pack(folder: ResultPath, *, trust_plugins: bool = False, remark: Remark = warn) -> StoredResult:

@@ -77,7 +77,7 @@ class CriticalSet:
                 start = block.stop
             return total
         if self.axes is None or self.axes.shape[1] == 1:
-            return ((Q - self.Q) ** 2).sum(axis=(-2, -1))
+            return _square_norm(Q - self.Q)
         return self._distance_to_half_turns(Q, self.axes)
 
     def _distance_to_half_turns(self, Q: Array, axes: Array) -> Array:
@@ -85,8 +85,8 @@ class CriticalSet:
         size = axes.shape[0]
         D = np.zeros((size, 0)) if self.offset is None else self.offset
         R, Y = Q[..., :size, :size], Q[..., :size, size:] - 2 * D
-        trace = np.trace(R, axis1=-2, axis2=-1)
-        constant = (R**2).sum(axis=(-2, -1)) + size + 2 * trace + (Y**2).sum(axis=(-2, -1))
+        trace = np.einsum("...ii->...", R)
+        constant = _square_norm(R) + size + 2 * trace + _square_norm(Y)
         if axes.shape[1] == size and not D.any():
             # A rotation leaves its own axis as it is: the largest eigenvalue of R + Rᵀ is 2.
             return np.maximum(constant - 4, 0.0)
@@ -94,6 +94,11 @@ class CriticalSet:
         finite = np.isfinite(constant)  # runs that failed are NaN, which LAPACK does not take
         within = np.where(finite[..., None, None], axes.T @ form @ axes, 0.0)
         return np.maximum(constant - np.linalg.eigvalsh(within)[..., -1], 0.0)
+
+
+def _square_norm(matrices: Array) -> Array:
+    """‖A‖_F² of each, without an array of squares."""
+    return np.einsum("...ij,...ij->...", matrices, matrices)
 
 
 def critical_sets(G: MatrixLieGroup, K: Array) -> list[CriticalSet] | None:

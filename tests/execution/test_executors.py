@@ -1,4 +1,5 @@
 import multiprocessing
+import os
 import signal
 import socket
 import subprocess
@@ -11,7 +12,8 @@ import pytest
 
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.interruptions import ASKED_BY, Interrupted, as_exceptions
-from eqt_cli.execution.executors import MOST_TRIES, Outcome, executors
+from eqt_cli.execution.executors import MOST_TRIES, Outcome, auto, executors
+from eqt_cli.execution.executors.auto import Auto
 
 # In a file of its own, where spawned processes find it.
 TASK = """
@@ -164,21 +166,34 @@ def test_workers_that_nobody_has_ended_end_with_python(task):
 
 
 @POSIX
-def test_auto_takes_processes_only_where_they_are_worth_it(task, tmp_path, monkeypatch):
-    import os
-
-    from eqt_cli.execution.executors import auto
-
+@pytest.mark.parametrize("threads", [False, True])
+def test_auto_takes_processes_only_where_they_are_worth_it(threads, task, tmp_path, monkeypatch):
     def processes():
         return {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
 
     items = [1, 2, 3, 4, 5]
-    list(auto.Auto(2).outcomes(task, items, lambda amount: None))
+    list(Auto(2, threads).outcomes(task, items, lambda amount: None))
     assert processes() == {str(os.getpid())}
-    monkeypatch.setattr(auto, "WORTH_STARTING", 0.0)
-    found = list(auto.Auto(2).outcomes(task, items, lambda amount: None))
-    assert len(found) == 5
+    monkeypatch.setattr(auto, "WORTH_LEAVING_THREADS" if threads else "WORTH_STARTING", 0.0)
+    found = list(Auto(2, threads).outcomes(task, items, lambda amount: None))
+    assert sorted(outcome.item for outcome in found) == items
     assert len(processes()) > 1
+
+
+def test_threads_take_an_item_when_it_can_begin(task):
+    """Whoever hands them out sees how long the earlier ones took."""
+    done, seen = [], []
+
+    def handed_out():
+        for item in (2, 4, 6, 8):
+            seen.append(len(done))
+            yield item
+
+    for outcome in executors.get("threads")(2).take(task, handed_out(), 1, lambda amount: None):
+        done.append(outcome)
+    assert sorted(outcome.item for outcome in done) == [2, 4, 6, 8]
+    assert seen[:2] == [0, 0]
+    assert seen == sorted(seen)
 
 
 @pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra dask")
@@ -212,10 +227,12 @@ def test_dask_that_is_missing_is_named(task, monkeypatch):
         ("auto", 4, 1.0, 1, 4.0),  # not worth starting processes for
         ("auto", 2, 10.0, 1, 20.0),  # the second is the last
         ("auto", 5, 10.0, 3, 30.0),  # the first, and then four by three
+        ("auto in threads", 5, 1.0, 3, 2.0),  # three threads, twice
+        ("auto in threads", 8, 10.0, 3, 30.0),  # the first three, and then five by three
     ],
 )
 def test_expected_time(name, items, each, at_once, seconds):
-    executor = executors.get(name)(3)
+    executor = Auto(3, threads=True) if name == "auto in threads" else executors.get(name)(3)
     assert executor.at_once(items, each) == at_once
     assert executor.wall_time(items, each) == seconds
 
@@ -223,4 +240,5 @@ def test_expected_time(name, items, each, at_once, seconds):
 def test_threads_share_what_items_leave():
     assert executors.get("threads")(8).threads_for(3) == 2
     assert executors.get("serial")(8).threads_for(3) == 8
+    assert Auto(8, threads=True).threads_for(3) == 2
     assert executors.get("local")(8).threads_for(3) == 1

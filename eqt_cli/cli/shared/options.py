@@ -116,7 +116,7 @@ ExecutorName = Annotated[
     named(
         "--executor",
         completion.names("executors"),
-        "auto, serial, threads, local or dask. Default: the one that suits the engine.",
+        "auto, serial, threads, local or dask. Default: auto, or dask with --scheduler.",
         COMPUTING,
     ),
 ]

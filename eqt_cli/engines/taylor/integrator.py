@@ -86,7 +86,7 @@ class BatchIntegrator:
             return integrator.propagate_res, integrator.state, integrator.state[:0]
         grid = np.repeat(span.grid[:, None], lanes, axis=1)
         _, found = integrator.propagate_grid(grid, max_steps=most_steps, **watch)
-        wanted = found if span.wanted.all() else found[span.wanted]
+        wanted = found if span.samples == len(found) else found[span.wanted]
         return integrator.propagate_res, integrator.state, wanted
 
     def _set_parameters(self, values: Array) -> None:

@@ -18,8 +18,8 @@ from eqt_cli.core.arrays import FUNCTIONS, register_symbols
 from eqt_cli.core.errors import EqtError
 from eqt_cli.engines.taylor.switching import recording
 
-CACHED_BYTES = 100_000_000
-"""Of compiled laws on disk, hundreds of them. heyoka looks through all of its file when a process
+CACHED_BYTES = 40_000_000
+"""Of compiled laws on disk, dozens of them. heyoka looks through all of its file when a process
 compiles or loads its first law, at 0.3 ms per MB, and by itself lets the file grow to 21 GB."""
 
 
@@ -42,6 +42,7 @@ def heyoka_module() -> ModuleType:
     except ImportError as error:
         raise EqtError(missing() or f"heyoka cannot be imported: {error}") from error
     heyoka.set_logger_level_error()  # its warnings are in the outcome of the runs concerned
+    heyoka.set_nthreads(1)  # executors share out the cores; its own threads wait busily for work
     _bound_the_cache(heyoka.llvm_state)
     functions = {name: getattr(heyoka, name) for name in FUNCTIONS if hasattr(heyoka, name)}
     functions |= {

@@ -1,42 +1,82 @@
 """Begins in this process, and takes more of them where what is left is worth starting them."""
 
 import time
+from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 from eqt_cli.execution.executors.base import Executor, Outcome, Progress, Task
-from eqt_cli.execution.executors.local import Local
 from eqt_cli.execution.executors.serial import Serial
+from eqt_cli.execution.executors.threads import Threads
 
 WORTH_STARTING = 5.0
 """s of work that is left; a process takes a second or two to start."""
 
+WORTH_LEAVING_THREADS = 10.0
+"""s, for an engine that computes outside Python: two processes are 1.3 times as fast as two
+threads, which take turns at all that Python does."""
+
 
 @dataclass(frozen=True)
 class Auto(Executor):
-    """One item after the other in this process; as soon as much is left, as `local`."""
+    """Begins in this process; as soon as much is left, as `local`.
+
+    Attributes
+    ----------
+    threads
+        Whether it begins in threads, for an engine that computes outside Python.
+    """
 
     name: ClassVar[str] = "auto"
+    threads: bool = False
 
     def at_once(self, items: int, each: float) -> int:
-        """One, or after the first item as many as `local`."""
-        return min(self.workers, items - 1) if self._worth_starting(items - 1, each) else 1
+        """As it begins, or as many as `local` after that."""
+        here, later = self._split(items, each)
+        return self._in_processes.at_once(later, each) if later else self._here.at_once(here, each)
+
+    def threads_for(self, items: int) -> int:
+        """Those of the executor that it begins as."""
+        return self._here.threads_for(items)
 
     def wall_time(self, items: int, each: float) -> float:
-        """The first item is done before other processes are started."""
-        if not self._worth_starting(items - 1, each):
-            return items * each
-        return each + Local(self.workers).wall_time(items - 1, each)
-
-    def _worth_starting(self, left: int, each: float) -> bool:
-        return left > 1 and self.workers > 1 and left * each > WORTH_STARTING
+        """What is done here is done before other processes are started."""
+        here, later = self._split(items, each)
+        return self._here.wall_time(here, each) + self._in_processes.wall_time(later, each)
 
     def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
-        started = time.monotonic()
-        for done, item in enumerate(items):
-            left = len(items) - done
-            if self._worth_starting(left, (time.monotonic() - started) / max(done, 1)):
-                yield from Local(self.workers).outcomes(task, items[done:], progress)
+        waiting = deque(items)
+        threads = self.threads_for(len(items))
+        yield from self._here.take(task, self._while_little_is_left(waiting), threads, progress)
+        if waiting:
+            yield from self._in_processes.outcomes(task, list(waiting), progress)
+
+    @property
+    def _here(self) -> Serial | Threads:
+        return Threads(self.workers) if self.threads else Serial()
+
+    @property
+    def _in_processes(self) -> Executor:
+        from eqt_cli.execution.executors.local import Local  # most experiments do without
+
+        return Local(self.workers)
+
+    def _split(self, items: int, each: float) -> tuple[int, int]:
+        """How many of so many items are done here, and how many in processes."""
+        first = self._here.at_once(items, each)
+        pace = each / max(first, 1)
+        return (first, items - first) if self._worth_starting(items - first, pace) else (items, 0)
+
+    def _while_little_is_left(self, waiting: deque[int]) -> Iterator[int]:
+        """Take items from those that wait, one whenever the next can begin."""
+        started, begun = time.monotonic(), 0
+        while waiting:
+            if self._worth_starting(len(waiting), (time.monotonic() - started) / max(begun, 1)):
                 return
-            yield from Serial().outcomes(task, [item], progress)
+            begun += 1
+            yield waiting.popleft()
+
+    def _worth_starting(self, left: int, each: float) -> bool:
+        enough = WORTH_LEAVING_THREADS if self.threads else WORTH_STARTING
+        return left > 1 and self.workers > 1 and left * each > enough

@@ -1,6 +1,6 @@
 """One item after the other, in this process."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -24,7 +24,13 @@ class Serial(Executor):
         return self.workers
 
     def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
-        context = TaskContext(progress, self.threads_for(len(items)))
+        yield from self.take(task, items, self.threads_for(len(items)), progress)
+
+    def take(
+        self, task: Task, items: Iterable[int], threads: int, progress: Progress
+    ) -> Iterator[Outcome]:
+        """As `outcomes`, with so many threads for each item, which is taken when it can begin."""
+        context = TaskContext(progress, threads)
         for item in items:
             with threadpool_limits(1):  # results must not depend on how a library splits a product
                 failed = task(item, context)

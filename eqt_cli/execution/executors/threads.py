@@ -1,9 +1,10 @@
 """Several items at a time in threads of this process, for engines that compute outside Python."""
 
 import threading
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import dataclass
+from itertools import islice
 from typing import ClassVar
 
 from threadpoolctl import threadpool_limits
@@ -22,20 +23,28 @@ class Threads(Executor):
         return max(1, self.workers // min(self.workers, max(items, 1)))
 
     def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
-        if not items:
-            return
-        lock = threading.Lock()
+        yield from self.take(task, items, self.threads_for(len(items)), progress)
+
+    def take(
+        self, task: Task, items: Iterable[int], threads: int, progress: Progress
+    ) -> Iterator[Outcome]:
+        """As `outcomes`, with so many threads for each item, which is taken when it can begin."""
+        lock, waiting = threading.Lock(), iter(items)
 
         def report(amount: float) -> None:
             with lock:
                 progress(amount)
 
-        at_once = min(self.workers, len(items))
-        context = TaskContext(report, self.threads_for(len(items)))
-        with threadpool_limits(1), ThreadPoolExecutor(at_once) as pool:
-            futures = {pool.submit(task, item, context): item for item in items}
+        context = TaskContext(report, threads)
+        with threadpool_limits(1), ThreadPoolExecutor(self.workers) as pool:
+            begun = {
+                pool.submit(task, item, context): item for item in islice(waiting, self.workers)
+            }
             try:
-                for future in as_completed(futures):
-                    yield Outcome(futures.pop(future), future.result())
+                while begun:
+                    for future in wait(begun, return_when=FIRST_COMPLETED).done:
+                        for item in islice(waiting, 1):
+                            begun[pool.submit(task, item, context)] = item
+                        yield Outcome(begun.pop(future), future.result())
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)
