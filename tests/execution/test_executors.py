@@ -4,6 +4,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from contextlib import suppress
 from importlib.util import find_spec
@@ -14,6 +15,7 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.core.interruptions import ASKED_BY, Interrupted, as_exceptions
 from eqt_cli.execution.executors import MOST_TRIES, Outcome, auto, executors
 from eqt_cli.execution.executors.auto import Auto
+from eqt_cli.execution.executors.local import Local
 
 # In a file of its own, where spawned processes find it.
 TASK = """
@@ -37,6 +39,9 @@ class Task:
             os.kill(os.getpid(), signal.SIGKILL)
         if item == 99:
             raise EqtError("no")
+        while item == 1000:
+            ways.progress(0.001)
+            time.sleep(0.001)
         ways.progress(4)
         return item % 2
 
@@ -129,6 +134,29 @@ def test_workers_end_when_nobody_listens_any_more(task):
     while multiprocessing.active_children() and time.monotonic() < deadline:
         time.sleep(0.01)
     assert not multiprocessing.active_children()
+
+
+def test_a_thread_can_take_the_place_of_a_process(task, tmp_path):
+    seen = []
+    found = list(Local(2, here=True).outcomes(task, [1, 2, 3, 4], seen.append))
+    assert sorted(found, key=lambda o: o.item) == [Outcome(k, k % 2) for k in (1, 2, 3, 4)]
+    assert sum(seen) == 40
+    assert str(os.getpid()) in {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
+
+
+def test_an_error_in_this_thread_ends_everything(task):
+    with pytest.raises(EqtError, match="no"):
+        list(Local(1, here=True).outcomes(task, [2, 99], lambda amount: None))
+
+
+def test_an_interruption_waits_for_the_next_report_of_this_thread(task):
+    def interrupt(amount):
+        raise KeyboardInterrupt
+
+    before = threading.active_count()
+    with pytest.raises(KeyboardInterrupt):  # else it would never end
+        list(Local(1, here=True).outcomes(task, [1000], interrupt))
+    assert threading.active_count() == before
 
 
 @POSIX

@@ -60,7 +60,7 @@ class Auto(Executor):
     def _in_processes(self) -> Executor:
         from eqt_cli.execution.executors.local import Local  # most experiments do without
 
-        return Local(self.workers)
+        return Local(self.workers, here=self.threads)
 
     def _split(self, items: int, each: float) -> tuple[int, int]:
         """How many of so many items are done here, and how many in processes."""

@@ -40,14 +40,24 @@ REPORT_EVERY = 0.2
 
 @dataclass(frozen=True)
 class Local(Executor):
-    """Processes of this machine, each with one BLAS thread."""
+    """Processes of this machine, each with one BLAS thread.
+
+    Attributes
+    ----------
+    here
+        Whether a thread of this process takes the place of one, which saves its memory. An
+        interruption waits for the thread's next report of progress.
+    """
 
     name: ClassVar[str] = "local"
+    here: bool = False
 
     def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
         waiting = deque(items)
         tries = dict.fromkeys(items, 0)
         workers = [_Worker(task, progress) for _ in range(min(self.workers, len(items)))]
+        if self.here and workers:
+            workers[0] = _ThreadHere(task, progress)
         try:
             while busy := _occupied(workers, waiting):
                 ready = connection.wait([worker.pipe for worker in busy])
@@ -95,13 +105,16 @@ class _Worker:
     def give(self, item: int) -> None:
         self.item, self.reported = item, 0.0
         if self.process is None:
-            context = get_context("spawn")
-            self.pipe, theirs = context.Pipe()
-            self.process = context.Process(target=_serve, args=(theirs, self.task), daemon=True)
-            self.process.start()
-            theirs.close()
+            self.start()
         with suppress(OSError):  # if it has died meanwhile, the end of the pipe says so next
             self.pipe.send(item)
+
+    def start(self) -> None:
+        context = get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs, self.task), daemon=True)
+        self.process.start()
+        theirs.close()
 
     def answer(self) -> int | None:
         """What it says: how many runs failed, or None where it only reports progress."""
@@ -132,12 +145,32 @@ class _Worker:
             self.pipe.close()
 
 
+@dataclass
+class _ThreadHere(_Worker):
+    """A thread of this process, which gets its items and answers as a process does."""
+
+    def start(self) -> None:
+        self.pipe, theirs = get_context("spawn").Pipe()
+        self.process = threading.Thread(target=_do_items, args=(theirs, self.task))
+        self.process.start()
+
+    def end(self) -> None:
+        if self.process is not None:
+            self.pipe.close()  # its next report of progress finds nobody, and ends its item
+            self.process.join()
+
+
 def _serve(pipe: Any, task: Task) -> None:
-    """The life of a worker: items until the pipe ends."""
+    """The life of a process."""
     interruptions.of_worker()
     # Python, at its end, ends by this signal the workers that an interruption has left over.
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()  # where the system does not
+    _do_items(pipe, task)
+
+
+def _do_items(pipe: Any, task: Task) -> None:
+    """Do items until the pipe ends."""
     due = pending = 0.0
 
     def report(amount: float) -> None:
@@ -147,12 +180,9 @@ def _serve(pipe: Any, task: Task) -> None:
             pipe.send(("progress", pending))
             due, pending = time.monotonic() + REPORT_EVERY, 0.0
 
-    with threadpool_limits(1):
+    with threadpool_limits(1), pipe, suppress(EOFError, OSError):
         while True:
-            try:
-                item = pipe.recv()
-            except (EOFError, OSError):
-                return
+            item = pipe.recv()
             try:
                 answer: Any = ("done", task(item, TaskContext(report)))
             except Exception as error:
