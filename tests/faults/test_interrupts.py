@@ -26,6 +26,7 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="has no process group
 
 LONG = RUN.replace("runs: 200", "runs: 4000")
 EXECUTORS = {
+    "auto": ["--workers", "2"],
     "serial": ["--executor", "serial"],
     "threads": ["--executor", "threads", "--workers", "2"],
     "local": ["--executor", "local", "--workers", "2"],

@@ -10,7 +10,7 @@ from eqt_cli.execution.executors.base import Executor, Outcome, Progress, Task
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.executors.threads import Threads
 
-WORTH_STARTING = 5.0
+WORTH_STARTING = 3.0
 """s of work that is left; a process takes a second or two to start."""
 
 WORTH_LEAVING_THREADS = 10.0
@@ -60,7 +60,7 @@ class Auto(Executor):
     def _in_processes(self) -> Executor:
         from eqt_cli.execution.executors.local import Local  # most experiments do without
 
-        return Local(self.workers, here=self.threads)
+        return Local(self.workers, here=True)
 
     def _split(self, items: int, each: float) -> tuple[int, int]:
         """How many of so many items are done here, and how many in processes."""

@@ -37,6 +37,9 @@ NONE = -1
 REPORT_EVERY = 0.2
 """s between a worker's reports of progress."""
 
+MOST_PATIENCE = 10.0
+"""s that an interruption waits for a thread's next report: a law may be in an endless loop."""
+
 
 @dataclass(frozen=True)
 class Local(Executor):
@@ -151,13 +154,13 @@ class _ThreadHere(_Worker):
 
     def start(self) -> None:
         self.pipe, theirs = get_context("spawn").Pipe()
-        self.process = threading.Thread(target=_do_items, args=(theirs, self.task))
+        self.process = threading.Thread(target=_do_items, args=(theirs, self.task), daemon=True)
         self.process.start()
 
     def end(self) -> None:
         if self.process is not None:
             self.pipe.close()  # its next report of progress finds nobody, and ends its item
-            self.process.join()
+            self.process.join(MOST_PATIENCE)
 
 
 def _serve(pipe: Any, task: Task) -> None:
