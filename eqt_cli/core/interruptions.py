@@ -148,6 +148,25 @@ def _would_leave_half(frame: FrameType | None) -> bool:
 _PROCESSES = str(Path("multiprocessing", "process.py"))
 
 
+@contextmanager
+def without_ctrl_c() -> Iterator[None]:
+    """Block Ctrl-C in the processes that are started, until `of_worker` ignores it.
+
+    Python would answer it with a traceback; other signals end a process that starts without a word.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # on Windows
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # as it starts, it unblocks the signal
+    earlier = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, earlier)
+
+
 def of_worker() -> None:
     """Leave to the parent what a signal means, which reaches a whole group, and end with it.
 
@@ -155,6 +174,8 @@ def of_worker() -> None:
     """
     for number in ASKED_BY:
         signal.signal(number, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGINT])
     if sys.platform == "linux":
         import ctypes
 

@@ -138,7 +138,7 @@ def test_workers_end_when_nobody_listens_any_more(task):
 
 def test_a_thread_can_take_the_place_of_a_process(task, tmp_path):
     seen = []
-    found = list(Local(2, here=True).outcomes(task, [1, 2, 3, 4], seen.append))
+    found = list(Local(2).share(task, [1, 2, 3, 4], seen.append))
     assert sorted(found, key=lambda o: o.item) == [Outcome(k, k % 2) for k in (1, 2, 3, 4)]
     assert sum(seen) == 40
     assert str(os.getpid()) in {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
@@ -146,7 +146,7 @@ def test_a_thread_can_take_the_place_of_a_process(task, tmp_path):
 
 def test_an_error_in_this_thread_ends_everything(task):
     with pytest.raises(EqtError, match="no"):
-        list(Local(1, here=True).outcomes(task, [2, 99], lambda amount: None))
+        list(Local(1).share(task, [2, 99], lambda amount: None))
 
 
 def test_an_interruption_waits_for_the_next_report_of_this_thread(task):
@@ -155,7 +155,7 @@ def test_an_interruption_waits_for_the_next_report_of_this_thread(task):
 
     before = threading.active_count()
     with pytest.raises(KeyboardInterrupt):  # else it would never end
-        list(Local(1, here=True).outcomes(task, [1000], interrupt))
+        list(Local(1).share(task, [1000], interrupt))
     assert threading.active_count() == before
 
 
@@ -178,6 +178,23 @@ def test_a_signal_while_a_worker_is_started_leaves_none(task, monkeypatch):
         for number, handler in before.items():
             signal.signal(number, handler)
     assert not multiprocessing.active_children()
+
+
+@POSIX
+def test_a_worker_that_starts_ignores_ctrl_c(task, tmp_path, monkeypatch, capfd):
+    from multiprocessing.popen_spawn_posix import Popen
+
+    launch = Popen._launch
+
+    def launch_and_tell(process, what):
+        launch(process, what)
+        os.kill(process.pid, signal.SIGINT)
+
+    monkeypatch.setattr(Popen, "_launch", launch_and_tell)
+    found = list(executors.get("local")(1).outcomes(task, [2], lambda amount: None))
+    assert found == [Outcome(2, 0)]
+    assert len(list((tmp_path / "done").glob("2-*"))) == 1
+    assert capfd.readouterr().err == ""
 
 
 @POSIX

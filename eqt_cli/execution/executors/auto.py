@@ -1,14 +1,19 @@
 """Begins in this process, and takes more of them where what is left is worth starting them."""
 
+from __future__ import annotations
+
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from eqt_cli.execution.executors.base import Executor, Outcome, Progress, Task
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.executors.threads import Threads
+
+if TYPE_CHECKING:
+    from eqt_cli.execution.executors.local import Local
 
 WORTH_STARTING = 3.0
 """s of work that is left; a process takes a second or two to start."""
@@ -50,17 +55,17 @@ class Auto(Executor):
         threads = self.threads_for(len(items))
         yield from self._here.take(task, self._while_little_is_left(waiting), threads, progress)
         if waiting:
-            yield from self._in_processes.outcomes(task, list(waiting), progress)
+            yield from self._in_processes.share(task, list(waiting), progress)
 
     @property
     def _here(self) -> Serial | Threads:
         return Threads(self.workers) if self.threads else Serial()
 
     @property
-    def _in_processes(self) -> Executor:
+    def _in_processes(self) -> Local:
         from eqt_cli.execution.executors.local import Local  # most experiments do without
 
-        return Local(self.workers, here=True)
+        return Local(self.workers)
 
     def _split(self, items: int, each: float) -> tuple[int, int]:
         """How many of so many items are done here, and how many in processes."""

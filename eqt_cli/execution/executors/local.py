@@ -43,50 +43,54 @@ MOST_PATIENCE = 10.0
 
 @dataclass(frozen=True)
 class Local(Executor):
-    """Processes of this machine, each with one BLAS thread.
-
-    Attributes
-    ----------
-    here
-        Whether a thread of this process takes the place of one, which saves its memory. An
-        interruption waits for the thread's next report of progress.
-    """
+    """Processes of this machine, each with one BLAS thread."""
 
     name: ClassVar[str] = "local"
-    here: bool = False
 
     def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
-        waiting = deque(items)
-        tries = dict.fromkeys(items, 0)
         workers = [_Worker(task, progress) for _ in range(min(self.workers, len(items)))]
-        if self.here and workers:
-            workers[0] = _ThreadHere(task, progress)
-        try:
-            while busy := _occupied(workers, waiting):
-                ready = connection.wait([worker.pipe for worker in busy])
-                for worker in [worker for worker in busy if worker.pipe in ready]:
-                    item = worker.item
-                    try:
-                        failed = worker.answer()
-                    except _Lost:
-                        tries[item] += 1
-                        if tries[item] < MOST_TRIES:
-                            waiting.appendleft(item)
-                        else:
-                            yield Outcome(item, None)
+        yield from _done_by(workers, items)
+
+    def share(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
+        """As `outcomes`, but a thread of this process takes the place of one, and saves its memory.
+
+        An interruption waits for the thread's next report of progress.
+        """
+        others = min(self.workers, len(items)) - 1
+        workers = [_ThreadHere(task, progress), *(_Worker(task, progress) for _ in range(others))]
+        yield from _done_by(workers, items)
+
+
+def _done_by(workers: Sequence[_Worker], items: Sequence[int]) -> Iterator[Outcome]:
+    """Hand out items, also again where a worker is lost, and end the workers whatever happens."""
+    waiting = deque(items)
+    tries = dict.fromkeys(items, 0)
+    try:
+        while busy := _occupied(workers, waiting):
+            ready = connection.wait([worker.pipe for worker in busy])
+            for worker in [worker for worker in busy if worker.pipe in ready]:
+                item = worker.item
+                try:
+                    failed = worker.answer()
+                except _Lost:
+                    tries[item] += 1
+                    if tries[item] < MOST_TRIES:
+                        waiting.appendleft(item)
                     else:
-                        if failed is not None:
-                            yield Outcome(item, failed)
-        finally:
-            for worker in workers:
-                worker.end()
+                        yield Outcome(item, None)
+                else:
+                    if failed is not None:
+                        yield Outcome(item, failed)
+    finally:
+        for worker in workers:
+            worker.end()
 
 
 class _Lost(Exception):
     """The process is gone, with the item that it had in hand."""
 
 
-def _occupied(workers: list[_Worker], waiting: deque[int]) -> list[_Worker]:
+def _occupied(workers: Sequence[_Worker], waiting: deque[int]) -> list[_Worker]:
     """Give an item to everyone without one, and return those who have one."""
     for worker in workers:
         if worker.item == NONE and waiting:
@@ -116,7 +120,8 @@ class _Worker:
         context = get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, self.task), daemon=True)
-        self.process.start()
+        with interruptions.without_ctrl_c():
+            self.process.start()
         theirs.close()
 
     def answer(self) -> int | None:
