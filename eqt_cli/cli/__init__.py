@@ -30,9 +30,9 @@ def _run() -> None:
         from eqt_cli.cli.app import app
 
         app()
-    except (EqtError, KeyboardInterrupt) as error:
-        if isinstance(error, KeyboardInterrupt):  # before the commands, or after them
-            error = InterruptedRun(INTERRUPTED, interruptions.exit_code(error))
+    except (EqtError, interruptions.Interrupted) as error:
+        if isinstance(error, interruptions.Interrupted):  # nothing can be said of what is kept
+            error = InterruptedRun(INTERRUPTED, error.exit_code)
         _tell(error)
         sys.exit(error.exit_code)
     except OSError as error:

@@ -8,7 +8,6 @@ from typing import Annotated, Any
 import typer
 
 from eqt_cli.cli import (
-    INTERRUPTED,
     animate,
     compare,
     config,
@@ -24,13 +23,11 @@ from eqt_cli.cli import (
     verify,
 )
 from eqt_cli.cli.shared.help import COMPUTE, LOOK_UP, READ, Command, Group
-from eqt_cli.core.errors import InterruptedRun
-from eqt_cli.core.interruptions import exit_code
 from eqt_cli.core.version import __version__
 
 
 class _Commands(Group):
-    """The commands; typer's own answers to signals differ from version to version."""
+    """The commands, whose output somebody may stop reading."""
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -42,9 +39,6 @@ class _Commands(Group):
             # What is left to write at the end of the process must not fail again.
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
             raise typer.Exit(getattr(error.__context__, "exit_code", 0)) from None
-        except KeyboardInterrupt as error:
-            # Not for typer, whose own answers differ from version to version.
-            raise InterruptedRun(INTERRUPTED, exit_code(error)) from None
 
 
 app = typer.Typer(

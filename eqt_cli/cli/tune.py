@@ -11,7 +11,7 @@ from eqt_cli.cli.shared.output import laid_out, print_json, print_text, warn
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.cli.shared.run_and_report import executor_from
 from eqt_cli.core.errors import InterruptedRun
-from eqt_cli.core.interruptions import exit_code
+from eqt_cli.core.interruptions import Interrupted
 
 if TYPE_CHECKING:
     from eqt_cli.tuning.evolution import Population
@@ -66,11 +66,11 @@ def tune(
                 remark=warn,
                 told=told,
             )
-    except KeyboardInterrupt as error:
+    except Interrupted as error:
         raise InterruptedRun(
             f"interrupted; what was found is kept in {out}: run the same command again to "
             "continue, or with --force to start over",
-            exit_code(error),
+            error.exit_code,
             [f"  best so far, {label}: {text}" for label, text in best.items()],
         ) from None
     _report(done, json=json)

@@ -9,6 +9,7 @@ import signal
 import sys
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,8 +28,11 @@ PATIENCE = 5.0
 """s that an end may take; who asks again after them wants it at once."""
 
 
-class Interrupted(KeyboardInterrupt):
+class Interrupted(BaseException):
     """Somebody asks this process to stop.
+
+    It is no `KeyboardInterrupt`, to which libraries have answers of their own: typer ends the
+    process without a word.
 
     Attributes
     ----------
@@ -41,65 +45,93 @@ class Interrupted(KeyboardInterrupt):
         self.exit_code = 128 + number
 
 
-def exit_code(error: KeyboardInterrupt) -> int:
-    """The exit code that goes with it, whoever raised it."""
-    return getattr(error, "exit_code", 128 + signal.SIGINT)
-
-
 @contextmanager
 def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
     """Raise `Interrupted` on the first signal; on one much later, end without waiting for anything.
 
     Between them, what is under way is brought to its end, and further signals change nothing. A
-    signal that whoever started us ignores, as `nohup` does, stays ignored.
+    signal that whoever started us ignores, as `nohup` does, stays ignored. An exception that
+    somebody swallows, as finalisers and callbacks of libraries do, is raised again.
 
     Parameters
     ----------
     at_once
         Called before the process is ended by a later signal.
     """
-    asked: float | None = None
-
-    def handle(number: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        if _would_leave_half(frame):
-            _raise_again(number)
-            return
-        if asked is None:
-            asked = time.monotonic()
-            raise Interrupted(number)
-        if time.monotonic() > asked + PATIENCE:
-            at_once()
-            _end_now(number)
-
-    def forget() -> None:
-        nonlocal asked
-        asked = None
-
+    handler = _Handler(at_once)
     earlier: dict[int, Any] = {}
     if threading.current_thread() is threading.main_thread():  # others cannot say what they want
         for number in ASKED_BY:
             if signal.getsignal(number) != signal.SIG_IGN:
-                earlier[number] = signal.signal(number, handle)
+                earlier[number] = signal.signal(number, handler.handle)
     try:
-        with _none_is_lost(forget):
+        with _not_told_where_ignored():
             yield
     finally:
-        for number, handler in earlier.items():
+        handler.end()
+        for number, before in earlier.items():
             # What is left to end after an interruption shall not be interrupted itself.
-            signal.signal(number, handler if asked is None else signal.SIG_IGN)
+            signal.signal(number, before if handler.asked is None else signal.SIG_IGN)
+
+
+class _Handler:
+    """What signals mean, from the first of them on.
+
+    Attributes
+    ----------
+    asked
+        When it was, in s, that somebody asked to stop; None if nobody did, or if nobody heard.
+    """
+
+    def __init__(self, at_once: Callable[[], None]) -> None:
+        self.asked: float | None = None
+        self._at_once = at_once
+        self._loss: weakref.finalize[Any, Interrupted] | None = None
+        self._again: threading.Timer | None = None
+
+    def handle(self, number: int, frame: FrameType | None) -> None:
+        if _would_leave_half(frame):
+            self._raise_again(number)
+        elif self.asked is None:
+            self.asked = time.monotonic()
+            raise self._interruption(number)
+        elif time.monotonic() > self.asked + PATIENCE:
+            self._at_once()
+            _end_now(number)
+
+    def _interruption(self, number: int) -> Interrupted:
+        """The exception; where it is released before the end, somebody has swallowed it."""
+        error = Interrupted(number)
+        self._loss = weakref.finalize(error, self._lost, number)
+        return error
+
+    def _lost(self, number: int) -> None:
+        self.asked = None
+        self._raise_again(number)
+
+    def _raise_again(self, number: int) -> None:
+        """The signal once more, when what it must not interrupt may be over."""
+        if self._again:
+            self._again.cancel()
+        self._again = threading.Timer(AGAIN_AFTER, _tell_main_thread, [number])
+        self._again.daemon = True
+        self._again.start()
+
+    def end(self) -> None:
+        """Nothing is raised again from here on."""
+        if self._loss:
+            self._loss.detach()
+        if self._again:
+            self._again.cancel()
 
 
 @contextmanager
-def _none_is_lost(forget: Callable[[], None]) -> Iterator[None]:
-    """Python ignores exceptions in finalisers: raise that of a signal again, as if it were new."""
+def _not_told_where_ignored() -> Iterator[None]:
+    """Python prints exceptions that it ignores, as in finalisers; that of a signal comes again."""
     earlier = sys.unraisablehook
 
     def notice(ignored: Any) -> None:
-        if isinstance(ignored.exc_value, Interrupted):
-            forget()
-            _raise_again(ignored.exc_value.exit_code - 128)
-        else:
+        if not isinstance(ignored.exc_value, Interrupted):
             earlier(ignored)
 
     sys.unraisablehook = notice
@@ -115,13 +147,6 @@ def _end_now(number: int) -> None:
     for child in started.active_children() if started else ():
         child.kill()
     os._exit(128 + number)
-
-
-def _raise_again(number: int) -> None:
-    """The signal once more, when what it must not interrupt may be over."""
-    timer = threading.Timer(AGAIN_AFTER, _tell_main_thread, [number])
-    timer.daemon = True
-    timer.start()
 
 
 def _tell_main_thread(number: int) -> None:

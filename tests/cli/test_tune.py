@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from eqt_cli.core.interruptions import Interrupted
 
 TUNE = """\
 tune:
@@ -74,7 +77,7 @@ def test_an_interruption_says_the_best_so_far(
     eqt: Eqt, config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def stopped(*_: Any) -> None:
-        raise KeyboardInterrupt
+        raise Interrupted(signal.SIGINT)
 
     monkeypatch.setattr("eqt_cli.tuning.tune._Computing.confirm", stopped)
     done = eqt("tune", config)

@@ -4,8 +4,10 @@ import importlib
 import signal
 import sys
 import time
+from typing import Annotated
 
 import pytest
+from pydantic import BaseModel, Discriminator, Tag
 
 from eqt_cli.core.interruptions import ASKED_BY, Interrupted, as_exceptions
 
@@ -42,6 +44,36 @@ def test_a_signal_in_a_finaliser_is_not_lost(capsys):
     assert raised.value.exit_code == 143
     assert capsys.readouterr().err == ""
     assert sys.unraisablehook is hook
+
+
+def kind(value):
+    """Of a section of `Asking`: pydantic swallows what it raises while a model is dumped."""
+    if not isinstance(value, dict):
+        signal.raise_signal(signal.SIGTERM)
+        time.sleep(0)
+    return "pair"
+
+
+class Asking(BaseModel):
+    value: Annotated[
+        Annotated[tuple[int, int], Tag("pair")] | Annotated[int, Tag("one")], Discriminator(kind)
+    ]
+
+
+def test_a_signal_that_a_library_swallows_is_raised_again(capsys):
+    model = Asking.model_construct(value=(1, 2))
+
+    def dump_and_wait():
+        with as_exceptions(lambda: None):
+            assert model.model_dump(warnings="none") == {"value": (1, 2)}
+            time.sleep(10)
+
+    started = time.monotonic()
+    with pytest.raises(Interrupted) as raised:
+        dump_and_wait()
+    assert raised.value.exit_code == 143
+    assert time.monotonic() - started < 5
+    assert capsys.readouterr().err == ""
 
 
 def test_a_signal_during_an_import_ends_the_wait_after_it(tmp_path, monkeypatch):

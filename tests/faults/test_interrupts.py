@@ -114,6 +114,18 @@ def test_a_signal_that_is_ignored_stays_ignored(tmp_path):
     assert (process.returncode, stderr) == (0, b"")
 
 
+def test_ctrl_c_while_typer_reads_the_command_line_is_one_line():
+    code = f"""
+import signal
+from eqt_cli.cli.app import _Commands
+_Commands.make_context = lambda *_, **__: signal.raise_signal(signal.SIGINT)
+{START}
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "eqt: interrupted; run the same command again\n"
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_ctrl_c_while_libraries_load_is_one_line(tmp_path, seed):
     text = LONG

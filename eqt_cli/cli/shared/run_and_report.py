@@ -12,7 +12,7 @@ from eqt_cli.cli.shared.options import cores
 from eqt_cli.cli.shared.output import count_of, print_found, print_json, print_text, say, warn
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError, InterruptedRun
-from eqt_cli.core.interruptions import exit_code
+from eqt_cli.core.interruptions import Interrupted
 from eqt_cli.execution.folder_progress import unfinished
 
 if TYPE_CHECKING:
@@ -74,14 +74,14 @@ def run_experiment(
                 remark=warn,
                 stage=advance.begin,
             )
-    except KeyboardInterrupt as error:
+    except Interrupted as error:
         begun = unfinished(out)
         kept = begun.done if begun else 0
         whole = "" if kept else f" (whole parts of {plans.runs_of(0)} are)"
         raise InterruptedRun(
             f"interrupted; {kept} of {plans.total} runs are kept in {out}{whole}: "
             "run the same command again to continue, or with --force to start over",
-            exit_code(error),
+            error.exit_code,
         ) from None
     for entry in done.removed:
         say(f"removed {entry}")
