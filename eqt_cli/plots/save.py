@@ -10,6 +10,7 @@ from pathlib import Path
 from string import ascii_uppercase
 from typing import Any, Literal
 
+from matplotlib import rc_context
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
@@ -30,11 +31,17 @@ def encode(
     description: str = "",
     style: Style = HOUSE,
 ) -> bytes:
-    """The file's content, in the style of the drawing; it holds no date and no random name."""
+    """The content of a file, in the style of the drawing, whose panels are arranged for good.
+
+    It holds no date and no random name.
+    """
     buffer = BytesIO()
     names = _steady_names_of_fonts() if format == "pdf" else nullcontext()
     with house_style(style), _quiet_font_tools(), names:
-        drawing.savefig(buffer, format=format, metadata=_metadata(format, title, description))
+        # Else Matplotlib draws everything twice, once to arrange it.
+        with rc_context({"figure.constrained_layout.use": False}):
+            drawing.set_layout_engine(None)
+            drawing.savefig(buffer, format=format, metadata=_metadata(format, title, description))
     return buffer.getvalue()
 
 

@@ -8,6 +8,7 @@ from string import ascii_lowercase
 import matplotlib
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
@@ -110,6 +111,19 @@ def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened):
         drawing = figures.get(name)().draw([results])
         assert [encode(drawing, format) for format in FORMATS] == expected
         assert matplotlib.rcParams["font.size"] == 20
+
+
+def test_every_format_is_drawn_once(so3, opened, monkeypatch):
+    drawing, own, drawn = figures.get("paper")().draw([opened(so3)]), Figure.draw, []
+
+    def draw(figure, renderer):
+        drawn.append(figure)
+        own(figure, renderer)
+
+    monkeypatch.setattr(Figure, "draw", draw)
+    for format in FORMATS:
+        encode(drawing, format)
+    assert len(drawn) == len(FORMATS)
 
 
 @every_figure
