@@ -3,7 +3,7 @@
 import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
@@ -37,11 +37,9 @@ def encode(
     """
     buffer = BytesIO()
     names = _steady_names_of_fonts() if format == "pdf" else nullcontext()
-    with house_style(style), _quiet_font_tools(), names:
-        # Else Matplotlib draws everything twice, once to arrange it.
-        with rc_context({"figure.constrained_layout.use": False}):
-            drawing.set_layout_engine(None)
-            drawing.savefig(buffer, format=format, metadata=_metadata(format, title, description))
+    with house_style(style), _arranged(), _quiet_font_tools(), names:
+        drawing.set_layout_engine(None)
+        drawing.savefig(buffer, format=format, metadata=_metadata(format, title, description))
     return buffer.getvalue()
 
 
@@ -83,6 +81,11 @@ def write(contents: Mapping[Path, bytes]) -> None:
         with refusals(path, "written", OTHER_FOLDER):
             path.parent.mkdir(parents=True, exist_ok=True)
             replace_file(path, content)
+
+
+def _arranged() -> AbstractContextManager[None]:
+    """Not in the layout of the style: for that, Matplotlib draws everything twice."""
+    return rc_context({"figure.constrained_layout.use": False})
 
 
 @contextmanager
