@@ -28,12 +28,11 @@ STAGES = {
     "importlib:import_module": START,
     "eqt_cli.config.source:read_config": "reading the configuration",
     "eqt_cli.experiment.read_study:study": "building the experiment",
-    "eqt_cli.engines.taylor:trace": COMPILING,
-    "eqt_cli.engines.taylor:_compiled_samples": COMPILING,
+    "eqt_cli.engines.taylor:traced": COMPILING,
+    "eqt_cli.engines.taylor:compiled_samples": COMPILING,
     "heyoka:taylor_adaptive_batch": COMPILING,
     "heyoka:cfunc": COMPILING,
     "eqt_cli.execution.compute_part:measured": "signals and metrics",
-    "eqt_cli.execution.compute_part:_error_estimate": "error estimate",
     "eqt_cli.execution.part_task:PartTask._save": "writing the parts",
 }
 """What is watched, beside the engines and what eqt times itself."""
@@ -45,7 +44,7 @@ ITS_OWN = {
 }
 """The stages by the names under which eqt reports their wall times."""
 
-INTEGRATE = ("error estimate", "cross-check")
+INTEGRATE = ("cross-check",)
 """Stages that integrate, which counts as theirs."""
 
 
@@ -117,16 +116,17 @@ class StopWatch:
             except (ImportError, AttributeError):
                 self.missing.append(place)
         self.watch_engines()
-        from eqt_cli.execution import run_study
+        from eqt_cli.execution import pack, run_study, steps
 
-        own = run_study._timed
+        own = steps.timed
 
         @contextmanager
         def timed(seconds: dict[str, float], name: str) -> Iterator[None]:
             with self.stage(ITS_OWN.get(name, name)), own(seconds, name):
                 yield
 
-        run_study._timed = timed
+        for user in (pack, run_study):
+            user.timed = timed
 
 
 @dataclass(frozen=True)

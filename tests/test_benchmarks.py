@@ -67,6 +67,16 @@ def test_a_stage_is_not_counted_for_the_one_that_begins_it(monkeypatch):
     }
 
 
+def test_every_stage_is_still_where_it_is_watched():
+    code = (
+        "from benchmarks.profile import StopWatch as S; w = S(); w.watch_stages(); print(w.missing)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=profile.ROOT
+    )
+    assert (done.stdout, done.stderr) == ("[]\n", "")
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_memory_is_that_of_all_processes():
     child = "import time; x = bytearray(60_000_000); time.sleep(1)"
