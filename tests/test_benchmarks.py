@@ -68,6 +68,7 @@ def test_a_stage_is_not_counted_for_the_one_that_begins_it(monkeypatch):
 
 
 def test_every_stage_is_still_where_it_is_watched():
+    pytest.importorskip("heyoka")
     code = (
         "from benchmarks.profile import StopWatch as S; w = S(); w.watch_stages(); print(w.missing)"
     )

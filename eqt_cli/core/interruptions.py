@@ -65,7 +65,7 @@ def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
             if signal.getsignal(number) != signal.SIG_IGN:
                 earlier[number] = signal.signal(number, handler.handle)
     try:
-        with _not_told_where_ignored():
+        with _not_printed_where_ignored():
             yield
     finally:
         handler.end()
@@ -80,7 +80,7 @@ class _Handler:
     Attributes
     ----------
     asked
-        When it was, in s, that somebody asked to stop; None if nobody did, or if nobody heard.
+        When somebody asked to stop, in s; None if nobody did, or if the exception was swallowed.
     """
 
     def __init__(self, at_once: Callable[[], None]) -> None:
@@ -100,7 +100,7 @@ class _Handler:
             _end_now(number)
 
     def _interruption(self, number: int) -> Interrupted:
-        """The exception; where it is released before the end, somebody has swallowed it."""
+        """The exception; if it is released before `end`, somebody has swallowed it."""
         error = Interrupted(number)
         self._loss = weakref.finalize(error, self._lost, number)
         return error
@@ -126,7 +126,7 @@ class _Handler:
 
 
 @contextmanager
-def _not_told_where_ignored() -> Iterator[None]:
+def _not_printed_where_ignored() -> Iterator[None]:
     """Python prints exceptions that it ignores, as in finalisers; that of a signal comes again."""
     earlier = sys.unraisablehook
 
