@@ -3,13 +3,14 @@
 import logging
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from hashlib import sha256
 from io import BytesIO
 from pathlib import Path
 from string import ascii_uppercase
 from typing import Any, Literal
 
+from matplotlib import rc_context
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
@@ -30,10 +31,14 @@ def encode(
     description: str = "",
     style: Style = HOUSE,
 ) -> bytes:
-    """The file's content, in the style of the drawing; it holds no date and no random name."""
+    """The content of a file, in the style of the drawing, whose panels are arranged for good.
+
+    It holds no date and no random name.
+    """
     buffer = BytesIO()
     names = _steady_names_of_fonts() if format == "pdf" else nullcontext()
-    with house_style(style), _quiet_font_tools(), names:
+    with house_style(style), _arranged(), _quiet_font_tools(), names:
+        drawing.set_layout_engine(None)
         drawing.savefig(buffer, format=format, metadata=_metadata(format, title, description))
     return buffer.getvalue()
 
@@ -76,6 +81,11 @@ def write(contents: Mapping[Path, bytes]) -> None:
         with refusals(path, "written", OTHER_FOLDER):
             path.parent.mkdir(parents=True, exist_ok=True)
             replace_file(path, content)
+
+
+def _arranged() -> AbstractContextManager[None]:
+    """Not in the layout of the style: for that, Matplotlib draws everything twice."""
+    return rc_context({"figure.constrained_layout.use": False})
 
 
 @contextmanager

@@ -23,7 +23,7 @@ HEAVY = ["numpy", "scipy", "h5py", "matplotlib", "pydantic", "yaml", "xarray", "
 
 
 def test_success_is_0_with_results_on_stdout(process: Eqt) -> None:
-    done = process("run", "c.yaml", "--json")
+    done = process("run", "c.yaml", "--json", "--quiet")  # a slow run says how far it is
     assert (done.code, done.err) == (0, "")
     assert json.loads(done.out)["runs"] == 6
 

@@ -101,8 +101,7 @@ class _Stage:
         count, columns = len(self.motion.ensembles), scene.columns
         rows = -(-count // columns)
         side = _BODIES / max(columns, 2)
-        size = _WIDTH, max(side * rows, _LOWEST)
-        drawing = Figure(figsize=size, dpi=DOTS_PER_INCH, layout="constrained")
+        drawing = Figure(figsize=(_WIDTH, max(side * rows, _LOWEST)), dpi=DOTS_PER_INCH)
         self.canvas = cast(Any, FigureCanvasAgg(drawing))  # whose methods have no types
         shares = [_BODIES, _WIDTH - _BODIES]
         left, right = np.ravel(np.asarray(drawing.subfigures(1, 2, width_ratios=shares)))

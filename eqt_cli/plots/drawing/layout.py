@@ -86,8 +86,7 @@ def blank_sheet(width: Width, mosaic: Mosaic, height: float) -> tuple[Figure, di
     """
     rows = len(mosaic)
     height = max(_LOWEST_PANEL, min(height, _LONGEST / rows))
-    # The legends above the panels need this layout.
-    drawing = Figure(figsize=(WIDTHS[width], height * rows), layout="constrained")
+    drawing = Figure(figsize=(WIDTHS[width], height * rows))
     FigureCanvasAgg(drawing)  # without one, Matplotlib makes a new one for every text it measures
     nested: Any = mosaic  # Matplotlib's type for it is a recursive one
     return drawing, drawing.subplot_mosaic(nested, empty_sentinel=EMPTY)
@@ -225,8 +224,7 @@ def freeze(figure: Figure) -> None:
     figure.align_ylabels()
     arrange(figure)
     arrange(figure)  # once more, since other room may have brought wider numbers
-    # Not "none", which leaves a placeholder, with which Matplotlib draws twice whatever it saves.
-    figure.set_layout_engine(None)
+    figure.set_layout_engine("none")
 
 
 def arrange(figure: Figure) -> None:

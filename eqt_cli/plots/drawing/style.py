@@ -35,7 +35,7 @@ _SHEET = Path(__file__).with_name("eqt.mplstyle")
 _LATEX_SHEET = Path(__file__).with_name("latex.mplstyle")
 
 _KEPT: Settings = {
-    "figure.constrained_layout.use": False,  # a figure has the layout that it is made with
+    "figure.constrained_layout.use": True,  # the legends above the panels need it
     "figure.autolayout": False,
     "savefig.bbox": None,  # a figure is as wide as it is said to be
     "svg.hashsalt": "eqt",  # equal files for equal figures
@@ -105,6 +105,7 @@ class Style:
         with house_style(self):
             if _PRESENT["text.usetex"]:
                 probe = Figure(figsize=(1, 1))
+                probe.set_layout_engine("none")
                 probe.text(0, 0, "eqt")
                 for format in formats:
                     probe.savefig(BytesIO(), format=format)
