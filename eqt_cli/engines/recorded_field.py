@@ -35,32 +35,47 @@ class RecordedField:
     """A vector field of states of one shape, recorded where it is evaluated often.
 
     After how many evaluations is fixed, so that equal problems have equal solutions.
+
+    Parameters
+    ----------
+    fields
+        The field by the numbers that it holds from one known instant to the next.
+    held
+        These numbers from the first instant on.
     """
 
-    def __init__(self, field: Field) -> None:
-        self._field = field
+    def __init__(self, fields: Callable[..., Field], *held: Array) -> None:
+        self._fields = fields
         self._evaluations = 0
         self._recording: Recording | None = None
+        self.hold(*held)
+
+    def hold(self, *held: Array) -> None:
+        """Go on by other numbers of the same shapes."""
+        self._held, self._field = held, self._fields(*held)
 
     def __call__(self, t: float, states: Array) -> Array:
         self._evaluations += 1
         behind = self._evaluations - WORTH_RECORDING
         if self._recording is not None and behind > COMPARED:
-            return self._recording.repeat(t, states)
+            return self._recording.repeat(t, states, *self._held)
         found = self._field(t, states)
         if behind == 0:
-            self._recording = recording_of(self._field, t, states)
-        elif self._recording is not None and not _agree(self._recording.repeat(t, states), found):
-            self._recording = None  # the field depends on more than time and state
+            self._recording = self._recorded(t, states)
+        elif self._recording is not None:
+            repeated = self._recording.repeat(t, states, *self._held)
+            if not _agree(repeated, found):  # the field depends on more than it is given
+                self._recording = None
         return found
 
+    def _recorded(self, t: float, states: Array) -> Recording | None:
+        def field(t: Any, states: Any, *held: Any) -> Any:
+            return self._fields(*held)(t, states)
 
-def recording_of(field: Field, t: float, states: Array) -> Recording | None:
-    """The recording of a field; None where there is none."""
-    try:
-        return Recording(field, t, states)
-    except Exception:  # whatever a law does with an array that is none: it is not repeated then
-        return None
+        try:
+            return Recording(field, t, states, *self._held)
+        except Exception:  # whatever a law does with an array that is none: it is not repeated then
+            return None
 
 
 def _agree(one: Array, other: Array) -> bool:
@@ -79,23 +94,21 @@ class Recording:
     entry of all runs at once.
     """
 
-    def __init__(self, field: Field, t: float, states: Array) -> None:
+    def __init__(self, field: Callable[..., Any], t: float, states: Array, *held: Array) -> None:
         self.calls: list[Callable[[], Any]] = []
         self._runs = len(states)
         self._known: dict[Any, tuple[Recorded, Any]] = {}
-        self._t = np.array(t)
-        self._states = self._kept(states)
-        time, state = Recorded(self, self._t), Recorded(self, self._states)
-        found = field(time, state)  # type: ignore[arg-type]  # they stand for a number and an array
+        self._given = [self._kept(values) for values in (t, states, *held)]
+        found = field(*(Recorded(self, values) for values in self._given))
         if not isinstance(found, Recorded) or found.shape != states.shape:
             raise NotRecordable
         self._rates: Array = found.value
         self._known.clear()
 
-    def repeat(self, t: float, states: Array) -> Array:
-        """The field at another time and other states of the same shape."""
-        self._t[...] = t
-        self._states[...] = states
+    def repeat(self, t: float, states: Array, *held: Array) -> Array:
+        """The field at another time, other states and other held numbers of the same shapes."""
+        for place, values in zip(self._given, (t, states, *held), strict=True):
+            place[...] = values
         for call in self.calls:
             call()
         return self._rates.copy(order="C")

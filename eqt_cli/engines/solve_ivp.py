@@ -20,12 +20,16 @@ from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Span, Status
-from eqt_cli.engines.recorded_field import RecordedField
+from eqt_cli.engines.recorded_field import Field, RecordedField
 
 EXPLICIT = ("DOP853", "RK45", "RK23")
 EXPLICIT_BLOCK = 100
 REHEARSED_EVALUATIONS = 200
 """Of a block, or of a run of it, before a configuration is run."""
+
+GROWTH = 1.5
+"""Behind a known instant, the first step is so many times the longest of the span before: SciPy's
+own guess costs an evaluation and is often half as long. With 1, steps would never grow again."""
 
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 """SciPy raises a smaller `rtol` to this value; below it a tighter solve would be no tighter."""
@@ -141,13 +145,18 @@ class SolveIvp(Engine):
 
     def _integrate(self, block: Problem, count: _Reporter) -> Array:
         whole = block.batched_loop()
-        state, found, field = block.states, [], RecordedField(whole.vector_field)
+        names = whole.held(block.spans[0].start)
+
+        def between_instants(*held: Array) -> Field:
+            return whole.holding(dict(zip(names, held, strict=True))).vector_field
+
+        state, found, field = block.states, [], RecordedField(between_instants, *names.values())
         for span in block.spans:
             if span.tick is not None:
                 with np.errstate(all="ignore"):  # a state that is not finite is found below
                     state = whole.after_instant(span.start, state, block.errors_at(span.tick))
-            if held := whole.held(span.start):
-                field = RecordedField(whole.holding(held).vector_field)
+            if names:
+                field.hold(*whole.held(span.start).values())
             states = self._integrate_span(field, state, span, count)
             state = states[:, -1]
             found.append(states[:, span.wanted])
@@ -159,6 +168,8 @@ class SolveIvp(Engine):
         from scipy.integrate import solve_ivp  # slow to import; readers of results do without
 
         shape, times = state.shape, span.grid
+        # Its end is a step's end, for which no state has to be interpolated.
+        inside = times if len(times) > 2 else None
         # Where the field changes at an end, its value there may be that of the other side.
         first, last = (
             np.nextafter(end, towards) if changes else end
@@ -169,8 +180,7 @@ class SolveIvp(Engine):
 
         def field(t: float, y: Array) -> Array:
             count(t, self.max_steps)
-            inside = min(max(t, first), last)
-            derivative: Array = derivatives(inside, y.reshape(shape)).ravel()
+            derivative: Array = derivatives(min(max(t, first), last), y.reshape(shape)).ravel()
             if not np.isfinite(derivative).all():
                 count.non_finite_at = t
             return derivative
@@ -184,7 +194,9 @@ class SolveIvp(Engine):
             return 1.0
 
         tighter = np.sqrt(self.runs_per_block)
-        start = state.ravel()
+        start, length = state.ravel(), float(times[-1] - times[0])
+        first_step = min(GROWTH * count.longest_step, length) or None
+        count.longest_step = 0.0
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # what they say is in the outcome
             # SciPy's step-size search does not end on a derivative that is not finite.
@@ -198,8 +210,9 @@ class SolveIvp(Engine):
                     (float(times[0]), float(times[-1])),
                     start,
                     method=self.method,
-                    t_eval=times,
+                    t_eval=inside,
                     events=accepted,
+                    first_step=first_step,
                     rtol=max(self.rtol / tighter, SMALLEST_RTOL),
                     atol=self.atol / tighter,
                     **_jacobian_options(self.method, *shape),
@@ -208,7 +221,8 @@ class SolveIvp(Engine):
                 raise count.failure(str(error)) from error
         if result.status != 0:
             raise count.failure(result.message)
-        return result.y.T.reshape(-1, *shape).swapaxes(0, 1)
+        states = result.y if inside is not None else result.y[:, [0, -1]]
+        return states.T.reshape(-1, *shape).swapaxes(0, 1)
 
 
 class _Failed(Exception):
@@ -229,6 +243,7 @@ class _Reporter:
         self._start, self._end = float(block.times[0]), float(block.times[-1])
         self._reported = 0.0
         self._reached = self._accepted = self._start
+        self.longest_step = 0.0
 
     def __call__(self, t: float, limit: int) -> None:
         if self.evaluations >= limit:
@@ -241,6 +256,7 @@ class _Reporter:
             self._report(fraction)
 
     def accept(self, t: float) -> None:
+        self.longest_step = max(self.longest_step, t - self._accepted)
         self._accepted = t
         self.non_finite_at = None  # a trial step that was refused is no failure
 

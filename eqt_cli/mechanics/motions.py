@@ -182,7 +182,7 @@ class Pieces:
     def piece(self, held: Mapping[str, Array]) -> Piece:
         """The piece with the numbers of `at`, which may be symbols, and with the structure."""
         varying = held["numbers"]
-        flat = np.empty((*varying.shape[:-1], self._flat.shape[1]), dtype=varying.dtype)
+        flat = np.empty_like(varying, shape=(*varying.shape[:-1], self._flat.shape[1]))
         flat[...] = self._flat[0]
         flat[..., self._varying] = varying
         parts, first = [], 0

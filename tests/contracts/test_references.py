@@ -42,9 +42,14 @@ def test_symbols_give_the_same_as_floats(loop, states, symbols):
 
 def test_a_recording_gives_the_same_as_the_reference(loop, states):
     y, other = states(loop, (3,)), states(loop, (3,), seed=4)
-    loop = loop.holding(loop.held(0.3))
-    found = Recording(loop.vector_field, 0.3, y).repeat(0.31, other)
-    np.testing.assert_allclose(found, loop.vector_field(0.31, other), rtol=0, atol=10 * ROUNDING)
+    held, later = loop.held(0.3), loop.held(1.3)
+
+    def field(t, y, *numbers):
+        return loop.holding(dict(zip(held, numbers, strict=True))).vector_field(t, y)
+
+    found = Recording(field, 0.3, y, *held.values()).repeat(1.31, other, *later.values())
+    expected = loop.holding(later).vector_field(1.31, other)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=10 * ROUNDING)
 
 
 def test_a_velocity_that_is_kept_is_kept(loop, states):
