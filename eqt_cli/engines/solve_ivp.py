@@ -199,8 +199,10 @@ class SolveIvp(Engine):
         count.longest_step = 0.0
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # what they say is in the outcome
-            # SciPy's step-size search does not end on a derivative that is not finite.
-            if not np.isfinite(field(float(times[0]), start)).all():
+            # SciPy takes no state that is not finite, and its search for a first step does not end
+            # on such a derivative.
+            known = start if first_step else field(float(times[0]), start)
+            if not np.isfinite(known).all():
                 start_time = float(times[0])
                 reason = "the vector field is not finite"
                 raise _Failed(Status.NON_FINITE, start_time, reason, start_time)
