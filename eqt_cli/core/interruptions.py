@@ -75,7 +75,7 @@ def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
 
 
 class _Handler:
-    """What signals mean, from the first of them on.
+    """Handles signals, and raises an interruption again that somebody swallowed.
 
     Attributes
     ----------

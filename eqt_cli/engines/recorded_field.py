@@ -9,7 +9,7 @@ it is written. It knows no group and no law.
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -20,6 +20,9 @@ from eqt_cli.core.arrays import Array
 
 Field = Callable[[float, Array], Array]
 """The time derivatives of flat states ``(runs, n)`` at a time."""
+
+Held = Mapping[str, Array]
+"""Numbers that a field holds between two known instants, by name."""
 
 WORTH_RECORDING = 40
 """Evaluations before the field is recorded, which takes as long as about ten of them."""
@@ -39,41 +42,39 @@ class RecordedField:
     Parameters
     ----------
     fields
-        The field by the numbers that it holds from one known instant to the next.
-    held
-        These numbers from the first instant on.
+        Returns the field for the numbers that it holds between two known instants.
     """
 
-    def __init__(self, fields: Callable[..., Field], *held: Array) -> None:
+    def __init__(self, fields: Callable[[Held], Field]) -> None:
         self._fields = fields
         self._evaluations = 0
         self._recording: Recording | None = None
-        self.hold(*held)
+        self.hold({})
 
-    def hold(self, *held: Array) -> None:
-        """Go on by other numbers of the same shapes."""
-        self._held, self._field = held, self._fields(*held)
+    def hold(self, held: Held) -> None:
+        """Hold other numbers from here on, under the same names and of the same shapes."""
+        self._held, self._field = held, self._fields(held)
 
     def __call__(self, t: float, states: Array) -> Array:
         self._evaluations += 1
         behind = self._evaluations - WORTH_RECORDING
         if self._recording is not None and behind > COMPARED:
-            return self._recording.repeat(t, states, *self._held)
+            return self._recording.repeat(t, states, *self._held.values())
         found = self._field(t, states)
         if behind == 0:
             self._recording = self._recorded(t, states)
         elif self._recording is not None:
-            repeated = self._recording.repeat(t, states, *self._held)
+            repeated = self._recording.repeat(t, states, *self._held.values())
             if not _agree(repeated, found):  # the field depends on more than it is given
                 self._recording = None
         return found
 
     def _recorded(self, t: float, states: Array) -> Recording | None:
-        def field(t: Any, states: Any, *held: Any) -> Any:
-            return self._fields(*held)(t, states)
+        def field(t: Any, states: Any, *numbers: Any) -> Any:
+            return self._fields(dict(zip(self._held, numbers, strict=True)))(t, states)
 
         try:
-            return Recording(field, t, states, *self._held)
+            return Recording(field, t, states, *self._held.values())
         except Exception:  # whatever a law does with an array that is none: it is not repeated then
             return None
 

@@ -20,7 +20,7 @@ from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Span, Status
-from eqt_cli.engines.recorded_field import Field, RecordedField
+from eqt_cli.engines.recorded_field import RecordedField
 
 EXPLICIT = ("DOP853", "RK45", "RK23")
 EXPLICIT_BLOCK = 100
@@ -28,8 +28,8 @@ REHEARSED_EVALUATIONS = 200
 """Of a block, or of a run of it, before a configuration is run."""
 
 GROWTH = 1.5
-"""Behind a known instant, the first step is so many times the longest of the span before: SciPy's
-own guess costs an evaluation and is often half as long. With 1, steps would never grow again."""
+"""After a known instant, the first step is this many times the longest step of the span before it.
+SciPy's own guess costs an evaluation and is often half as long; with 1, steps could not grow."""
 
 SMALLEST_RTOL = 100 * np.finfo(float).eps
 """SciPy raises a smaller `rtol` to this value; below it a tighter solve would be no tighter."""
@@ -145,18 +145,13 @@ class SolveIvp(Engine):
 
     def _integrate(self, block: Problem, count: _Reporter) -> Array:
         whole = block.batched_loop()
-        names = whole.held(block.spans[0].start)
-
-        def between_instants(*held: Array) -> Field:
-            return whole.holding(dict(zip(names, held, strict=True))).vector_field
-
-        state, found, field = block.states, [], RecordedField(between_instants, *names.values())
+        state, found = block.states, []
+        field = RecordedField(lambda held: whole.holding(held).vector_field)
         for span in block.spans:
             if span.tick is not None:
                 with np.errstate(all="ignore"):  # a state that is not finite is found below
                     state = whole.after_instant(span.start, state, block.errors_at(span.tick))
-            if names:
-                field.hold(*whole.held(span.start).values())
+            field.hold(whole.held(span.start))
             states = self._integrate_span(field, state, span, count)
             state = states[:, -1]
             found.append(states[:, span.wanted])
@@ -168,8 +163,8 @@ class SolveIvp(Engine):
         from scipy.integrate import solve_ivp  # slow to import; readers of results do without
 
         shape, times = state.shape, span.grid
-        # Its end is a step's end, for which no state has to be interpolated.
-        inside = times if len(times) > 2 else None
+        # A span ends with a step, so without samples inside it nothing has to be interpolated.
+        interpolated_at = times if len(times) > 2 else None
         # Where the field changes at an end, its value there may be that of the other side.
         first, last = (
             np.nextafter(end, towards) if changes else end
@@ -199,10 +194,8 @@ class SolveIvp(Engine):
         count.longest_step = 0.0
         with warnings.catch_warnings(), np.errstate(all="ignore"):
             warnings.simplefilter("ignore")  # what they say is in the outcome
-            # SciPy takes no state that is not finite, and its search for a first step does not end
-            # on such a derivative.
-            known = start if first_step else field(float(times[0]), start)
-            if not np.isfinite(known).all():
+            # SciPy's step-size search does not end on a derivative that is not finite.
+            if not np.isfinite(field(float(times[0]), start)).all():
                 start_time = float(times[0])
                 reason = "the vector field is not finite"
                 raise _Failed(Status.NON_FINITE, start_time, reason, start_time)
@@ -212,7 +205,7 @@ class SolveIvp(Engine):
                     (float(times[0]), float(times[-1])),
                     start,
                     method=self.method,
-                    t_eval=inside,
+                    t_eval=interpolated_at,
                     events=accepted,
                     first_step=first_step,
                     rtol=max(self.rtol / tighter, SMALLEST_RTOL),
@@ -223,7 +216,7 @@ class SolveIvp(Engine):
                 raise count.failure(str(error)) from error
         if result.status != 0:
             raise count.failure(result.message)
-        states = result.y if inside is not None else result.y[:, [0, -1]]
+        states = result.y if interpolated_at is not None else result.y[:, [0, -1]]
         return states.T.reshape(-1, *shape).swapaxes(0, 1)
 
 

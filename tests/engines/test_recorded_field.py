@@ -125,7 +125,7 @@ def test_what_cannot_be_recorded_is_evaluated_as_it_is_written(field):
     with pytest.raises(Exception):  # noqa: B017, PT011  # whatever the field makes of no array
         Recording(field, 0.3, states(0))
     evaluations = WORTH_RECORDING + COMPARED + 3
-    found = evaluated(RecordedField(lambda: field), evaluations)
+    found = evaluated(RecordedField(lambda held: field), evaluations)
     np.testing.assert_array_equal(found, evaluated(field, evaluations))
 
 
@@ -136,7 +136,7 @@ def test_a_field_that_depends_on_more_than_time_and_state_is_not_repeated():
 
     evaluations = WORTH_RECORDING + COMPARED + 3
     field = counting()
-    found = evaluated(RecordedField(lambda: field), evaluations)
+    found = evaluated(RecordedField(lambda held: field), evaluations)
     # To record it is one more evaluation.
     for k, each in enumerate(found):
         own = k + (k >= WORTH_RECORDING)
@@ -151,7 +151,7 @@ def test_a_field_that_is_evaluated_often_is_repeated():
         return t * y
 
     evaluations = 2 * WORTH_RECORDING
-    found = evaluated(RecordedField(lambda: field), evaluations)
+    found = evaluated(RecordedField(lambda held: field), evaluations)
     assert len(called) == WORTH_RECORDING + COMPARED + 1
     np.testing.assert_array_equal(found, evaluated(field, evaluations))
 
@@ -159,34 +159,35 @@ def test_a_field_that_is_evaluated_often_is_repeated():
 def test_a_recording_goes_on_by_the_numbers_that_are_held():
     called = []
 
-    def fields(speed, place):
+    def fields(held):
         def field(t, y):
             called.append(t)
-            return speed * t * y + place
+            return held["speed"] * t * y + held["place"]
 
         return field
 
-    numbers = [(np.array(k), np.array([0.5, k])) for k in range(1, 2 * WORTH_RECORDING)]
-    field = RecordedField(fields, *numbers[0])
-    for k, held in enumerate(numbers):
-        field.hold(*held)
-        expected = held[0] * (0.1 * k) * states(k) + held[1]
+    field = RecordedField(fields)
+    for k in range(2 * WORTH_RECORDING):
+        speed, place = np.array(k + 1), np.array([0.5, k])
+        field.hold({"speed": speed, "place": place})
+        expected = speed * (0.1 * k) * states(k) + place
         np.testing.assert_array_equal(field(0.1 * k, states(k)), expected)
     assert len(called) == WORTH_RECORDING + COMPARED + 1
 
 
 def test_a_field_that_reads_a_held_number_is_not_repeated():
     def fields(held):
-        return lambda t, y: -y if held > 0 else y
+        return lambda t, y: -y if held.get("speed", 0) > 0 else y
 
-    field = RecordedField(fields, np.array(1.0))
+    field = RecordedField(fields)
+    field.hold({"speed": np.array(1.0)})
     evaluated(field, 2 * WORTH_RECORDING)
-    field.hold(np.array(-1.0))
+    field.hold({"speed": np.array(-1.0)})
     np.testing.assert_array_equal(field(0.0, states(1)), states(1))
 
 
 def test_values_that_are_not_finite_are_repeated():
-    field = RecordedField(lambda: lambda t, y: 1.0 / (y - y[:, :1]))
+    field = RecordedField(lambda held: lambda t, y: 1.0 / (y - y[:, :1]))
     with np.errstate(all="ignore"):
         found = evaluated(field, 2 * WORTH_RECORDING)
     assert np.isinf(np.array(found)[:, :, 0]).all()
