@@ -23,6 +23,7 @@ from eqt_cli.cli import main
 from eqt_cli.config.source import read_config
 from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.core.interruptions import ASKED_BY
+from eqt_cli.core.problems import Problems
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.read_study import study
@@ -438,3 +439,15 @@ def violations(browser):
     yield found
     browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+@pytest.fixture
+def noted() -> Callable[..., list[tuple[str, str]]]:
+    """What a component notes of its options, as (option, message)."""
+
+    def noted(component: Any, *group: MatrixLieGroup) -> list[tuple[str, str]]:
+        problems = Problems()
+        component.check(*group, problems)
+        return [(problem.path, problem.message) for problem in problems]
+
+    return noted
