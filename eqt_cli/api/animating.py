@@ -11,6 +11,7 @@ from eqt_cli.api.paths import ResultPath
 from eqt_cli.config.plugins import load_stored_plugins
 from eqt_cli.config.source import source_of
 from eqt_cli.core.errors import ComponentError, EqtError, Remedy
+from eqt_cli.execution.folder import FIGURES
 from eqt_cli.results.result import open_result, point_folder
 
 
@@ -81,15 +82,16 @@ def animate(
             text = f"{error}; the result holds plugins, which are executed only on request"
             advice = "read them with `eqt show --plugins`, then add {}"
             raise EqtError(text, Remedy(advice, "trust_plugins")) from error
-        within = Path("figures") if point is None else point_folder(point)
-        folder = opened.path.parent / within if out is None else Path(out)
+        within = Path(FIGURES) if point is None else point_folder(point)
+        home = opened.path.parent if out is None else Path(out)
+        folder = home / within if out is None else home
         paths = {format: folder / f"run{run}.{format}" for format in formats}
-        check_targets(paths.values())
+        check_targets(paths.values(), home)
         for format, path in paths.items():
             if format == "html":
                 contents[path] = animation(opened, run, controllers).encode()
             else:
                 note("drawing the pictures of the GIF takes a few seconds")
                 contents[path] = gif(opened, run, controllers, seconds=seconds)
-    write(contents)
+    write(contents, home)
     return list(contents)

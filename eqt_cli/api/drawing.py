@@ -13,6 +13,7 @@ from eqt_cli.api.paths import ResultPath
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.files import YAML
 from eqt_cli.execution.executors import Progress
+from eqt_cli.execution.folder import FIGURES
 from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.results.result import Result, open_result, point_folder
@@ -106,12 +107,15 @@ def plot(
         first = opened[0]
         figure = figure or ("paper" if isinstance(first, Result) else "reference")
         wanted = {figure: options or {}} if isinstance(figure, str) else figure
-        within = Path("figures") if point is None else point_folder(*_points(point))
-        home = (
-            first.path.parent / within if isinstance(first, Result) else Path("figures", first.name)
-        )
-        folder = home if out is None else Path(out)
-        check_targets(folder / f"{name}.{format}" for name in wanted for format in formats)
+        within = Path(FIGURES) if point is None else point_folder(*_points(point))
+        if out is not None:
+            home = folder = Path(out)
+        elif isinstance(first, Result):
+            home, folder = first.path.parent, first.path.parent / within
+        else:
+            home = folder = Path(FIGURES, first.name)
+        targets = [folder / f"{name}.{format}" for name in wanted for format in formats]
+        check_targets(targets, home)
         steps = Steps(progress, stage)
         rows: list[Row] = []
         of_certificates = any(issubclass(figures.get(name), OfCertificates) for name in wanted)

@@ -12,6 +12,7 @@ from eqt_cli.api.drawing import Note
 from eqt_cli.api.paths import ResultPath
 from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.executors import Progress
+from eqt_cli.execution.folder import REPORT
 from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.results.result import open_result, point_folder
 
@@ -80,8 +81,9 @@ def write_report(
 
     with open_result(Path(result), point) as opened:
         within = Path() if point is None else point_folder(point)
-        path = opened.path.parent / within / "report.html" if out is None else Path(out)
-        check_targets([path])  # before the work, and not after it
+        home = opened.path.parent if out is None else Path(out).parent
+        path = home / within / REPORT if out is None else Path(out)
+        check_targets([path], home)  # before the work, and not after it
         wanted = named(figures) if figures else None
         note("checking the paper's statements and drawing the figures takes a few seconds")
         steps = Steps(progress, stage)
@@ -96,5 +98,5 @@ def write_report(
                 reason = f"The result could not be verified: {error}"
                 unverified(error)
         page = report(opened, wanted, rows, reason, author, notes, steps)
-    write({path: page.encode()})
+    write({path: page.encode()}, home)
     return path

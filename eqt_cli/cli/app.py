@@ -25,9 +25,19 @@ from eqt_cli.cli import (
 from eqt_cli.cli.shared.help import COMPUTE, LOOK_UP, READ, Command, Group
 from eqt_cli.core.version import __version__
 
+MOST_COLUMNS = 1000
+"""Of the terminal: who lays out lines fills all of their width with spaces."""
+
 
 class _Commands(Group):
     """The commands, whose output somebody may stop reading."""
+
+    def main(self, *args: Any, **extra: Any) -> Any:
+        """Run a command, for a terminal of a width that can be."""
+        columns = os.environ.get("COLUMNS", "")
+        if columns.isdecimal() and (len(columns) > 9 or int(columns) > MOST_COLUMNS):
+            os.environ["COLUMNS"] = str(MOST_COLUMNS)
+        return super().main(*args, **extra)
 
     def invoke(self, ctx: Any) -> Any:
         try:

@@ -25,6 +25,7 @@ from eqt_cli.config import shipped
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.core.files import refusals
 from eqt_cli.core.problems import Problems
+from eqt_cli.core.replacement import new_file
 
 if TYPE_CHECKING:
     from eqt_cli.experiment.study import Study
@@ -58,8 +59,7 @@ def new(
     with refusals(file, "written"):
         file.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with file.open("x", encoding="utf-8") as stream:
-                stream.write(text)
+            new_file(file, text.encode())
         except FileExistsError:
             raise EqtError(f"{file}: already exists; give another name, or remove it") from None
     print_text(str(file))

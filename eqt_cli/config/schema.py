@@ -14,6 +14,7 @@ from eqt_cli.core.option_types import (
     Count,
     CountOrNone,
     Duration,
+    Name,
     Positive,
     Real,
     Runs,
@@ -468,7 +469,7 @@ class Config(Section):
         Python files with components of your own, relative to this file.
     """
 
-    name: str | None = Field(default=None, pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$")
+    name: Name | None = None
     task: Literal["track", "stabilise"] = "track"
     group: str
     inertia: InertiaValue

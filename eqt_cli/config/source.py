@@ -1,7 +1,6 @@
 """A configuration as a user gives it: a YAML file, or a result, with overrides."""
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import Any
 from eqt_cli.config import yaml_source
 from eqt_cli.config.yaml_source import Source
 from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
+from eqt_cli.core.file_names import file_name
 from eqt_cli.core.files import YAML, near, refusals
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
 from eqt_cli.core.validation import shown
@@ -112,7 +112,7 @@ def _text(path: Path) -> bytes:
 
 def _name(path: Path) -> str:
     """The file's stem as a name: what a name must not have becomes a hyphen."""
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", path.stem).strip("-._") or "experiment"
+    return file_name(path.stem, "experiment")
 
 
 def source_of(results: ResultFile) -> ConfigSource:

@@ -100,6 +100,10 @@ class ResultError(EqtError):
     """A result file or folder that cannot be read, written or trusted."""
 
 
+class FullDiskError(ResultError):
+    """A file that the disk, or a quota, has no room for."""
+
+
 @dataclass(frozen=True)
 class InputProblem:
     """One thing wrong with a configuration: where (`path`, as `solver.method`) and what."""

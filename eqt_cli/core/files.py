@@ -1,7 +1,6 @@
-"""Reads and replaces small files, and explains in words what the system refuses."""
+"""Reads small files and records, and explains in words what the system refuses."""
 
 import json
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from difflib import get_close_matches
@@ -10,20 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.errors import EqtError, Remedy
-
-
-def replace_file(path: Path, content: bytes) -> None:
-    """Write a file whole or not at all, whenever the process or the machine may stop."""
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as stream:
-            stream.write(content)
-            stream.flush()
-            os.fsync(stream.fileno())
-        temporary.replace(path)
-    finally:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
+from eqt_cli.core.replacement import replace_file
 
 
 def write_record(path: Path, record: dict[str, Any]) -> None:

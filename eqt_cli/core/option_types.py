@@ -15,6 +15,7 @@ from pydantic_core import core_schema
 
 from eqt_cli.core.errors import ExpressionError
 from eqt_cli.core.expressions import constant
+from eqt_cli.core.file_names import is_device
 
 
 def number_schema(above: float | None = None) -> dict[str, Any]:
@@ -101,6 +102,16 @@ def _is_long_enough(duration: float) -> float:
 
 Duration = Annotated[Positive, AfterValidator(_is_long_enough)]
 """The length of a horizon, s."""
+
+
+def _is_no_device(name: str) -> str:
+    if is_device(name):
+        raise ValueError(f"expected no name that Windows keeps for a device, got '{name}'")
+    return name
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$"), AfterValidator(_is_no_device)]
+"""What a file or folder can be called on every system."""
 
 Count = Annotated[int, Field(strict=True, ge=1)]
 """A whole number of at least 1."""

@@ -18,6 +18,9 @@ from eqt_cli.results.quantity_table import quantities
 MOST_PIECES = 5
 """Of points that differ in shape, so many are measured."""
 
+PART_OVERHEAD = 10_000
+"""Bytes of the file of a part beside its arrays, at the least: 10 to 18 kB were measured."""
+
 COPIES = 3
 """Of states and signals that a part holds at once at the least: 3 to 13 were measured."""
 
@@ -78,13 +81,28 @@ def result_size(study: Study) -> int:
     )
 
 
-def check_resources(study: Study, folder: Path) -> None:
+def parts_size(study: Study) -> int:
+    """Bytes of the files of all parts, which stay until the result file is written."""
+    return sum(_of_all_parts(study.piece(index)) for index in range(len(study.shapes)))
+
+
+def _of_all_parts(study: Study) -> int:
+    layout, base = Layout(study), study.base
+    samples = base.config.time.samples
+    redone = min(base.solver.judgement.cross_check, study.plan.entries)
+    states = redone * samples * sum(loop.state_length for loop in base.loops.values())
+    return layout.size(layout.blanks()) + 8 * states + PART_OVERHEAD * len(study.plan)
+
+
+def check_resources(study: Study, folder: Path, missing: float = 1.0) -> None:
     """Refuse what cannot fit.
 
     Parameters
     ----------
     folder
         Where the result is to be; it may not be there yet.
+    missing
+        The share of the runs that are not in the folder yet.
 
     Raises
     ------
@@ -92,12 +110,14 @@ def check_resources(study: Study, folder: Path) -> None:
         With the key to change, what is needed, and what there is.
     """
     check_memory(study)
-    needed, free = result_size(study), _free_disk(folder)
+    result, parts = result_size(study), parts_size(study) * missing
+    needed, free = result + parts, _free_disk(folder)
     if needed > free:
         _refuse(
             study,
             ("ensemble", "runs"),
-            f"the result takes {size(needed)} on the disk, and {folder} has {size(free)} left; "
+            f"{size(needed)} are needed on the disk ({size(result)} for the result, {size(parts)} "
+            f"for the parts from which it is packed), and {folder} has {size(free)} left; "
             "take fewer runs, fewer samples, or store.trajectories: none",
         )
 

@@ -1,26 +1,55 @@
 """The folder of a result: what it holds, whose it is, and that nothing in it is lost."""
 
-import shutil
+import re
 from collections.abc import Mapping
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import OTHER_FOLDER, START_OVER, EqtError, Remedy
-from eqt_cli.core.files import read_record, refusals, replace_file, write_record
-from eqt_cli.core.own_files import is_eqts
+from eqt_cli.core.files import read_record, refusals, write_record
+from eqt_cli.core.own_files import (
+    Own,
+    OwnFile,
+    OwnFolder,
+    check_entries,
+    kind_of,
+    remove_left_over,
+    remove_own,
+)
 from eqt_cli.core.problems import KeyPath, dotted
+from eqt_cli.core.replacement import replace_file
 from eqt_cli.core.validation import shown
 from eqt_cli.execution.lock import LOCK
-from eqt_cli.execution.part_files import MANIFEST, PARTS, PartFiles
+from eqt_cli.execution.part_files import MANIFEST, OWN_PARTS, PARTS, PartFiles
 from eqt_cli.experiment.study import Study
 from eqt_cli.store.reserved_names import FILE_NAME
 
 CONFIG, FIGURES, PLUGINS, REPORT = "config.yaml", "figures", "stored_plugins", "report.html"
 FILES = "stored_files"
-_OURS = (FILE_NAME, PARTS, FIGURES, PLUGINS, FILES, REPORT, CONFIG, MANIFEST)
+RERUN = "reruns"
+"""The folder of failed runs that are computed once more."""
+
+_PICTURES = (OwnFile(".+", marked=True),)
+OWN_COPIES = tuple(OwnFolder(name, (OwnFile(r"\d+-.+"),)) for name in (PLUGINS, FILES))
+"""What a configuration refers to, beside it."""
+
+_OWN: dict[str, Own] = {
+    FILE_NAME: OwnFile(re.escape(FILE_NAME)),
+    PARTS: OwnFolder(PARTS, OWN_PARTS),
+    RERUN: OwnFolder(RERUN, OWN_PARTS),
+    FIGURES: OwnFolder(FIGURES, (OwnFolder(r"point(_\d+)+", _PICTURES), *_PICTURES)),
+    **{one.name: one for one in OWN_COPIES},
+    REPORT: OwnFile(re.escape(REPORT), marked=True),
+    CONFIG: OwnFile(re.escape(CONFIG)),
+    MANIFEST: OwnFile(re.escape(MANIFEST)),
+}
+"""What eqt writes in a result folder, in the order in which it is removed."""
+
+OWN_RESULT: tuple[Own, ...] = (*_OWN.values(), OwnFile(re.escape(LOCK) + "(-.+)?"))
+"""The same, with the locks."""
 
 MOST_NAMES = 3
 """Of other results in a folder, in a message."""
@@ -55,8 +84,19 @@ class ResultFolder:
     @property
     def is_tidy(self) -> bool:
         """Whether the process that packed the result came to its end."""
-        left = (self.parts.folder, self.path / LOCK)
-        return "finished" in (self.manifest or {}) and not any(path.exists() for path in left)
+        left = self.parts.listed() or kind_of(self.path / LOCK)
+        return "finished" in (self.manifest or {}) and not left
+
+    def check(self) -> None:
+        """Refuse the folder, before anything in it changes, where it leads elsewhere.
+
+        Raises
+        ------
+        EqtError
+            If an entry that eqt writes or removes is a link, or anything but what eqt wrote.
+        """
+        with self._refusals():
+            check_entries(self.path, OWN_RESULT)
 
     def claim(self, study: Study, manifest: dict[str, Any], force: bool) -> list[str]:
         """Make the folder this experiment's own; returns what was removed from it.
@@ -76,36 +116,37 @@ class ResultFolder:
             self.parts.folder.mkdir(exist_ok=True)
         return removed
 
-    def write_config(self, study: Study, name: str = CONFIG) -> None:
-        """Write the complete configuration, with what it refers to beside it."""
+    def write_config(self, study: Study, name: str = CONFIG, mark: bytes = b"") -> None:
+        """Write the complete configuration, below a mark, with what it refers to beside it."""
         plugins = self._copied(PLUGINS, study.base.plugins)
         files = self._copied(FILES, study.files, ".csv")
         data = _renamed(study.resolved, files) | {"plugins": list(plugins.values())}
-        replace_file(self.path / name, dump(data).encode())
+        replace_file(self.path / name, mark + dump(data).encode())
 
     def tidy(self) -> None:
         """Remove what killed processes left unfinished."""
-        for path in self.path.glob("*.tmp"):
-            path.unlink(missing_ok=True)
+        remove_left_over(self.path, OWN_RESULT)
         self.parts.tidy()
+
+    def remove(self, name: str) -> list[Path]:
+        """Remove what eqt wrote under a name, and nothing of others; returns what is gone."""
+        return remove_own(self.path / name, _OWN[name])
 
     def finish(self, manifest: dict[str, Any]) -> None:
         """Write down how the run went, and remove the parts, which the result file holds."""
         with self._refusals():
             write_record(self.path / MANIFEST, manifest)
-            shutil.rmtree(self.parts.folder, ignore_errors=True)
+            with suppress(OSError):  # the result is there
+                self.remove(PARTS)
 
     def _refusals(self) -> AbstractContextManager[None]:
         return refusals(self.path, "used", OTHER_FOLDER)
 
     def _clear(self, study: Study, force: bool) -> list[str]:
-        ours = [self.path / name for name in _OURS]
-        there = [entry for entry in ours if entry.exists()]
+        there = [name for name in _OWN if kind_of(self.path / name)]
         manifest = self.manifest
         if there and manifest is None:
-            raise EqtError(
-                f"{self.path}: holds {there[0].name} that eqt did not write", OTHER_FOLDER
-            )
+            raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)
         if not there and (others := _results_in(self.path)):
             own = f"give this one a folder of its own with {{}}, such as {self.path / study.name}"
             raise EqtError(
@@ -131,7 +172,7 @@ class ResultFolder:
             )
         if other is None and not force:
             return []
-        removed = [path for entry in there for path in _removed(entry)]
+        removed = [path for name in there for path in self.remove(name)]
         return [str(path) for path in removed] if force else []
 
     def _copied(self, folder: str, texts: Mapping[str, str], suffix: str = "") -> dict[str, str]:
@@ -161,26 +202,6 @@ def _results_in(folder: Path) -> list[str]:
     """The names of the results that a folder holds in folders of their own; the first few."""
     found = sorted(path.parent.name for path in folder.glob(f"*/{MANIFEST}"))
     return [*found[:MOST_NAMES], "…"] if len(found) > MOST_NAMES else found
-
-
-def _removed(entry: Path) -> list[Path]:
-    """Remove one of eqt's own entries, but nothing that others put there; returns what is gone.
-
-    People keep drawings of their own among the figures, and may have replaced the report. All other
-    entries are eqt's as a whole.
-    """
-    if entry.name not in (FIGURES, REPORT):
-        shutil.rmtree(entry) if entry.is_dir() else entry.unlink()
-        return [entry]
-    within = sorted(entry.rglob("*"), reverse=True) if entry.is_dir() else []
-    files = [path for path in [*within, entry] if path.is_symlink() or not path.is_dir()]
-    ours = [path for path in files if not path.is_symlink() and is_eqts(path)]
-    for path in ours:
-        path.unlink()
-    for folder in [path for path in [*within, entry] if path.is_dir() and not path.is_symlink()]:
-        if not any(folder.iterdir()):
-            folder.rmdir()
-    return ours[::-1] if entry.exists() else [entry]
 
 
 _ABSENT = object()

@@ -4,6 +4,7 @@ import errno
 import json
 import os
 import platform
+import stat
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -11,10 +12,20 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
-from eqt_cli.core.files import read_record, refusals
+from eqt_cli.core.files import refusals
+from eqt_cli.core.own_files import FILE, check_kind, foreign
 from eqt_cli.execution.provenance import now
 
 LOCK = ".lock"
+
+_BEGINNING = b'{"pid": '
+"""Of what a lock says; a process that was killed may have left less."""
+
+_MOST_READ = 4096
+"""Bytes of a lock; it says less."""
+
+_CAREFULLY = sum(getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC"))
+"""Follow no link and wait for no pipe."""
 
 if sys.platform == "win32":
 
@@ -54,7 +65,7 @@ def locked(
     Raises
     ------
     EqtError
-        If another process has it, or the folder cannot be written to.
+        If another process has it, the folder cannot be written to, or the file is not eqt's.
     """
     path = folder / name
     with refusals(folder, "used", OTHER_FOLDER):
@@ -71,14 +82,23 @@ def locked(
                 )
             )
         if not shared:
-            os.ftruncate(handle, 0)
-            own = {"pid": os.getpid(), "host": platform.node(), "since": now()}
-            os.write(handle, json.dumps(own).encode())
+            with refusals(folder, "used", OTHER_FOLDER):
+                _sign(handle)
         yield
     finally:
-        if not shared:
-            path.unlink(missing_ok=True)
-        os.close(handle)
+        with suppress(OSError):  # the next process takes over a file that is left
+            if not shared and os.path.samestat(os.fstat(handle), path.lstat()):
+                path.unlink()
+        with suppress(OSError):
+            os.close(handle)
+
+
+def _sign(handle: int) -> None:
+    """Write into the locked file who has it."""
+    os.ftruncate(handle, 0)
+    os.lseek(handle, 0, os.SEEK_SET)
+    own = {"pid": os.getpid(), "host": platform.node(), "since": now()}
+    os.write(handle, json.dumps(own).encode())
 
 
 def _opened(path: Path, shared: bool) -> tuple[int, bool]:
@@ -87,10 +107,12 @@ def _opened(path: Path, shared: bool) -> tuple[int, bool]:
     It is tried again where its last owner has removed the file before it was locked.
     """
     while True:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        check_kind(path, FILE)
+        handle = os.open(path, os.O_RDWR | os.O_CREAT | _CAREFULLY, 0o666)
         try:
             is_locked = _lock(handle, path, shared)
-            if os.path.samestat(os.fstat(handle), path.stat()):
+            if os.path.samestat(os.fstat(handle), path.lstat()):
+                _check_own(handle, path)
                 return handle, is_locked
         except FileNotFoundError:
             pass
@@ -100,18 +122,28 @@ def _opened(path: Path, shared: bool) -> tuple[int, bool]:
         os.close(handle)
 
 
+def _check_own(handle: int, path: Path) -> None:
+    """Refuse a file that eqt did not make: one with another name elsewhere, or of another text."""
+    found = os.fstat(handle)
+    if found.st_nlink > 1:
+        raise foreign(path, f"a file with {found.st_nlink} hard links", FILE)
+    if not _BEGINNING.startswith(_text(handle)[: len(_BEGINNING)]):
+        raise foreign(path, "a file with another content", "a lock")
+
+
 def holder(folder: Path) -> dict[str, Any] | None:
     """Who writes to the folder now: process, host, since when; None if nobody does."""
     for path in [folder / LOCK, *folder.glob(f"{LOCK}-*")]:
         try:
-            handle = os.open(path, os.O_RDONLY)
+            handle = os.open(path, os.O_RDONLY | _CAREFULLY)
         except OSError:
             continue
         try:
-            _flock(handle, shared=True)
+            if stat.S_ISREG(os.fstat(handle).st_mode):
+                _flock(handle, shared=True)
         except OSError as error:
             if error.errno in (errno.EAGAIN, errno.EACCES):
-                return _read(path) or {}
+                return _read(handle) or {}
         finally:
             os.close(handle)
     return None
@@ -124,7 +156,7 @@ def _lock(handle: int, path: Path, shared: bool) -> bool:
     except OSError as error:
         if error.errno not in (errno.EAGAIN, errno.EACCES):
             return False
-        other = _read(path)
+        other = _read(handle)
         who = f" (process {other['pid']} on {other['host']})" if other else ""
         raise EqtError(
             f"{path.parent}: another eqt{who} is writing to it",
@@ -134,7 +166,14 @@ def _lock(handle: int, path: Path, shared: bool) -> bool:
     return True
 
 
-def _read(path: Path) -> dict[str, Any] | None:
-    with suppress(OSError):
-        return read_record(path, "pid", "host")
+def _read(handle: int) -> dict[str, Any] | None:
+    """Who has a lock; None where it does not say."""
+    with suppress(OSError, ValueError):
+        found = json.loads(_text(handle))
+        return found if isinstance(found, dict) and {"pid", "host"} <= set(found) else None
     return None
+
+
+def _text(handle: int) -> bytes:
+    os.lseek(handle, 0, os.SEEK_SET)
+    return os.read(handle, _MOST_READ)

@@ -11,7 +11,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
-from uuid import uuid4
+
+from eqt_cli.core.own_files import OwnFile, remove_own
 
 if TYPE_CHECKING:
     from eqt_cli.store.table import Table
@@ -21,8 +22,9 @@ MANIFEST, PARTS = "manifest.json", "parts"
 
 _NAME = re.compile(r"(\d{6,})(?:\.f(\d+))?\.h5")
 
-_PROCESS = uuid4().hex[:8]
-"""Keeps the unfinished files of processes on several machines apart."""
+_PART = OwnFile(_NAME.pattern)
+OWN_PARTS = (_PART, OwnFile(r"reference(-\d+)?\.h5"))
+"""What is eqt's in the folder of the parts."""
 
 
 @dataclass(frozen=True)
@@ -64,14 +66,14 @@ class PartFiles:
         self.write(self.folder / name, table)
 
     def write(self, path: Path, table: Table) -> None:
-        """Write one of these files, as a process of its own."""
+        """Write one of these files."""
         from eqt_cli.store.writer import write
 
-        write(path, table, tag=f"{_PROCESS}-{os.getpid()}")
+        write(path, table)
 
     def tidy(self) -> None:
-        """Remove what killed processes left unfinished, and parts that better ones replace."""
+        """Remove parts that better ones replace."""
         best = {part.path.name for part in self.listed().values()}
         for path in self.folder.iterdir() if self.folder.exists() else ():
-            if path.suffix == ".tmp" or (_NAME.fullmatch(path.name) and path.name not in best):
-                path.unlink(missing_ok=True)
+            if _NAME.fullmatch(path.name) and path.name not in best:
+                remove_own(path, _PART)

@@ -1,21 +1,21 @@
 """A study from configuration to result folder: what is missing is computed, then all is packed."""
 
 import json
-import shutil
 import warnings
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.core.errors import EqtError, EqtWarning, Remedy
+from eqt_cli.core.errors import EqtError, EqtWarning, FullDiskError, Remedy
+from eqt_cli.core.replacement import NO_SPACE
 from eqt_cli.execution.cost import check_resources
 from eqt_cli.execution.executors import MOST_TRIES, Executor, Progress
 from eqt_cli.execution.executors.serial import Serial
-from eqt_cli.execution.folder import ResultFolder
+from eqt_cli.execution.folder import RERUN, ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
 from eqt_cli.execution.pack import BrokenPart, pack, replace_runs
 from eqt_cli.execution.part_task import PartTask
@@ -25,9 +25,6 @@ from eqt_cli.execution.result_layout import described
 from eqt_cli.execution.steps import SILENT, Stage, Steps, silent, timed
 from eqt_cli.experiment.study import Study
 from eqt_cli.store.reader import open_results
-
-RERUN = "reruns"
-"""The folder, in that of a result, of failed runs that are computed once more."""
 
 Remark = Callable[[EqtWarning], None]
 
@@ -118,14 +115,19 @@ def execute(
         If the folder holds something else, is in use, or cannot be written.
     """
     folder = ResultFolder(out)
+    folder.check()
     complete = None if force else _complete(study, folder)
     if complete and not (rerun_failed and complete.failed):
         return complete
-    check_resources(study, out)
+    there = complete.runs - complete.failed if complete else 0 if force else _kept(study, folder)
+    check_resources(study, out, 1 - there / study.plans.total)
     with ExitStack() as locks:
+        locks.enter_context(_telling_what_is_kept(study, folder))
         locks.enter_context(locked(out, shared=shard is not None, remark=remark))
         if shard:
             locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
+            if shard.index > len(study.plans):
+                remark(_without_work(shard, out, len(study.plans)))
         session = _Session(
             study, folder, executor or Serial(), Steps(progress, stage), resumed, remark
         )
@@ -147,9 +149,10 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
         If some are missing, or the folder is not this study's.
     """
     folder = ResultFolder(out)
+    folder.check()
     if complete := _complete(study, folder):
         return complete
-    with locked(out, remark=remark):
+    with _telling_what_is_kept(study, folder), locked(out, remark=remark):
         missing = len(PartTask(study, folder.parts).missing())
         if missing:
             raise EqtError(
@@ -175,6 +178,43 @@ def _complete(study: Study, folder: ResultFolder) -> Execution | None:
             folder.tidy()
             folder.finish({"finished": now(), **manifest})
     return Execution(folder, True, [], study.plans.total, int(manifest.get("failed", 0)))
+
+
+def _kept(study: Study, folder: ResultFolder) -> int:
+    """The runs of a study that its folder holds as finished parts."""
+    if (folder.manifest or {}).get("digest") != study.digest:
+        return 0
+    return sum(study.plans.runs_of(n) for n in folder.parts.listed() if n < len(study.plans))
+
+
+@contextmanager
+def _telling_what_is_kept(study: Study, folder: ResultFolder) -> Iterator[None]:
+    """Say of a full disk what is kept, and how to go on without computing it again."""
+    try:
+        yield
+    except EqtError as error:
+        cause = error.__cause__
+        full = isinstance(cause, OSError) and cause.errno in NO_SPACE
+        kept, total = _kept(study, folder), study.plans.total
+        if not kept or not (full or isinstance(error, FullDiskError)):
+            raise
+        raise FullDiskError(
+            f"{error.args[0]}; {kept} of {total} runs are kept in {folder.path}",
+            Remedy("free some space and run the same command again")
+            if kept < total
+            else Remedy(f"free some space and run `eqt pack {folder.path}`"),
+            Remedy("move the folder to another disk and name it with {}", "out")
+            if kept < total
+            else Remedy("move the folder to another disk and run `eqt pack` there"),
+        ) from error
+
+
+def _without_work(shard: Shard, out: Path, parts: int) -> EqtWarning:
+    return EqtWarning(
+        f"{out}: shard {shard.index} of {shard.count} computes nothing, since the experiment has "
+        f"{parts} part{'' if parts == 1 else 's'}",
+        Remedy(f"use at most {parts} shard{'' if parts == 1 else 's'}"),
+    )
 
 
 @dataclass
@@ -241,7 +281,7 @@ class _Session:
             described = json.dumps(origin, ensure_ascii=False)
             still = replace_runs(again, self.folder.results, {"provenance": described})
         self.folder.finish(manifest | {"failed": still, "provenance": origin})
-        shutil.rmtree(place)
+        self.folder.remove(RERUN)
         done, total = self.plan.total - failed, self.plan.total
         return Execution(self.folder, False, [], total, still, done, True, self.seconds)
 

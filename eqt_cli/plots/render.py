@@ -85,7 +85,7 @@ def render(
         else encode(drawing, format, title, description, style)
         for format in wanted
     }
-    write(files)
+    write(files, folder)
     return list(files)
 
 

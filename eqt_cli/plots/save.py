@@ -14,8 +14,9 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure as Drawing
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
-from eqt_cli.core.files import refusals, replace_file
-from eqt_cli.core.own_files import is_eqts
+from eqt_cli.core.files import refusals
+from eqt_cli.core.own_files import check_within, is_eqts
+from eqt_cli.core.replacement import replace_file
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.drawing.style import HOUSE, Style, house_style
 
@@ -43,19 +44,25 @@ def encode(
     return buffer.getvalue()
 
 
-def check_targets(paths: Iterable[Path]) -> None:
+def check_targets(paths: Iterable[Path], home: Path) -> None:
     """Refuse to write where it would fail, or replace what is not eqt's; for before the work.
+
+    Parameters
+    ----------
+    home
+        The folder below which no link is followed.
 
     Raises
     ------
     EqtError
-        If one of them is a folder or a file that eqt did not write, or its folder is none.
+        If one of them is a folder, a link or a file that eqt did not write, or its folder is none.
     """
     for path in paths:
         with refusals(path, "written", OTHER_FOLDER):
             if path.is_dir():
                 example = path / "report.html"
                 raise EqtError(f"{path}: is a folder; expected a file, such as {example}")
+            check_within(home, path)
             if path.exists() and not is_eqts(path):
                 raise EqtError(
                     f"{path}: exists, and is no figure or page that eqt wrote",
@@ -68,15 +75,20 @@ def check_targets(paths: Iterable[Path]) -> None:
                 raise PermissionError("permission denied")
 
 
-def write(contents: Mapping[Path, bytes]) -> None:
+def write(contents: Mapping[Path, bytes], home: Path) -> None:
     """Write files, each in one step that either happens or does not; folders are made.
+
+    Parameters
+    ----------
+    home
+        As of `check_targets`.
 
     Raises
     ------
     EqtError
         If a folder or file cannot be written, or would replace what eqt did not write.
     """
-    check_targets(contents)
+    check_targets(contents, home)
     for path, content in contents.items():
         with refusals(path, "written", OTHER_FOLDER):
             path.parent.mkdir(parents=True, exist_ok=True)

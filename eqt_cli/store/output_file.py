@@ -4,24 +4,24 @@ import errno
 import io
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Self
 
 import h5py
 
-from eqt_cli.core.errors import Remedy, ResultError
+from eqt_cli.core.errors import FullDiskError, Remedy, ResultError
+from eqt_cli.core.replacement import NO_SPACE, replacement
 
 READ_BACK = 2**24
 """Bytes; HDF5 reads back its own notes and heaps, which are shorter, and no longer data."""
 
-_NO_SPACE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _FORBIDDEN = {errno.EACCES, errno.EPERM, errno.EROFS}
 _NO_FOLDER = {errno.ENOENT, errno.ENOTDIR}
 
 
 class Sink:
-    """A new file that keeps its first error to itself until asked.
+    """A file that keeps its first error to itself until asked.
 
     When a write fails while HDF5 closes a file, HDF5 leaves objects behind whose destruction
     crashes the process later. So this file takes every write; after the first error it writes
@@ -29,8 +29,8 @@ class Sink:
     HDF5 may read back what it wrote, and trusts it: what no longer reaches the disk is kept here.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._file = io.FileIO(path, "x+")
+    def __init__(self, file: io.FileIO) -> None:
+        self._file = file
         self._error: BaseException | None = None
         self._kept: list[tuple[int, bytes]] = []
 
@@ -38,7 +38,6 @@ class Sink:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._file.close()
         if self._error is not None:
             raise self._error
 
@@ -87,19 +86,10 @@ class Sink:
     def flush(self) -> None:
         """Do nothing: the file has no buffer of its own."""
 
-    def synchronise(self) -> None:
-        """Bring the file to the disk, unless an earlier step failed."""
-        if self._error is None:
-            os.fsync(self._file.fileno())
-
 
 @contextmanager
-def created(path: str | Path, tag: str = "") -> Iterator[Any]:
+def created(path: str | Path) -> Iterator[Any]:
     """A new HDF5 file that takes the place of `path` when the block ends without an error.
-
-    The file appears complete or not at all: it is written beside its place as ``<name>.tmp``, or
-    ``<name>.<tag>.tmp`` where several processes may write the same file at a time, brought to the
-    disk and renamed.
 
     Raises
     ------
@@ -107,20 +97,11 @@ def created(path: str | Path, tag: str = "") -> Iterator[Any]:
         If the disk refuses; `path` is then as it was before.
     """
     target = Path(path)
-    temporary = target.with_name(f"{target.name}{tag and '.' + tag}.tmp")
     try:
-        temporary.unlink(missing_ok=True)  # what a killed process may have left
-        with Sink(temporary) as sink:
-            with _create(sink) as file:
-                yield file
-            sink.synchronise()
-        temporary.replace(target)
-        _sync_folder(target.parent)
+        with replacement(target) as written, Sink(written) as sink, _create(sink) as file:
+            yield file
     except OSError as error:
         raise _refused(target, error) from error
-    finally:
-        with suppress(OSError):
-            temporary.unlink(missing_ok=True)
 
 
 def _create(sink: Sink) -> Any:
@@ -136,27 +117,15 @@ def _create(sink: Sink) -> Any:
     return h5py.File(h5py.h5f.create(b"results", h5py.h5f.ACC_TRUNC, creation, access))
 
 
-def _sync_folder(folder: Path) -> None:
-    """Make a rename last; not every system and disk can, and there the system's own habit holds."""
-    if os.name != "posix":
-        return
-    handle = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    except OSError as error:
-        if error.errno not in (errno.EINVAL, errno.ENOTSUP):
-            raise
-    finally:
-        os.close(handle)
-
-
 def _refused(target: Path, error: OSError) -> ResultError:
-    if error.errno in _NO_SPACE:
+    reason = f"{target}: cannot be written: {error.strerror or error}"
+    if error.errno in NO_SPACE:
         remedy = Remedy("free some space or choose another folder with {}", "out")
-    elif error.errno in _FORBIDDEN:
+        return FullDiskError(reason, remedy)
+    if error.errno in _FORBIDDEN:
         remedy = Remedy("choose a folder that you may write to with {}", "out")
     elif error.errno in _NO_FOLDER:
         remedy = Remedy(f"create the folder {target.parent} first")
     else:
         remedy = Remedy(f"check the folder {target.parent}")
-    return ResultError(f"{target}: cannot be written: {error.strerror or error}", remedy)
+    return ResultError(reason, remedy)

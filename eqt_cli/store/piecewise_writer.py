@@ -153,7 +153,6 @@ def assemble(
     coordinates: Mapping[str, Variable],
     variables: Mapping[str, Blank | Variable],
     compression: Literal["gzip"] | None = None,
-    tag: str = "",
 ) -> Iterator[Assembly]:
     """Create a result file to be filled in the block; every blank must be written.
 
@@ -172,15 +171,13 @@ def assemble(
         By name: blanks, or variables that are written at once.
     compression
         ``"gzip"`` stores numbers in shuffled, compressed chunks; None, contiguously.
-    tag
-        Distinguishes the unfinished files of concurrent processes.
 
     Raises
     ------
     ResultError
         If the disk refuses; `path` is then as it was before.
     """
-    with created(path, tag) as file:
+    with created(path) as file:
         file.attrs[FORMAT_ATTRIBUTE] = FORMAT
         file.attrs[VERSION_ATTRIBUTE] = np.bytes_(__version__)
         yield Assembly(file, sizes, coordinates, variables, compression)

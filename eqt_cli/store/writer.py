@@ -11,7 +11,6 @@ def write(
     path: str | Path,
     table: Table,
     compression: Literal["gzip"] | None = None,
-    tag: str = "",
 ) -> None:
     """Write `table` to the HDF5 file `path`, replacing what is there; equal tables, equal bytes.
 
@@ -21,7 +20,7 @@ def write(
         The file; its folder must exist.
     table
         What to store.
-    compression, tag
+    compression
         As for `eqt_cli.store.piecewise_writer.assemble`.
 
     Raises
@@ -30,5 +29,5 @@ def write(
         If the disk refuses; `path` is then as it was before.
     """
     sizes, coordinates = table.dimensions, table.coordinates
-    with assemble(path, sizes, coordinates, table.variables, compression, tag) as file:
+    with assemble(path, sizes, coordinates, table.variables, compression) as file:
         file.describe(table.attributes)

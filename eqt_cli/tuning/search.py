@@ -1,7 +1,6 @@
 """What is searched for: the section `tune` of a configuration, read for each of its laws."""
 
 import json
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,6 +10,7 @@ from typing import Any
 from eqt_cli.config.schema import LogRange, TuneSection, WorstRunSection
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.core.errors import ConfigError, EqtError, InputError, suggestion
+from eqt_cli.core.file_names import file_name
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.axes import Drawn
@@ -324,7 +324,7 @@ def _own_key(path: KeyPath, index: int) -> str:
 
 def _slug(label: str, taken: Sequence[str]) -> str:
     """A label as the name of a file, unlike those of others."""
-    slug = re.sub(r"[^A-Za-z0-9._-]+", "-", label).strip("-._") or "law"
+    slug = file_name(label, "law")
     same = sum(other == slug or other.startswith(f"{slug}-") for other in taken)
     return f"{slug}-{same + 1}" if slug in taken else slug
 

@@ -118,8 +118,9 @@ def tune(
         If the folder holds something else, is in use, or cannot be written.
     """
     folder = TuningFolder(out)
-    folder.claim(search, force)
+    folder.check(search)
     with locked(out, name=f"{LOCK}-tuning", remark=remark):
+        folder.claim(search, force)
         do = _Computing(search, folder, executor, progress, resumed, remark)
         found = [_tuned(search, law, do, folder, told) for law in search.laws]
         confirmed = do.confirm({each.law.label: each.chosen for each in found})

@@ -190,11 +190,12 @@ def test_a_damaged_reference_is_computed_again(make, whole, tmp_path):
 def test_what_killed_processes_left_is_removed(make, whole, tmp_path):
     out = tmp_path / "out"
     interrupted(make(), out)
-    (out / "parts/000005.h5.1-1.tmp").write_bytes(b"half")
-    (out / "results.h5.tmp").write_bytes(b"half")
+    (out / "parts/000005.h5.0123456789abcdef.tmp").write_bytes(b"half")
+    (out / "results.h5.0123456789abcdef.tmp").write_bytes(b"half")
+    (out / "mine.tmp").write_bytes(b"mine")
     execute(make(), out)
     assert_same(contents(out), whole)
-    assert not list(out.glob("**/*.tmp"))
+    assert [path.name for path in out.glob("**/*.tmp")] == ["mine.tmp"]
 
 
 def test_a_kill_before_the_parts_are_removed_loses_nothing(make, whole, tmp_path, monkeypatch):

@@ -138,13 +138,14 @@ def test_force_removes_no_drawing_or_page_of_others(run: Run) -> None:
     assert [Path(path).as_posix() for path in outcome.removed] == [
         "out/results.h5",
         "out/figures/paper.pdf",
-        "out/figures/point_3/paper.pdf",
+        "out/figures/point_3",
         "out/config.yaml",
         "out/manifest.json",
     ]
     kept = ["figures/mine.pdf", "figures/paper.svg", "report.html"]
     assert [contents()[str(Path(name))] for name in kept] == [b"mine"] * 3
     assert [path.name for path in sorted(Path("out/figures").iterdir())] == [
+        "empty",
         "mine.pdf",
         "paper.svg",
     ]

@@ -118,9 +118,8 @@ def test_gzip_chunks_share_the_outer_axis_equally(path):
         assert file["x"].shuffle
 
 
-def test_replaces_a_file_and_what_a_killed_process_left(path, table):
+def test_replaces_a_file(path, table):
     path.write_text("old", encoding="utf-8")
-    path.with_name("results.h5.tmp").write_text("left over", encoding="utf-8")
     write(path, table)
     assert [entry.name for entry in path.parent.iterdir()] == ["results.h5"]
     with open_results(path) as results:

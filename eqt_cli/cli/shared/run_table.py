@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from eqt_cli.cli.shared.output import json_text, print_verbatim
+from eqt_cli.cli.shared.table_formats import csv_cell
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.printable import printable
 from eqt_cli.results.result import Result
@@ -26,8 +27,8 @@ def print_run_table(result: Result, form: str) -> None:
     header, rows = [*first, "controller", "run", *numbers], _rows(result, swept, numbers)
     if form == "csv":
         writer = csv.writer(sys.stdout, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
+        writer.writerow(map(csv_cell, header))
+        writer.writerows(map(csv_cell, row) for row in rows)
         return
     for row in rows:
         print_verbatim(json_text(dict(zip(header, row, strict=True))))

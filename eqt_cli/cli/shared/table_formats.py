@@ -11,6 +11,9 @@ from eqt_cli.analysis.text_tables import TextTable
 _MATHEMATICS = {"d": "$d$", "P(better)": r"$P(\text{better})$"}
 """Headings that are formulas."""
 
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""What begins a formula in a spreadsheet."""
+
 _NUMBER = re.compile(r"[-+$]*\d[\d.]*( \\?%)?")
 
 
@@ -34,11 +37,27 @@ def as_csv(records: Sequence[Mapping[str, Any]]) -> str:
     """Comma-separated values with a line of names; missing ones are empty."""
     names = list(dict.fromkeys(name for record in records for name in record))
     stream = io.StringIO()
-    writer = csv.DictWriter(stream, names, lineterminator="\n")
-    writer.writeheader()
-    known = ({k: v for k, v in record.items() if v == v} for record in records)  # NaN is missing
-    writer.writerows(known)
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(map(csv_cell, names))
+    for record in records:
+        row = [record.get(name, "") for name in names]
+        writer.writerow(
+            "" if value != value else csv_cell(value) for value in row
+        )  # NaN is missing
     return stream.getvalue().rstrip("\n")
+
+
+def csv_cell(value: Any) -> Any:
+    """A cell that no spreadsheet takes for a formula: a text like one begins with an apostrophe.
+
+    Numbers stay what they are, also those that are written as text.
+    """
+    if isinstance(value, str) and value.startswith(_FORMULA):
+        try:
+            float(value)
+        except ValueError:
+            return f"'{value}"
+    return value
 
 
 def _latex_row(cells: Iterable[str]) -> str:
