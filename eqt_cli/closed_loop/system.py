@@ -216,7 +216,8 @@ class ClosedLoop:
             "desired_pose": self.group.pack(Qd),
             "desired_momentum": inertia.momentum(Vd),
         }
-        state = self.layout.join(stretches, np.empty((*batch, self.state_length)))
+        dtype = np.result_type(Q, V, Qd, Vd)
+        state = self.layout.join(stretches, np.empty((*batch, self.state_length), dtype=dtype))
         if self.controller.memory(self.group):
             memory = self.controller.initial_memory(self.tracking(t, state))
             state = self.layout.join(stretches | _named(MEMORY, memory), state)

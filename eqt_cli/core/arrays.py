@@ -32,8 +32,9 @@ _symbol_tables: dict[type, Mapping[str, Callable[..., Any]]] = {}
 def register_symbols(symbol: type, table: Mapping[str, Callable[..., Any]]) -> None:
     """Say how the functions of this module act on one `symbol` type held in object arrays.
 
-    The table holds any of `FUNCTIONS`, ``less(a, b)``, ``where(condition, a, b)``, and
-    ``smooth_less(a, b)`` where that is not the same as ``less(a, b)``.
+    The table holds any of `FUNCTIONS`, ``less(a, b)``, ``where(condition, a, b)``, ``smooth_less(a,
+    b)`` where that is not the same as ``less(a, b)``, and ``inverse(matrix)`` of arrays ``(..., m,
+    m)`` where symbols have a better one than elimination.
     """
     same = {"smooth_less": table["less"]} if "less" in table else {}
     _symbol_tables[symbol] = same | dict(table)
@@ -212,11 +213,14 @@ def cross(a: Array, b: Array) -> Array:
 def inverse_spd(matrix: Array) -> Array:
     """The inverse of a symmetric positive definite matrix, ``(..., m, m)``.
 
-    LAPACK's for floats. For symbols Gauss-Jordan elimination without pivoting or branches, which
-    definiteness makes stable (Golub and Van Loan, Matrix Computations, section 4.2).
+    LAPACK's for floats. For symbols their own, or Gauss-Jordan elimination without pivoting or
+    branches, which definiteness makes stable (Golub and Van Loan, Matrix Computations, section 4.2).
     """
     if matrix.dtype != object:
         return np.linalg.inv(matrix)
+    tables = (_symbol_tables.get(type(entry), {}) for entry in matrix.flat)
+    if (own := next((table["inverse"] for table in tables if "inverse" in table), None)) is not None:
+        return own(matrix)
     n = matrix.shape[-1]
     work = np.concatenate([matrix, np.broadcast_to(np.eye(n), matrix.shape)], axis=-1)
     for k in range(n):

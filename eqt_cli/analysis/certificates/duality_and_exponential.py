@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Identity
+from eqt_cli.analysis.evidence.numbers import floats
 from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.core.arrays import Array, dot
@@ -80,7 +81,7 @@ class Drift(Identity):
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """Whether the drift says so; in the group there is none."""
-        G, Q = sample.G, sample.drawn[0]
+        G, Q = sample.G, floats(sample.drawn[0])
         yield _near(G.drift(Q), np.zeros(1)), np.zeros(len(Q))
         for part in G.parts:
             if part.velocity_unit == "rad/s":
