@@ -214,12 +214,14 @@ def inverse_spd(matrix: Array) -> Array:
     """The inverse of a symmetric positive definite matrix, ``(..., m, m)``.
 
     LAPACK's for floats. For symbols their own, or Gauss-Jordan elimination without pivoting or
-    branches, which definiteness makes stable (Golub and Van Loan, Matrix Computations, section 4.2).
+    branches, which definiteness makes stable (Golub and Van Loan, Matrix Computations, 4.2).
     """
     if matrix.dtype != object:
         return np.linalg.inv(matrix)
     tables = (_symbol_tables.get(type(entry), {}) for entry in matrix.flat)
-    if (own := next((table["inverse"] for table in tables if "inverse" in table), None)) is not None:
+    if (
+        own := next((table["inverse"] for table in tables if "inverse" in table), None)
+    ) is not None:
         return own(matrix)
     n = matrix.shape[-1]
     work = np.concatenate([matrix, np.broadcast_to(np.eye(n), matrix.shape)], axis=-1)

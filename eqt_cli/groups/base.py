@@ -122,9 +122,9 @@ class MatrixLieGroup(ABC):
     def cayley(self, V: Array) -> Array:
         """The pose (I − V^)⁻¹(I + V^) of m free numbers, ``(..., m) -> (..., d, d)``.
 
-        It takes + − × ÷ only, so that exact numbers give an exact pose; almost every pose is one. It
-        is in the group where its algebra is that of a quadratic group (MᵀJ + JM = 0), perhaps with
-        columns that it acts on; others must give a rational map of their own.
+        It takes + − × ÷ only, so that exact numbers give an exact pose, and reaches almost every
+        pose. It stays in the group where that preserves a quadratic form, perhaps with columns that
+        it acts on; other groups give a rational map of their own.
         """
         U = self.hat(V)
         return inverse_spd(self.identity - U) @ (self.identity + U)

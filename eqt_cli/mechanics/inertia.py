@@ -39,7 +39,7 @@ class InertiaLaw(ABC):
         """The same law with other parameters, which may be batched or symbols."""
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
-        """The same law with a new function of time for each of its expressions; see `Expression`."""
+        """The same law with a new function of time for each of its expressions."""
         return self
 
 

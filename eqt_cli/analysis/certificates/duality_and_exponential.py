@@ -58,6 +58,7 @@ class Exponential(Identity):
     name: ClassVar[str] = "exp and log"
     statement: ClassVar[str] = "§2"
     section: ClassVar[float] = 2.2
+    not_rational: ClassVar[str] = "exp and log are not rational"
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The closed forms against the series, against themselves, and against each other."""
@@ -78,6 +79,7 @@ class Drift(Identity):
     name: ClassVar[str] = "drift of every part"
     statement: ClassVar[str] = "eq. (5)"
     section: ClassVar[float] = 2.3
+    not_rational: ClassVar[str] = "a distance is a square root"
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """Whether the drift says so; in the group there is none."""

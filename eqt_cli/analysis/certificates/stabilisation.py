@@ -117,6 +117,7 @@ class CriticalPoints(Identity):
     name: ClassVar[str] = "critical points of Υ"
     statement: ClassVar[str] = "Definition 2.1, Example 3.4"
     section: ClassVar[float] = 3.41
+    not_rational: ClassVar[str] = "eigenvalues are roots of polynomials"
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The gradient there, and the eigenvalues of its derivative along the group."""

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.evidence.numbers import Number
+from eqt_cli.analysis.evidence.numbers import Number, with_rate
 from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
 from eqt_cli.core.errors import TraceError
 
@@ -210,14 +210,17 @@ class Exact(Number):
 
     # What branches: the same for all states only where constants are compared.
 
-    def _constant(self, what: str) -> Fraction:
-        if not self.is_constant:
+    def _constant(self, what: str, *, moves: bool = False) -> Fraction:
+        if self.degree or self.factors or not (moves or self.rate is None):
             raise NotRationalError(f"{what} of a state is not rational")
         return self.value
 
     def _against(self, other: Any) -> tuple[Fraction, Fraction]:
-        what = "a comparison"
-        return self._constant(what), Exact.of(other)._constant(what)
+        what, other = "a comparison", Exact.of(other)
+        found = [x._constant(what, moves=True) for x in (self, other)]
+        if found[0] == found[1]:  # what moves is equal for an instant only
+            found = [x._constant(what) for x in (self, other)]
+        return found[0], found[1]
 
     def __lt__(self, other: Any) -> bool:
         a, b = self._against(other)
@@ -296,7 +299,7 @@ def _inverse(matrix: Array) -> Array:
         factors, constant = _common(factors, x.factors), _multiple(constant, x.constant)
     rows = [[_over(x, factors, constant) for x in row] for row in entries]
     degree = max(x.degree + _degree(_beyond(factors, x.factors)) for x in flat)
-    adjugate, determinant = _adjugate(rows)
+    adjugate, determinant = _adjugate(rows, degree)
     n = len(rows)
     over = Exact(determinant, n * degree)
     scale = Exact(constant * _value(factors), _degree(factors))
@@ -307,15 +310,14 @@ def _inverse(matrix: Array) -> Array:
     rates = np.array([[x.derivative() for x in row] for row in entries], dtype=object)
     if all(x.rate is None for x in flat):
         return cofactors
-    found = np.empty_like(cofactors)
-    moved = cofactors @ rates @ cofactors
-    for i, j in np.ndindex(n, n):
-        found[i, j] = cofactors[i, j].moving(-Exact.of(moved[i, j]))
-    return found
+    return with_rate(cofactors, -(cofactors @ rates @ cofactors))
 
 
-def _adjugate(rows: list[list[int]]) -> tuple[list[list[int]], int]:
-    """Of a matrix of integers, by elimination without fractions (Bareiss)."""
+def _adjugate(rows: list[list[int]], degree: int) -> tuple[list[list[int]], int]:
+    """Of a matrix of integers, by elimination without fractions (Bareiss).
+
+    Its pivots are the leading minors, of which none may vanish.
+    """
     n = len(rows)
     work = [[*row, *(int(i == j) for j in range(n))] for i, row in enumerate(rows)]
     before = 1
@@ -323,6 +325,7 @@ def _adjugate(rows: list[list[int]]) -> tuple[list[list[int]], int]:
         pivot = work[k][k]
         if not pivot:
             raise ZeroDivisionError("a leading minor vanishes")
+        Divisor(pivot, (k + 1) * degree)  # is noted
         for i in range(n):
             if i != k:
                 factor = work[i][k]
@@ -366,7 +369,9 @@ def _quotient(a: Exact, b: Exact) -> Exact:
     numerator = a.numerator * b.constant * _value(over)
     degree = a.degree + _degree(over)
     if not b.degree:
-        return _product(Exact(numerator, degree, a.constant, under), Exact(sign, 0, abs(b.numerator)))
+        return _product(
+            Exact(numerator, degree, a.constant, under), Exact(sign, 0, abs(b.numerator))
+        )
     if b._divisor is None:
         b._divisor = Divisor(b.numerator, b.degree)
     return Exact(numerator, degree, a.constant, _joined(under, {b._divisor: 1}))

@@ -134,11 +134,15 @@ class ExactStates:
         return drawn[index]
 
     @cached_property
-    def leaves_group(self) -> bool:
-        """Whether Cayley's transform does not stay in the group."""
+    def obstacle(self) -> str:
+        """Why there are no such states: Cayley's transform does not stay in the group."""
         G = self._loop.group
         V = np.random.default_rng(0).uniform(-0.5, 0.5, G.dimension)
-        return G.violation(G.cayley(V)) > MEMBERSHIP
+        if G.violation(G.cayley(V)) <= MEMBERSHIP:
+            return ""
+        return (
+            f"Cayley's transform leaves the group {G.name}; give it a method `cayley` that does not"
+        )
 
     def _sample(self, parameters: Parameters) -> Sample:
         loop, own = self._loop, self._loop.reference
@@ -196,5 +200,3 @@ def _freed(loop: ClosedLoop, parameters: Parameters) -> dict[str, Array]:
 
 def _constants(values: Array) -> Array:
     return np.asarray(np.frompyfunc(Exact.of, 1, 1)(values), dtype=object)
-
-

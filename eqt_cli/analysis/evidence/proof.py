@@ -62,8 +62,8 @@ class Refutation:
     place: str
 
 
-class VanishingError(Exception):
-    """No state has denominators other than 0."""
+class UnprovableError(Exception):
+    """States of this kind cannot decide whether the sides are equal."""
 
 
 def prove(sides: Sides, states: ExactStates) -> Proof | Refutation | None:
@@ -80,7 +80,7 @@ def prove(sides: Sides, states: ExactStates) -> Proof | Refutation | None:
         index += 1
         if found is None:
             if index - points > SPARE:
-                raise VanishingError("a denominator vanishes at every state that was drawn")
+                raise UnprovableError("a denominator vanishes at every state that was drawn")
             continue
         differences, divided = found
         if not differences:
@@ -92,7 +92,7 @@ def prove(sides: Sides, states: ExactStates) -> Proof | Refutation | None:
         degree = max(degree, *(each.degree for _, each in differences))
         beyond = max(beyond, divided)
         if degree + beyond >= RANGE:
-            raise VanishingError(f"its degree, {degree}, is too large for {RANGE} integers")
+            raise UnprovableError(f"its degree, {degree}, is too large for {RANGE} integers")
     return Proof(degree, points, _probability(degree, beyond, points))
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from eqt_cli.mechanics.semidirect import Input, Semidirect, State
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
 from eqt_cli.references.torque import TorqueReference
+
+if TYPE_CHECKING:
+    from eqt_cli.analysis.evidence.exact_states import ExactStates
 
 STATES = 5
 """Random states per identity: an error in a formula shows at any one of them."""
@@ -43,6 +46,8 @@ class Sample:
         The experiment's own, which the loop may not have (see `sampled`).
     lost
         How far the momenta of V and V_d, as products in plain floats, can have moved either.
+    exact
+        The exact states of the same loop, where its identities are to be proved.
     """
 
     label: str
@@ -55,6 +60,7 @@ class Sample:
     gains: Gains
     reference: Reference
     lost: tuple[float, float]
+    exact: "ExactStates | None" = None
 
     @cached_property
     def s(self) -> Tracking:
@@ -131,7 +137,7 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
         lifted(flat, errors),
         states,
         inputs,
-        tuple(map(lifted, (poses[0], vectors[0], poses[1], Vd))),
+        (lifted(poses[0]), lifted(vectors[0]), lifted(poses[1]), lifted(Vd)),
         gains,
         own,
         (roundings * np.abs(vectors[0]).max(), roundings * np.abs(Vd).max()),
