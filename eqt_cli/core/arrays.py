@@ -23,6 +23,7 @@ FUNCTIONS = "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log
 _NUMPY: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in FUNCTIONS},
     "less": np.less,
+    "positive": lambda x: np.less(0.0, x),
     "smooth_less": np.less,
     "where": np.where,
 }
@@ -33,10 +34,14 @@ def register_symbols(symbol: type, table: Mapping[str, Callable[..., Any]]) -> N
     """Say how the functions of this module act on one `symbol` type held in object arrays.
 
     The table holds any of `FUNCTIONS`, ``less(a, b)``, ``where(condition, a, b)``, ``smooth_less(a,
-    b)`` where that is not the same as ``less(a, b)``, and ``inverse(matrix)`` of arrays ``(..., m,
-    m)`` where symbols have a better one than elimination.
+    b)`` where that is not the same as ``less(a, b)``, ``positive(x)`` of a sum of squares where it
+    is not ``less(0, x)``, and ``inverse(matrix)`` of arrays ``(..., m, m)`` where symbols have a
+    better one than elimination.
     """
-    same = {"smooth_less": table["less"]} if "less" in table else {}
+    same = {}
+    if "less" in table:
+        less = table["less"]
+        same = {"smooth_less": less, "positive": lambda x: less(0.0, x)}
     _symbol_tables[symbol] = same | dict(table)
 
 
@@ -167,7 +172,7 @@ def _root(squares: Any) -> Any:
     root = sqrt(squares)
     if as_array(root).dtype != object:
         return root
-    return where(less(0.0, squares), root, _NEARLY_ZERO)  # at 0 a root itself has no series
+    return where(apply("positive", squares), root, _NEARLY_ZERO)  # at 0 a root itself has no series
 
 
 def apply_matrix(matrix: Array, vector: Array) -> Array:

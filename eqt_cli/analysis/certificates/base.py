@@ -171,6 +171,8 @@ class Identity(Certificate):
             remark = _joined(row.remark, f"not proved: {reason}")
             return replace(row, remark=remark, not_proved=reason)
         shown = f"degree {found.degree}, {found.points} states, p {_at_most(found.probability)}"
+        if found.functions:
+            shown = f"{shown}; {found.functions}"
         return replace(
             row,
             verdict=Verdict.PROVED if row.verdict is Verdict.HOLDS else row.verdict,

@@ -267,7 +267,7 @@ class SmallErrors(Identity):
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The rates of the torque as the pose, and as the velocity, leaves the desired one."""
-        s, G = sample.s, sample.G
+        s, G = sample.resting, sample.G
         still = sample.lifted(0 * sample.drawn[1])
         identity = sample.lifted(0 * sample.drawn[0] + G.identity)
         at_rest = replace(

@@ -4,12 +4,16 @@ A number is a fraction n / (c D) of integers: n is the value of a polynomial at 
 c a constant, and D a product of divisors, each of which is such a polynomial, too. Beside n stands
 a bound of the polynomial's degree, which each operation computes from those of its operands.
 Divisors are kept as factors, so that the fractions of one rotation, or of one inverse, have one
-denominator; nothing is cancelled that is not a factor by construction. It knows no law.
+denominator; nothing is cancelled that is not a factor by construction.
+
+A function of the state that is not rational becomes a parameter of its own, one for each argument,
+with the derivative that the function has: what is equal for all values of it is equal for its own.
+A square root is also reduced by its equation r² = x. It knows no law.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from fractions import Fraction
 from math import gcd, isfinite, isqrt, prod
@@ -18,7 +22,9 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.evidence.numbers import Number, with_rate
+from eqt_cli.analysis.evidence.surds import Root, Surd, Whole, to_integer
 from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
+from eqt_cli.core.differentiation import slope
 from eqt_cli.core.errors import TraceError
 
 
@@ -33,21 +39,60 @@ class Divisor:
 
     def __init__(self, value: int, degree: int) -> None:
         self.value, self.degree = value, degree
-        if _divisors:
-            _divisors[-1].append(self)
+        if _ledgers:
+            _ledgers[-1].divisors.append(self)
 
 
-_divisors: list[list[Divisor]] = []
+class Ledger:
+    """What is taken for granted on the way from a state to what has been asked of it.
+
+    Attributes
+    ----------
+    parameter
+        Draws a new parameter.
+    divisors
+        All that was divided by.
+    compared
+        The sum of the degrees of all differences of two arguments of a function.
+    functions
+        The functions that became parameters.
+    """
+
+    def __init__(self, parameter: Callable[[], Exact]) -> None:
+        self.parameter = parameter
+        self.divisors: list[Divisor] = []
+        self.compared = 0
+        self.functions: set[str] = set()
+        self._values: dict[str, list[tuple[Exact, Exact]]] = {}
+
+    @property
+    def degree(self) -> int:
+        """The degree of the product of all divisors."""
+        return sum(each.degree for each in self.divisors)
+
+    def value(self, kind: str, argument: Exact, new: Callable[[], Exact]) -> Exact:
+        """What stands for a function of this argument: what stood for it before, or a new one."""
+        known = self._values.setdefault(kind, [])
+        for other, value in known:
+            gap = _sum(argument, -other)
+            self.compared += gap.degree
+            if not gap.numerator:
+                return value
+        known.append((argument, new()))
+        return known[-1][1]
+
+
+_ledgers: list[Ledger] = []
 
 
 @contextmanager
-def noting(divisors: list[Divisor]) -> Iterator[None]:
-    """Note every divisor that is made within."""
-    _divisors.append(divisors)
+def noting(ledger: Ledger) -> Iterator[None]:
+    """Note what happens within."""
+    _ledgers.append(ledger)
     try:
         yield
     finally:
-        _divisors.pop()
+        _ledgers.pop()
 
 
 Factors = Mapping[Divisor, int]
@@ -73,11 +118,11 @@ class Exact(Number):
         Itself without a rate; None where the number does not move.
     """
 
-    __slots__ = ("_divisor", "constant", "degree", "factors", "numerator", "rate")
+    __slots__ = ("_cleared", "_divisor", "constant", "degree", "factors", "numerator", "rate")
 
     def __init__(
         self,
-        numerator: int,
+        numerator: Whole,
         degree: int = 0,
         constant: int = 1,
         factors: Factors = _NONE,
@@ -86,6 +131,7 @@ class Exact(Number):
         self.numerator, self.degree, self.constant = numerator, degree, constant
         self.factors, self.rate = factors, rate
         self._divisor: Divisor | None = None
+        self._cleared: tuple[Exact, Exact] | None = None
 
     @classmethod
     def of(cls, x: Any) -> Exact:
@@ -99,8 +145,8 @@ class Exact(Number):
 
     @property
     def value(self) -> Fraction:
-        """The number without its rate."""
-        return Fraction(self.numerator, self.constant * _value(self.factors))
+        """The number without its rate; it has no roots."""
+        return Fraction(_integer(self.numerator), self.constant * _value(self.factors))
 
     @property
     def is_constant(self) -> bool:
@@ -132,8 +178,19 @@ class Exact(Number):
 
     def _with(self, rate: Exact | None) -> Exact:
         found = Exact(self.numerator, self.degree, self.constant, self.factors, rate)
-        found._divisor = self._divisor
+        found._divisor, found._cleared = self._divisor, self._cleared
         return found
+
+    def _without_roots(self) -> tuple[Exact, Exact]:
+        """The product of all conjugates, and the number times that."""
+        if self._cleared is None:
+            factor, whole, taken = to_integer(self.numerator)
+            times = 2**taken
+            self._cleared = (
+                Exact(factor, (times - 1) * self.degree),
+                Exact(whole, times * self.degree, self.constant, self.factors),
+            )
+        return self._cleared
 
     def _is_zero(self) -> bool:
         """Whether it is 0 for all parameters: a polynomial of degree 0 is the same everywhere."""
@@ -198,12 +255,13 @@ class Exact(Number):
 
     def __pow__(self, exponent: Any) -> Any:
         power = Exact.of(exponent)
-        if not power.is_constant or power.constant != 1:
+        if not power.is_constant or (2 * power.value).denominator != 1:
             raise NotRationalError(f"the power {_written(exponent)} of a state is not rational")
-        found: Any = 1
-        for _ in range(abs(power.numerator)):
+        whole, half = divmod(abs(2 * power.value), 2)
+        found: Any = self.apply("sqrt") if half else 1
+        for _ in range(int(whole)):
             found = self * found
-        return 1 / found if power.numerator < 0 else found
+        return 1 / found if power.value < 0 else found
 
     __radd__ = __add__
     __rmul__ = __mul__
@@ -254,21 +312,14 @@ class Exact(Number):
         return float(self._constant("the float"))
 
     def apply(self, name: str) -> Exact:
-        """A function of the expression grammar, by name, where its value is rational."""
+        """A function of the expression grammar, by name, with f′(x)ẋ for its rate."""
         if name == "abs":
             return abs(self)
-        if name == "sqrt" and not self.degree and not self.factors:
-            return self._root()
-        raise NotRationalError(f"{name}() of a state is not rational")
-
-    def _root(self) -> Exact:
-        """The root of a constant that is a square; its rate is ẋ / 2√x."""
-        reduced = Fraction(self.numerator, self.constant)
-        roots = [isqrt(max(part, 0)) for part in reduced.as_integer_ratio()]
-        if Fraction(*roots) ** 2 != reduced:
-            raise NotRationalError(f"sqrt({_written(reduced)}) is not rational")
-        root = Exact(roots[0], 0, roots[1])
-        return root if self.rate is None else root._with(_quotient(self.rate, _product(TWO, root)))
+        argument = self._still()
+        value = _root(argument) if name == "sqrt" else _free_value(name, argument)
+        if self.rate is None:
+            return value
+        return value.moving(Exact.of(slope(name, argument) * self.rate))
 
 
 ZERO, TWO = Exact(0), Exact(2)
@@ -286,7 +337,10 @@ def difference(left: Any, right: Any) -> Exact:
 
 
 def inverse(matrix: Array) -> Array:
-    """A⁻¹ = adj A / det A, ``(..., m, m)``, with the degrees of Cramer's rule; −A⁻¹ȦA⁻¹ its rate."""
+    """A⁻¹ = adj A / det A, ``(..., m, m)``, with the degrees of Cramer's rule.
+
+    Its rate is −A⁻¹ȦA⁻¹.
+    """
     stacked = matrix.reshape(-1, *matrix.shape[-2:])
     return np.stack([_inverse(each) for each in stacked]).reshape(matrix.shape)
 
@@ -297,7 +351,7 @@ def _inverse(matrix: Array) -> Array:
     factors, constant = flat[0].factors, flat[0].constant
     for x in flat[1:]:
         factors, constant = _common(factors, x.factors), _multiple(constant, x.constant)
-    rows = [[_over(x, factors, constant) for x in row] for row in entries]
+    rows = [[_integer(_over(x, factors, constant)) for x in row] for row in entries]
     degree = max(x.degree + _degree(_beyond(factors, x.factors)) for x in flat)
     adjugate, determinant = _adjugate(rows, degree)
     n = len(rows)
@@ -337,6 +391,57 @@ def _adjugate(rows: list[list[int]], degree: int) -> tuple[list[list[int]], int]
     return [row[n:] for row in work], before
 
 
+# Functions ----------------------------------------------------------------------------------------
+
+
+def _root(x: Exact) -> Exact:
+    """√x; where x is the square of a rational constant, this number, and else √(n c D) / (c D)."""
+    numerator = _integer(x.numerator)
+    if not x.degree and not x.factors:
+        reduced = Fraction(numerator, x.constant)
+        roots = [isqrt(max(part, 0)) for part in reduced.as_integer_ratio()]
+        if Fraction(*roots) ** 2 == reduced:
+            return Exact(roots[0], 0, roots[1])
+    square = numerator * x.constant * _value(x.factors)
+    degree = x.degree + _degree(x.factors)
+
+    def new() -> Exact:
+        return Exact(Surd.of(Root(square)), -(-degree // 2), x.constant, x.factors)
+
+    return _noted("sqrt").value("sqrt", x, new)
+
+
+def _free_value(name: str, x: Exact) -> Exact:
+    """A parameter, or what follows from one where several functions have one argument."""
+    ledger = _noted(name)
+    if name in ("sin", "cos", "tan"):
+        half = ledger.value("tan(x/2)", x, ledger.parameter)
+        sine, cosine, scale = 2 * half, 1 - half * half, 1 + half * half
+        return _quotient(
+            *{"sin": (sine, scale), "cos": (cosine, scale), "tan": (sine, cosine)}[name]
+        )
+    if name in ("exp", "sinh", "cosh", "tanh"):
+        growth = ledger.value("exp(x)", x, ledger.parameter)
+        square = growth * growth
+        twice = 2 * growth
+        return _quotient(
+            *{
+                "exp": (growth, Exact(1)),
+                "sinh": (square - 1, twice),
+                "cosh": (square + 1, twice),
+                "tanh": (square - 1, square + 1),
+            }[name]
+        )
+    return ledger.value(name, x, ledger.parameter)
+
+
+def _noted(name: str) -> Ledger:
+    if not _ledgers:
+        raise NotRationalError(f"{name}() of a state is not rational")
+    _ledgers[-1].functions.add(name)
+    return _ledgers[-1]
+
+
 # Fractions without their rates ------------------------------------------------------------------
 
 
@@ -362,6 +467,9 @@ def _product(a: Exact, b: Exact) -> Exact:
 def _quotient(a: Exact, b: Exact) -> Exact:
     if not b.numerator:
         raise ZeroDivisionError("a denominator vanishes")
+    if isinstance(b.numerator, Surd):
+        factor, whole = b._without_roots()
+        return _quotient(_product(a, factor), whole)
     sign = -1 if b.numerator < 0 else 1
     if not b.degree and not b.factors:
         return _product(a, Exact(sign * b.constant, 0, abs(b.numerator)))
@@ -383,7 +491,15 @@ def _added(a: Exact | None, b: Exact | None) -> Any:
     return _sum(a, b)
 
 
-def _over(x: Exact, factors: Factors, constant: int) -> int:
+def _integer(number: Whole) -> int:
+    if isinstance(number, Surd):
+        raise NotRationalError(
+            "a root of a root, or in a matrix that is inverted, is not supported"
+        )
+    return number
+
+
+def _over(x: Exact, factors: Factors, constant: int) -> Whole:
     """The numerator over a multiple of the denominator."""
     found = x.numerator * (constant // x.constant)
     return found if factors is x.factors else found * _value(_beyond(factors, x.factors))
@@ -429,6 +545,8 @@ register_symbols(
     {
         **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
         "less": lambda a, b: Exact.of(a) < Exact.of(b),
+        # Of the states, only zeros of the sum are left out, as those of denominators are.
+        "positive": lambda x: bool(Exact.of(x).numerator),
         "where": lambda condition, a, b: a if condition else b,
         "inverse": inverse,
     },

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from eqt_cli.analysis.evidence.exact import Divisor, Exact, free, inverse, noting
+from eqt_cli.analysis.evidence.exact import Exact, Ledger, free, inverse, noting
 from eqt_cli.analysis.evidence.numbers import Number
 from eqt_cli.analysis.evidence.sample import Sample, tracks_nothing, with_moving_reference
 from eqt_cli.closed_loop import ClosedLoop
@@ -107,7 +107,7 @@ class State:
     """One exact state, and all that was divided by on the way to what has been asked of it."""
 
     sample: Sample
-    divisors: list[Divisor]
+    ledger: Ledger
 
 
 class ExactStates:
@@ -127,10 +127,11 @@ class ExactStates:
         """
         drawn = self._drawn.setdefault(count, [])
         while len(drawn) <= index:
-            divisors: list[Divisor] = []
-            with noting(divisors):
-                sample = self._sample(Parameters(self._random, count))
-            drawn.append(State(sample, divisors))
+            parameters = Parameters(self._random, count)
+            ledger = Ledger(parameters.one)
+            with noting(ledger):
+                sample = self._sample(parameters)
+            drawn.append(State(sample, ledger))
         return drawn[index]
 
     @cached_property

@@ -1,9 +1,12 @@
-"""Proves that two sides are equal as rational functions, by their values at random exact states.
+"""Proves that two sides are equal as rational functions, by values at random exact states.
 
-Two sides that are not equal differ by n / (c D), where the polynomial n is not 0. Of the states from
-N integers a parameter, at most a part of deg n / N are zeros of n (Schwartz 1980, Zippel 1979), and
-of those where no denominator vanishes at most deg n / (N − deg D), D the product of all that was
-divided by. So the probability that k states miss the difference is at most the k-th power of this.
+Two sides that are not equal differ by n / (c D), where the polynomial n is not 0. Of the states
+from N integers a parameter, at most a part of deg n / N are zeros of n (Schwartz 1980, Zippel
+1979), and of those where no denominator vanishes at most deg n / (N − deg D), D the product of all
+that was divided by. Where functions became parameters, the differences of their arguments count
+with n: one that is 0 by chance makes two functions equal that are not. So the probability that k
+states miss the difference is at most the k-th power of (d + e) / (N − deg D), d the degree of n and
+e the sum of the degrees of what was compared.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,8 +16,8 @@ from math import log10
 
 import numpy as np
 
-from eqt_cli.analysis.evidence.exact import Exact, difference, noting
-from eqt_cli.analysis.evidence.exact_states import RANGE, SMALL, ExactStates, State
+from eqt_cli.analysis.evidence.exact import Exact, Ledger, difference, noting
+from eqt_cli.analysis.evidence.exact_states import RANGE, SMALL, ExactStates
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.core.arrays import Array
 
@@ -23,8 +26,8 @@ Sides = Callable[[Sample], Iterator[tuple[Array, Array]]]
 CERTAIN = 1e-50
 """Below this probability of a difference that all states miss, the sides are said to be equal."""
 
-SPARE = 20
-"""So many states more are drawn where denominators vanish."""
+MOST = 20
+"""So many states are drawn at most."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +42,14 @@ class Proof:
         k, at how many states both sides were equal.
     probability
         A bound of the probability of that if they are not.
+    functions
+        Which functions became parameters, in words.
     """
 
     degree: int
     points: int
     probability: float
+    functions: str = ""
 
 
 @dataclass(frozen=True)
@@ -71,46 +77,82 @@ def prove(sides: Sides, states: ExactStates) -> Proof | Refutation | None:
 
     Raises
     ------
+    UnprovableError
+        If such states cannot tell.
     Exception
         Whatever a law raises that cannot be evaluated on exact numbers.
     """
-    degree, beyond, points, index = 0, 0, 0, 0
-    while not points or _probability(degree, beyond, points) >= CERTAIN:
-        found = _differences(sides, states, index, RANGE)
-        index += 1
-        if found is None:
-            if index - points > SPARE:
-                raise UnprovableError("a denominator vanishes at every state that was drawn")
+    degree, chance, points = 0, Fraction(0), 0
+    for index in range(MOST):
+        at = _at(sides, states, index, RANGE)
+        if at is None:
             continue
-        differences, divided = found
-        if not differences:
+        if not at.differences:
             return None
-        refuted = next((each for each in differences if each[1].numerator), None)
-        if refuted is not None:
-            return _readable(sides, states) or _refutation(*refuted, "at a random state")
-        points += 1
-        degree = max(degree, *(each.degree for _, each in differences))
-        beyond = max(beyond, divided)
-        if degree + beyond >= RANGE:
-            raise UnprovableError(f"its degree, {degree}, is too large for {RANGE} integers")
-    return Proof(degree, points, _probability(degree, beyond, points))
-
-
-def _probability(degree: int, beyond: int, points: int) -> float:
-    """(d / (N − deg D))ᵏ."""
-    return float(Fraction(degree, RANGE - beyond) ** points)
+        if at.refuting is not None:
+            if at.functions:
+                raise UnprovableError(f"the sides differ where {at.functions}")
+            return _readable(sides, states) or at.refutation("at a random state")
+        degree, points = max(degree, at.degree), points + 1
+        chance = max(chance, at.chance)
+        if chance**points < CERTAIN:
+            return Proof(degree, points, float(chance**points), at.functions)
+    raise UnprovableError(f"{MOST} random states do not suffice, of which {points} have values")
 
 
 Place = tuple[int, tuple[int, ...]]
 
 
-def _differences(
-    sides: Sides, states: ExactStates, index: int, count: int
-) -> tuple[list[tuple[Place, Exact]], int] | None:
-    """Every entry's left − right, and the degree of all that was divided by; None to draw again."""
+@dataclass(frozen=True)
+class _At:
+    """The sides at one state.
+
+    Attributes
+    ----------
+    differences
+        Left − right of every entry, with the number of its equation.
+    ledger
+        What was taken for granted.
+    """
+
+    differences: list[tuple[Place, Exact]]
+    ledger: Ledger
+
+    @property
+    def degree(self) -> int:
+        return max(each.degree for _, each in self.differences)
+
+    @property
+    def chance(self) -> Fraction:
+        """A bound of the probability that the sides are equal here, and not everywhere."""
+        room = RANGE - self.ledger.degree
+        return min(Fraction(1), Fraction(self.degree + self.ledger.compared, max(room, 1)))
+
+    @property
+    def refuting(self) -> tuple[Place, Exact] | None:
+        return next((each for each in self.differences if each[1].numerator), None)
+
+    @property
+    def functions(self) -> str:
+        """``sqrt() and tanh() are free parameters``, where some are."""
+        names = [f"{name}()" for name in sorted(self.ledger.functions)]
+        if not names:
+            return ""
+        few = "is a free parameter" if len(names) == 1 else "are free parameters"
+        return f"{' and '.join(names)} {few}"
+
+    def refutation(self, where: str) -> Refutation:
+        assert self.refuting is not None
+        (number, entry), each = self.refuting
+        place = f" in entry {list(entry)}" if entry else ""
+        return Refutation(each.value, f"{place} of equation {number}, {where}")
+
+
+def _at(sides: Sides, states: ExactStates, index: int, count: int) -> _At | None:
+    """The sides at a state; None where a denominator vanishes."""
     try:
-        state: State = states.state(index, count)
-        with noting(state.divisors):
+        state = states.state(index, count)
+        with noting(state.ledger):
             found = [
                 ((number, entry), difference(a, b))
                 for number, (left, right) in enumerate(sides(state.sample), start=1)
@@ -118,7 +160,7 @@ def _differences(
             ]
     except ZeroDivisionError:
         return None
-    return found, sum(each.degree for each in state.divisors)
+    return _At(found, state.ledger)
 
 
 def _entries(left: Array, right: Array) -> Iterator[tuple[tuple[int, ...], tuple[object, object]]]:
@@ -129,18 +171,11 @@ def _entries(left: Array, right: Array) -> Iterator[tuple[tuple[int, ...], tuple
 
 def _readable(sides: Sides, states: ExactStates) -> Refutation | None:
     """The difference at a state of small integers, where one is found."""
-    for index in range(SPARE):
-        differences, _ = _differences(sides, states, index, SMALL) or ([], 0)
-        for place, each in differences:
-            if each.numerator:
-                return _refutation(place, each, "at a random state of small integers")
+    for index in range(MOST):
+        at = _at(sides, states, index, SMALL)
+        if at is not None and at.refuting is not None:
+            return at.refutation("at a random state of small integers")
     return None
-
-
-def _refutation(place: Place, each: Exact, where: str) -> Refutation:
-    number, entry = place
-    at = f" in entry {list(entry)}" if entry else ""
-    return Refutation(each.value, f"{at} of equation {number}, {where}")
 
 
 def written(number: Fraction, most: int = 60) -> str:

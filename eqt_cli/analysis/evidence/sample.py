@@ -1,4 +1,4 @@
-"""A closed loop at random states, in numbers that know their rates: with rounding errors, or exact."""
+"""A closed loop at random states, in numbers that know their rates and perhaps their errors."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -68,6 +68,11 @@ class Sample:
         field = self.loop.vector_field(self.times, self.flat)
         moving = with_rate(self.flat, field)
         return self.loop.tracking(with_rate(self.times, 1.0), moving)
+
+    @property
+    def resting(self) -> Tracking:
+        """The same state without rates."""
+        return self.loop.tracking(self.times, self.flat)
 
     @cached_property
     def generic(self) -> Tracking:
