@@ -13,8 +13,10 @@ _KINDS = {
     "hypothesis": "Hypotheses: what the theorems assume",
     "oracle": "Foreign plants, other programs' rigid bodies: difference to eqt's, tolerance",
 }
-_HOLDS, _FAILS = Verdict.HOLDS, Verdict.FAILS
+_HOLDS, _PROVED, _FAILS = Verdict.HOLDS, Verdict.PROVED, Verdict.FAILS
 _LEGEND = {
+    Verdict.PROVED: "both sides are equal as rational functions of the state; p bounds the "
+    "probability that all exact states that were drawn hide a difference",
     Verdict.UNDECIDED: "the numbers neither confirm nor refute it",
     Verdict.UNCLAIMED: "the paper does not claim this for the law",
     Verdict.NOT_COVERED: "the theorems do not cover this loop",
@@ -25,7 +27,7 @@ _LEGEND = {
     Verdict.VIOLATED: "the theorems do not cover this experiment",
     Verdict.UNKNOWN: "the program cannot decide this",
 }
-"""What the verdicts other than holds and FAILS mean."""
+"""What the verdicts mean other than holds and FAILS."""
 
 _HEADER = ["statement", "what", "law", "measured", "bound", "verdict", "remark"]
 _SPARE = ("bound", "measured", "statement")
@@ -45,9 +47,12 @@ def certificate_table(rows: Sequence[Row], *, brief: bool = False) -> TextTable 
     Parameters
     ----------
     brief
-        Only the rows that do not hold; those that are not claimed or not covered in the notes.
+        Only the rows that do not hold, or that could not be proved; those that are not claimed or
+        not covered in the notes.
     """
-    shown = [row for row in rows if row.verdict not in (_HOLDS, *_LISTED)] if brief else rows
+    expected = (_HOLDS, _PROVED, *_LISTED)
+    shown = [row for row in rows if row.verdict not in expected or row.not_proved]
+    shown = shown if brief else list(rows)
     blocks = [
         Block(title, cells)
         for kind, title in _KINDS.items()

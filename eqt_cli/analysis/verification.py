@@ -9,12 +9,13 @@ from threadpoolctl import threadpool_limits
 
 from eqt_cli.analysis.certificates import hypothesis_rows, identity_rows, trajectory_rows
 from eqt_cli.analysis.certificates.base import Row, Verdict
+from eqt_cli.analysis.evidence.exact_states import ExactStates
 from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.analysis.evidence.runs import Runs, Setting
-from eqt_cli.analysis.evidence.sample import sampled
+from eqt_cli.analysis.evidence.sample import Sample, sampled
 from eqt_cli.analysis.oracles import Oracle
 from eqt_cli.analysis.oracles.rows import oracle_rows
-from eqt_cli.closed_loop import ErrorSystem
+from eqt_cli.closed_loop import ClosedLoop, ErrorSystem
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.error_origin import blamed
@@ -77,6 +78,7 @@ def verify_experiment(
     steps: Steps = SILENT,
     workers: int = 1,
     oracles: Sequence[type[Oracle]] = (),
+    exact: bool = False,
 ) -> Verification:
     """Check every certificate, the trajectories on the first `runs` runs of each controller.
 
@@ -86,9 +88,11 @@ def verify_experiment(
         Told of the new runs, and then of the statements.
     oracles
         Other programs whose rigid bodies eqt's is compared with.
+    exact
+        Whether identities are to be proved.
     """
     with threadpool_limits(1):
-        verifier = _Verifier(experiment, runs, steps, steps.progress, workers, oracles)
+        verifier = _Verifier(experiment, runs, steps, steps.progress, workers, oracles, exact)
         desired = shared_reference(verifier.study)
         found = [verifier.of_new_runs(label, desired) for label in experiment.loops]
         return verifier.verification(found, desired)
@@ -102,6 +106,7 @@ def verify_stored(
     workers: int = 1,
     steps: Steps = SILENT,
     oracles: Sequence[type[Oracle]] = (),
+    exact: bool = False,
 ) -> Verification:
     """Check every certificate of the experiment, or the point, that a result holds.
 
@@ -117,7 +122,7 @@ def verify_stored(
     with threadpool_limits(1):
         runs = min(ERROR_SYSTEM_RUNS, experiment.config.ensemble.runs)
         progress = steps.begin(INTEGRATED, runs * len(experiment.loops))
-        verifier = _Verifier(experiment, runs, steps, progress, workers, oracles)
+        verifier = _Verifier(experiment, runs, steps, progress, workers, oracles, exact)
         if results.has("desired_pose"):
             desired = {name: results[name] for name in ("desired_pose", "desired_velocity")}
             for name, values in desired.items():
@@ -139,6 +144,7 @@ class _Verifier:
     progress: Progress
     workers: int
     oracles: Sequence[type[Oracle]]
+    exact: bool
 
     @cached_property
     def study(self) -> Study:
@@ -230,11 +236,10 @@ class _Verifier:
         finite = np.isfinite(Qd).all(axis=(-2, -1)) & np.isfinite(Vd).all(axis=-1)
         times = np.linspace(0.0, horizon, len(Qd))[finite]
         any_loop = replace(next(iter(loops.values())), controller=EqT())
-        common = sampled("", any_loop, horizon, self._random(0))
-        samples = [
-            sampled(label, loop, horizon, self._random(index))
-            for index, (label, loop) in enumerate(loops.items(), start=1)
-        ]
+        common, *samples = (
+            self._sampled(label, loop, horizon, index)
+            for index, (label, loop) in enumerate([("", any_loop), *loops.items()])
+        )
         rigid = self.experiment.config.rigid is not False
         rows = [
             *identity_rows(common, samples, self.steps),
@@ -246,11 +251,19 @@ class _Verifier:
         count = sum(each.count for each in runs) + failed
         return Verification(rows, count, failed, self.experiment)
 
+    def _sampled(self, label: str, loop: ClosedLoop, horizon: float, index: int) -> Sample:
+        """The states at which identities are looked at; 0 is of no law."""
+        found = sampled(label, loop, horizon, self._random(index))
+        if not self.exact:
+            return found
+        random = self._random(index, Stream.EXACT_STATES)
+        return replace(found, exact=ExactStates(label, loop, random))
+
     def _of_oracles(self) -> Iterator[Row]:
         """What other programs say."""
         for index, oracle in enumerate(self.oracles, start=len(self.experiment.loops) + 1):
             yield from oracle_rows(oracle, self.experiment, self._random(index))
 
-    def _random(self, index: int) -> np.random.Generator:
+    def _random(self, index: int, stream: Stream = Stream.CERTIFICATES) -> np.random.Generator:
         """What a law's states are drawn from, or an oracle's; 0 is of no law."""
-        return generator(self.experiment.config.ensemble.seed, Stream.CERTIFICATES, index)
+        return generator(self.experiment.config.ensemble.seed, stream, index)

@@ -24,6 +24,7 @@ def verify(
     progress: Progress = lambda runs: None,
     stage: Stage | None = None,
     oracle: str | Sequence[str] = (),
+    exact: bool = False,
 ) -> Verification:
     """Check the paper's statements on an experiment or on the runs of a result.
 
@@ -47,6 +48,9 @@ def verify(
         `progress` then counts this step.
     oracle
         ``mujoco``, ``pinocchio`` or both: programs whose rigid bodies eqt's is compared with.
+    exact
+        Also prove identities, with exact numbers: those rows then have ``degree``, ``points`` and
+        ``probability``.
 
     Returns
     -------
@@ -78,9 +82,10 @@ def verify(
                     workers=workers,
                     steps=steps,
                     oracles=oracles,
+                    exact=exact,
                 )
     if not isinstance(target, LoadedExperiment):
         target = load_experiment(target, trust_plugins=trust_plugins)
     experiment = at_point(target, point)
     count = min(runs or RUNS, experiment.config.ensemble.runs)
-    return verify_experiment(experiment, count, steps, workers, oracles)
+    return verify_experiment(experiment, count, steps, workers, oracles, exact)

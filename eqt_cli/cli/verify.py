@@ -45,6 +45,12 @@ def verify(
             EXPERIMENT,
         ),
     ] = None,
+    exact: Annotated[
+        bool,
+        options.flag(
+            "--exact", "Also prove identities, by exact numbers at random states.", EXPERIMENT
+        ),
+    ] = False,
     point: options.Point = None,
     workers: options.Workers = None,
     trust_plugins: options.TrustPlugins = False,
@@ -91,6 +97,7 @@ def verify(
             progress=advance,
             stage=advance.begin,
             oracle=oracle or (),
+            exact=exact,
         )
     print_found(_document(target, found), *_pieces(found, verbose=verbose), json=json)
     if quiet and not json:

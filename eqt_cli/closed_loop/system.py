@@ -206,7 +206,7 @@ class ClosedLoop:
         """The number of entries of a flat state."""
         return self.layout.length
 
-    def initial_state(self, Q: Array, V: Array, Qd: Array, Vd: Array, t: float = 0.0) -> Array:
+    def initial_state(self, Q: Array, V: Array, Qd: Array, Vd: Array, t: Any = 0.0) -> Array:
         """The flat state at time t; poses ``(..., d, d)``, velocities ``(..., m)``, W = 0."""
         inertia = self.inertia.at(t)
         batch = np.broadcast_shapes(Q.shape[:-2], V.shape[:-1], Qd.shape[:-2], Vd.shape[:-1])
@@ -216,7 +216,8 @@ class ClosedLoop:
             "desired_pose": self.group.pack(Qd),
             "desired_momentum": inertia.momentum(Vd),
         }
-        state = self.layout.join(stretches, np.empty((*batch, self.state_length)))
+        dtype = np.result_type(Q, V, Qd, Vd)
+        state = self.layout.join(stretches, np.empty((*batch, self.state_length), dtype=dtype))
         if self.controller.memory(self.group):
             memory = self.controller.initial_memory(self.tracking(t, state))
             state = self.layout.join(stretches | _named(MEMORY, memory), state)

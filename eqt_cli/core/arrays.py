@@ -23,6 +23,7 @@ FUNCTIONS = "sin cos tan asin acos atan sinh cosh tanh asinh acosh atanh exp log
 _NUMPY: dict[str, Callable[..., Any]] = {
     **{name: getattr(np, name) for name in FUNCTIONS},
     "less": np.less,
+    "positive": lambda x: np.less(0.0, x),
     "smooth_less": np.less,
     "where": np.where,
 }
@@ -32,10 +33,15 @@ _symbol_tables: dict[type, Mapping[str, Callable[..., Any]]] = {}
 def register_symbols(symbol: type, table: Mapping[str, Callable[..., Any]]) -> None:
     """Say how the functions of this module act on one `symbol` type held in object arrays.
 
-    The table holds any of `FUNCTIONS`, ``less(a, b)``, ``where(condition, a, b)``, and
-    ``smooth_less(a, b)`` where that is not the same as ``less(a, b)``.
+    The table holds any of `FUNCTIONS`, ``less(a, b)``, ``where(condition, a, b)``, ``smooth_less(a,
+    b)`` where that is not the same as ``less(a, b)``, ``positive(x)`` of a sum of squares where it
+    is not ``less(0, x)``, and ``inverse(matrix)`` of arrays ``(..., m, m)`` where symbols have a
+    better one than elimination.
     """
-    same = {"smooth_less": table["less"]} if "less" in table else {}
+    same = {}
+    if "less" in table:
+        less = table["less"]
+        same = {"smooth_less": less, "positive": lambda x: less(0.0, x)}
     _symbol_tables[symbol] = same | dict(table)
 
 
@@ -166,7 +172,7 @@ def _root(squares: Any) -> Any:
     root = sqrt(squares)
     if as_array(root).dtype != object:
         return root
-    return where(less(0.0, squares), root, _NEARLY_ZERO)  # at 0 a root itself has no series
+    return where(apply("positive", squares), root, _NEARLY_ZERO)  # at 0 a root itself has no series
 
 
 def apply_matrix(matrix: Array, vector: Array) -> Array:
@@ -212,11 +218,16 @@ def cross(a: Array, b: Array) -> Array:
 def inverse_spd(matrix: Array) -> Array:
     """The inverse of a symmetric positive definite matrix, ``(..., m, m)``.
 
-    LAPACK's for floats. For symbols Gauss-Jordan elimination without pivoting or branches, which
-    definiteness makes stable (Golub and Van Loan, Matrix Computations, section 4.2).
+    LAPACK's for floats. For symbols their own, or Gauss-Jordan elimination without pivoting or
+    branches, which definiteness makes stable (Golub and Van Loan, Matrix Computations, 4.2).
     """
     if matrix.dtype != object:
         return np.linalg.inv(matrix)
+    tables = (_symbol_tables.get(type(entry), {}) for entry in matrix.flat)
+    if (
+        own := next((table["inverse"] for table in tables if "inverse" in table), None)
+    ) is not None:
+        return own(matrix)
     n = matrix.shape[-1]
     work = np.concatenate([matrix, np.broadcast_to(np.eye(n), matrix.shape)], axis=-1)
     for k in range(n):

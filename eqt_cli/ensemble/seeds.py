@@ -16,6 +16,7 @@ class Stream(IntEnum):
     CROSS_CHECK = 1
     CERTIFICATES = 2
     VEHICLE = 3
+    EXACT_STATES = 4
 
 
 def generator(root: int, stream: Stream, run: int) -> np.random.Generator:

@@ -14,7 +14,7 @@ from typing import Self
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array, apply_matrix, transpose
+from eqt_cli.core.arrays import Array, apply_matrix, inverse_spd, transpose
 from eqt_cli.core.errors import ComponentError, TraceError
 
 
@@ -118,6 +118,16 @@ class MatrixLieGroup(ABC):
     @abstractmethod
     def log(self, Q: Array) -> Array:
         """The principal logarithm in coordinates, ``(..., d, d) -> (..., m)``."""
+
+    def cayley(self, V: Array) -> Array:
+        """The pose (I − V^)⁻¹(I + V^) of m free numbers, ``(..., m) -> (..., d, d)``.
+
+        It takes + − × ÷ only, so that exact numbers give an exact pose, and reaches almost every
+        pose. It stays in the group where that preserves a quadratic form, perhaps with columns that
+        it acts on; other groups give a rational map of their own.
+        """
+        U = self.hat(V)
+        return inverse_spd(self.identity - U) @ (self.identity + U)
 
     def log_force(self, x: Array, p: Array) -> Array:
         """The covector f with ⟨f, V⟩ = ⟨p, d/dt log(Q exp(tV))⟩ at t = 0, where x = log Q.

@@ -168,6 +168,21 @@ class EuclideanGroup(MatrixLieGroup):
             translations[..., index] = _left_jacobian_times(turn, columns[..., index, :])
         return self.assemble(rotation, translations)
 
+    def cayley(self, V: Array) -> Array:
+        """R = ((1 − |c|²)I + 2c^ + 2ccᵀ) / (1 + |c|²) of a turn c; the columns as they are."""
+        n, c = self.space, V[..., : self.rotations]
+        Q = np.zeros_like(V, shape=(*V.shape[:-1], self.size, self.size))
+        Q[...] = self.identity
+        if self.rotations:
+            square = dot(c, c)[..., None, None]
+            turn = (c @ self._turns.reshape(self.rotations, -1)).reshape(*c.shape[:-1], n, n)
+            even = np.eye(n) * (1 - square)
+            if n == 3:
+                even = even + 2 * c[..., :, None] * c[..., None, :]
+            Q[..., :n, :n] = (even + 2 * turn) / (1 + square)
+        Q[..., :n, n:] = transpose(self._columns(V))
+        return Q
+
     def screw(self, V: Array) -> tuple[Array, Array, Array]:
         """In space a frame whose last axis is the axis of rotation; the rate of rotation.
 

@@ -113,6 +113,12 @@ class ProductGroup(MatrixLieGroup):
             [factor.exp(V[..., coordinates]) for factor, _, coordinates in self._layout()]
         )
 
+    def cayley(self, V: Array) -> Array:
+        """Block by block."""
+        return self.assemble(
+            [factor.cayley(V[..., coordinates]) for factor, _, coordinates in self._layout()]
+        )
+
     def screw(self, V: Array) -> tuple[Array, Array, Array]:
         """Block by block; numbers and rates of the factors one behind the other."""
         found = [factor.screw(V[..., own]) for factor, _, own in self._layout()]

@@ -9,7 +9,7 @@ without power.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -37,6 +37,10 @@ class InertiaLaw(ABC):
     @abstractmethod
     def with_parameters(self, values: Mapping[str, Array]) -> Self:
         """The same law with other parameters, which may be batched or symbols."""
+
+    def with_functions(self, new: Callable[[], Expression]) -> Self:
+        """The same law with a new function of time for each of its expressions."""
+        return self
 
 
 @dataclass(frozen=True)
@@ -127,6 +131,10 @@ class FactoredInertia(InertiaLaw):
         """The same factor on another initial tensor."""
         return replace(self, initial=values["inertia"])
 
+    def with_functions(self, new: Callable[[], Expression]) -> Self:
+        """Any factor."""
+        return replace(self, factor=tuple(tuple(new() for _ in row) for row in self.factor))
+
 
 @dataclass(frozen=True)
 class PrescribedInertia(InertiaLaw):
@@ -157,6 +165,13 @@ class PrescribedInertia(InertiaLaw):
     def with_parameters(self, values: Mapping[str, Array]) -> Self:
         """Itself."""
         return self
+
+    def with_functions(self, new: Callable[[], Expression]) -> Self:
+        """Any symmetric matrix."""
+        below = [[new() for _ in row[: i + 1]] for i, row in enumerate(self.matrix)]
+        size = range(len(below))
+        rows = tuple(tuple(below[max(i, j)][min(i, j)] for j in size) for i in size)
+        return replace(self, matrix=rows)
 
 
 def _matrix_and_rate(rows: tuple[tuple[Expression, ...], ...], t: Any) -> tuple[Array, Array]:

@@ -35,6 +35,12 @@ class InExpressions:
         """Their values, ``(..., m)``."""
         return stack([expression.evaluate({"t": t}) for expression in self.expressions])
 
+    def with_functions(self, new: Callable[[], Expression]) -> Self:
+        """The same with a new function of time for each of its expressions."""
+        found = copy(self)
+        vars(found)["expressions"] = [new() for _ in self.expressions]
+        return found
+
     def instants(self, *group: MatrixLieGroup) -> Array:
         """Where an expression changes its piece."""
         return instants_of(self.expressions)
@@ -122,6 +128,10 @@ class Reference(Component):
 
     def with_files(self, texts: Mapping[str, str]) -> Self:
         """The same with the contents of its files, by their names."""
+        return self
+
+    def with_functions(self, new: Callable[[], Expression]) -> Self:
+        """The same with a new function of time for each of its expressions, where it has any."""
         return self
 
     # Instants that are known in advance, at which the motion goes on in another way.

@@ -2,16 +2,21 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
+from math import ceil, floor, log10
 from typing import Any, ClassVar, Literal
 
+from eqt_cli.analysis.evidence.exact import NotRationalError
+from eqt_cli.analysis.evidence.exact_states import ExactStates
+from eqt_cli.analysis.evidence.proof import Refutation, UnprovableError, prove, written
 from eqt_cli.analysis.evidence.running_error import discrepancy
 from eqt_cli.analysis.evidence.runs import Runs, Setting
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.error_origin import described, place_of
 from eqt_cli.mechanics.tracking import Tracking
 
 Kind = Literal["identity", "trajectory", "hypothesis", "oracle"]
@@ -21,6 +26,7 @@ class Verdict(StrEnum):
     """What a certificate finds."""
 
     HOLDS = "holds"
+    PROVED = "proved"
     FAILS = "FAILS"
     UNDECIDED = "undecided"
     UNCLAIMED = "unclaimed"
@@ -44,6 +50,13 @@ class Row:
     measured, bound
         What was found and what it must not exceed (for a definiteness, fall below); None where
         the check has no such number.
+    degree, points, probability
+        Of a proof: the degree of what was 0 at so many exact states, and a bound of the probability
+        of that if it is not 0 everywhere; None where there is no proof.
+    not_proved
+        Why there is none, where one was asked for.
+    difference
+        Left − right at an exact state, as a fraction, where the sides differ.
     """
 
     name: str
@@ -54,6 +67,11 @@ class Row:
     bound: float | None
     verdict: Verdict
     remark: str = ""
+    degree: int | None = None
+    points: int | None = None
+    probability: float | None = None
+    not_proved: str = ""
+    difference: str = ""
 
 
 class Certificate(ABC):
@@ -104,10 +122,13 @@ class Identity(Certificate):
     ----------
     per_law
         Whether it is about a control law, or about the group and the inertia only.
+    not_rational
+        Why its sides are no rational functions of the state, where that is known beforehand.
     """
 
     kind: ClassVar[Kind] = "identity"
     per_law: ClassVar[bool] = False
+    not_rational: ClassVar[str] = ""
 
     def applies(self, loop: ClosedLoop) -> bool:
         """Whether it says anything about this closed loop."""
@@ -118,6 +139,11 @@ class Identity(Certificate):
         """The left and the right side of its equations, at random states; none: no claim."""
 
     def check(self, sample: Sample) -> list[Row]:
+        """The sides by their rounding bounds, and where exact states are given, by a proof."""
+        rows = self._within_rounding(sample)
+        return rows if sample.exact is None else [self._exactly(row, sample.exact) for row in rows]
+
+    def _within_rounding(self, sample: Sample) -> list[Row]:
         """The largest difference of two sides against the bound of their rounding errors."""
         label = sample.label if self.per_law else ""
         try:
@@ -128,6 +154,33 @@ class Identity(Certificate):
         if not found:
             return []
         return [self.compared(*max(found, key=_excess), controller=label)]
+
+    def _exactly(self, row: Row, states: ExactStates) -> Row:
+        """The row with what exact numbers say; without a word from them it stays as it is."""
+        try:
+            reason = self.not_rational or states.obstacle
+            found = None if reason else prove(self.sides, states)
+        except Exception as error:
+            found, reason = None, _reason(error)
+        if isinstance(found, Refutation):
+            remark = f"left − right = {written(found.difference)}{found.place}"
+            return replace(
+                row, verdict=Verdict.FAILS, remark=remark, difference=str(found.difference)
+            )
+        if found is None:
+            remark = _joined(row.remark, f"not proved: {reason}")
+            return replace(row, remark=remark, not_proved=reason)
+        shown = f"degree {found.degree}, {found.points} states, p {_at_most(found.probability)}"
+        if found.functions:
+            shown = f"{shown}; {found.functions}"
+        return replace(
+            row,
+            verdict=Verdict.PROVED if row.verdict is Verdict.HOLDS else row.verdict,
+            degree=found.degree,
+            points=found.points,
+            probability=found.probability,
+            remark=_joined(row.remark, shown),
+        )
 
 
 class LiteralForm(Identity):
@@ -202,6 +255,35 @@ def registered_name(law: Controller) -> str | None:
         if "torque" in vars(owner):
             return None
     return None
+
+
+def _reason(error: Exception) -> str:
+    """Why a law cannot be evaluated on exact numbers, with its line."""
+    if isinstance(error, UnprovableError):
+        return str(error)
+    place = place_of(error) or place_of(error, _is_law)
+    known = isinstance(error, NotRationalError)
+    what = str(error) if known else f"cannot be evaluated on exact numbers: {described(error)}"
+    return f"{what}, at {place}" if place else what
+
+
+def _is_law(module: str) -> bool:
+    """Whether a module of eqt holds formulas, and not what evaluates them."""
+    return module.startswith("eqt_cli.") and not module.startswith(
+        ("eqt_cli.analysis.", "eqt_cli.core.", "eqt_cli.closed_loop.")
+    )
+
+
+def _at_most(probability: float) -> str:
+    """A bound with two digits, rounded up."""
+    if not probability:
+        return "= 0"
+    power = floor(log10(probability)) - 1
+    return f"≤ {ceil(probability / 10.0**power) * 10.0**power:.1e}"
+
+
+def _joined(*remarks: str) -> str:
+    return "; ".join(filter(None, remarks))
 
 
 def _excess(pair: tuple[float, float]) -> float:

@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Identity
+from eqt_cli.analysis.evidence.numbers import floats
 from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.core.arrays import Array, dot
@@ -57,6 +58,7 @@ class Exponential(Identity):
     name: ClassVar[str] = "exp and log"
     statement: ClassVar[str] = "§2"
     section: ClassVar[float] = 2.2
+    not_rational: ClassVar[str] = "exp and log are not rational"
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The closed forms against the series, against themselves, and against each other."""
@@ -77,10 +79,11 @@ class Drift(Identity):
     name: ClassVar[str] = "drift of every part"
     statement: ClassVar[str] = "eq. (5)"
     section: ClassVar[float] = 2.3
+    not_rational: ClassVar[str] = "a distance is a square root"
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """Whether the drift says so; in the group there is none."""
-        G, Q = sample.G, sample.drawn[0]
+        G, Q = sample.G, floats(sample.drawn[0])
         yield _near(G.drift(Q), np.zeros(1)), np.zeros(len(Q))
         for part in G.parts:
             if part.velocity_unit == "rad/s":

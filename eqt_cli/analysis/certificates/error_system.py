@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from typing import ClassVar
 
 from eqt_cli.analysis.certificates.base import Identity
-from eqt_cli.analysis.evidence.running_error import rate_of
+from eqt_cli.analysis.evidence.numbers import rate_of
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.core.arrays import Array, apply_matrix, dot, transpose
 from eqt_cli.mechanics.lie_poisson import lie_poisson

@@ -13,8 +13,8 @@ import numpy as np
 from eqt_cli.analysis.certificates.base import Identity, LiteralForm, Row, Verdict
 from eqt_cli.analysis.certificates.stabilisation import RigidBodyForm, is_rotations_of_space, vee
 from eqt_cli.analysis.certificates.tracking_laws import bracket, coadjoint, transported
-from eqt_cli.analysis.evidence.running_error import lifted, rate_of
-from eqt_cli.analysis.evidence.sample import Sample, with_rate
+from eqt_cli.analysis.evidence.numbers import rate_of, with_rate
+from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, apply_matrix, cross, dot, sqrt, stack, tanh, transpose
 from eqt_cli.mechanics.navigation import gradient
@@ -267,25 +267,25 @@ class SmallErrors(Identity):
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The rates of the torque as the pose, and as the velocity, leaves the desired one."""
-        s, G = sample.s, sample.G
-        still, identity = 0 * sample.drawn[1], 0 * sample.drawn[0] + G.identity
-        times = lifted(sample.times)
+        s, G = sample.resting, sample.G
+        still = sample.lifted(0 * sample.drawn[1])
+        identity = sample.lifted(0 * sample.drawn[0] + G.identity)
         at_rest = replace(
             s,
-            t=times,
-            inertia=replace(sample.loop.inertia.at(times), change=None),
-            Q=lifted(identity),
-            P=lifted(still),
-            Qd=lifted(identity),
-            Pd=lifted(still),
-            tau_d=lifted(still),
-            memory={name: lifted(still) for name in s.memory},
+            t=sample.times,
+            inertia=replace(sample.loop.inertia.at(sample.times), change=None),
+            Q=identity,
+            P=still,
+            Qd=identity,
+            Pd=still,
+            tau_d=still,
+            memory=dict.fromkeys(s.memory, still),
         )
         x, command = sample.drawn[1], sample.loop.controller.torque
-        turned = replace(at_rest, Q=lifted(identity, rates=G.hat(x)))
-        yield rate_of(command(turned)), -apply_matrix(stiffness(s), lifted(x))
-        moved = replace(at_rest, P=with_rate(at_rest.P, at_rest.inertia.momentum(lifted(x))))
-        yield rate_of(command(moved)), -apply_matrix(s.gains.K_d, lifted(x))
+        turned = replace(at_rest, Q=with_rate(identity, G.hat(x)))
+        yield rate_of(command(turned)), -apply_matrix(stiffness(s), x)
+        moved = replace(at_rest, P=with_rate(still, at_rest.inertia.momentum(x)))
+        yield rate_of(command(moved)), -apply_matrix(s.gains.K_d, x)
 
     def check(self, sample: Sample) -> list[Row]:
         """Whether they are those of the gains; a law with gains of its own is not matched."""

@@ -6,8 +6,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Identity, LiteralForm
-from eqt_cli.analysis.evidence.running_error import UNIT, lifted, rate_of, value_of
-from eqt_cli.analysis.evidence.sample import Sample, with_rate
+from eqt_cli.analysis.evidence.numbers import floats, granted, rate_of, with_rate
+from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
+from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, apply_matrix, dot, stack, transpose
 from eqt_cli.groups import MatrixLieGroup
@@ -32,11 +33,8 @@ class Momentum(Identity):
         s, (Q, V, Qd, Vd) = sample.s, sample.drawn
         yield s.Q, Q
         yield s.Qd, Qd
-        inertia, _ = value_of(s.inertia.matrix)
-        # The momenta of the state are products in plain floats, which the inverse magnifies.
-        roundings = 4 * len(V[0]) * UNIT * np.linalg.cond(inertia).max()
-        for found, velocity in ((s.V, V), (s.Vd, Vd)):
-            yield found, lifted(velocity, roundings * np.abs(velocity).max())
+        for found, velocity, lost in zip((s.V, s.Vd), (V, Vd), sample.lost, strict=True):
+            yield found, granted(velocity, lost)
 
 
 class ReferenceMotion(Identity):
@@ -54,11 +52,12 @@ class ReferenceMotion(Identity):
         G, reference = sample.G, sample.reference
         if "velocity" in reference.starts_from:
             return
-        held = {name: lifted(value) for name, value in reference.held(G, sample.times).items()}
-        t = lifted(sample.times, rates=1.0)
+        held = reference.held(G, floats(sample.times))
+        held = {name: sample.lifted(value) for name, value in held.items()}
+        t = with_rate(sample.times, 1.0)
         inertia = sample.loop.inertia.at(t)
         _, _, Qd, _ = sample.drawn
-        desired = reference.holding(held).desired(G, inertia, t, lifted(Qd), None)
+        desired = reference.holding(held).desired(G, inertia, t, Qd, None)
         Vd = inertia.velocity(desired.P)
         yield rate_of(desired.P), G.ad_star(Vd, desired.P) + desired.tau
         if not reference.starts_from:
@@ -118,6 +117,7 @@ class CriticalPoints(Identity):
     name: ClassVar[str] = "critical points of Υ"
     statement: ClassVar[str] = "Definition 2.1, Example 3.4"
     section: ClassVar[float] = 3.41
+    not_rational: ClassVar[str] = "eigenvalues are roots of polynomials"
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The gradient there, and the eigenvalues of its derivative along the group."""
@@ -152,7 +152,7 @@ class StabilisingControl(LiteralForm):
 
 def _slope(s: Tracking, E: Array) -> Array:
     """d/dε Υ(Q exp(εE) Q_target⁻¹)."""
-    Q = with_rate(s.Q, s.Q @ s.G.hat(lifted(E)))
+    Q = with_rate(s.Q, s.Q @ s.G.hat(E))
     return rate_of(potential(s.G, s.gains.K, Q @ s.G.inverse(s.Qd)))
 
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from eqt_cli.analysis.certificates.base import Identity, LiteralForm, Row, registered_name
 from eqt_cli.analysis.certificates.error_system import feedforward
-from eqt_cli.analysis.evidence.running_error import rate_of
+from eqt_cli.analysis.evidence.numbers import rate_of
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller

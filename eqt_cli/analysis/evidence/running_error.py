@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.analysis.evidence.numbers import Number
+from eqt_cli.analysis.evidence.numbers import rate_of as rate_of
 from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
 from eqt_cli.core.differentiation import slope
 
@@ -24,7 +26,7 @@ LIBRARY_ULPS = 4.0
 """Unit roundoffs granted to a function of the mathematical library; they promise about one."""
 
 
-class Bounded:
+class Bounded(Number):
     """A double, its rate of change, and bounds of the rounding errors of both.
 
     Attributes
@@ -42,10 +44,32 @@ class Bounded:
     ) -> None:
         self.value, self.error, self.rate, self.rate_error = value, error, rate, rate_error
 
+    @classmethod
+    def of(cls, x: Any) -> Bounded:
+        """A float has no error."""
+        return x if isinstance(x, Bounded) else cls(float(x))
+
+    @property
+    def nearest(self) -> float:
+        """What doubles give."""
+        return self.value
+
+    def derivative(self) -> Bounded:
+        """With the bound of its error."""
+        return Bounded(self.rate, self.rate_error)
+
+    def moving(self, rate: Bounded) -> Bounded:
+        """With the bounds of both."""
+        return Bounded(self.value, self.error, rate.value, rate.error)
+
+    def granted(self, error: float) -> Bounded:
+        """Beside its own error."""
+        return Bounded(self.value, self.error + error, self.rate, self.rate_error)
+
     def __add__(self, other: Any) -> Bounded:
         if not isinstance(other, Bounded) and other == 0:
             return self
-        other = _bounded(other)
+        other = Bounded.of(other)
         value, rate = self.value + other.value, self.rate + other.rate
         return Bounded(
             value,
@@ -57,7 +81,7 @@ class Bounded:
     def __mul__(self, other: Any) -> Any:
         if not isinstance(other, Bounded) and other == 0:
             return 0.0
-        other = _bounded(other)
+        other = Bounded.of(other)
         a, b = abs(self.value), abs(other.value)
         value = self.value * other.value
         error = a * other.error + b * self.error + self.error * other.error + UNIT * abs(value)
@@ -136,11 +160,6 @@ def value_of(numbers: Array) -> tuple[Array, Array]:
     return _read(numbers, "value"), _read(numbers, "error")
 
 
-def rate_of(numbers: Array) -> Array:
-    """The rates of change as numbers of their own, with the bounds of their errors."""
-    return lifted(_read(numbers, "rate"), _read(numbers, "rate_error"))
-
-
 def discrepancy(left: Array, right: Array) -> tuple[float, float]:
     """How far two results of the same quantity differ, and how far rounding lets them.
 
@@ -157,19 +176,15 @@ def discrepancy(left: Array, right: Array) -> tuple[float, float]:
 
 def _read(numbers: Array, attribute: str) -> Array:
     numbers = np.asarray(numbers, dtype=object)
-    found = [getattr(_bounded(entry), attribute) for entry in numbers.flat]
+    found = [getattr(Bounded.of(entry), attribute) for entry in numbers.flat]
     return np.array(found, dtype=float).reshape(numbers.shape)
-
-
-def _bounded(x: Any) -> Bounded:
-    return x if isinstance(x, Bounded) else Bounded(float(x))
 
 
 register_symbols(
     Bounded,
     {
         **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
-        "less": lambda a, b: _bounded(a).value < _bounded(b).value,
+        "less": lambda a, b: Bounded.of(a).value < Bounded.of(b).value,
         "where": lambda condition, a, b: a if condition else b,
     },
 )

@@ -1,11 +1,13 @@
-"""A closed loop at random states, in numbers that know their rate and their rounding errors."""
+"""A closed loop at random states, in numbers that know their rates and perhaps their errors."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
+from eqt_cli.analysis.evidence.numbers import with_rate
+from eqt_cli.analysis.evidence.running_error import UNIT, lifted
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
@@ -13,6 +15,9 @@ from eqt_cli.mechanics.semidirect import Input, Semidirect, State
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
 from eqt_cli.references.torque import TorqueReference
+
+if TYPE_CHECKING:
+    from eqt_cli.analysis.evidence.exact_states import ExactStates
 
 STATES = 5
 """Random states per identity: an error in a formula shows at any one of them."""
@@ -26,43 +31,58 @@ class Sample:
     ----------
     label, loop
         A controller's label, and its closed loop in these numbers.
-    times, flat, errors
-        Random times and flat states, and how far the states can be from the group.
+    times, flat
+        Random times and flat states, at rest.
     states
         Elements X, Y, Z of G ⋉ g*, at rest.
     inputs
         Elements U, W of its algebra.
     drawn
-        The poses and velocities Q, V, Q_d, V_d that the flat states were made of, as floats.
+        The poses and velocities Q, V, Q_d, V_d that the flat states were made of.
     gains
         Gains without symmetries that could hide a fault: K commutes with no rotation, and K_d is
         not symmetric.
     reference
         The experiment's own, which the loop may not have (see `sampled`).
+    lost
+        How far the momenta of V and V_d, as products in plain floats, can have moved either.
+    exact
+        The exact states of the same loop, where its identities are to be proved.
     """
 
     label: str
     loop: ClosedLoop
     times: Array
     flat: Array
-    errors: Array
     states: list[State]
     inputs: list[Input]
     drawn: tuple[Array, Array, Array, Array]
     gains: Gains
     reference: Reference
+    lost: tuple[float, float]
+    exact: "ExactStates | None" = None
 
     @cached_property
     def s(self) -> Tracking:
         """What the law reads; every rate is the time derivative along the closed loop."""
-        field = self.loop.vector_field(lifted(self.times), lifted(self.flat, self.errors))
-        moving = lifted(self.flat, self.errors, *value_of(field))
-        return self.loop.tracking(lifted(self.times, rates=1.0), moving)
+        field = self.loop.vector_field(self.times, self.flat)
+        moving = with_rate(self.flat, field)
+        return self.loop.tracking(with_rate(self.times, 1.0), moving)
+
+    @property
+    def resting(self) -> Tracking:
+        """The same state without rates."""
+        return self.loop.tracking(self.times, self.flat)
 
     @cached_property
     def generic(self) -> Tracking:
         """The same states with `gains` instead of the experiment's."""
         return replace(self.s, gains=self.gains)
+
+    def lifted(self, values: Any) -> Array:
+        """Floats, or such numbers, as numbers of the sample's kind that do not move."""
+        kind = type(self.flat.flat[0])
+        return np.asarray(np.frompyfunc(kind.of, 1, 1)(values), dtype=object)
 
     @property
     def G(self) -> MatrixLieGroup:
@@ -82,7 +102,7 @@ class Sample:
         """A curve through (I, 0) with velocity U: (exp(tV), tP) to first order."""
         V, P = U
         identity = np.broadcast_to(self.G.identity, (*V.shape[:-1], *self.G.identity.shape))
-        return self.moving((lifted(identity), lifted(np.zeros(P.shape))), (self.G.hat(V), P))
+        return self.moving((identity, np.zeros(P.shape)), (self.G.hat(V), P))
 
 
 def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Generator) -> Sample:
@@ -92,10 +112,9 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
     has no state of its own is replaced by one that has.
     """
     G, own = loop.group, loop.reference
-    at_rest = "track" not in loop.controller.tasks
-    if "velocity" not in loop.reference.starts_from:
-        loop = replace(loop, reference=TorqueReference([0.0 if at_rest else 0.5] * G.dimension))
-    exact = loop.with_parameters(_with_errors(loop.parameters))
+    at_rest = tracks_nothing(loop)
+    loop = with_moving_reference(loop)
+    bounded = loop.with_parameters(_with_errors(loop.parameters))
     poses = [G.exp(random.standard_normal((STATES, G.dimension))) for _ in range(5)]
     vectors = random.standard_normal((9, STATES, G.dimension))
     times = random.uniform(0.0, horizon, STATES)
@@ -113,8 +132,34 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
     free = [lifted(Q, G.drift(Q)[:, None, None]) for Q in poses[2:]]
     states = [(Q, lifted(P)) for Q, P in zip(free, vectors[2:5], strict=True)]
     inputs = [(lifted(vectors[k]), lifted(vectors[k + 1])) for k in (5, 7)]
-    gains, drawn = _without_symmetry(loop, random), (poses[0], vectors[0], poses[1], Vd)
-    return Sample(label, exact, times, flat, errors, states, inputs, drawn, gains, own)
+    gains = _without_symmetry(loop, random)
+    # The inverse of the inertia magnifies what plain floats lose in a momentum.
+    roundings = 4 * G.dimension * UNIT * np.linalg.cond(loop.inertia.at(times).matrix).max()
+    return Sample(
+        label,
+        bounded,
+        lifted(times),
+        lifted(flat, errors),
+        states,
+        inputs,
+        (lifted(poses[0]), lifted(vectors[0]), lifted(poses[1]), lifted(Vd)),
+        gains,
+        own,
+        (roundings * np.abs(vectors[0]).max(), roundings * np.abs(Vd).max()),
+    )
+
+
+def tracks_nothing(loop: ClosedLoop) -> bool:
+    """Whether the law is for a reference at rest only."""
+    return "track" not in loop.controller.tasks
+
+
+def with_moving_reference(loop: ClosedLoop) -> ClosedLoop:
+    """The same with a reference whose pose and velocity are part of the state."""
+    if "velocity" in loop.reference.starts_from:
+        return loop
+    torque = 0.0 if tracks_nothing(loop) else 0.5
+    return replace(loop, reference=TorqueReference([torque] * loop.group.dimension))
 
 
 def draw_beyond_work(loop: ClosedLoop, flat: Array, random: np.random.Generator) -> None:
@@ -141,8 +186,3 @@ def _with_errors(parameters: dict[str, Array]) -> dict[str, Array]:
         error = 4 * len(matrix) * UNIT * condition * np.abs(inverse).max()
         found["inertia_inverse"] = lifted(inverse, error)
     return found
-
-
-def with_rate(numbers: Array, rates: Array) -> Array:
-    """The numbers with these rates of change, whatever theirs were."""
-    return lifted(*value_of(numbers), *value_of(rates))

@@ -1,0 +1,553 @@
+"""Exact numbers that carry their time derivative, and their degree in the parameters, through laws.
+
+A number is a fraction n / (c D) of integers: n is the value of a polynomial at integer parameters,
+c a constant, and D a product of divisors, each of which is such a polynomial, too. Beside n stands
+a bound of the polynomial's degree, which each operation computes from those of its operands.
+Divisors are kept as factors, so that the fractions of one rotation, or of one inverse, have one
+denominator; nothing is cancelled that is not a factor by construction.
+
+A function of the state that is not rational becomes a parameter of its own, one for each argument,
+with the derivative that the function has: what is equal for all values of it is equal for its own.
+A square root is also reduced by its equation r² = x. It knows no law.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from fractions import Fraction
+from math import gcd, isfinite, isqrt, prod
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.analysis.evidence.numbers import Number, with_rate
+from eqt_cli.analysis.evidence.surds import Root, Surd, Whole, to_integer
+from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
+from eqt_cli.core.differentiation import slope
+from eqt_cli.core.errors import TraceError
+
+
+class NotRationalError(TraceError):
+    """An operation on the state that is none of + − × ÷, so that no polynomial decides it."""
+
+
+class Divisor:
+    """A polynomial that something was divided by: its value at the parameters, and its degree."""
+
+    __slots__ = ("degree", "value")
+
+    def __init__(self, value: int, degree: int) -> None:
+        self.value, self.degree = value, degree
+        if _ledgers:
+            _ledgers[-1].divisors.append(self)
+
+
+class Ledger:
+    """What is taken for granted on the way from a state to what has been asked of it.
+
+    Attributes
+    ----------
+    parameter
+        Draws a new parameter.
+    divisors
+        All that was divided by.
+    compared
+        The sum of the degrees of all differences of two arguments of a function.
+    functions
+        The functions that became parameters.
+    """
+
+    def __init__(self, parameter: Callable[[], Exact]) -> None:
+        self.parameter = parameter
+        self.divisors: list[Divisor] = []
+        self.compared = 0
+        self.functions: set[str] = set()
+        self._values: dict[str, list[tuple[Exact, Exact]]] = {}
+
+    @property
+    def degree(self) -> int:
+        """The degree of the product of all divisors."""
+        return sum(each.degree for each in self.divisors)
+
+    def value(self, kind: str, argument: Exact, new: Callable[[], Exact]) -> Exact:
+        """What stands for a function of this argument: what stood for it before, or a new one."""
+        known = self._values.setdefault(kind, [])
+        for other, value in known:
+            gap = _sum(argument, -other)
+            self.compared += gap.degree
+            if not gap.numerator:
+                return value
+        known.append((argument, new()))
+        return known[-1][1]
+
+
+_ledgers: list[Ledger] = []
+
+
+@contextmanager
+def noting(ledger: Ledger) -> Iterator[None]:
+    """Note what happens within."""
+    _ledgers.append(ledger)
+    try:
+        yield
+    finally:
+        _ledgers.pop()
+
+
+Factors = Mapping[Divisor, int]
+"""Divisors with their powers."""
+
+_NONE: Factors = {}
+
+
+class Exact(Number):
+    """n / (c D), and its rate of change.
+
+    Attributes
+    ----------
+    numerator
+        n, the value of a polynomial.
+    degree
+        A bound of the polynomial's degree in the parameters; one of degree 0 is a constant.
+    constant
+        c > 0.
+    factors
+        D.
+    rate
+        Itself without a rate; None where the number does not move.
+    """
+
+    __slots__ = ("_cleared", "_divisor", "constant", "degree", "factors", "numerator", "rate")
+
+    def __init__(
+        self,
+        numerator: Whole,
+        degree: int = 0,
+        constant: int = 1,
+        factors: Factors = _NONE,
+        rate: Exact | None = None,
+    ) -> None:
+        self.numerator, self.degree, self.constant = numerator, degree, constant
+        self.factors, self.rate = factors, rate
+        self._divisor: Divisor | None = None
+        self._cleared: tuple[Exact, Exact] | None = None
+
+    @classmethod
+    def of(cls, x: Any) -> Exact:
+        """A float is the dyadic number that it is."""
+        if isinstance(x, Exact):
+            return x
+        if isinstance(x, float | np.floating) and not isfinite(x):
+            raise ValueError(f"{x} is no number to compute with exactly")
+        numerator, denominator = x.as_integer_ratio()
+        return cls(int(numerator), 0, int(denominator))
+
+    @property
+    def value(self) -> Fraction:
+        """The number without its rate; it has no roots."""
+        return Fraction(_integer(self.numerator), self.constant * _value(self.factors))
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is the same for all parameters, and does not move."""
+        return not self.degree and not self.factors and self.rate is None
+
+    # The contract of all numbers.
+
+    @property
+    def nearest(self) -> float:
+        """Rounded once."""
+        return float(self.value)
+
+    def derivative(self) -> Exact:
+        """0 where the number does not move."""
+        return ZERO if self.rate is None else self.rate
+
+    def moving(self, rate: Exact) -> Exact:
+        """A rate of 0 is none."""
+        still = rate._still()
+        return self._with(None if still._is_zero() else still)
+
+    def granted(self, error: float) -> Exact:
+        """There is none to grant."""
+        return self
+
+    def _still(self) -> Exact:
+        return self if self.rate is None else self._with(None)
+
+    def _with(self, rate: Exact | None) -> Exact:
+        found = Exact(self.numerator, self.degree, self.constant, self.factors, rate)
+        found._divisor, found._cleared = self._divisor, self._cleared
+        return found
+
+    def _without_roots(self) -> tuple[Exact, Exact]:
+        """The product of all conjugates, and the number times that."""
+        if self._cleared is None:
+            factor, whole, taken = to_integer(self.numerator)
+            times = 2**taken
+            self._cleared = (
+                Exact(factor, (times - 1) * self.degree),
+                Exact(whole, times * self.degree, self.constant, self.factors),
+            )
+        return self._cleared
+
+    def _is_zero(self) -> bool:
+        """Whether it is 0 for all parameters: a polynomial of degree 0 is the same everywhere."""
+        return not self.numerator and not self.degree and self.rate is None
+
+    # Arithmetic.
+
+    def __add__(self, other: Any) -> Exact:
+        if not isinstance(other, Exact):
+            if other == 0:
+                return self
+            other = Exact.of(other)
+        if other._is_zero():
+            return self
+        if self._is_zero():
+            return other
+        total = _sum(self, other)
+        if self.rate is not None or other.rate is not None:
+            total.rate = _added(self.rate, other.rate)
+        return total
+
+    def __mul__(self, other: Any) -> Any:
+        if not isinstance(other, Exact):
+            if other == 0:
+                return 0
+            if other == 1:
+                return self
+            other = Exact.of(other)
+        if self._is_zero() or other._is_zero():
+            return 0
+        product = _product(self, other)
+        if self.rate is not None or other.rate is not None:
+            product.rate = _added(
+                None if other.rate is None else _product(self, other.rate),
+                None if self.rate is None else _product(other, self.rate),
+            )
+        return product
+
+    def __truediv__(self, other: Any) -> Any:
+        other = Exact.of(other)
+        quotient = _quotient(self, other)
+        if other.rate is not None:
+            # (a/b)˙ = (ȧ − (a/b) ḃ) / b.
+            change = -_product(quotient, other.rate)
+            quotient.rate = _quotient(_added(self.rate, change), other)
+        elif self.rate is not None:
+            quotient.rate = _quotient(self.rate, other)
+        return quotient
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return Exact.of(other) / self
+
+    def __neg__(self) -> Exact:
+        rate = None if self.rate is None else -self.rate
+        return Exact(-self.numerator, self.degree, self.constant, self.factors, rate)
+
+    def __sub__(self, other: Any) -> Exact:
+        return self + -other
+
+    def __rsub__(self, other: Any) -> Exact:
+        return -self + other
+
+    def __pow__(self, exponent: Any) -> Any:
+        power = Exact.of(exponent)
+        if not power.is_constant or (2 * power.value).denominator != 1:
+            raise NotRationalError(f"the power {_written(exponent)} of a state is not rational")
+        whole, half = divmod(abs(2 * power.value), 2)
+        found: Any = self.apply("sqrt") if half else 1
+        for _ in range(int(whole)):
+            found = self * found
+        return 1 / found if power.value < 0 else found
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+    # What branches: the same for all states only where constants are compared.
+
+    def _constant(self, what: str, *, moves: bool = False) -> Fraction:
+        if self.degree or self.factors or not (moves or self.rate is None):
+            raise NotRationalError(f"{what} of a state is not rational")
+        return self.value
+
+    def _against(self, other: Any) -> tuple[Fraction, Fraction]:
+        what, other = "a comparison", Exact.of(other)
+        found = [x._constant(what, moves=True) for x in (self, other)]
+        if found[0] == found[1]:  # what moves is equal for an instant only
+            found = [x._constant(what) for x in (self, other)]
+        return found[0], found[1]
+
+    def __lt__(self, other: Any) -> bool:
+        a, b = self._against(other)
+        return a < b
+
+    def __le__(self, other: Any) -> bool:
+        a, b = self._against(other)
+        return a <= b
+
+    def __gt__(self, other: Any) -> bool:
+        return not self <= other
+
+    def __ge__(self, other: Any) -> bool:
+        return not self < other
+
+    def __eq__(self, other: object) -> bool:
+        if not hasattr(other, "as_integer_ratio") and not isinstance(other, Exact):
+            return NotImplemented
+        a, b = self._against(other)
+        return a == b
+
+    __hash__ = object.__hash__
+
+    def __abs__(self) -> Exact:
+        return Exact.of(abs(self._constant("the absolute value")))
+
+    def __bool__(self) -> bool:
+        return bool(self._constant("a comparison"))
+
+    def __float__(self) -> float:
+        return float(self._constant("the float"))
+
+    def apply(self, name: str) -> Exact:
+        """A function of the expression grammar, by name, with f′(x)ẋ for its rate."""
+        if name == "abs":
+            return abs(self)
+        argument = self._still()
+        value = _root(argument) if name == "sqrt" else _free_value(name, argument)
+        if self.rate is None:
+            return value
+        return value.moving(Exact.of(slope(name, argument) * self.rate))
+
+
+ZERO, TWO = Exact(0), Exact(2)
+
+
+def free(value: int) -> Exact:
+    """A parameter with this value."""
+    return Exact(value, 1)
+
+
+def difference(left: Any, right: Any) -> Exact:
+    """Left − right of two entries, which may be floats."""
+    found: Exact = Exact.of(left) - Exact.of(right)
+    return found
+
+
+def inverse(matrix: Array) -> Array:
+    """A⁻¹ = adj A / det A, ``(..., m, m)``, with the degrees of Cramer's rule.
+
+    Its rate is −A⁻¹ȦA⁻¹.
+    """
+    stacked = matrix.reshape(-1, *matrix.shape[-2:])
+    return np.stack([_inverse(each) for each in stacked]).reshape(matrix.shape)
+
+
+def _inverse(matrix: Array) -> Array:
+    entries = [[Exact.of(x) for x in row] for row in matrix]
+    flat = [x for row in entries for x in row]
+    factors, constant = flat[0].factors, flat[0].constant
+    for x in flat[1:]:
+        factors, constant = _common(factors, x.factors), _multiple(constant, x.constant)
+    rows = [[_integer(_over(x, factors, constant)) for x in row] for row in entries]
+    degree = max(x.degree + _degree(_beyond(factors, x.factors)) for x in flat)
+    adjugate, determinant = _adjugate(rows, degree)
+    n = len(rows)
+    over = Exact(determinant, n * degree)
+    scale = Exact(constant * _value(factors), _degree(factors))
+    cofactors = np.empty((n, n), dtype=object)
+    for i, j in np.ndindex(n, n):
+        cofactor = Exact(adjugate[i][j], (n - 1) * degree)
+        cofactors[i, j] = _quotient(_product(cofactor, scale), over)
+    rates = np.array([[x.derivative() for x in row] for row in entries], dtype=object)
+    if all(x.rate is None for x in flat):
+        return cofactors
+    return with_rate(cofactors, -(cofactors @ rates @ cofactors))
+
+
+def _adjugate(rows: list[list[int]], degree: int) -> tuple[list[list[int]], int]:
+    """Of a matrix of integers, by elimination without fractions (Bareiss).
+
+    Its pivots are the leading minors, of which none may vanish.
+    """
+    n = len(rows)
+    work = [[*row, *(int(i == j) for j in range(n))] for i, row in enumerate(rows)]
+    before = 1
+    for k in range(n):
+        pivot = work[k][k]
+        if not pivot:
+            raise ZeroDivisionError("a leading minor vanishes")
+        Divisor(pivot, (k + 1) * degree)  # is noted
+        for i in range(n):
+            if i != k:
+                factor = work[i][k]
+                work[i] = [
+                    (pivot * a - factor * b) // before
+                    for a, b in zip(work[i], work[k], strict=True)
+                ]
+        before = pivot
+    return [row[n:] for row in work], before
+
+
+# Functions ----------------------------------------------------------------------------------------
+
+
+def _root(x: Exact) -> Exact:
+    """√x; where x is the square of a rational constant, this number, and else √(n c D) / (c D)."""
+    numerator = _integer(x.numerator)
+    if not x.degree and not x.factors:
+        reduced = Fraction(numerator, x.constant)
+        roots = [isqrt(max(part, 0)) for part in reduced.as_integer_ratio()]
+        if Fraction(*roots) ** 2 == reduced:
+            return Exact(roots[0], 0, roots[1])
+    square = numerator * x.constant * _value(x.factors)
+    degree = x.degree + _degree(x.factors)
+
+    def new() -> Exact:
+        return Exact(Surd.of(Root(square)), -(-degree // 2), x.constant, x.factors)
+
+    return _noted("sqrt").value("sqrt", x, new)
+
+
+def _free_value(name: str, x: Exact) -> Exact:
+    """A parameter, or what follows from one where several functions have one argument."""
+    ledger = _noted(name)
+    if name in ("sin", "cos", "tan"):
+        half = ledger.value("tan(x/2)", x, ledger.parameter)
+        sine, cosine, scale = 2 * half, 1 - half * half, 1 + half * half
+        return _quotient(
+            *{"sin": (sine, scale), "cos": (cosine, scale), "tan": (sine, cosine)}[name]
+        )
+    if name in ("exp", "sinh", "cosh", "tanh"):
+        growth = ledger.value("exp(x)", x, ledger.parameter)
+        square = growth * growth
+        twice = 2 * growth
+        return _quotient(
+            *{
+                "exp": (growth, Exact(1)),
+                "sinh": (square - 1, twice),
+                "cosh": (square + 1, twice),
+                "tanh": (square - 1, square + 1),
+            }[name]
+        )
+    return ledger.value(name, x, ledger.parameter)
+
+
+def _noted(name: str) -> Ledger:
+    if not _ledgers:
+        raise NotRationalError(f"{name}() of a state is not rational")
+    _ledgers[-1].functions.add(name)
+    return _ledgers[-1]
+
+
+# Fractions without their rates ------------------------------------------------------------------
+
+
+def _sum(a: Exact, b: Exact) -> Exact:
+    if a.factors is b.factors and a.constant == b.constant:
+        return Exact(a.numerator + b.numerator, max(a.degree, b.degree), a.constant, a.factors)
+    factors = a.factors if a.factors is b.factors else _common(a.factors, b.factors)
+    constant = _multiple(a.constant, b.constant)
+    degree = max(x.degree + _degree(_beyond(factors, x.factors)) for x in (a, b))
+    numerator = sum(_over(x, factors, constant) for x in (a, b))
+    return Exact(numerator, degree, constant, factors)
+
+
+def _product(a: Exact, b: Exact) -> Exact:
+    return Exact(
+        a.numerator * b.numerator,
+        a.degree + b.degree,
+        a.constant * b.constant,
+        _joined(a.factors, b.factors),
+    )
+
+
+def _quotient(a: Exact, b: Exact) -> Exact:
+    if not b.numerator:
+        raise ZeroDivisionError("a denominator vanishes")
+    if isinstance(b.numerator, Surd):
+        factor, whole = b._without_roots()
+        return _quotient(_product(a, factor), whole)
+    sign = -1 if b.numerator < 0 else 1
+    if not b.degree and not b.factors:
+        return _product(a, Exact(sign * b.constant, 0, abs(b.numerator)))
+    over, under = _beyond(b.factors, a.factors), _beyond(a.factors, b.factors)
+    numerator = a.numerator * b.constant * _value(over)
+    degree = a.degree + _degree(over)
+    if not b.degree:
+        return _product(
+            Exact(numerator, degree, a.constant, under), Exact(sign, 0, abs(b.numerator))
+        )
+    if b._divisor is None:
+        b._divisor = Divisor(b.numerator, b.degree)
+    return Exact(numerator, degree, a.constant, _joined(under, {b._divisor: 1}))
+
+
+def _added(a: Exact | None, b: Exact | None) -> Any:
+    if a is None or b is None:
+        return b if a is None else a
+    return _sum(a, b)
+
+
+def _integer(number: Whole) -> int:
+    if isinstance(number, Surd):
+        raise NotRationalError(
+            "a root of a root, or in a matrix that is inverted, is not supported"
+        )
+    return number
+
+
+def _over(x: Exact, factors: Factors, constant: int) -> Whole:
+    """The numerator over a multiple of the denominator."""
+    found = x.numerator * (constant // x.constant)
+    return found if factors is x.factors else found * _value(_beyond(factors, x.factors))
+
+
+def _value(factors: Factors) -> int:
+    return prod(each.value**power for each, power in factors.items())
+
+
+def _degree(factors: Factors) -> int:
+    return sum(each.degree * power for each, power in factors.items())
+
+
+def _joined(a: Factors, b: Factors) -> Factors:
+    if not a or not b:
+        return a or b
+    return {**a, **{each: a.get(each, 0) + power for each, power in b.items()}}
+
+
+def _common(a: Factors, b: Factors) -> Factors:
+    if not a or not b:
+        return a or b
+    return {**a, **{each: max(a.get(each, 0), power) for each, power in b.items()}}
+
+
+def _beyond(a: Factors, b: Factors) -> Factors:
+    """What of a is not in b."""
+    if not b:
+        return a
+    return {each: power - b.get(each, 0) for each, power in a.items() if power > b.get(each, 0)}
+
+
+def _multiple(a: int, b: int) -> int:
+    return a if a == b else a * b // gcd(a, b)
+
+
+def _written(number: Any) -> str:
+    return str(number.value) if isinstance(number, Exact) else str(number)
+
+
+register_symbols(
+    Exact,
+    {
+        **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
+        "less": lambda a, b: Exact.of(a) < Exact.of(b),
+        # Of the states, only zeros of the sum are left out, as those of denominators are.
+        "positive": lambda x: bool(Exact.of(x).numerator),
+        "where": lambda condition, a, b: a if condition else b,
+        "inverse": inverse,
+    },
+)

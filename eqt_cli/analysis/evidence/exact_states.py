@@ -1,0 +1,203 @@
+"""A closed loop at random exact states, where all that an identity is about is a free parameter.
+
+Free are the Cayley parameters of every pose, the entries of every vector, of the inertia and of the
+gains, and every function of time with its first and second derivative. Numbers in a law are no
+parameters: a float is the dyadic number that it is.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+
+from eqt_cli.analysis.evidence.exact import Exact, Ledger, free, inverse, noting
+from eqt_cli.analysis.evidence.numbers import Number
+from eqt_cli.analysis.evidence.sample import Sample, tracks_nothing, with_moving_reference
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.differentiation import Dual
+from eqt_cli.core.expressions import Expression
+from eqt_cli.core.expressions.tree import Variable
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.forces import Force
+
+RANGE = 2**64
+"""N, from how many integers each parameter is drawn."""
+
+SMALL = 7
+"""From how many where a difference is to be read by people."""
+
+MEMBERSHIP = 1e-9
+"""How far a pose in floats may be from the group by rounding."""
+
+
+class Parameters:
+    """Free parameters: independent integers, each uniform among `count` around 0."""
+
+    def __init__(self, random: np.random.Generator, count: int) -> None:
+        self._random, self._count = random, count
+
+    def one(self) -> Exact:
+        """One of them."""
+        words = [int(word) for word in self._random.integers(0, 2**32, 3, dtype=np.uint64)]
+        wide = words[0] << 64 | words[1] << 32 | words[2]
+        # A power of 2 divides 2**96, so that all are equally likely; of 7 nothing is claimed.
+        return free(wide % self._count - self._count // 2)
+
+    def array(self, *shape: int) -> Array:
+        """So many."""
+        found = np.empty(shape, dtype=object)
+        for index in np.ndindex(shape):
+            found[index] = self.one()
+        return found
+
+    def symmetric(self, size: int) -> Array:
+        """A symmetric matrix."""
+        found = self.array(size, size)
+        upper = np.triu_indices(size, 1)
+        found[upper[::-1]] = found[upper]
+        return found
+
+    def function(self) -> Expression:
+        """A function of time of which nothing is known."""
+        return FreeFunction("f(t)", frozenset("t"), Variable("t", 1), tuple(self.array(3)))
+
+
+@dataclass(frozen=True)
+class FreeFunction(Expression):
+    """A function of time by its value, rate and second derivative at the time of the sample."""
+
+    jet: tuple[Exact, ...] = field(repr=False, compare=False)
+
+    def evaluate(self, values: Mapping[str, Any]) -> Any:
+        """At the one time that there is, with the rate that follows from that of the time."""
+        t = values["t"]
+        if isinstance(t, Dual):
+            return Dual(self._derivative(0, t.value), self._derivative(1, t.value) * t.rate)
+        return self._derivative(0, t)
+
+    def _derivative(self, order: int, t: Any) -> Any:
+        def at(time: Any) -> Exact:
+            rate = time.derivative() if isinstance(time, Number) else 0.0
+            return self.jet[order].moving(Exact.of(self.jet[order + 1] * rate))
+
+        return np.frompyfunc(at, 1, 1)(t)
+
+
+@dataclass(frozen=True)
+class FreeForce(Force):
+    """A force of which nothing is known, in the place of all that is between law and plant."""
+
+    name: ClassVar[str] = "free"
+    departs: ClassVar[str] = "any force"
+
+    force: Any
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+        """The force."""
+        return self.force
+
+
+@dataclass
+class State:
+    """One exact state, and all that was divided by on the way to what has been asked of it."""
+
+    sample: Sample
+    ledger: Ledger
+
+
+class ExactStates:
+    """The states of a law that identities are proved at; they share what follows from a state."""
+
+    def __init__(self, label: str, loop: ClosedLoop, random: np.random.Generator) -> None:
+        self._label, self._loop, self._random = label, loop, random
+        self._drawn: dict[int, list[State]] = {}
+
+    def state(self, index: int, count: int = RANGE) -> State:
+        """A state, from so many integers a parameter.
+
+        Raises
+        ------
+        ZeroDivisionError
+            Where the inertia is singular; the next call draws again.
+        """
+        drawn = self._drawn.setdefault(count, [])
+        while len(drawn) <= index:
+            parameters = Parameters(self._random, count)
+            ledger = Ledger(parameters.one)
+            with noting(ledger):
+                sample = self._sample(parameters)
+            drawn.append(State(sample, ledger))
+        return drawn[index]
+
+    @cached_property
+    def obstacle(self) -> str:
+        """Why there are no such states: Cayley's transform does not stay in the group."""
+        G = self._loop.group
+        V = np.random.default_rng(0).uniform(-0.5, 0.5, G.dimension)
+        if G.violation(G.cayley(V)) <= MEMBERSHIP:
+            return ""
+        return (
+            f"Cayley's transform leaves the group {G.name}; give it a method `cayley` that does not"
+        )
+
+    def _sample(self, parameters: Parameters) -> Sample:
+        loop, own = self._loop, self._loop.reference
+        at_rest, G, m = tracks_nothing(loop), loop.group, loop.group.dimension
+        loop = with_moving_reference(loop)
+        loop = replace(
+            loop,
+            inertia=loop.inertia.with_functions(parameters.function),
+            reference=loop.reference
+            if at_rest
+            else loop.reference.with_functions(parameters.function),
+            vehicle=_with_any_force(loop.vehicle, parameters.array(1, m)),
+        )
+        loop = loop.with_parameters(_freed(loop, parameters))
+        poses = [G.cayley(parameters.array(1, m)) for _ in range(5)]
+        vectors = parameters.array(9, 1, m)
+        Vd = np.zeros((1, m), dtype=object) if at_rest else vectors[1]
+        times = parameters.array(1)
+        drawn = poses[0], vectors[0], poses[1], Vd
+        flat = loop.initial_state(*drawn, t=times)
+        beyond = flat[:, loop.layout.slices["work"].stop :]
+        beyond[:] = parameters.array(*beyond.shape)
+        return Sample(
+            label=self._label,
+            loop=loop,
+            times=times,
+            flat=flat,
+            states=list(zip(poses[2:], vectors[2:5], strict=True)),
+            inputs=[(vectors[k], vectors[k + 1]) for k in (5, 7)],
+            drawn=drawn,
+            gains=loop.gains,
+            reference=own.with_functions(parameters.function),
+            lost=(0.0, 0.0),
+        )
+
+
+def _with_any_force(vehicle: Vehicle, force: Array) -> Vehicle:
+    if vehicle.is_ideal:
+        return vehicle
+    return Vehicle(forces=(FreeForce(force),), control=vehicle.control)
+
+
+def _freed(loop: ClosedLoop, parameters: Parameters) -> dict[str, Array]:
+    """Free tensors and gains, and the law's own numbers as they are."""
+    values = loop.parameters
+    found = {name: _constants(value) for name, value in values.items()}
+    found["kp"] = parameters.symmetric(len(values["kp"]))
+    found["kd"] = parameters.array(*values["kd"].shape)
+    if "inertia" in values:
+        found["inertia"] = parameters.symmetric(len(values["inertia"]))
+    if "inertia_inverse" in values:
+        found["inertia_inverse"] = inverse(found["inertia"])
+    return found
+
+
+def _constants(values: Array) -> Array:
+    return np.asarray(np.frompyfunc(Exact.of, 1, 1)(values), dtype=object)
