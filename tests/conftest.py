@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from io import StringIO
@@ -21,8 +22,10 @@ from hypothesis import strategies as st
 
 from eqt_cli.cli import main
 from eqt_cli.config.source import read_config
+from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.core.interruptions import ASKED_BY
+from eqt_cli.core.problems import Problems
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.read_study import study
@@ -31,6 +34,8 @@ from eqt_cli.results.result import open_result
 from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
 
+pytest_plugins = ["pytester"]
+
 # A deadline would time the machine, which runs tests side by side, and not the code. Samples are
 # the same in every run, so that a change is judged by what it changes; the nightly run draws new
 # ones.
@@ -38,6 +43,31 @@ settings.register_profile(
     "eqt", deadline=None, derandomize=os.environ.get("EQT_SAMPLES") != "random"
 )
 settings.load_profile("eqt")
+
+# What a test takes is judged where a bound is given: see processor_time.py.
+_spec = importlib.util.spec_from_file_location(
+    "processor_time", Path(__file__).with_name("processor_time.py")
+)
+processor_time = importlib.util.module_from_spec(_spec)
+sys.modules["processor_time"] = processor_time
+_spec.loader.exec_module(processor_time)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    most = float(os.environ.get("EQT_MOST_CPU") or 0)
+    if most:
+        judge = processor_time.ProcessorTime(most)
+        config.pluginmanager.register(judge)
+        judge.watch_compilers()
+        processor_time.load_everything()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    if silent := processor_time.unexplained(items):
+        raise pytest.UsageError(
+            'expected a reason, @pytest.mark.slow("why it must be"), of ' + ", ".join(silent)
+        )
+
 
 # Under `nohup`, or behind `&` of a script, signals are ignored, and then by all that tests start.
 for number in ASKED_BY:
@@ -160,6 +190,34 @@ def G(request: pytest.FixtureRequest) -> MatrixLieGroup:
     """Every registered group in turn."""
     group: MatrixLieGroup = request.param
     return group
+
+
+def _laws_on_groups() -> Iterator[tuple[MatrixLieGroup, Controller]]:
+    """Every law on a simple group and on a product with all that groups have, EqT on every group.
+
+    A law is written once for all groups, and a group knows no law: more pairs tell no more. A law
+    for neither of the two is tried on the first that it is for.
+    """
+    for name in controllers.names():
+        law = controllers.get(name)()
+        fitting = [G for G in ALL_GROUPS if not _problems(law, G)]
+        chosen = [G for G in fitting if name == "eqt" or G.name in ("SO3", "SE3*SO2")]
+        yield from ((G, law) for G in chosen or fitting[:1])
+
+
+def _problems(law: Controller, G: MatrixLieGroup) -> Problems:
+    problems = Problems()
+    law.check(G, problems)
+    return problems
+
+
+@pytest.fixture(
+    scope="session", params=_laws_on_groups(), ids=lambda pair: f"{pair[0].name}-{pair[1].name}"
+)
+def law_on_group(request: pytest.FixtureRequest) -> tuple[MatrixLieGroup, Controller]:
+    """Laws and groups in turn, as `_laws_on_groups` pairs them."""
+    pair: tuple[MatrixLieGroup, Controller] = request.param
+    return pair
 
 
 @pytest.fixture(scope="module")
