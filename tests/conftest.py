@@ -8,9 +8,11 @@ import os
 import shutil
 import signal
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -342,25 +344,62 @@ def run(folder: Path) -> Callable[..., Execution]:
 
 
 @pytest.fixture(scope="session")
-def paper_result(invoke: Callable[..., Called], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the paper's experiment with 60 runs per controller."""
-    folder = tmp_path_factory.mktemp("paper") / "result"
-    config = Path(__file__).parents[1] / "configs" / "paper.yaml"
-    settings = ["ensemble.runs=60", "time.samples=201", "solver.rtol=1e-6", "solver.cross_check=0"]
-    invoke("run", config, "--out", folder, "--quiet", *(f"--set={setting}" for setting in settings))
-    return folder
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """A folder of this name, which the first process that asks for it fills; to be read only."""
+    root = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:  # each has a folder of its own, in a common one
+        root = root.parent
+
+    def made(name: str, make: Callable[[Path], object]) -> Path:
+        folder, done = root / name, root / f"{name}.done"
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            while not done.exists():
+                time.sleep(0.05)
+        else:
+            try:
+                make(folder)
+                (folder / "made").touch()
+            finally:
+                done.touch()
+        assert (folder / "made").exists(), f"{name} could not be made"
+        return folder
+
+    return made
+
+
+PAPER = Path(__file__).parents[1] / "configs" / "paper.yaml"
+ROUGH = ["--quiet", "--set=solver.rtol=1e-6", "--set=solver.cross_check=0"]
 
 
 @pytest.fixture(scope="session")
-def swept_result(invoke: Callable[..., Called], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def paper_result(invoke: Callable[..., Called], made_once: Callable[..., Path]) -> Path:
+    """The folder of the paper's experiment with 60 runs per controller."""
+    few = ["--set=ensemble.runs=60", "--set=time.samples=201"]
+    run = partial(invoke, "run", PAPER, *few, *ROUGH, "--out")
+    return made_once("paper", lambda folder: run(folder / "result")) / "result"
+
+
+@pytest.fixture(scope="session")
+def swept_result(invoke: Callable[..., Called], made_once: Callable[..., Path]) -> Path:
     """The folder of a sweep: six points of the paper's experiment, shortened, 5 runs each."""
-    folder = tmp_path_factory.mktemp("swept") / "result"
-    config = Path(__file__).parents[1] / "configs" / "paper.yaml"
-    settings = ["ensemble.runs=5", "time.duration=4", "time.samples=41", "solver.rtol=1e-6"]
-    sets = [f"--set={setting}" for setting in [*settings, "solver.cross_check=0"]]
+    few = ["--set=ensemble.runs=5", "--set=time.duration=4", "--set=time.samples=41"]
     grids = ["--grid", "gains.kp=0.5,1,2.5", "--grid", "gains.kd=0.5,1"]
-    invoke("sweep", config, "--out", folder, "--quiet", *sets, *grids)
-    return folder
+    sweep = partial(invoke, "sweep", PAPER, *few, *ROUGH, *grids, "--out")
+    return made_once("swept", lambda folder: sweep(folder / "result")) / "result"
+
+
+@pytest.fixture(scope="session")
+def page_of(invoke: Callable[..., Called], made_once: Callable[..., Path]) -> Callable[..., Path]:
+    """The page of one of the two results above, as `eqt report` writes it."""
+
+    def written(result: Path) -> Path:
+        write = partial(invoke, "report", result, "--out")
+        name = f"page of {result.parent.name}"
+        return made_once(name, lambda folder: write(folder / "report.html")) / "report.html"
+
+    return written
 
 
 PER_RUN = ("controller", "run")

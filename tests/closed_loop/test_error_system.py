@@ -8,6 +8,7 @@ from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import frobenius
 from eqt_cli.core.expressions import parse
 from eqt_cli.engines import Problem, engines
+from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import Inertia, PrescribedInertia
 from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.mechanics.tracking import Gains
@@ -67,9 +68,10 @@ def test_lemma_6_1_with_an_inertia_that_varies(G):
     assert_same(*both(loop, engines.get("solve_ivp")(rtol=RTOL, atol=1e-11)))
 
 
-def test_lemma_6_1_with_the_taylor_engine(G):
+@pytest.mark.parametrize("name", ["SO3", "SE3*SO2"])
+def test_lemma_6_1_with_the_taylor_engine(name):
     pytest.importorskip("heyoka")
-    assert_same(*both(closed_loop(G), engines.get("taylor")(rtol=RTOL)))
+    assert_same(*both(closed_loop(group_named(name)), engines.get("taylor")(rtol=RTOL)))
 
 
 def test_state_of_the_error_system_holds_the_error(G):

@@ -191,7 +191,11 @@ class Limited(EqT):
         return clip(super().torque(s), -1.0, 1.0)
 
 
-@pytest.mark.parametrize("law", [EqT(), Limited()], ids=["smooth", "limited"])
+@pytest.mark.parametrize(
+    "law",
+    [EqT(), pytest.param(Limited(), marks=pytest.mark.slow("solve_ivp steps over many limits"))],
+    ids=["smooth", "limited"],
+)
 def test_knots_are_passed_as_if_each_piece_were_solved_by_itself(law):
     """Every lane comes to a knot at its own step, and a law's comparisons go on there."""
     problem = problem_of(loop_of(law, reference=DENSE), runs=7, samples=2)
@@ -253,6 +257,7 @@ def test_a_tenth_of_the_tolerance_estimates_the_error(long_problem, exact, tol):
     assert (ratio > 0.1).all()
 
 
+@pytest.mark.slow("compiles full code, for many states")
 def test_full_code_agrees_with_compact_code(long_problem, exact):
     full = Taylor(tol=1e-10, code="full").solve(long_problem, quiet)
     assert difference(full, exact).max() < 50 * 1e-10
