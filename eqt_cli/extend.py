@@ -1,8 +1,8 @@
 """Everything that a plugin needs, from one place: base classes, array functions, numbers, errors.
 
-These names stay what they are from version to version, also for plugins whose source is kept in a
-result. ``extend.pyi`` lists them. A plugin that is built upon a component of eqt imports that from
-its own file, which is called as the component is: ``from eqt_cli.controllers.eqt import EqT``.
+From version 0.1.0 on, these names stay, also for plugins whose source is kept in a result.
+``extend.pyi`` lists them. A plugin that is built upon a component of eqt imports that from its own
+file, which is called as the component is: ``from eqt_cli.controllers.eqt import EqT``.
 """
 
 from functools import partial

@@ -535,3 +535,15 @@ def violations(browser):
     yield found
     browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
     browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+
+
+@pytest.fixture
+def noted() -> Callable[..., list[tuple[str, str]]]:
+    """What a component notes of its options, as (option, message)."""
+
+    def noted(component: Any, *group: MatrixLieGroup) -> list[tuple[str, str]]:
+        problems = Problems()
+        component.check(*group, problems)
+        return [(problem.path, problem.message) for problem in problems]
+
+    return noted

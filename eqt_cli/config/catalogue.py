@@ -37,10 +37,7 @@ def options(component: type) -> dict[str, Any]:
     from pydantic import TypeAdapter
 
     from eqt_cli.core.validation import option_names
-    from eqt_cli.ensemble.designs import Design, Surroundings
 
-    if issubclass(component, Design) and hasattr(component, "schema"):  # of the first version
-        return component.schema(Surroundings(lambda axis: {"type": "object"}, {}))
     if not is_dataclass(component) or getattr(component, "whole_section", False):
         return {}
     schema = TypeAdapter(component).json_schema()

@@ -1,6 +1,7 @@
 """One JSON schema of configurations, for editors: the models, and every registered component."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeAlias
 
 from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
@@ -14,7 +15,7 @@ from eqt_cli.core.problems import parse_key
 from eqt_cli.core.registry import Registry, meanings, summary
 from eqt_cli.core.validation import option_names
 from eqt_cli.engines import engines
-from eqt_cli.ensemble.designs import Surroundings, designs
+from eqt_cli.ensemble.designs import designs
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.sweep import BLOCK
 from eqt_cli.ensemble.velocities import velocity_distributions
@@ -23,6 +24,9 @@ from eqt_cli.references import references
 from eqt_cli.vehicle.actuators import actuators
 from eqt_cli.vehicle.forces import forces
 from eqt_cli.vehicle.sensors import sensors
+
+Axes: TypeAlias = Callable[[dict[str, Any]], dict[str, Any]]
+"""Makes the schema of one axis that of a mapping from keys to such axes."""
 
 KIND = "Which component it is; the others of its keys are options of this one."
 LABEL = {"type": "string", "description": "The name of the law in tables and figures; its kind."}
@@ -195,11 +199,10 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
             "additionalProperties": False,
         }
 
-    block = {"$ref": "#/$defs/SweepBlock"}
     kinds = {
         design.name: {
             "description": summary(design),
-            **_design(design, Surroundings(axes, block), schema["$defs"]),
+            **_design(design, axes, schema["$defs"]),
         }
         for design in designs.all()
     }
@@ -213,29 +216,27 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _design(design: Any, around: Surroundings, shared: dict[str, Any]) -> dict[str, Any]:
+def _design(design: Any, axes: Axes, shared: dict[str, Any]) -> dict[str, Any]:
     """The schema of the section of a design."""
-    if hasattr(design, "schema"):  # of the first version
-        return design.schema(around)
     options = _options(design, shared)
     if design.whole_section:
         option = options["properties"][design.whole_section]
-        return _around(option | {"description": summary(design)}, around)
+        return _around(option | {"description": summary(design)}, axes)
     whole = {"type": "object", **options, "additionalProperties": False}
-    return _around(whole, around)
+    return _around(whole, axes)
 
 
-def _around(schema: Any, around: Surroundings) -> Any:
+def _around(schema: Any, axes: Axes) -> Any:
     """The same with keys of this configuration in mappings with any keys, and with its blocks."""
     if isinstance(schema, list):
-        return [_around(entry, around) for entry in schema]
+        return [_around(entry, axes) for entry in schema]
     if not isinstance(schema, dict):
         return schema
     if schema == BLOCK:
-        return around.block
+        return {"$ref": "#/$defs/SweepBlock"}
     if isinstance(axis := schema.get("additionalProperties"), dict):
-        return schema | around.axes(axis)
-    return {key: _around(entry, around) for key, entry in schema.items()}
+        return schema | axes(axis)
+    return {key: _around(entry, axes) for key, entry in schema.items()}
 
 
 _KEY_IN = r"^(?!ensemble\.runs$)({})(\[[0-9]+\])*(\.[^.\[\]]+(\[[0-9]+\])*)*$"

@@ -6,7 +6,6 @@ from typing import ClassVar, Literal
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, dot
-from eqt_cli.core.component import LATER
 from eqt_cli.core.option_types import Real
 from eqt_cli.mechanics.tracking import Tracking
 
@@ -58,8 +57,8 @@ class Family(Controller):
     connection: Real = 0.0
     damping: Frame | None = None
     spatial: float = field(init=False, repr=False)
-    error: Frame = field(default="spatial", metadata=LATER)
-    quadratic: Real = field(default=0.0, metadata=LATER)
+    error: Frame = "spatial"
+    quadratic: Real = 0.0
     has_quadratic: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

@@ -23,7 +23,6 @@ from typing import Any, Generic, TypeVar
 
 from eqt_cli.core.errors import ComponentError, suggestion
 from eqt_cli.core.files import refusals
-from eqt_cli.core.old_paths import find_moved
 
 T = TypeVar("T")
 
@@ -63,7 +62,6 @@ class Registry(Generic[T]):
             for component in self._components(importlib.import_module(info.name)):
                 found[_name(component)] = component
         for point in _entry_points().select(group=self.entry_point_group):
-            find_moved()
             try:
                 component = point.load()
             except Exception as error:
@@ -171,7 +169,6 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
 
 
 def _executed(path: Path, text: str, digest: str) -> ModuleType:
-    find_moved()
     module = ModuleType(f"{_PLUGIN}{digest[:12]}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module  # dataclasses look their module up there

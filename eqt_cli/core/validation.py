@@ -263,16 +263,12 @@ def option_names(component: type) -> list[str]:
 
 
 def as_section(component: Any) -> dict[str, Any]:
-    """A component as a mapping with `kind` and every option, defaults included.
-
-    An option that a component has got later is left out at its default, so that the experiments of
-    earlier results are still the same.
-    """
+    """A component as a mapping with `kind` and every option, defaults included."""
     options = {
         option_of_field(field.name): value
         for field in dataclasses.fields(component)
         for value in [getattr(component, field.name)]
-        if field.init and not ("later" in field.metadata and value == field.default)
+        if field.init
     }
     return {
         "kind": component.name,

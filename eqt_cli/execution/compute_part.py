@@ -263,30 +263,20 @@ def read_part(results: StoredPart, quantities: Sequence[Quantity]) -> dict[str, 
     ResultError
         If it lacks what every run must have.
     """
-    if missing := lacking(results, quantities):
-        raise ResultError(f"{results.path}: does not hold {', '.join(missing)}")
-    rows, numbers = _rows(results), results[NUMBERS]
-    return {
-        entry.name: numbers[rows.index(entry.name)] if is_number(entry) else results[entry.name]
-        for entry in quantities
-        if is_number(entry) or results.has(entry.name)
-    }
-
-
-def lacking(results: StoredPart, quantities: Sequence[Quantity]) -> list[str]:
-    """What every run must have and a part does not hold, as it is of another version of eqt."""
-    rows = _rows(results)
-    return [
+    rows, numbers = str(results.attributes.get(ROWS, "")).split(), results[NUMBERS]
+    missing = [
         entry.name
         for entry in quantities
         if entry.per in (Per.RUN, Per.TRAJECTORY)
         and not (entry.name in rows if is_number(entry) else results.has(entry.name))
     ]
-
-
-def _rows(results: StoredPart) -> list[str]:
-    """The quantities of the rows of numbers."""
-    return str(results.attributes.get(ROWS, "")).split()
+    if missing:
+        raise ResultError(f"{results.path}: does not hold {', '.join(missing)}")
+    return {
+        entry.name: numbers[rows.index(entry.name)] if is_number(entry) else results[entry.name]
+        for entry in quantities
+        if is_number(entry) or results.has(entry.name)
+    }
 
 
 def _solved(

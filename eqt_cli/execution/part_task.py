@@ -16,13 +16,11 @@ from eqt_cli.execution.compute_part import (
     KeptPart,
     StoredPart,
     compute_part,
-    lacking,
     lost_part,
     reference_table,
 )
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.part_files import PartFiles
-from eqt_cli.execution.result_layout import Layout
 from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity_table import DESIRED
@@ -112,19 +110,9 @@ class PartTask:
     def _has_reference(self, index: int) -> bool:
         try:
             with open_results(self.files.reference(index)) as results:
-                # The first version kept other samples of it.
-                return all("sample" in results.dims(name) for name in DESIRED)
+                return all(map(results.has, DESIRED))
         except ResultError:
             return False
-
-    def is_outdated(self, item: int, path: Path) -> bool:
-        """Whether a part was written by a version of eqt that did not keep all of this one's."""
-        index, _ = self.part(item)
-        try:
-            with open_results(path) as results:
-                return bool(lacking(results, Layout(self.study.piece(index)).quantities))
-        except ResultError:
-            return False  # but damaged: whoever reads all of it finds that too
 
     @cached_property
     def shared(self) -> Callable[[int], Desired | None]:

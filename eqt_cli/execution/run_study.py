@@ -24,7 +24,6 @@ from eqt_cli.execution.rerun_failed import rerun_of
 from eqt_cli.execution.result_layout import described
 from eqt_cli.execution.steps import SILENT, Stage, Steps, silent, timed
 from eqt_cli.experiment.study import Study
-from eqt_cli.results.quantity_table import quantities
 from eqt_cli.store.reader import open_results
 
 RERUN = "reruns"
@@ -200,8 +199,6 @@ class _Session:
             self.folder.tidy()
         first, step = (shard.index - 1, shard.count) if shard else (0, 1)
         wanted = range(first, len(self.plan), step)
-        if shard or earlier.get("quantities") != manifest["quantities"]:
-            self._forget_outdated(self.task, wanted)
         runs = sum(map(self.task.runs_of, wanted))
         resumed = runs - sum(map(self.task.runs_of, self.task.missing(wanted)))
         self.resumed(resumed)
@@ -227,21 +224,6 @@ class _Session:
             if entry.failed == self.plan.runs_of(number):
                 entry.path.unlink()
 
-    def _forget_outdated(self, task: PartTask, numbers: Iterable[int]) -> None:
-        """Remove those of some parts that do not hold all that this version keeps, and say so."""
-        there = task.files.listed()
-        outdated = [n for n in numbers if n in there and task.is_outdated(n, there[n].path)]
-        for number in outdated:
-            there[number].path.unlink()
-        if outdated:
-            runs = sum(map(task.runs_of, outdated))
-            self.remark(
-                EqtWarning(
-                    f"{self.folder.path}: {runs} of its runs were computed with a version of eqt "
-                    "that keeps other numbers of each; they are computed again"
-                )
-            )
-
     def rerun(self, failed: int) -> Execution:
         """Compute the failed runs of a finished result again, and replace their rows."""
         self.resumed(self.plan.total - failed)
@@ -254,7 +236,6 @@ class _Session:
         self._tell_versions([earlier], here)
         origin = together(earlier, here)
         with timed(self.seconds, "simulation"):
-            self._forget_outdated(again, range(len(again)))
             self._compute(again)
         with timed(self.seconds, "writing"):
             described = json.dumps(origin, ensure_ascii=False)
@@ -283,7 +264,6 @@ class _Session:
                 if broken.path in mended:  # what computing it again does not cure
                     raise
                 mended.add(broken.path)
-                self._forget_outdated(self.task, range(len(self.plan)))
                 broken.path.unlink(missing_ok=True)
                 self._compute(self.task)
 
@@ -313,7 +293,6 @@ class _Session:
             "runs": study.base.config.ensemble.runs,
             "controllers": list(study.base.loops),
             "plan": self.plan.data,
-            "quantities": [entry.name for entry in quantities(study.base, study.vehicles)],
             "config": study.numeric_config,
             "provenance": origin,
             "begun": earlier["begun"] if same and "begun" in earlier else now(),

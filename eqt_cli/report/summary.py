@@ -69,9 +69,8 @@ def provenance(result: Result) -> list[tuple[str, str]]:
     """Names and values."""
     attributes, origin = result.attributes, result.provenance
     found = [(str(name), _words(value, origin)) for name, value in origin.items() if value]
-    # "source" in results of the first versions.
-    theory = attributes.get("references", attributes.get("source", ""))
-    found += [("digest", str(attributes.get("digest", ""))), ("theory", str(theory))]
+    for name, key in (("digest", "digest"), ("theory", "references")):
+        found.append((name, str(attributes.get(key, ""))))
     return [(name, words) for name, words in found if words]
 
 

@@ -15,8 +15,15 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from eqt_cli.core.version import __version__
 from eqt_cli.store.output_file import created
-from eqt_cli.store.reserved_names import COORDINATES, FORMAT, FORMAT_ATTRIBUTE, PLACEHOLDER
+from eqt_cli.store.reserved_names import (
+    COORDINATES,
+    FORMAT,
+    FORMAT_ATTRIBUTE,
+    PLACEHOLDER,
+    VERSION_ATTRIBUTE,
+)
 from eqt_cli.store.table import Attribute, Variable
 
 _CHUNK_BYTES = 2**20
@@ -175,6 +182,7 @@ def assemble(
     """
     with created(path, tag) as file:
         file.attrs[FORMAT_ATTRIBUTE] = FORMAT
+        file.attrs[VERSION_ATTRIBUTE] = np.bytes_(__version__)
         yield Assembly(file, sizes, coordinates, variables, compression)
 
 

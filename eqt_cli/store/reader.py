@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from eqt_cli.core.errors import Remedy, ResultError, suggestion
 from eqt_cli.core.files import YAML, near
+from eqt_cli.core.version import __version__
 from eqt_cli.store import safety
 from eqt_cli.store.reserved_names import FILE_NAME, FORMAT, FORMAT_ATTRIBUTE, POINT
 from eqt_cli.store.table import Attribute
@@ -58,7 +59,7 @@ class ResultFile:
             self._view = stack.enter_context(mmap(stream.fileno(), 0, access=ACCESS_READ))
             # No locks: result files never change, and some network disks refuse to lock.
             self._file = stack.enter_context(_opened(path))
-            _check_format(path, safety.format_of(self._file))
+            _check_format(path, safety.format_of(self._file), safety.version_of(self._file))
             checked = safety.inspect(self._file, self._view)
             self._open = stack.pop_all()
         self._root, self._points, self._heaps = checked.root, checked.points, checked.heaps
@@ -375,16 +376,17 @@ def _refused(path: Path, reason: str) -> ResultError:
     return ResultError(f"{path}: refused: {reason}; {_RESTORE}")
 
 
-def _check_format(path: Path, version: int | None) -> None:
-    if version is None:
+def _check_format(path: Path, number: int | None, writer: str | None) -> None:
+    if number is None:
         raise ResultError(
             f"{path}: is an HDF5 file, but not one of eqt's (it has no attribute "
             f"'{FORMAT_ATTRIBUTE}'); give the {FILE_NAME} that eqt wrote"
         )
-    if version != FORMAT:
+    if number != FORMAT:
+        wrote = f"eqt {writer}" if writer else "the version of eqt that wrote it"
         raise ResultError(
-            f"{path}: has format {version}, and this eqt reads format {FORMAT}; "
-            "read it with the version of eqt that wrote it, or a newer one"
+            f"{path}: has format {number}, but eqt {__version__} reads format {FORMAT}; "
+            f"read it with {wrote}"
         )
 
 

@@ -6,10 +6,13 @@ NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.@+-]*")
 """What variables, dimensions and attributes may be called; all tools that read HDF5 take these."""
 
 FORMAT = 1
-"""Version of the file layout; a reader refuses what is newer than itself."""
+"""Number of the file layout; a reader refuses every other number."""
 
 FORMAT_ATTRIBUTE = "eqt_format"
 """The root attribute that marks a file as one of eqt's, and holds its `FORMAT`."""
+
+VERSION_ATTRIBUTE = "eqt_version"
+"""The root attribute with the version of eqt that wrote the file, of a fixed length."""
 
 FILE_NAME = "results.h5"
 """The name of the result file in a result folder."""
@@ -29,6 +32,7 @@ COORDINATES = "coordinates"
 RESERVED = frozenset(
     {
         FORMAT_ATTRIBUTE,
+        VERSION_ATTRIBUTE,
         COORDINATES,
         "CLASS",
         "DIMENSION_LABELS",

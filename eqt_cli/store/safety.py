@@ -5,6 +5,7 @@ need is let through: datasets of numbers or strings, each in bytes of its own, d
 or in one group for each point of a sweep.
 """
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from math import prod
@@ -22,6 +23,7 @@ from eqt_cli.store.reserved_names import (
     POINT,
     POINT_GROUP,
     RESERVED,
+    VERSION_ATTRIBUTE,
     point_group,
 )
 from eqt_cli.store.string_heaps import BrokenHeapError, read_heaps
@@ -34,6 +36,7 @@ _FILTERS: tuple[list[int], ...] = ([], [_DEFLATE], [_SHUFFLE, _DEFLATE])
 # One byte of a deflate stream expands to at most 1032 bytes (RFC 1951: 258 bytes from 2 bits).
 _DEFLATE_RATIO = 1032
 _ATTACHMENT = np.dtype([("address", "<u8"), ("axis", "<u4"), ("padding", "<u4")])
+_VERSION = re.compile(r"[0-9A-Za-z.+-]{1,32}")
 _REFERENCE = np.dtype([("length", "<u4"), ("collection", "<u8"), ("index", "<u4")])
 
 
@@ -71,13 +74,25 @@ class Checked:
 
 
 def format_of(file: Any) -> int | None:
-    """The version of eqt's layout, or None for other people's files."""
+    """The number of eqt's layout, or None for other people's files."""
     if FORMAT_ATTRIBUTE not in file.attrs:
         return None
     handle = h5py.h5a.open(file.id, FORMAT_ATTRIBUTE.encode())
     if handle.shape != () or handle.get_type().get_class() != h5py.h5t.INTEGER:
         return None
     return int(file.attrs[FORMAT_ATTRIBUTE])
+
+
+def version_of(file: Any) -> str | None:
+    """The version of eqt that wrote the file; None where it does not say so as eqt does."""
+    if VERSION_ATTRIBUTE not in file.attrs:
+        return None
+    handle = h5py.h5a.open(file.id, VERSION_ATTRIBUTE.encode())
+    kind = handle.get_type()
+    if handle.shape != () or kind.get_class() != h5py.h5t.STRING or kind.is_variable_str():
+        return None
+    found = bytes(file.attrs[VERSION_ATTRIBUTE]).decode("ascii", "replace")
+    return found if _VERSION.fullmatch(found) else None
 
 
 def inspect(file: Any, view: mmap) -> Checked:

@@ -1,4 +1,4 @@
-"""Every component of every registry, eqt's own and the first version's plugins, for shared tests.
+"""Every component of every registry, eqt's own and the plugins of these tests, for shared tests.
 
 A test takes one as an argument: `controller_class`, `engine_class`, and so on. A component that a
 scan of its folder finds is tested without a further line, unless it has options that must be given:
@@ -29,7 +29,7 @@ from eqt_cli.references.path import PathFactor
 from eqt_cli.references.waypoints import Waypoint
 from eqt_cli.vehicle.forces import Force
 
-PLUGINS = sorted(Path(__file__).parents[1].glob("compatibility/first_version/plugins/*.py"))
+PLUGINS = sorted(Path(__file__).parents[1].glob("plugins/*.py"))
 
 ARGUMENTS = {"velocities": "velocity"}
 """Singulars that are not the plural without its s."""
@@ -65,7 +65,7 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 @cache
 def components(kind: str) -> list[type]:
-    """Of eqt and of the first version's plugins, which stay unknown to the other tests."""
+    """Of eqt and of the plugins in ``tests/plugins``, which stay unknown to the other tests."""
     found = registry(kind).all()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(registries, "_loaded_plugins", {})
@@ -84,8 +84,8 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 
 
 @pytest.fixture
-def first_version(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Load plugins of the first version, by the names of their files, for one test."""
+def load_plugins(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Load plugins, by the names of their files, for one test."""
     monkeypatch.setattr(registries, "_loaded_plugins", {})
     for kind in KINDS:
         monkeypatch.setattr(registry(kind), "_plugins", {})

@@ -45,10 +45,10 @@ def test_a_row_is_of_its_certificate(certificate_class):
     )
 
 
-def test_certificates_of_plugins_join_those_of_eqt(first_version, tmp_path):
+def test_certificates_of_plugins_join_those_of_eqt(load_plugins, tmp_path):
     experiment = api.load_experiment(CONFIG)
     before = api.verify(experiment).rows
-    first_version("certificates")
+    load_plugins("certificates")
     after = api.verify(experiment).rows
     mine = ["the g-term has no power", "the error ends small", "the reference moves"]
     assert {row.name for row in after} - {row.name for row in before} == set(mine)

@@ -32,9 +32,9 @@ DRAWN = "{points: 4, seed: 1, axes: {gains.kp: {low: 1, high: 2}, gains.kd: {low
 
 
 @pytest.fixture
-def found(design_class, first_version, tmp_path):
+def found(design_class, load_plugins, tmp_path):
     """A study whose sweep has one block of the design, and its configuration."""
-    first_version("designs")
+    load_plugins("designs")
     name = design_class.name
     path = tmp_path / "config.yaml"
     path.write_text(f"{CONFIG}  - {name}: {SECTIONS.get(name, DRAWN)}\n", encoding="utf-8")
@@ -77,8 +77,8 @@ def test_editors_accept_its_section(found):
     jsonschema.validate(yaml.safe_load(found[1].read_text()), json_schema())
 
 
-def test_what_is_no_design_is_a_message_with_its_place(design_class, first_version, tmp_path):
-    first_version("designs")
+def test_what_is_no_design_is_a_message_with_its_place(design_class, load_plugins, tmp_path):
+    load_plugins("designs")
     path = tmp_path / "config.yaml"
     path.write_text(f"{CONFIG}  - {design_class.name}: 3\n", encoding="utf-8")
     with pytest.raises(EqtError) as caught:

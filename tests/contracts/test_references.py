@@ -61,5 +61,5 @@ def test_a_velocity_that_is_kept_is_kept(loop, states):
     np.testing.assert_allclose(moved, 0, rtol=0, atol=ROUNDING)
 
 
-def test_its_options_fit_the_group(loop):
-    assert loop.reference.problems(loop.group) == []
+def test_its_options_fit_the_group(loop, noted):
+    assert noted(loop.reference, loop.group) == []

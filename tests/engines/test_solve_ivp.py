@@ -497,14 +497,14 @@ def test_progress_is_reported_along_the_way():
 # Options ------------------------------------------------------------------------------------------
 
 
-def test_options_that_work_have_no_problems():
-    assert SolveIvp().problems() == []
-    assert SolveIvp(rtol=SMALLEST_RTOL).problems() == []
+def test_options_that_work_have_no_problems(noted):
+    assert noted(SolveIvp()) == []
+    assert noted(SolveIvp(rtol=SMALLEST_RTOL)) == []
 
 
 @pytest.mark.parametrize(
     ("rtol", "got"), [(1e-14, "1e-14"), (1.0, "1")], ids=["too_small", "too_large"]
 )
-def test_message_of_a_tolerance_that_scipy_cannot_use(rtol, got):
+def test_message_of_a_tolerance_that_scipy_cannot_use(rtol, got, noted):
     message = f"expected a number from 2.22e-14 (SciPy's smallest) to 1, got {got}"
-    assert SolveIvp(rtol=rtol).problems() == [("rtol", message)]
+    assert noted(SolveIvp(rtol=rtol)) == [("rtol", message)]

@@ -7,11 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from eqt_cli.config import catalogue
-from eqt_cli.config.json_schema import json_schema
 from eqt_cli.core.problems import Problems, dotted
 from eqt_cli.ensemble.axes import Choices, Drawn, Spaced
-from eqt_cli.ensemble.designs import Design, designs
 from eqt_cli.ensemble.sweep import Sweep
 
 
@@ -222,66 +219,6 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
 )
 def test_what_is_wrong_is_said_at_its_place(blocks, path, message):
     assert notes(*blocks) == [(dotted(path), message)]
-
-
-# A plugin of the first version parses its section, and writes its schema, by hand ----------------
-
-
-class Diagonal(Design):
-    """The same number for every key."""
-
-    name = "diagonal"
-
-    def __init__(self, keys, count):
-        self.keys, self.count = keys, count
-
-    @classmethod
-    def parse(cls, section, note):
-        if isinstance(section.get("count"), int):
-            return cls(tuple(section["keys"]), section["count"])
-        note(("count",), "expected a whole number")
-        return None
-
-    @classmethod
-    def schema(cls, around):
-        axes = around.axes({"type": "number"})
-        return {"properties": {"keys": axes, "of": around.block, "count": {"type": "integer"}}}
-
-    def __len__(self):
-        return self.count
-
-    def values(self, point):
-        return (point,) * len(self.keys)
-
-    def place(self, point, key):
-        return ("count",)
-
-
-@pytest.fixture
-def diagonal(monkeypatch):
-    monkeypatch.setitem(designs._plugins, Diagonal.name, Diagonal)
-
-
-@pytest.mark.usefixtures("diagonal")
-def test_a_section_that_a_design_parses_by_itself():
-    found = sweep({"diagonal": {"keys": ["a", "b"], "count": 2}})
-    assert points(found) == [{"a": 0, "b": 0}, {"a": 1, "b": 1}]
-    assert found.place(1, "b") == (0, "diagonal", "count")
-
-
-@pytest.mark.usefixtures("diagonal")
-def test_what_a_design_notes_is_noted_at_its_place():
-    assert notes({"concat": [{"diagonal": {"keys": []}}]}) == [
-        ("[0].concat[0].diagonal.count", "expected a whole number")
-    ]
-
-
-@pytest.mark.usefixtures("diagonal")
-def test_a_schema_that_a_design_writes_by_itself():
-    options = json_schema()["$defs"]["SweepBlock"]["properties"]["diagonal"]["properties"]
-    assert options["of"] == {"$ref": "#/$defs/SweepBlock"}
-    assert {"type": "number"} in options["keys"]["patternProperties"].values()
-    assert list(catalogue.options(Diagonal)["properties"]) == ["keys", "of", "count"]
 
 
 @pytest.mark.parametrize("scale", ["linear", "log"])

@@ -356,62 +356,21 @@ def renamed(rows, names):
     return rows, ["exertion" if name == "effort" else name for name in names]
 
 
-def forget_what_was_kept(out):
-    """Let the folder be of a session that kept other quantities."""
-    path = out / "manifest.json"
-    manifest = json.loads(path.read_text(encoding="utf-8"))
-    path.write_text(json.dumps(manifest | {"quantities": []}), encoding="utf-8")
-
-
-@pytest.mark.parametrize("told", [True, False], ids=["told", "not told"])
-def test_numbers_of_a_part_are_read_by_name(make, whole, tmp_path, remarks, told):
+def test_numbers_of_a_part_are_read_by_name(make, whole, tmp_path, remarks):
     out = tmp_path / "out"
     interrupted(make(), out)
     edit(out / "parts/000001.h5", exchanged)
-    if told:
-        forget_what_was_kept(out)
     assert execute(make(), out, remark=remarks.append).resumed == 6
     assert remarks == []
     assert_same(contents(out), whole)
 
 
 @pytest.mark.parametrize("change", [unnamed, renamed])
-@pytest.mark.parametrize("told", [True, False], ids=["told", "not told"])
-def test_a_part_that_lacks_a_number_is_computed_again(make, whole, tmp_path, remarks, change, told):
+def test_a_part_that_lacks_a_number_is_computed_again(make, whole, tmp_path, change):
     out = tmp_path / "out"
     interrupted(make(), out)
     edit(out / "parts/000001.h5", change)
-    if told:
-        forget_what_was_kept(out)
-    assert execute(make(), out, remark=remarks.append).resumed == (3 if told else 6)
-    assert list(map(str, remarks)) == [
-        f"{out}: 3 of its runs were computed with a version of eqt that keeps other numbers of "
-        "each; they are computed again"
-    ]
-    assert_same(contents(out), whole)
-
-
-def test_a_shard_computes_its_own_outdated_parts_again(make, whole, tmp_path, remarks):
-    out = tmp_path / "out"
-    execute(make(), out, shard=Shard(1, 2))
-    for name in ("000000", "000002"):
-        edit(out / f"parts/{name}.h5", unnamed)
-    assert execute(make(), out, shard=Shard(2, 2), remark=remarks.append).resumed == 0
-    assert remarks == []
-    assert execute(make(), out, shard=Shard(1, 2), remark=remarks.append).resumed == 1
-    assert len(remarks) == 1
-    pack_folder(make(), out)
-    assert_same(contents(out), whole)
-
-
-def test_new_rows_that_lack_a_number_are_computed_again(make, whole, tmp_path, remarks):
-    out = tmp_path / "out"
-    execute(make(), out, executor=Losing({1, 2}))
-    with pytest.raises(KeyboardInterrupt):
-        execute(make(), out, rerun_failed=True, executor=Stopping(1))
-    edit(out / "reruns/000000.h5", unnamed)
-    assert execute(make(), out, rerun_failed=True, remark=remarks.append).failed == 0
-    assert len(remarks) == 1
+    execute(make(), out)
     assert_same(contents(out), whole)
 
 

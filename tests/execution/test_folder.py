@@ -45,7 +45,6 @@ def test_what_it_holds(run: Run) -> None:
         "runs",
         "controllers",
         "plan",
-        "quantities",
         "config",
         "begun",
         "provenance",

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +13,7 @@ import pytest
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.executors import executors
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.read_study import study
@@ -18,6 +22,8 @@ from eqt_cli.store.reader import ResultFile, open_results
 Run = Callable[..., Execution]
 Build = Callable[..., Experiment]
 Message = Callable[..., str]
+
+PLUGINS = Path(__file__).parents[1] / "plugins"
 
 EVERY_KIND = '''\
 """One component of every kind, each a copy of one of eqt's under another name."""
@@ -96,6 +102,14 @@ def law(folder: Path) -> Path:
     return path
 
 
+@pytest.fixture
+def every_plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The configuration that uses the plugins in ``tests/plugins``, beside a copy of them."""
+    shutil.copytree(PLUGINS, tmp_path / "plugins", ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.chdir(tmp_path)
+    return Path(shutil.copy(PLUGINS / "every_kind.yaml", tmp_path))
+
+
 def datasets(results: ResultFile) -> dict[str, np.ndarray]:
     return {name: results[name] for name in (*results.names, *results.coordinates)}
 
@@ -113,6 +127,56 @@ def test_a_plugin_of_every_kind_runs(run: Run, folder: Path) -> None:
     run(out="mine", **MINE)
     run(out="theirs", **THEIRS)
     assert_equal_datasets(folder / "mine", folder / "theirs")
+
+
+LOAD = """\
+import sys
+from pathlib import Path
+from eqt_cli.core.registry import load_plugin
+for path in sys.argv[1:]:
+    assert load_plugin(Path(path)), path
+"""
+
+
+def test_a_plugin_is_all_that_a_process_needs_to_load() -> None:
+    """Nothing else is imported before, so the base class alone brings its registry."""
+    paths = sorted(map(str, PLUGINS.glob("*.py")))
+    command = [sys.executable, "-W", "error", "-c", LOAD, *paths]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("", "")
+
+
+def test_plugins_of_every_kind_run_together(every_plugin: Path, tmp_path: Path) -> None:
+    found = study(read_config(every_plugin))
+    done = execute(found, tmp_path / "out", executor=executors.get("backwards")(1))
+    assert (done.runs, done.failed) == (20, 0)
+
+
+def test_wrong_options_of_plugins_are_reported_together(every_plugin: Path) -> None:
+    wrong = {
+        "frequencies: [1.0, 2.0, pi/2]": "frequencies: [1.0]",
+        'amplitude: "1 + 0.2*cos(t)"': 'amplitude: "1 +"',
+        "weight: 0.25": "wieght: 0.25",
+        "angle: 0.8": "angle: -1",
+        "rtol: 1.0e-6": "rtol: 2.0",
+    }
+    text = every_plugin.read_text()
+    for right, value in wrong.items():
+        assert right in text
+        text = text.replace(right, value)
+    every_plugin.write_text(text)
+    with pytest.raises(EqtError) as caught:
+        study(read_config(every_plugin))
+    said = [line.split(": ", 1)[1] for line in str(caught.value).splitlines()]
+    assert [line.partition(":")[0] for line in said] == [
+        "reference.frequencies",
+        "reference.amplitude",
+        "controllers[4].wieght",
+        "initial.pose.angle",
+        "solver.rtol",
+    ]
+    assert said[0] == "reference.frequencies: expected 3 for Turning, got 1"
+    assert said[4] == "solver.rtol: expected less than 1, got 2"
 
 
 def test_options_of_a_plugin_are_checked(message: Message, law: Path) -> None:

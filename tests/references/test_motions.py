@@ -291,11 +291,11 @@ def test_engines_agree_far_from_the_reference(G):
     np.testing.assert_allclose(found[0], found[1], rtol=0, atol=bound)
 
 
-# A reference of the first version -----------------------------------------------------------------
+# A reference that a torque drives ---------------------------------------------------------------
 
 
 class Spin(Reference):
-    """What a plugin of the first version says."""
+    """Turns about the first axis at a rate that grows."""
 
     name = "spin"
 
@@ -304,7 +304,7 @@ class Spin(Reference):
 
 
 @pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
-def test_reference_of_the_first_version_is_integrated(G, engine):
+def test_a_reference_that_a_torque_drives_is_integrated(G, engine):
     if engine == "taylor":
         pytest.importorskip("heyoka")
     s = on_reference(closed_loop(G, Spin()), engine)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import ResultError
+from eqt_cli.core.version import __version__
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
@@ -75,12 +76,25 @@ def test_an_hdf5_file_of_another_program(tmp_path):
     )
 
 
-def test_a_newer_format(path):
+@pytest.mark.parametrize(
+    ("version", "said"),
+    [
+        (np.bytes_("0.9.1"), "eqt 0.9.1"),
+        (np.bytes_("\x1b[31m"), "the version of eqt that wrote it"),
+        ("0.9.1" * 1000, "the version of eqt that wrote it"),
+        (7, "the version of eqt that wrote it"),
+        (None, "the version of eqt that wrote it"),
+    ],
+)
+def test_another_format(path, version, said):
     with h5py.File(path, "r+") as file:
+        assert file.attrs["eqt_version"] == __version__.encode()
         file.attrs["eqt_format"] = 2
+        del file.attrs["eqt_version"]
+        if version is not None:
+            file.attrs["eqt_version"] = version
     assert refusal(path) == (
-        f"{path}: has format 2, and this eqt reads format 1; "
-        "read it with the version of eqt that wrote it, or a newer one"
+        f"{path}: has format 2, but eqt {__version__} reads format 1; read it with {said}"
     )
 
 

@@ -15,7 +15,6 @@ from eqt_cli.groups import Part
 from eqt_cli.plots.drawing import latex
 from eqt_cli.plots.drawing.tex_letters import mathematical, shift
 from eqt_cli.results.quantity import Quantity
-from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import Result
 
 _SYMBOL = re.compile(r"\w+_\{[^}]*\}|\w+[_^]\w+|\w+\*|\b[GLPQ]\b|[⋉→Υ]")
@@ -46,10 +45,6 @@ _OF_MOTIONS = {
     "torque_norm": (r"\|\tau\|", r"\|f\|"),
 }
 """What the norms are in rigid motions: of the rotation, and of the translation."""
-
-
-SYMBOLS = {quantity.name: quantity.symbol for quantity in QUANTITIES.values() if quantity.symbol}
-"""By the names of what results hold, as plugins of the first version look them up."""
 
 
 def quantity(symbol: str, unit: str) -> str:
