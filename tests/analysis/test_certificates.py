@@ -101,15 +101,6 @@ def hypothesis(name, loop, **changes):
     return {row.name: row for row in rows}[name]
 
 
-# Registry -----------------------------------------------------------------------------------------
-
-
-def test_every_certificate_says_what_and_where():
-    for certificate in certificates.all():
-        assert certificate.name and certificate.statement and certificate.section >= 2
-        assert certificate.kind in ("identity", "trajectory", "hypothesis")
-
-
 # Identities ---------------------------------------------------------------------------------------
 
 
