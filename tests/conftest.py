@@ -60,6 +60,7 @@ def pytest_configure(config: pytest.Config) -> None:
     if most:
         judge = processor_time.ProcessorTime(most)
         config.pluginmanager.register(judge)
+        processor_time.judges.append(judge)
         judge.watch_compilers()
         processor_time.load_everything()
 

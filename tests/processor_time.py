@@ -16,7 +16,7 @@ import importlib
 import os
 import pkgutil
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from importlib.util import find_spec
 from time import process_time
 from typing import Any
@@ -144,6 +144,15 @@ class ProcessorTime:
                 '@pytest.mark.slow("why it must be")'
             )
         return report
+
+
+judges: list[ProcessorTime] = []
+"""The one of this process, where there is one."""
+
+
+def for_others() -> AbstractContextManager[None]:
+    """What is done here is kept for other tests, and counts as a fixture of several."""
+    return judges[0].counted_apart() if judges else nullcontext()
 
 
 def unexplained(items: list[pytest.Item]) -> list[str]:
