@@ -13,7 +13,7 @@ ARGS ?=
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help paper figures figures-check test test-lowest faults fuzz mutants oracles bench check format reference docs clean
+.PHONY: help paper figures figures-check test test-all test-lowest faults fuzz mutants oracles bench check format reference docs clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-13s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -29,17 +29,20 @@ figures: $(VENV)/.stamp-base ## draw every figure of the documentation anew, in 
 figures-check: $(VENV)/.stamp-base ## compare the numbers behind the figures with those in docs/figures
 	EQT=$(BIN)/eqt PYTHON=$(BIN)/python docs/figures/draw.sh check
 
-test: $(VENV)/.stamp-dev ## run the tests
+test: $(VENV)/.stamp-dev ## run the tests but the slow ones
+	$(BIN)/python -m pytest -n auto --dist worksteal -m 'not slow' $(ARGS)
+
+test-all: $(VENV)/.stamp-dev ## run all tests; ARGS='-m slow': the slow ones only
 	$(BIN)/python -m pytest -n auto --dist worksteal $(ARGS)
 
-test-lowest: $(LOWEST)/.stamp ## run the tests on the oldest supported versions (needs python3.11)
+test-lowest: $(LOWEST)/.stamp ## run all tests on the oldest supported versions (needs python3.11)
 	$(LOWEST)/bin/python -m pytest -n auto --dist worksteal $(ARGS)
 
 SHARE ?= full
 faults: $(VENV)/.stamp-dev ## kill runs and sweeps at 500 random moments; SHARE=tenth: at 50
 	EQT_FAULTS=$(SHARE) $(BIN)/python -m pytest -n auto --dist worksteal tests/faults $(ARGS)
 
-fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results (minutes); test does a tenth
+fuzz: $(VENV)/.stamp-dev ## try 10,000 mutated configurations and 5,000 results (minutes); test-all does a tenth
 	EQT_FUZZ=full $(BIN)/python -m pytest -n auto --dist worksteal tests/fuzz $(ARGS)
 
 oracles: $(VENV)/.stamp-dev ## compare the mechanics with MuJoCo and Pinocchio, which it installs

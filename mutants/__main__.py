@@ -55,7 +55,7 @@ TESTS = (
         )
     ),
 )
-"""The tests of the core."""
+"""The tests of the core, of which those that are marked as slow are left out."""
 
 EQUIVALENT = Path(__file__).with_name("equivalent.yaml")
 
@@ -113,7 +113,8 @@ def _try(
     with tempfile.TemporaryDirectory() as folder:
         os.environ["PYTEST_DEBUG_TEMPROOT"] = folder
         ignored = [f"--ignore={file}" for file in options.ignore]
-        arguments = ["-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist", *ignored, *TESTS]
+        fast = ["-m", "not slow", "-p", "no:cacheprovider", "-p", "no:xdist"]
+        arguments = ["-q", "-s", *fast, *ignored, *TESTS]
         code = pytest.main(arguments, plugins=[Trials(mutants, options.workers, done)])
     if code:
         sys.exit(f"the tests of the core cannot be run: {code!r}")

@@ -20,6 +20,7 @@ CORE = (
     "closed_loop",
     "ensemble",
     "engines",
+    "vehicle",
     "analysis/comparison/bootstrap.py",
     "analysis/comparison/compare.py",
     "analysis/comparison/pairs.py",

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import shutil
 import signal
 import sys
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
+from functools import partial
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -21,6 +24,7 @@ from hypothesis import strategies as st
 
 from eqt_cli.cli import main
 from eqt_cli.config.source import read_config
+from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.core.interruptions import ASKED_BY
 from eqt_cli.core.problems import Problems
@@ -32,6 +36,8 @@ from eqt_cli.results.result import open_result
 from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
 
+pytest_plugins = ["pytester"]
+
 # A deadline would time the machine, which runs tests side by side, and not the code. Samples are
 # the same in every run, so that a change is judged by what it changes; the nightly run draws new
 # ones.
@@ -39,6 +45,32 @@ settings.register_profile(
     "eqt", deadline=None, derandomize=os.environ.get("EQT_SAMPLES") != "random"
 )
 settings.load_profile("eqt")
+
+# What a test takes is judged where a bound is given: see processor_time.py.
+_spec = importlib.util.spec_from_file_location(
+    "processor_time", Path(__file__).with_name("processor_time.py")
+)
+processor_time = importlib.util.module_from_spec(_spec)
+sys.modules["processor_time"] = processor_time
+_spec.loader.exec_module(processor_time)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    most = float(os.environ.get("EQT_MOST_CPU") or 0)
+    if most:
+        judge = processor_time.ProcessorTime(most)
+        config.pluginmanager.register(judge)
+        processor_time.judges.append(judge)
+        judge.watch_compilers()
+        processor_time.load_everything()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    if silent := processor_time.unexplained(items):
+        raise pytest.UsageError(
+            'expected a reason, @pytest.mark.slow("why it must be"), of ' + ", ".join(silent)
+        )
+
 
 # Under `nohup`, or behind `&` of a script, signals are ignored, and then by all that tests start.
 for number in ASKED_BY:
@@ -163,6 +195,34 @@ def G(request: pytest.FixtureRequest) -> MatrixLieGroup:
     return group
 
 
+def _laws_on_groups() -> Iterator[tuple[MatrixLieGroup, Controller]]:
+    """Every law on a simple group and on a product with all that groups have, EqT on every group.
+
+    A law is written once for all groups, and a group knows no law: more pairs tell no more. A law
+    for neither of the two is tried on the first that it is for.
+    """
+    for name in controllers.names():
+        law = controllers.get(name)()
+        fitting = [G for G in ALL_GROUPS if not _problems(law, G)]
+        chosen = [G for G in fitting if name == "eqt" or G.name in ("SO3", "SE3*SO2")]
+        yield from ((G, law) for G in chosen or fitting[:1])
+
+
+def _problems(law: Controller, G: MatrixLieGroup) -> Problems:
+    problems = Problems()
+    law.check(G, problems)
+    return problems
+
+
+@pytest.fixture(
+    scope="session", params=_laws_on_groups(), ids=lambda pair: f"{pair[0].name}-{pair[1].name}"
+)
+def law_on_group(request: pytest.FixtureRequest) -> tuple[MatrixLieGroup, Controller]:
+    """Laws and groups in turn, as `_laws_on_groups` pairs them."""
+    pair: tuple[MatrixLieGroup, Controller] = request.param
+    return pair
+
+
 @pytest.fixture(scope="module")
 def shape() -> tuple[int, ...]:
     """The batch shape of `samples`; a module may override it."""
@@ -285,25 +345,62 @@ def run(folder: Path) -> Callable[..., Execution]:
 
 
 @pytest.fixture(scope="session")
-def paper_result(invoke: Callable[..., Called], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of the paper's experiment with 60 runs per controller."""
-    folder = tmp_path_factory.mktemp("paper") / "result"
-    config = Path(__file__).parents[1] / "configs" / "paper.yaml"
-    settings = ["ensemble.runs=60", "time.samples=201", "solver.rtol=1e-6", "solver.cross_check=0"]
-    invoke("run", config, "--out", folder, "--quiet", *(f"--set={setting}" for setting in settings))
-    return folder
+def made_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
+    """A folder of this name, which the first process that asks for it fills; to be read only."""
+    root = tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:  # each has a folder of its own, in a common one
+        root = root.parent
+
+    def made(name: str, make: Callable[[Path], object]) -> Path:
+        folder, done = root / name, root / f"{name}.done"
+        try:
+            folder.mkdir()
+        except FileExistsError:
+            while not done.exists():
+                time.sleep(0.05)
+        else:
+            try:
+                make(folder)
+                (folder / "made").touch()
+            finally:
+                done.touch()
+        assert (folder / "made").exists(), f"{name} could not be made"
+        return folder
+
+    return made
+
+
+PAPER = Path(__file__).parents[1] / "configs" / "paper.yaml"
+ROUGH = ["--quiet", "--set=solver.rtol=1e-6", "--set=solver.cross_check=0"]
 
 
 @pytest.fixture(scope="session")
-def swept_result(invoke: Callable[..., Called], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def paper_result(invoke: Callable[..., Called], made_once: Callable[..., Path]) -> Path:
+    """The folder of the paper's experiment with 60 runs per controller."""
+    few = ["--set=ensemble.runs=60", "--set=time.samples=201"]
+    run = partial(invoke, "run", PAPER, *few, *ROUGH, "--out")
+    return made_once("paper", lambda folder: run(folder / "result")) / "result"
+
+
+@pytest.fixture(scope="session")
+def swept_result(invoke: Callable[..., Called], made_once: Callable[..., Path]) -> Path:
     """The folder of a sweep: six points of the paper's experiment, shortened, 5 runs each."""
-    folder = tmp_path_factory.mktemp("swept") / "result"
-    config = Path(__file__).parents[1] / "configs" / "paper.yaml"
-    settings = ["ensemble.runs=5", "time.duration=4", "time.samples=41", "solver.rtol=1e-6"]
-    sets = [f"--set={setting}" for setting in [*settings, "solver.cross_check=0"]]
+    few = ["--set=ensemble.runs=5", "--set=time.duration=4", "--set=time.samples=41"]
     grids = ["--grid", "gains.kp=0.5,1,2.5", "--grid", "gains.kd=0.5,1"]
-    invoke("sweep", config, "--out", folder, "--quiet", *sets, *grids)
-    return folder
+    sweep = partial(invoke, "sweep", PAPER, *few, *ROUGH, *grids, "--out")
+    return made_once("swept", lambda folder: sweep(folder / "result")) / "result"
+
+
+@pytest.fixture(scope="session")
+def page_of(invoke: Callable[..., Called], made_once: Callable[..., Path]) -> Callable[..., Path]:
+    """The page of one of the two results above, as `eqt report` writes it."""
+
+    def written(result: Path) -> Path:
+        write = partial(invoke, "report", result, "--out")
+        name = f"page of {result.parent.name}"
+        return made_once(name, lambda folder: write(folder / "report.html")) / "report.html"
+
+    return written
 
 
 PER_RUN = ("controller", "run")

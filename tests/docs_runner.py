@@ -1,6 +1,4 @@
-"""Carries out pages of the documentation: lines of PAGE, a tab, and FOLDER on standard input.
-
-It answers each with the exit code of the page, whose output is then in FOLDER/.said.
+"""Carries out pages of the documentation, in this process.
 
 Blocks of a page work in one folder, from top to bottom:
 
@@ -8,45 +6,42 @@ Blocks of a page work in one folder, from top to bottom:
 - `python` without is executed, with the names of the blocks before it;
 - `yaml` without is a part of a configuration, which must be accepted in the place of the
   shipped paper's;
-- `sh` is one command a line; ensembles of `eqt run`, and of shipped sweeps, are made small, and
-  such sweeps short;
+- `sh` is one command a line; ensembles of `eqt run` and `eqt sweep` are made small, and those of
+  shipped configurations coarse, sweeps also short;
 - `output` is what the block before it prints, where … stands for any text.
 
-Each page, and each `eqt` command of one, runs in a process of its own, forked from this one, which
-has loaded the libraries already: to load them takes longer than most commands.
+A page can also be *read* only, which takes less than to carry it out: configurations are checked,
+code is compiled, and of commands that compute or draw, the words are parsed.
 """
 
 import contextlib
-import importlib
 import importlib.util
 import io
-import os
-import pkgutil
 import re
 import shlex
 import subprocess
 import sys
-import traceback
-from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
+
+import pytest
+
+from eqt_cli.config.catalogue import KINDS, registry
+from eqt_cli.config.source import read_config
+from eqt_cli.config.yaml_source import dump, load
+from eqt_cli.core import registry as registries
+from eqt_cli.experiment.build import build
 
 BLOCK = re.compile(r"^(?P<fence>`{3,})(?P<head>[^\n]*)\n(?P<body>.*?)^(?P=fence)$", re.M | re.S)
 CAPTION = re.compile(r"^:caption: (\S+)\n+", re.M)
-LIBRARIES = (
-    "h5py",
-    "heyoka",
-    "matplotlib.backends.backend_pdf",
-    "matplotlib.backends.backend_svg",
-    "matplotlib.figure",
-    "scipy.integrate",
-    "xarray",
-    "yaml",
-)
 EXTRAS = ("xarray", "heyoka", "mujoco", "pinocchio")
-SMALL = ["--set", "ensemble.runs=2"]
+SMALL = ["--set=ensemble.runs=2", "--set=solver.cross_check=0"]
+COARSE = ["--set=solver.rtol=1e-6", "--set=solver.error_estimate=false"]
 FEW = ["--set=tune.budget=2", "--set=tune.population=5", "--set=tune.confirm.runs=5"]
-SHORT = ["--set=time.duration=0.5", "--set=time.samples=11", "--set=solver.cross_check=0"]
+SHORT = ["--set=time.duration=0.5", "--set=time.samples=11"]
+CHEAP = ("config", "list", "--version")
+"""Commands that are carried out where a page is only read."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +62,13 @@ def blocks(page):
         yield Block(language, caption.group(1) if caption else None, text)
 
 
+def computes(page):
+    """Whether a page has a command that takes its time."""
+    texts = [block.text for block in blocks(page) if block.language == "sh"]
+    found = re.findall(r"^eqt (\S+)", "\n".join(texts), re.M)
+    return any(name not in CHEAP for name in found)
+
+
 def carry_out(page):
     """All blocks of a page, in the current folder."""
     names, printed = {"__name__": "__main__"}, None
@@ -81,6 +83,20 @@ def carry_out(page):
             printed = run_python(block.text, names)
         elif block.language == "sh":
             printed = "".join(run_command(line) for line in block.text.splitlines() if line)
+        elif block.language == "yaml":
+            check_part(block.text)
+
+
+def read(page):
+    """All blocks of a page, in the current folder, without what takes its time."""
+    for block in blocks(page):
+        if block.file:
+            Path(block.file).write_text(block.text, encoding="utf-8")
+        elif block.language == "python":
+            compile(block.text, "<page>", "exec")
+        elif block.language == "sh":
+            for line in filter(None, block.text.splitlines()):
+                read_command(line)
         elif block.language == "yaml":
             check_part(block.text)
 
@@ -106,19 +122,61 @@ def run_python(text, names):
 
 def run_command(line):
     """What a command prints, on both streams; it fails unless the line says with what code."""
-    line, _, comment = line.partition("  # exit code ")
-    words = shlex.split(line)
-    if words[:2] == ["eqt", "sweep"] and words[2].startswith("configs/"):
-        words += [*SMALL, *SHORT]
-    elif words[:2] == ["eqt", "tune"] and words[2].startswith("configs/"):
+    words, expected, plain = taken_apart(line)
+    mine = words[2:] and words[2].endswith(".yaml")
+    shipped = mine and words[2].startswith("configs/")
+    if words[:2] == ["eqt", "sweep"] and mine:
+        words += [*SMALL, *(SHORT + COARSE if shipped else [])]
+    elif words[:2] == ["eqt", "tune"] and shipped:
         words += [*SMALL, *FEW, *SHORT]
-    elif words[:2] == ["eqt", "run"] and words[2].endswith(".yaml"):
-        words += SMALL  # what is tested is that the command works, not how long it takes
-    expected = int(comment or 0)
-    plain = words[0] == "eqt" and not set(line) & set("|>")
-    code, printed = forked(words[1:]) if plain else shell(line)
+    elif words[:2] == ["eqt", "run"] and mine:
+        words += [*SMALL, *(COARSE if shipped else [])]
+    code, printed = called(words[1:]) if plain else shell(line)
     assert code == expected, f"{line}\nexit code {code}\n{printed}"
     return printed
+
+
+def read_command(line):
+    """Cheap commands are carried out; of others, the words and the changes are accepted."""
+    words, expected, plain = taken_apart(line)
+    if not plain:
+        return
+    if words[1] in CHEAP:
+        run_command(line)
+        return
+    accept(words[1:])
+    sets = tuple(f"--set={change}" for flag, change in pairwise(words) if flag == "--set")
+    own = words[2].endswith(".yaml") and not words[2].startswith(("configs/", "results/"))
+    if expected == 0 and words[1] in ("run", "sweep", "tune") and (own or sets):
+        check(words[2], sets)
+
+
+def check(file, changes):
+    """A configuration with changes is accepted."""
+    code, printed = called(["config", "check", file, *changes])
+    assert code == 0, f"{file} {' '.join(changes)}\n{printed}"
+
+
+def taken_apart(line):
+    """The words of a line, its exit code, and whether it is `eqt` alone."""
+    command, _, comment = line.partition("  # exit code ")
+    words = shlex.split(command)
+    return words, int(comment or 0), words[0] == "eqt" and not set(command) & set("|>")
+
+
+def accept(words):
+    """Have the command line parsed, and nothing done."""
+    import typer
+
+    from eqt_cli.cli.app import app
+
+    command, context = typer.main.get_command(app), None
+    while True:
+        context = command.make_context(words[0], list(words), parent=context)
+        rest = [*context._protected_args, *context.args]  # of a group, what its command is given
+        if not hasattr(command, "resolve_command"):
+            return
+        _, command, words = command.resolve_command(context, rest)
 
 
 def shell(line):
@@ -129,79 +187,37 @@ def shell(line):
     return done.returncode, done.stdout
 
 
-def forked(arguments):
-    """`eqt` with these arguments, without the time it takes to start."""
+def called(arguments):
+    """The exit code of `eqt`, called with these arguments, and what it prints."""
     from eqt_cli.cli import main
 
+    out, before, code = io.StringIO(), sys.argv, 0
     sys.argv = ["eqt", *arguments]
-    return in_a_process(main, Path(".printed"))
-
-
-def in_a_process(work: Callable[[], object], file: Path) -> tuple[int, str]:
-    """The exit code of a function in a process forked from this one, and what it prints."""
-    with file.open("w+", encoding="utf-8") as stream:
-        child = os.fork()
-        if child == 0:
-            code = 1
-            try:
-                os.dup2(stream.fileno(), 1)
-                os.dup2(stream.fileno(), 2)
-                code = exit_code(work)
-                sys.stdout.flush()
-                sys.stderr.flush()
-            finally:
-                os._exit(code)
-        _, status = os.waitpid(child, 0)
-        stream.seek(0)
-        return os.waitstatus_to_exitcode(status), stream.read()
-
-
-def exit_code(work: Callable[[], object]) -> int:
     try:
-        work()
+        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out), without_plugins():
+            main()
     except SystemExit as end:
-        return end.code or 0
-    except BaseException:
-        traceback.print_exc()
-        return 1
-    return 0
+        code = end.code or 0
+    finally:
+        sys.argv = before
+    return code, out.getvalue()
+
+
+@contextlib.contextmanager
+def without_plugins():
+    """As a process that has loaded none; those that are loaded here are forgotten afterwards."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(registries, "_loaded_plugins", {})
+        for kind in KINDS:
+            patch.setattr(registry(kind), "_plugins", {})
+        yield
 
 
 def check_part(text):
     """A part of a configuration fits into the paper's."""
-    from eqt_cli.config.source import read_config
-    from eqt_cli.config.yaml_source import dump, load
-    from eqt_cli.experiment.build import build
-
     part = load(text, "part").data
     whole = load(Path("configs/paper.yaml").read_text(encoding="utf-8"), "paper").data | part
     if part.get("task") == "stabilise":
         del whole["reference"]
     Path("part.yaml").write_text(dump(whole), encoding="utf-8")
     build(read_config(Path("part.yaml"), ()))
-
-
-def load():
-    """All modules of eqt, and the libraries that they load when they are needed."""
-    import eqt_cli
-
-    for name in LIBRARIES:
-        if installed(name.partition(".")[0]):
-            importlib.import_module(name)
-    for module in pkgutil.walk_packages(eqt_cli.__path__, "eqt_cli."):
-        if not module.name.endswith("__main__"):
-            importlib.import_module(module.name)
-
-
-def carried_out(page: Path, folder: Path) -> None:
-    text = page.read_text(encoding="utf-8")
-    os.chdir(folder)
-    carry_out(text)
-
-
-if __name__ == "__main__":
-    load()
-    for line in sys.stdin:
-        page, folder = map(Path, line.rstrip("\n").split("\t"))
-        code, _ = in_a_process(lambda: carried_out(page, folder), folder / ".said")  # noqa: B023
-        print(code, flush=True)

@@ -1,7 +1,7 @@
 """Every command and snippet of the documentation works as it stands, and says what is true."""
 
 import ast
-import os
+import importlib.util
 import re
 import shutil
 import subprocess
@@ -15,6 +15,12 @@ import yaml
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
+SPEC = importlib.util.spec_from_file_location(
+    "docs_runner", Path(__file__).with_name("docs_runner.py")
+)
+docs_runner = importlib.util.module_from_spec(SPEC)
+sys.modules["docs_runner"] = docs_runner
+SPEC.loader.exec_module(docs_runner)
 PAGES = sorted(path.relative_to(DOCS).as_posix() for path in DOCS.glob("**/*.md"))
 EQUATIONS = yaml.safe_load((DOCS / "explanation" / "equations.yaml").read_text(encoding="utf-8"))
 
@@ -27,23 +33,33 @@ def folder(tmp_path):
     return tmp_path
 
 
-@pytest.fixture(scope="module")
-def runner():
-    """Carries out pages; it loads the libraries once for all."""
-    command = [sys.executable, "-W", "error", ROOT / "tests" / "docs_runner.py"]
-    one_thread = os.environ | {"OPENBLAS_NUM_THREADS": "1"}  # the runner forks
-    streams = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
-    with subprocess.Popen(command, cwd=ROOT, env=one_thread, **streams) as process:
-        yield process
-        process.stdin.close()
+def _text(page):
+    return (DOCS / page).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("page", ["../README.md", *PAGES])
-def test_commands_and_snippets(page, folder, runner):
-    runner.stdin.write(f"{DOCS / page}\t{folder}\n")
-    runner.stdin.flush()
-    code = runner.stdout.readline()
-    assert code == "0\n", (folder / ".said").read_text(encoding="utf-8")
+def test_commands_and_configurations_are_accepted(page, folder, monkeypatch):
+    """Without what takes its time, which the next test does."""
+    monkeypatch.chdir(folder)
+    with docs_runner.without_plugins():
+        docs_runner.read(_text(page))
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        pytest.param(
+            page,
+            marks=[pytest.mark.slow("computes what the page computes, and draws its figures")]
+            * docs_runner.computes(_text(page)),
+        )
+        for page in ["../README.md", *PAGES]
+    ],
+)
+def test_commands_and_snippets(page, folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    with docs_runner.without_plugins():
+        docs_runner.carry_out(_text(page))
 
 
 @pytest.mark.skipif(find_spec("heyoka") is None, reason="800 runs take seconds with taylor only")

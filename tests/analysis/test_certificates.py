@@ -27,7 +27,6 @@ from eqt_cli.controllers.eqt import EqT
 from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import dot, tanh
 from eqt_cli.core.expressions import parse
-from eqt_cli.core.problems import Problems
 from eqt_cli.groups import group_named
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInertia
 from eqt_cli.mechanics.tracking import Gains, Tracking
@@ -102,21 +101,11 @@ def hypothesis(name, loop, **changes):
     return {row.name: row for row in rows}[name]
 
 
-# Registry -----------------------------------------------------------------------------------------
-
-
-def test_every_certificate_says_what_and_where():
-    for certificate in certificates.all():
-        assert certificate.name and certificate.statement and certificate.section >= 2
-        assert certificate.kind in ("identity", "trajectory", "hypothesis")
-
-
 # Identities ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", controllers.names())
-def test_identities_hold_on_every_group_for_every_law(G, name):
-    law = fitting(name, G)
+def test_identities_hold_on_every_group_for_every_law(law_on_group):
+    G, law = law_on_group
     at_rest = "track" not in law.tasks
     loop = closed_loop(G, law, **({"reference": ConstantReference()} if at_rest else {}))
     for seed in range(3):
@@ -125,15 +114,6 @@ def test_identities_hold_on_every_group_for_every_law(G, name):
         unmatched = [row for row in rows if row.verdict is Verdict.UNCLAIMED]
         assert [row.name for row in unmatched] == [SMALL] * (not law.matched)
         assert {row.verdict for row in rows} - {Verdict.UNCLAIMED} == {Verdict.HOLDS}, rows
-
-
-def fitting(name, G):
-    """The law of this name, where it is one for the group."""
-    law, problems = controllers.get(name)(), Problems()
-    law.check(G, problems)
-    if problems:
-        pytest.skip(f"{name} is not for {G.name}")
-    return law
 
 
 @pytest.mark.parametrize("name", controllers.names())
@@ -198,9 +178,8 @@ def test_every_shipped_law_has_a_literal_form():
     assert set(controllers.names()) <= written
 
 
-@pytest.mark.parametrize("name", controllers.names())
-def test_every_shipped_law_is_compared_with_its_literal_form_on_every_group(G, name):
-    loop = closed_loop(G, fitting(name, G))
+def test_every_shipped_law_is_compared_with_its_literal_form_on_every_group(law_on_group):
+    loop = closed_loop(*law_on_group)
     asked = [found for found in certificates.all() if issubclass(found, LiteralForm)]
     assert any(found().applies(loop) for found in asked)
 
@@ -210,7 +189,7 @@ def test_every_shipped_law_has_its_rows_for_a_varying_inertia_too(name):
     G = group_named("SO3")
     asked = [found for found in certificates.all() if issubclass(found, LiteralForm)]
     for inertia in varying_inertias(G):
-        loop = closed_loop(G, fitting(name, G), inertia=inertia)
+        loop = closed_loop(G, controllers.get(name)(), inertia=inertia)
         assert any(found().applies(loop) for found in asked)
 
 

@@ -734,7 +734,16 @@ def test_without_a_fault_nothing_is_red(experiment):
     assert red_rows(experiment) == set()
 
 
-@pytest.mark.parametrize("fault", PLANTS)
+@pytest.mark.parametrize(
+    "fault",
+    [
+        pytest.param(
+            fault,
+            marks=[pytest.mark.slow("verifies many laws on SE(3)")] * (experiment == "bluerov2"),
+        )
+        for fault, (experiment, _) in PLANTS.items()
+    ],
+)
 def test_a_fault_turns_the_rows_red_that_are_about_it(fault, monkeypatch):
     experiment, plant = PLANTS[fault]
     plant(monkeypatch)

@@ -24,6 +24,7 @@ def svg(eqt: Eqt, result: str, *options: str) -> str:
     return Path(result, "figures", "paper.svg").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow("draws several figures in several styles")
 def test_styles_are_laid_over_each_other(eqt: Eqt, result: str) -> None:
     Path("mine.mplstyle").write_text("axes.facecolor: 123456\n", encoding="utf-8")
     plain = svg(eqt, result)
@@ -63,6 +64,7 @@ def test_what_is_printed_is_the_files(eqt: Eqt, result: str) -> None:
 BOTH = ("--figure", "paper", "--figure", "torque", "--format", "json")
 
 
+@pytest.mark.slow("draws several figures")
 def test_options_go_to_the_figures_that_have_them(eqt: Eqt, result: str) -> None:
     def curves(*options: str) -> list[int]:
         """How many curves each of the figures has."""

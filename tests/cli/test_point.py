@@ -132,6 +132,7 @@ def test_a_configuration_without_a_sweep_has_no_points(eqt: Eqt) -> None:
     )
 
 
+@pytest.mark.slow("draws a report with all figures")
 @pytest.mark.usefixtures("grid")
 def test_report_and_animate(eqt: Eqt) -> None:
     folder = Path("out/figures/point_3")

@@ -74,6 +74,7 @@ def test_an_internal_error_is_1_with_a_traceback(folder: Path) -> None:
     assert b"Traceback (most recent call last)" in done.stderr
 
 
+@pytest.mark.slow("starts eqt twice")
 @pytest.mark.skipif(os.name != "posix", reason="sends a POSIX signal")
 def test_ctrl_c_is_130_and_the_same_command_starts_again(process: Eqt, folder: Path) -> None:
     command = [sys.executable, "-m", "eqt_cli", "run", "c.yaml"]
@@ -258,6 +259,7 @@ def install(folder: Path, declared: dict[str, str], module: str = MODULE) -> dic
     return {"PYTHONPATH": str(site)}
 
 
+@pytest.mark.slow("computes, draws and verifies in processes of their own")
 def test_entry_points_of_every_kind_run(process: Eqt, folder: Path) -> None:
     environment = install(folder, DECLARED)
     (folder / "mine.yaml").write_text(CONFIG, encoding="utf-8")

@@ -259,6 +259,7 @@ def test_wrong_arguments(eqt: Eqt, arguments: list[str], said: str) -> None:
     assert done.err.partition(" known: ")[0].rstrip("\n") == f"eqt: {said}"
 
 
+@pytest.mark.slow("computes an experiment several times")
 def test_a_result_with_plugins_must_be_trusted(eqt: Eqt, plugins: None) -> None:
     eqt("run", "c.yaml", *FAILING)
     done = eqt("run", "results/c", "--out", "again")

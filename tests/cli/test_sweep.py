@@ -110,6 +110,7 @@ def test_a_shard_that_is_none(eqt: Eqt, text: str) -> None:
     )
 
 
+@pytest.mark.slow("computes a sweep twice")
 def test_shards_and_pack(eqt: Eqt) -> None:
     first = eqt("sweep", "c.yaml", *GRID, "--shard", "1/2", "--out", "out", "--executor", "serial")
     assert first.code == 0

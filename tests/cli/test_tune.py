@@ -32,6 +32,7 @@ def config(folder: Path) -> Path:
     return path
 
 
+@pytest.mark.slow("searches, confirms and compares")
 def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt: Eqt, config: Path) -> None:
     done = eqt("tune", config)
     assert (done.code, done.err) == (0, "")
@@ -55,6 +56,7 @@ def _report(eqt: Eqt) -> str:
     return Path("results/t-tuned/report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow("searches, confirms and compares")
 def test_as_json(eqt: Eqt, config: Path) -> None:
     done = eqt("tune", config, "--json", "--out", "out")
     found = json.loads(done.out)

@@ -150,6 +150,7 @@ def test_json_is_one_document(eqt: Eqt) -> None:
     assert row(document, "Υ is a navigation function")["verdict"] == "Morse-Bott"
 
 
+@pytest.mark.slow("verifies the paper's experiment")
 def test_paper_shows_what_it_claims(eqt: Eqt) -> None:
     """Every identity holds, energy balance and decrease of L too; K_p = I is Morse-Bott."""
     paper = shipped.folder() / "paper.yaml"

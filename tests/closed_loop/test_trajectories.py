@@ -16,7 +16,6 @@ from eqt_cli.closed_loop.signals import SIGNALS, compute
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import dot
-from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.groups import group_named
@@ -94,26 +93,17 @@ def assert_constant(quantity):
     assert change.max() < TOLERANCE * np.abs(quantity).max()
 
 
-def fitting(name, G):
-    """The law of this name, where it is one for the group."""
-    law, problems = controllers.get(name)(), Problems()
-    law.check(G, problems)
-    if problems:
-        pytest.skip(f"{name} is not for {G.name}")
-    return law
-
-
 # Theorems 3.2 and 6.2 along trajectories ----------------------------------------------------------
 
 
-@pytest.fixture(scope="module", params=controllers.names())
-def controlled(G, request):
+@pytest.fixture(scope="module")
+def controlled(law_on_group):
     """A loop with each registered controller, its trajectories, and L and W along them."""
-    loop = closed_loop(G, fitting(request.param, G))
+    loop = closed_loop(*law_on_group)
     states = trajectories(loop)
     s = loop.tracking(TIMES, states)
     if loop.dissipation(s) is None:
-        pytest.skip(f"{request.param} does not state its dissipation")
+        pytest.skip(f"{loop.controller.name} does not state its dissipation")
     return loop, loop.lyapunov(s), loop.work(states)
 
 
@@ -236,10 +226,9 @@ def test_flat_state_holds_what_it_was_made_of(G):
         np.testing.assert_allclose(held, given, rtol=0, atol=1e-14)
 
 
-@pytest.mark.parametrize("name", controllers.names())
-def test_vector_field_takes_object_arrays(G, name):
+def test_vector_field_takes_object_arrays(law_on_group):
     """What a compiling engine relies on, with numbers in the place of its symbols."""
-    loop = closed_loop(G, fitting(name, G))
+    loop = closed_loop(*law_on_group)
     state = initial_states(loop)
     symbolic = loop.with_parameters(
         {key: value.astype(object) for key, value in loop.parameters.items()}

@@ -1,8 +1,18 @@
 """What every certificate must be, whoever wrote it."""
 
+import dataclasses
+
+import numpy as np
+import pytest
+
 from eqt_cli import api
 from eqt_cli.analysis.certificates import Verdict, certificates
-from eqt_cli.analysis.certificates.base import Hypothesis, Identity, TrajectoryCheck
+from eqt_cli.analysis.certificates.base import Identity
+from eqt_cli.analysis.evidence.sample import sampled
+from eqt_cli.controllers import controllers
+from eqt_cli.core.expressions import parse
+from eqt_cli.mechanics.inertia import PrescribedInertia
+from eqt_cli.references import references
 
 CONFIG = {
     "group": "SO3",
@@ -15,20 +25,7 @@ CONFIG = {
     "time": {"duration": 1.0, "samples": 11},
     "solver": {"rtol": 1e-6, "cross_check": 0},
 }
-KINDS = {Identity: "identity", TrajectoryCheck: "trajectory", Hypothesis: "hypothesis"}
-
-
-def test_it_says_what_and_where_in_the_paper(certificate_class):
-    assert certificate_class.name
-    assert certificate_class.statement
-    assert certificate_class.section > 0
-    assert certificate_class.__doc__
-
-
-def test_it_is_of_one_kind(certificate_class):
-    assert [kind for base, kind in KINDS.items() if issubclass(certificate_class, base)] == [
-        certificate_class.kind
-    ]
+IDENTITIES = [found for found in certificates.all() if issubclass(found, Identity)]
 
 
 def test_names_tell_rows_apart():
@@ -36,13 +33,33 @@ def test_names_tell_rows_apart():
     assert len(names) == len(set(names))
 
 
-def test_a_row_is_of_its_certificate(certificate_class):
-    row = certificate_class().row(Verdict.HOLDS, 1.0, 2.0, controller="eqt")
-    assert (row.name, row.kind, row.controller) == (
-        certificate_class.name,
-        certificate_class.kind,
-        "eqt",
+@pytest.fixture
+def samples(loop_with, make):
+    """Of EqT along a path, with an inertia that varies, and of every law."""
+    inertia = [["2 + sin(t)", "0", "0.1"], ["0", "3", "0"], ["0.1", "0", "4"]]
+    loops = [
+        dataclasses.replace(
+            loop_with(reference=make(references.get("path"), 3)),
+            inertia=PrescribedInertia(tuple(tuple(map(parse, row)) for row in inertia)),
+        ),
+        *(loop_with("SO3", controllers.get(name)()) for name in controllers.names()),
+    ]
+    return (sampled("law", loop, 5.0, np.random.default_rng(0)) for loop in loops)
+
+
+@pytest.mark.parametrize("identity", IDENTITIES, ids=lambda found: found.name)
+def test_an_identity_fails_where_a_side_is_a_thousandth_off(identity, samples, monkeypatch):
+    """And holds where none is: so neither is it 0 = 0, nor its bound a loose one."""
+    about = (sample for sample in samples if identity().applies(sample.loop))
+    sample, [row] = next((each, rows) for each in about if (rows := identity().check(each)))
+    exact = identity.sides
+    monkeypatch.setattr(
+        identity,
+        "sides",
+        lambda self, sample: [(1.001 * left, right) for left, right in exact(self, sample)],
     )
+    [off] = identity().check(sample)
+    assert (row.verdict, off.verdict) == (Verdict.HOLDS, Verdict.FAILS)
 
 
 def test_certificates_of_plugins_join_those_of_eqt(load_plugins, tmp_path):

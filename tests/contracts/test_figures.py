@@ -1,6 +1,7 @@
 """What every figure must do, whoever wrote it."""
 
 import dataclasses
+import pickle
 import re
 
 import pytest
@@ -38,22 +39,26 @@ BY_PLACE = ("phase", "runs", "sweep")
 """Figures of which numbers were kept before their curves had names; they go on being compared."""
 
 
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
+def make_results(folder):
     """Results of every kind that figures are of; and what `verify` finds."""
-    folder = tmp_path_factory.mktemp("figures")
-    ran = {
-        name: api.run(api.load_experiment(CONFIG | more, {"name": name}), folder / name)
-        for name, more in (
-            ("single", {}),
-            ("bare", {"store": {"trajectories": "none"}}),
-            ("sweep", SWEEP),
-        )
-    }
-    opened = {name: open_result(result.path) for name, result in ran.items()}
-    done = api.tune(CONFIG | TUNE, folder / "tuned")
-    opened["tuned"] = open_result(done.confirmed.folder.path)
-    yield opened, api.verify(ran["single"]).rows
+    for name, more in (
+        ("single", {}),
+        ("bare", {"store": {"trajectories": "none"}}),
+        ("sweep", SWEEP),
+    ):
+        done = api.run(api.load_experiment(CONFIG | more, {"name": name}), folder / name)
+        if name == "single":
+            (folder / "rows").write_bytes(pickle.dumps(api.verify(done).rows))
+    api.tune(CONFIG | TUNE, folder / "tuned")
+
+
+@pytest.fixture(scope="module")
+def results(made_once):
+    """As `make_results` has made them, once for all processes of the tests."""
+    folder = made_once("figures of every kind", make_results)
+    opened = {name: open_result(folder / name) for name in ("single", "bare", "sweep")}
+    opened["tuned"] = open_result(folder / "tuned")
+    yield opened, pickle.loads((folder / "rows").read_bytes())
     for one in opened.values():
         one.close()
 

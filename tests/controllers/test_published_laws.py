@@ -342,26 +342,6 @@ def test_runs_through_a_half_turn_agree_and_keep_the_balance(name):
     np.testing.assert_allclose(other, exact, atol=1e-6)
 
 
-# Both engines -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("group", ["SO3", "SE3"])
-@pytest.mark.parametrize("name", NINE)
-def test_both_engines_agree(name, group):
-    if not fits(name, group_named(group)):
-        pytest.skip("another group's law")
-    loop = loop_on(group, law(name), weight=1.0)
-    G, random = loop.group, np.random.default_rng(5)
-    Q = G.exp(0.7 * random.standard_normal((3, G.dimension)))
-    V = 0.5 * random.standard_normal((3, G.dimension))
-    states = loop.initial_state(Q, V, G.identity[None], np.zeros((1, G.dimension)))
-    problem = Problem(loop, states, np.linspace(0.0, 5.0, 11))
-    one = Taylor(tol=1e-14).solve(problem, lambda runs: None)
-    other = SolveIvp(rtol=1e-12, atol=1e-14).solve(problem, lambda runs: None)
-    assert not one.status.any() and not other.status.any()
-    np.testing.assert_allclose(one.states, other.states, rtol=0, atol=1e-8)
-
-
 # Integral action ----------------------------------------------------------------------------------
 
 

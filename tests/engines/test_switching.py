@@ -236,7 +236,7 @@ LAWS = {
 
 @pytest.mark.parametrize("name", LAWS)
 def test_engines_agree(name):
-    velocities = np.random.default_rng(3).standard_normal((3, 3))
+    velocities = np.random.default_rng(3).standard_normal((1, 3))
     problem = problem_of(LAWS[name], "SE2", velocities, duration=2.0, samples=801)
     theirs = SolveIvp(rtol=1e-10, atol=1e-13, block=1)
     states = problem.states[:, None]

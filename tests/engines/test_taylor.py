@@ -25,7 +25,6 @@ from eqt_cli.core import arrays
 from eqt_cli.core.arrays import FUNCTIONS, clip
 from eqt_cli.core.errors import TraceError
 from eqt_cli.core.expressions import parse
-from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, Status, taylor
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.taylor import EPSILON, SMALLEST_TOL, Taylor, integrator, library, tracing
@@ -117,13 +116,8 @@ def assert_engines_agree(problem):
 # Agreement with solve_ivp -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", controllers.names())
-def test_engines_agree_on_every_group_and_controller(G, name):
-    controller = controllers.get(name)()
-    problems = Problems()
-    controller.check(G, problems)
-    if problems:
-        pytest.skip(f"{name} is not for {G.name}")
+def test_engines_agree_on_every_group_and_controller(law_on_group):
+    G, controller = law_on_group
     driven = "track" in controller.tasks
     torque = TORQUE[: G.dimension] if driven else [0.0] * G.dimension
     assert_engines_agree(problem_of(loop_of(controller, G, TorqueReference(torque)), runs=3))
@@ -197,7 +191,11 @@ class Limited(EqT):
         return clip(super().torque(s), -1.0, 1.0)
 
 
-@pytest.mark.parametrize("law", [EqT(), Limited()], ids=["smooth", "limited"])
+@pytest.mark.parametrize(
+    "law",
+    [EqT(), pytest.param(Limited(), marks=pytest.mark.slow("solve_ivp steps over many limits"))],
+    ids=["smooth", "limited"],
+)
 def test_knots_are_passed_as_if_each_piece_were_solved_by_itself(law):
     """Every lane comes to a knot at its own step, and a law's comparisons go on there."""
     problem = problem_of(loop_of(law, reference=DENSE), runs=7, samples=2)
@@ -259,6 +257,7 @@ def test_a_tenth_of_the_tolerance_estimates_the_error(long_problem, exact, tol):
     assert (ratio > 0.1).all()
 
 
+@pytest.mark.slow("compiles full code, for many states")
 def test_full_code_agrees_with_compact_code(long_problem, exact):
     full = Taylor(tol=1e-10, code="full").solve(long_problem, quiet)
     assert difference(full, exact).max() < 50 * 1e-10

@@ -26,8 +26,18 @@ ROUNDING = 1e-13
 ALL = tuple(each.name for each in (*SIGNALS, *MEASURED))
 
 
+COMPILED = pytest.mark.slow("compiles all signals of a large loop, as full code too")
+
+
 @pytest.fixture(
-    scope="module", params=["paper", "se3_survey", "satellite_panels", "body_and_slider"]
+    scope="module",
+    params=[
+        "paper",
+        *(
+            pytest.param(name, marks=COMPILED)
+            for name in ("se3_survey", "satellite_panels", "body_and_slider")
+        ),
+    ],
 )
 def solved(request):
     """A batch of one controller, its solution, a tighter one and the reference."""
@@ -77,15 +87,14 @@ def test_signals_do_not_depend_on_how_many_samples_are_evaluated_together(solved
         np.testing.assert_array_equal(parts[name], expected)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_part_does_not_depend_on_its_blocks(monkeypatch, threads):
+def test_a_part_does_not_depend_on_its_blocks(monkeypatch):
     sizes = {"solver.engine": "taylor", "solver.code": "full", "ensemble.runs": 11}
     few = {"time.samples": 21, "store.trajectories": 5}
     study = eqt_cli.load_experiment("configs/paper.yaml", sizes | few).study
     part, reference = study.plan.part(0), shared_reference(study)
     whole = compute_part(study, part, reference, TaskContext())
     monkeypatch.setattr(taylor, "BLOCK_BYTES", 1)  # which as many runs fill as there are lanes
-    cut = compute_part(study, part, reference, TaskContext(threads=threads))
+    cut = compute_part(study, part, reference, TaskContext(threads=2))
     assert cut.variables.keys() == whole.variables.keys()
     for name, expected in whole.variables.items():
         np.testing.assert_array_equal(cut.variables[name].data, expected.data)

@@ -6,6 +6,7 @@ import os
 import platform
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -53,22 +54,35 @@ sweep:
 """
 
 
-@pytest.fixture(autouse=True)
-def _small_parts(monkeypatch):
+@pytest.fixture(autouse=True, scope="module")
+def _small_parts():
     """Parts of one block, so that a small experiment has several."""
-    monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 3)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("eqt_cli.engines.Engine.part_runs", 3)
+        yield
+
+
+def study_in(folder, text=CONFIG, *overrides, grids=(), name="config.yaml"):
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    source = read_config(path, overrides)
+    add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
+    return study(source)
 
 
 @pytest.fixture
 def make(tmp_path):
-    def study_of(text=CONFIG, *overrides, grids=(), name="config.yaml"):
-        path = tmp_path / name
-        path.write_text(text, encoding="utf-8")
-        source = read_config(path, overrides)
-        add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
-        return study(source)
+    return partial(study_in, tmp_path)
 
-    return study_of
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """The folders of an experiment and of a sweep that were not disturbed, to be read only."""
+    found = {}
+    for name, text in (("run", CONFIG), ("sweep", CONFIG + SWEEP)):
+        found[name] = tmp_path_factory.mktemp(name) / "out"
+        execute(study_in(found[name].parent, text), found[name])
+    return found
 
 
 class Stopping(Executor):
@@ -108,9 +122,8 @@ def assert_same(one, other):
 
 
 @pytest.fixture
-def whole(make, tmp_path):
-    execute(make(), tmp_path / "whole")
-    return contents(tmp_path / "whole")
+def whole(finished):
+    return contents(finished["run"])
 
 
 def interrupted(found, out, after=2):
@@ -407,6 +420,7 @@ def test_failed_runs_of_a_result_that_lacks_an_integer_are_not_computed(make, tm
 # Workers.
 
 
+@pytest.mark.slow("starts two processes that load the libraries")
 def test_processes_give_the_same_bits(make, whole, tmp_path):
     execute(make(), tmp_path / "out", executor=Local(2))
     assert_same(contents(tmp_path / "out"), whole)
@@ -424,7 +438,15 @@ def test_runs_of_a_lost_part_are_rows_with_a_status(make, tmp_path):
         assert np.isnan(results["effort"][1, :3]).all()
 
 
-@pytest.mark.parametrize("text", [CONFIG, CONFIG + SWEEP, CONFIG + FLIGHT])
+@pytest.mark.parametrize(
+    "text",
+    [
+        CONFIG,
+        pytest.param(CONFIG + SWEEP, marks=pytest.mark.slow("six points, computed twice")),
+        pytest.param(CONFIG + FLIGHT, marks=pytest.mark.slow("every run by itself, twice")),
+    ],
+    ids=["run", "sweep", "flight"],
+)
 def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, tmp_path, text):
     execute(make(text), tmp_path / "whole")
     out = tmp_path / "out"
@@ -458,6 +480,7 @@ def test_rerun_failed_integrates_failed_runs_alone(make, tmp_path):
     np.testing.assert_allclose(before["effort"], after["effort"], rtol=1e-4)
 
 
+@pytest.mark.slow("compiles two laws")
 def test_a_run_with_noise_is_the_same_alone_by_taylor(make, tmp_path):
     """Neither its neighbours in a batch nor the law that waits for all of them changes it."""
     pytest.importorskip("heyoka")
@@ -471,6 +494,7 @@ def test_a_run_with_noise_is_the_same_alone_by_taylor(make, tmp_path):
     assert_same(contents(out), before)
 
 
+@pytest.mark.slow("starts two processes that load the libraries")
 def test_processes_give_the_same_bits_of_noisy_runs(make, tmp_path):
     for name, executor in (("one", None), ("two", Local(2))):
         execute(make(CONFIG + FLIGHT), tmp_path / name, executor=executor)
@@ -605,6 +629,7 @@ def test_status_counts_from_the_listing_alone(make, tmp_path):
 # Sweeps.
 
 
+@pytest.mark.slow("computes every point of a sweep twice")
 def test_points_of_a_sweep_are_those_of_experiments_by_themselves(make, tmp_path):
     """One point after the other, with blocks that hold runs of one point only, bit for bit."""
     text = CONFIG.replace("block: 3", "block: 7")
@@ -624,19 +649,18 @@ def test_points_of_a_sweep_are_those_of_experiments_by_themselves(make, tmp_path
         np.testing.assert_array_equal(swept["initial_pose"], alone["initial_pose"])
 
 
-def test_blocks_mix_points_and_agree_within_the_tolerance(make, tmp_path):
-    execute(make(CONFIG + SWEEP), tmp_path / "sweep")
+def test_blocks_mix_points_and_agree_within_the_tolerance(make, finished, tmp_path):
     execute(make(CONFIG, "gains.kp=4"), tmp_path / "alone")
-    swept, alone = contents(tmp_path / "sweep"), contents(tmp_path / "alone")
+    swept, alone = contents(finished["sweep"]), contents(tmp_path / "alone")
     # rtol 1e-6, amplified little over half a second.
     np.testing.assert_allclose(swept["pose"][4], alone["pose"], atol=1e-5)
 
 
-def test_an_interrupted_sweep_continues_and_ends_the_same(make, tmp_path):
-    execute(make(CONFIG + SWEEP), tmp_path / "whole")
+@pytest.mark.slow("computes a sweep of six points, in two goes")
+def test_an_interrupted_sweep_continues_and_ends_the_same(make, finished, tmp_path):
     interrupted(make(CONFIG + SWEEP), tmp_path / "out", after=7)
     execute(make(CONFIG + SWEEP), tmp_path / "out")
-    assert_same(contents(tmp_path / "out"), contents(tmp_path / "whole"))
+    assert_same(contents(tmp_path / "out"), contents(finished["sweep"]))
 
 
 def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
@@ -649,7 +673,7 @@ def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
 
 def test_xarray_opens_a_sweep_and_unstacks_a_grid(make, tmp_path):
     xarray = pytest.importorskip("xarray")
-    found = make(grids=["gains.kp=1,2,4", "gains.kd=0.5,1"])
+    found = make(CONFIG.replace("runs: 7", "runs: 2"), grids=["gains.kp=1,2", "gains.kd=0.5,1"])
     execute(found, tmp_path / "out")
     with xarray.open_dataset(tmp_path / "out/results.h5", engine="h5netcdf") as dataset:
         assert dataset.effort.dims == ("point", "controller", "run")
@@ -658,17 +682,17 @@ def test_xarray_opens_a_sweep_and_unstacks_a_grid(make, tmp_path):
         np.testing.assert_array_equal(chosen, dataset.effort[3, 1])
 
 
-def test_a_result_of_a_sweep_runs_again_from_its_own_config(make, tmp_path):
-    execute(make(CONFIG + SWEEP), tmp_path / "out")
-    again = study(read_config(tmp_path / "out/results.h5"))
+def test_a_result_of_a_sweep_runs_again_from_its_own_config(make, finished):
+    again = study(read_config(finished["sweep"] / "results.h5"))
     assert again.digest == make(CONFIG + SWEEP).digest
 
 
-def test_a_large_sweep_keeps_trajectories_only_if_asked(make):
-    grids = ["gains.kp=" + ",".join(str(k + 1) for k in range(800))]
+def test_a_large_sweep_keeps_trajectories_only_if_asked(make, monkeypatch):
+    monkeypatch.setattr("eqt_cli.experiment.study.MOST_TRAJECTORIES", 40)
+    grids = ["gains.kp=1,2,3"]  # 3 points of 2 controllers and 7 runs
     assert make(grids=grids).kept == 0
     assert make(CONFIG, "store.trajectories=2", grids=grids).kept == 2
-    assert make(grids=grids[:1], text=CONFIG.replace("runs: 7", "runs: 2")).kept == 2
+    assert make(grids=grids, text=CONFIG.replace("runs: 7", "runs: 2")).kept == 2
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Sweeps whose points differ in shape: a group per point, and the metrics of all in the root."""
 
+from functools import partial
 from pathlib import Path
 
 import h5py
@@ -42,22 +43,25 @@ sweep:
 TIMES = "sweep: [{grid: {gains.kp: [1, 2], time.samples: [6, 4]}}]\n"
 
 
-@pytest.fixture(autouse=True)
-def _small_parts(monkeypatch):
+@pytest.fixture(autouse=True, scope="module")
+def _small_parts():
     """Parts of one block, so that every piece has several."""
-    monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 5)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("eqt_cli.engines.Engine.part_runs", 5)
+        yield
+
+
+def study_in(folder, text, *overrides, grids=()):
+    path = folder / "config.yaml"
+    path.write_text(CONFIG + text, encoding="utf-8")
+    source = read_config(path, overrides)
+    add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
+    return study(source)
 
 
 @pytest.fixture
 def make(tmp_path):
-    def study_of(text, *overrides, grids=()):
-        path = tmp_path / "config.yaml"
-        path.write_text(CONFIG + text, encoding="utf-8")
-        source = read_config(path, overrides)
-        add_grids(source, {f"grids[{index}]": grid for index, grid in enumerate(grids)})
-        return study(source)
-
-    return study_of
+    return partial(study_in, tmp_path)
 
 
 class Stopping(Executor):
@@ -99,20 +103,33 @@ def assert_same(one, other):
         np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
-@pytest.fixture(params=[GROUPS, TIMES], ids=["groups", "times"])
-def text(request):
-    return request.param
+SWEEPS = {"groups": GROUPS, "times": TIMES}
+
+
+@pytest.fixture(scope="module", params=SWEEPS)
+def finished(request, tmp_path_factory):
+    """The folder of a sweep that was not disturbed, to be read only; and the sweep."""
+    folder, text = tmp_path_factory.mktemp("finished"), SWEEPS[request.param]
+    execute(study_in(folder, text), folder / "out")
+    return folder / "out", text
 
 
 @pytest.fixture
-def whole(make, text, tmp_path):
-    execute(make(text), tmp_path / "whole")
-    return contents(tmp_path / "whole")
+def text(finished):
+    return finished[1]
 
 
-def test_the_root_is_that_of_any_sweep_without_what_differs(make, tmp_path):
-    execute(make(GROUPS), tmp_path / "out")
-    with open_results(tmp_path / "out") as results:
+@pytest.fixture
+def whole(finished):
+    return contents(finished[0])
+
+
+only = partial(pytest.mark.parametrize, "finished", indirect=True)
+
+
+@only(["groups"])
+def test_the_root_is_that_of_any_sweep_without_what_differs(finished):
+    with open_results(finished[0]) as results:
         assert dict(results.dimensions) == {"point": 4, "controller": 2, "run": 5}
         dims = {results.dims(name) for name in results.names}
         assert dims == {("point", "controller", "run")}
@@ -124,12 +141,11 @@ def test_the_root_is_that_of_any_sweep_without_what_differs(make, tmp_path):
         assert results.attributes["cross_check_runs"] == 2
 
 
-def test_groups_are_the_results_of_single_experiments(make, text, tmp_path):
+def test_groups_are_the_results_of_single_experiments(make, finished, tmp_path):
     """Blocks of five hold the runs of one point only, so that even the last bits agree."""
-    found = make(text)
-    execute(found, tmp_path / "out")
-    with open_results(tmp_path / "out") as results:
-        for point in range(4):
+    found = make(finished[1])
+    with open_results(finished[0]) as results:
+        for point in (0, 3):
             values = found.sweep.point(point)
             settings = [f"{key}={value}" for key, value in values.items()]
             execute(make("", *settings), tmp_path / str(point))
@@ -159,6 +175,7 @@ def test_an_interrupted_one_continues_and_ends_the_same(make, text, whole, tmp_p
     assert execute(make(text), out).was_complete
 
 
+@only(["times"])
 def test_a_damaged_part_is_computed_again(make, text, whole, tmp_path):
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
@@ -168,6 +185,8 @@ def test_a_damaged_part_is_computed_again(make, text, whole, tmp_path):
     assert_same(contents(out), whole)
 
 
+@pytest.mark.slow("starts two processes that load the libraries")
+@only(["groups"])
 def test_processes_give_the_same_bits(make, text, whole, tmp_path):
     execute(make(text), tmp_path / "out", executor=Local(2))
     assert_same(contents(tmp_path / "out"), whole)
@@ -205,6 +224,7 @@ def execute_without(name, *arguments, **options):
         execute(*arguments, **options)
 
 
+@only(["times"])
 def test_rerun_failed_patches_results_that_lack_a_metric(make, text, whole, tmp_path):
     out = tmp_path / "out"
     execute_without("effort", make(text), out, executor=Losing(1))
@@ -216,11 +236,12 @@ def test_rerun_failed_patches_results_that_lack_a_metric(make, text, whole, tmp_
             np.testing.assert_array_equal(results.at(k)["effort"], effort[k])
 
 
-def test_a_result_runs_again_from_its_own_config(make, text, tmp_path):
-    execute(make(text), tmp_path / "out")
-    assert study(read_config(tmp_path / "out/results.h5")).digest == make(text).digest
+def test_a_result_runs_again_from_its_own_config(make, finished):
+    folder, text = finished
+    assert study(read_config(folder / "results.h5")).digest == make(text).digest
 
 
+@only(["times"])
 def test_metrics_only(make, text, tmp_path):
     execute(make(text, "store.trajectories=none"), tmp_path / "out")
     with open_results(tmp_path / "out") as results:
@@ -230,18 +251,17 @@ def test_metrics_only(make, text, tmp_path):
         np.testing.assert_array_equal(group["effort"], results["effort"][1])
 
 
+@only(["groups"])
 def test_compressed_groups(make, tmp_path, whole):
     execute(make(GROUPS, "store.compression=gzip"), tmp_path / "out")
     with h5py.File(tmp_path / "out/results.h5") as file:
         assert file["point_3/pose"].compression == "gzip"
-    if "group" in whole:
-        assert_same(contents(tmp_path / "out"), whole)
+    assert_same(contents(tmp_path / "out"), whole)
 
 
-def test_xarray_opens_root_and_groups(make, text, tmp_path):
+def test_xarray_opens_root_and_groups(finished):
     xarray = pytest.importorskip("xarray")
-    execute(make(text), tmp_path / "out")
-    file = tmp_path / "out/results.h5"
+    file = finished[0] / "results.h5"
     with xarray.open_dataset(file, engine="h5netcdf") as root:
         assert root.effort.dims == ("point", "controller", "run")
         assert "gains.kp" in root.effort.coords
@@ -289,10 +309,9 @@ def study_digest(results, folder):
     return study(read_config_text(results, folder)).digest
 
 
-def test_points_that_do_not_exist(make, tmp_path):
-    execute(make(TIMES), tmp_path / "out")
-    execute(make(""), tmp_path / "alone")
-    path = tmp_path / "out/results.h5"
+@only(["times"])
+def test_points_that_do_not_exist(finished):
+    path = finished[0] / "results.h5"
     with open_results(path) as results, pytest.raises(ResultError) as caught:
         results.at(4)
     assert str(caught.value) == f"{path}: has no point 4; choose one of 0 to 3"

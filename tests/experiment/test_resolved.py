@@ -168,6 +168,7 @@ def configurations(draw: st.DrawFn) -> dict[str, Any]:
     return draw(sections)
 
 
+@pytest.mark.slow("builds every shipped experiment, twice")
 @unhurried
 @given(configurations())
 def test_the_resolved_configuration_reproduces_itself(data: dict[str, Any]) -> None:

@@ -1,4 +1,8 @@
-"""The shipped configurations: one for every group at least, each certified on both engines."""
+"""The shipped configurations: one for every group at least, each certified.
+
+By `solve_ivp`, and some of each kind of loop by `taylor` too: that the engines agree is tested in
+tests/engines.
+"""
 
 from __future__ import annotations
 
@@ -45,8 +49,22 @@ def test_every_group_has_a_configuration() -> None:
         assert named or is_product or factor, kind.name
 
 
-@pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
-@pytest.mark.parametrize("name", shipped.names())
+BY_TAYLOR = ("satellite_panels", "se3_bluerov2_flies", "attitude_distinct")
+
+
+@pytest.mark.parametrize(
+    ("name", "engine"),
+    [
+        pytest.param(
+            name,
+            engine,
+            marks=[pytest.mark.slow("verifies the laws of a whole experiment")]
+            * (name != "attitude_distinct"),
+        )
+        for engine, names in (("solve_ivp", shipped.names()), ("taylor", BY_TAYLOR))
+        for name in names
+    ],
+)
 def test_certificates_hold(name: str, engine: str) -> None:
     if engines.get(engine).unavailable():
         pytest.skip(f"engine {engine} is not installed")

@@ -15,6 +15,7 @@ from faults_harness import (
     RUN,
     START,
     SWEEP,
+    TIMEOUT,
     Session,
     assert_equal,
     check_left_over,
@@ -22,11 +23,13 @@ from faults_harness import (
     parts,
 )
 
-pytestmark = pytest.mark.skipif(os.name != "posix", reason="has no process groups")
+pytestmark = [
+    pytest.mark.skipif(os.name != "posix", reason="has no process groups"),
+    pytest.mark.slow("starts eqt, and its workers"),
+]
 
 LONG = RUN.replace("runs: 200", "runs: 4000")
 EXECUTORS = {
-    "auto": ["--workers", "2"],
     "serial": ["--executor", "serial"],
     "threads": ["--executor", "threads", "--workers", "2"],
     "local": ["--executor", "local", "--workers", "2"],
@@ -48,7 +51,7 @@ def started(tmp_path, command, text, options):
 
 def kept(session, total):
     """How many runs it says it has kept, in the one message that it leaves."""
-    stdout, stderr = session.process.communicate(timeout=60)
+    stdout, stderr = session.process.communicate(timeout=TIMEOUT)
     done = stderr.split("interrupted; ")[1].split(" of ")[0]
     assert stderr == (
         f"eqt: interrupted; {done} of {total} runs are kept in {session.out}: "
@@ -78,7 +81,7 @@ def test_ctrl_c_says_how_to_continue_and_loses_nothing(tmp_path, command, text, 
     assert_equal(session.out / "results.h5", contents(tmp_path / "whole/results.h5"))
 
 
-@pytest.mark.parametrize("executor", EXECUTORS)
+@pytest.mark.parametrize("executor", ["serial", "threads", "local", "dask"])
 def test_a_second_ctrl_c_changes_nothing(tmp_path, executor):
     session = started(tmp_path, "run", LONG, EXECUTORS[executor])
     os.killpg(session.process.pid, signal.SIGINT)
@@ -110,7 +113,7 @@ def test_a_signal_that_is_ignored_stays_ignored(tmp_path):
     while process.poll() is None and not (tmp_path / "out/manifest.json").exists():
         time.sleep(0.01)
     process.send_signal(signal.SIGHUP)
-    _, stderr = process.communicate(timeout=60)
+    _, stderr = process.communicate(timeout=TIMEOUT)
     assert (process.returncode, stderr) == (0, b"")
 
 
@@ -126,7 +129,7 @@ _Commands.make_context = lambda *_, **__: signal.raise_signal(signal.SIGINT)
     assert done.stderr == "eqt: interrupted; run the same command again\n"
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 def test_ctrl_c_while_libraries_load_is_one_line(tmp_path, seed):
     text = LONG
     if find_spec("heyoka"):
@@ -144,7 +147,7 @@ def test_ctrl_c_while_libraries_load_is_one_line(tmp_path, seed):
     assert process.stdout.readline() == "ready\n"
     time.sleep(0.05 + random.Random(seed).uniform(0, 1.2))
     process.send_signal(signal.SIGINT)
-    stdout, stderr = process.communicate(timeout=60)
+    stdout, stderr = process.communicate(timeout=TIMEOUT)
     assert process.returncode == 130
     assert stdout == ""
     assert stderr.startswith("eqt: interrupted; ")
@@ -161,14 +164,14 @@ def _lives(pid):
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="finds processes as Linux does")
 @pytest.mark.parametrize("executor", ["local", "dask"])
-def test_workers_end_within_a_second_of_their_parent(tmp_path, executor):
+def test_workers_end_with_their_parent(tmp_path, executor):
     session = started(tmp_path, "run", LONG, EXECUTORS[executor])
     workers = session.workers()
     assert len(workers) == 2
     session.process.kill()
-    deadline = time.monotonic() + 1
+    deadline = time.monotonic() + TIMEOUT  # they wait for ever, or end soon
     while any(map(_lives, workers)) and time.monotonic() < deadline:
         time.sleep(0.01)
     living = list(filter(_lives, workers))
-    session.process.communicate(timeout=60)
+    session.process.communicate(timeout=TIMEOUT)
     assert not living

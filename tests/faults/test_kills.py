@@ -1,6 +1,7 @@
 """SIGKILLs at random moments: nothing that was finished is lost, and the end is always the same.
 
-`make faults` runs all 500, `make faults SHARE=tenth` a tenth, and `make test` some scenarios once.
+`make faults` runs all 500, `make faults SHARE=tenth` a tenth, and `make test-all` some scenarios
+once.
 """
 
 import os
@@ -29,7 +30,7 @@ from faults_harness import (
 )
 
 SHARE = {"full": 1.0, "tenth": 0.1}.get(os.environ.get("EQT_FAULTS", ""))
-"""Of all kills, of which each scenario has one at least; None in `make test`, where it has one."""
+"""Of all kills, of which each scenario has one at least; None elsewhere, where it has one."""
 
 MOST_SESSIONS = 200
 MOST_WORKER_KILLS = 2
@@ -74,18 +75,19 @@ SCENARIOS = [
 KILLS_OF_SHARDS, KILLS_OF_PACK = 25, 25
 
 ALWAYS = {
-    ("run", "local", "worker"),
-    ("run", "dask", "worker"),
     ("run", CLUSTER[1], "worker"),
     ("sweep", "serial", "coordinator"),
     ("compiled flight", "threads", "coordinator"),
     ("ragged sweep", "local", "worker"),
 }
-"""In `make test`, every executor, engine and kind of study once; `make faults` has them all."""
+"""Otherwise, every way of computing, engine and kind of study once; `make faults` has them all."""
 
-pytestmark = pytest.mark.skipif(
-    not Path("/proc/self/task").is_dir(), reason="finds processes as Linux lists them"
-)
+pytestmark = [
+    pytest.mark.skipif(
+        not Path("/proc/self/task").is_dir(), reason="finds processes as Linux lists them"
+    ),
+    pytest.mark.slow("starts eqt several times, and its workers"),
+]
 
 
 @pytest.fixture(scope="module")

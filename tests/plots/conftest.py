@@ -39,14 +39,25 @@ def simulated(folder, **changes):
 
 
 @pytest.fixture(scope="session")
-def so3(tmp_path_factory):
-    return simulated(tmp_path_factory.mktemp("so3"))
+def simulated_once(made_once):
+    """The result file of a small experiment, which all processes of the tests share."""
+
+    def found(name, **changes):
+        folder = made_once(f"drawn {name}", lambda folder: simulated(folder, **changes))
+        return folder / "out" / "results.h5"
+
+    return found
 
 
 @pytest.fixture(scope="session")
-def se3(tmp_path_factory):
-    return simulated(
-        tmp_path_factory.mktemp("se3"),
+def so3(simulated_once):
+    return simulated_once("so3")
+
+
+@pytest.fixture(scope="session")
+def se3(simulated_once):
+    return simulated_once(
+        "se3",
         group="SE3",
         inertia=1.0,
         reference={"torque": ["cos(t)", "sin(t)", "0", "1", "cos(t)", "0"]},
@@ -54,11 +65,11 @@ def se3(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def odd_names(tmp_path_factory):
+def odd_names(simulated_once):
     """Four controllers with names of every kind, and trajectories of some runs only."""
     labels = ["_hidden", "g = $\\frac{1}{2}$", "5 $\\oops$", "a long name " * 6]
-    return simulated(
-        tmp_path_factory.mktemp("names"),
+    return simulated_once(
+        "odd_names",
         controllers=[{"kind": "family", "label": label} for label in labels],
         store={"trajectories": 4},
     )

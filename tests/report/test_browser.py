@@ -13,10 +13,8 @@ from selenium.webdriver.support.ui import Select, WebDriverWait
 
 
 @pytest.fixture(scope="module")
-def address(invoke, paper_result, tmp_path_factory):
-    path = tmp_path_factory.mktemp("report") / "report.html"
-    invoke("report", paper_result, "--out", path)
-    return path.as_uri()
+def address(page_of, paper_result):
+    return page_of(paper_result).as_uri()
 
 
 @pytest.fixture
@@ -333,9 +331,8 @@ def test_axe_finds_nothing_in_the_animation(violations, player, width, scheme):
 
 
 @pytest.fixture
-def points(browser, invoke, swept_result, tmp_path):
-    invoke("report", swept_result, "--out", tmp_path / "report.html")
-    browser.get((tmp_path / "report.html").as_uri())
+def points(browser, page_of, swept_result):
+    browser.get(page_of(swept_result).as_uri())
     WebDriverWait(browser, 20).until(lambda page: find(page, "#count").text)
     return browser
 

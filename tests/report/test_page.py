@@ -33,9 +33,8 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def text(paper_result):
-    with open_result(paper_result) as results:
-        return report(results)
+def text(page_of, paper_result):
+    return page_of(paper_result).read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -62,9 +61,10 @@ def test_page_of_the_paper_stays_below_3_megabytes(text):
     assert len(text.encode()) - curves + 1_400_000 + 4 * 140 * 100 < 3_000_000
 
 
-def test_equal_results_give_equal_pages(paper_result, text):
+@pytest.mark.slow("draws all figures, twice")
+def test_equal_results_give_equal_pages(paper_result):
     with open_result(paper_result) as results:
-        assert report(results) == text
+        assert report(results) == report(results)
 
 
 def test_every_run_is_in_the_table(text):
@@ -146,9 +146,7 @@ def test_command_writes_the_page(invoke, paper_result, tmp_path):
     assert 'id="figure1"' in text and 'id="figure2"' not in text
 
 
-def test_command_verifies_what_the_page_is_about(invoke, paper_result, tmp_path):
-    invoke("report", paper_result, "--out", tmp_path / "page.html")
-    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+def test_command_verifies_what_the_page_is_about(text, page):
     assert len(text.encode()) < 3_000_000
     section = text[text.index('<section id="certificates"') :].partition("</section>")[0]
     judged = re.search(
@@ -157,7 +155,7 @@ def test_command_verifies_what_the_page_is_about(invoke, paper_result, tmp_path)
     assert section.count('<span class="verdict supported">holds</span>') >= int(judged[1]) > 30
     assert "energy balance" in section and "Theorems 3.2, 6.2" in section
     assert "Q → Q<sub>d</sub>" in section
-    assert Page(text).ids.count("certificates-caption") == 1
+    assert page.ids.count("certificates-caption") == 1
 
 
 def test_certificates_keep_kinds_apart_and_failures_stand_out(paper_result):
@@ -182,6 +180,7 @@ def test_a_result_that_cannot_be_verified_says_why(invoke, make_result, tmp_path
     assert "The result could not be verified: " in text
 
 
+@pytest.mark.slow("computes a result twice, and draws its page")
 def test_starting_over_removes_the_page_of_the_old_result(invoke, tmp_path):
     config = Path(__file__).parents[2] / "configs" / "paper.yaml"
     few = (

@@ -1,14 +1,23 @@
 """What the parts of a vehicle compute, in closed form; and what is said of wrong options."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.config.source import read_config
+from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.expressions import parse
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.experiment.build import build
 from eqt_cli.groups import group_named
-from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.inertia import Inertia, PrescribedInertia
+from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.references.constant import ConstantReference
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.actuators.deadband import Deadband
 from eqt_cli.vehicle.actuators.lag import Lag
 from eqt_cli.vehicle.actuators.limit import Limit
 from eqt_cli.vehicle.actuators.momentum_limit import MomentumLimit
@@ -17,7 +26,7 @@ from eqt_cli.vehicle.forces.drag import Drag
 from eqt_cli.vehicle.forces.gravity_gradient import GravityGradient
 from eqt_cli.vehicle.forces.gust import SINES, Gust
 from eqt_cli.vehicle.forces.restoring import Restoring
-from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia
+from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia, VaryingInertia
 from eqt_cli.vehicle.numbers import Normal, Uniform
 
 SO3, SE3 = group_named("SO3"), group_named("SE3")
@@ -63,6 +72,21 @@ def test_weight_and_buoyancy_right_a_body_whose_mass_is_low():
     np.testing.assert_allclose(upward, [0, 0, 2.0], atol=10 * ROUNDING)
 
 
+def test_weight_and_buoyancy_are_the_slope_of_their_energy(derivative):
+    """Along every axis of the body: U = W z_G − B z_B, with both centres off every axis."""
+    weight, lift, mass, float_ = 10.0, 12.0, [0.1, -0.2, -0.3], [-0.15, 0.05, 0.25]
+    force = Restoring(weight, lift, centre_of_mass=mass, centre_of_buoyancy=float_)
+    Q = SE3.exp(np.array([[0.3, -0.4, 0.5, 1.0, 2.0, -1.0]]))
+
+    def energy(Q):
+        height_of_mass, height_of_float = (float((Q @ [*r, 1.0])[0, 2]) for r in (mass, float_))
+        return np.array(weight * height_of_mass - lift * height_of_float)
+
+    slope = [derivative(lambda h, e=e: energy(Q @ SE3.exp(h * e))) for e in np.eye(6)]
+    found = acting(force, SE3, Q, np.zeros((1, 6)))[0]
+    np.testing.assert_allclose(found, np.negative(slope), atol=1e-9)  # energies of 10 J
+
+
 def test_gusts_have_the_variance_that_is_asked_for():
     # Over a long time the mean of each squared sine is 1/2, up to the length of the record.
     gust = Gust(std=0.3, time_constant=2.0)
@@ -88,6 +112,13 @@ def test_quantisation_gives_the_nearest_multiple():
     command = np.array([[0.26, -0.4, 1234.4]])
     found = part.output(SO3, command, none, part.numbers(SO3, None))
     np.testing.assert_allclose(found, [[0.3, -0.5, 1234.0]], rtol=2 * ROUNDING)
+
+
+def test_a_deadband_swallows_what_is_small_and_nothing_of_the_rest():
+    part, none = Deadband(width=[0.4, 0.4, 1.0]), np.zeros((1, 0))
+    command = np.array([[0.39, -0.4, -0.9], [-0.39, 0.41, 1.5], [3.0, -7.0, 0.0]])
+    found = part.output(SO3, command, none, part.numbers(SO3, None))
+    np.testing.assert_array_equal(found, [[0, -0.4, 0], [0, 0.41, 1.5], [3.0, -7.0, 0]])
 
 
 def test_wheels_take_up_what_they_can():
@@ -135,6 +166,52 @@ def test_relative_and_constant_inertia():
     np.testing.assert_allclose(true.inverse @ true.matrix, np.eye(3), atol=ROUNDING)
     part = ConstantInertia([1.0, Uniform([1.0, 3.0]), 4.0])
     np.testing.assert_array_equal(part.numbers(SO3, None)["matrix"], model.matrix)
+
+
+ROWS = [["1 + 0.3*sin(t)", "0", "0"], ["0", "2", "0.2*t"], ["0", "0.2*t", "4*exp(-0.2*t)"]]
+VARYING = PrescribedInertia(tuple(tuple(parse(entry) for entry in row) for row in ROWS))
+
+
+def test_a_relative_inertia_changes_in_time_as_it_is(derivative):
+    part = RelativeInertia(0.25)
+
+    def true(t):
+        return part.at(VARYING.at(t), t, part.numbers(SO3, None))
+
+    change = true(0.7).change
+    rate = derivative(lambda h: true(0.7 + h).matrix)
+    np.testing.assert_allclose(change + change.T, rate, atol=1e-11)  # of the differences
+
+
+@pytest.mark.parametrize(
+    "true", [VaryingInertia(VARYING), RelativeInertia(0.25)], ids=["varying", "relative"]
+)
+def test_the_plant_obeys_its_own_inertia(true, derivative):
+    """d/dt(𝕁V) = ad*_V 𝕁V + τ for the plant's 𝕁_t, of a loop whose law believes in another."""
+    entries = ("2 + 0.1*cos(t)", "1.5 + 0.1*t", "3")
+    rows = [[entries[i] if i == j else "0" for j in range(3)] for i in range(3)]
+    believed = PrescribedInertia(tuple(tuple(parse(entry) for entry in row) for row in rows))
+    vehicle = Vehicle(inertia=true)
+    loop = ClosedLoop(
+        SO3,
+        believed,
+        Gains(np.eye(3), np.eye(3)),
+        ConstantReference(),
+        EqT(),
+        replace(vehicle, given=vehicle.numbers(SO3)),
+    )
+    Q, t = SO3.exp(np.array([0.4, -0.3, 0.6])), 0.7
+    y = loop.initial_state(Q, np.array([0.5, -0.8, 1.1]), np.eye(3), np.zeros(3))
+    rate = loop.vector_field(t, y)
+
+    def momentum(h):
+        s = loop.tracking(t + h, y + h * rate)
+        return true.at(believed.at(t + h), t + h, true.numbers(SO3, None)).momentum(s.V)
+
+    s = loop.tracking(t, y)
+    expected = SO3.ad_star(s.V, momentum(0.0)) + loop.torque(s)
+    # A straight line in the state is curved in V: h⁴ of its fifth derivative, and rounding.
+    np.testing.assert_allclose(derivative(momentum), expected, atol=1e-11)
 
 
 def test_a_run_draws_its_own_numbers_whatever_else_there_is():
