@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
 import json
 import os
 import shutil
 import signal
+import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from io import StringIO
 from pathlib import Path
 from typing import Any
@@ -25,13 +28,15 @@ from hypothesis import strategies as st
 from eqt_cli.cli import main
 from eqt_cli.config.source import read_config
 from eqt_cli.controllers import Controller, controllers
-from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.core.arrays import FUNCTIONS, Array, transpose
 from eqt_cli.core.interruptions import ASKED_BY
 from eqt_cli.core.problems import Problems
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.read_study import study
 from eqt_cli.groups import MatrixLieGroup, group_named, groups
+from eqt_cli.program import Program
+from eqt_cli.program.c_code import HEADER, c_function
 from eqt_cli.results.result import open_result
 from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
@@ -548,3 +553,48 @@ def noted() -> Callable[..., list[tuple[str, str]]]:
         return [(problem.path, problem.message) for problem in problems]
 
     return noted
+
+
+# Programs in C ------------------------------------------------------------------------------------
+
+C_COMPILERS = {"cc": ["-std=c99"], "c++": ["-x", "c++", "-std=c++98", "-Wno-long-long"]}
+C_LIBRARY = "".join(
+    f"static inline double eqt_{name}(double x) {{ return {name}(x); }}\n"
+    for name in FUNCTIONS
+    if name not in ("sqrt", "abs")
+)
+
+
+@cache
+def _compiled(program: Program, compiler: str) -> ctypes.CDLL | None:
+    if not shutil.which(compiler):
+        return None
+    function = c_function(program, "function")
+    if compiler == "c++":
+        function = f'extern "C" {function}'
+    with tempfile.TemporaryDirectory() as folder:
+        source, library = Path(folder, "program.c"), Path(folder, "program.so")
+        power = "static inline double eqt_pow(double x, double y) { return pow(x, y); }\n"
+        source.write_text(f'#include "{HEADER}"\n{C_LIBRARY}{power}{function}')
+        strict = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-function"]
+        flags = [*C_COMPILERS[compiler], *strict, "-O0", "-ffp-contract=off", "-fPIC", "-shared"]
+        command = [compiler, *flags, str(source), "-o", str(library), "-lm"]
+        subprocess.run(command, check=True)
+        return ctypes.CDLL(str(library))
+
+
+@pytest.fixture
+def in_c() -> Callable[..., dict[str, Array]]:
+    """Run a program as C by one of `C_COMPILERS`, on arrays by the names of its groups."""
+
+    def run(program: Program, compiler: str = "cc", **inputs: Any) -> dict[str, Array]:
+        library = _compiled(program, compiler)
+        if library is None:
+            pytest.skip(f"no {compiler} on this machine")
+        given = [np.ascontiguousarray(inputs[group], dtype=float) for group, _ in program.inputs]
+        found = {output.name: np.empty(output.shape) for output in program.outputs}
+        arrays = [*given, *found.values()]
+        library.function(*(array.ctypes.data_as(ctypes.c_void_p) for array in arrays))
+        return found
+
+    return run

@@ -146,16 +146,3 @@ def test_arrays_are_differentiated_entry_by_entry():
 def test_long_sums_do_not_exhaust_the_stack():
     text = " + ".join(["t"] * 2000)
     assert value_and_derivative(parse(text), {"t": 1.0}) == (2000.0, 2000.0)
-
-
-def test_symbols_of_the_taylor_engine():
-    heyoka = pytest.importorskip("heyoka")
-    from eqt_cli.engines.taylor.library import heyoka_module
-
-    heyoka_module()  # makes its functions known
-    x = heyoka.make_vars("x")
-    text = "sin(t)**2 + t**3/(1 + t*t) + exp(-t)"
-    _, derivative = value_and_derivative(parse(text), {"t": x})
-    compiled = heyoka.cfunc([derivative], [x])
-    _, expected = value_and_derivative(parse(text), {"t": 0.7})
-    assert compiled([0.7])[0] == pytest.approx(expected, rel=1e-14)

@@ -147,6 +147,18 @@ def test_no_step_ends_where_only_the_form_of_a_function_changes(compare, shorten
     assert (solution.steps > plain.steps).all() == shortened
 
 
+def test_no_step_ends_where_nothing_follows_from_a_comparison():
+    """V̇ = sin² t, whatever the sign of sin 9t is."""
+
+    def law(s, own):
+        turned = sin(9 * s.t)
+        where(less(turned, 0.0), s.V, turned)
+        return sin(s.t) ** 2 + where(less(turned, 0.0), 0 * s.V, 0 * turned)
+
+    plain = solved(problem_of(lambda s, own: sin(s.t) ** 2 + 0 * s.V))
+    assert (solved(problem_of(law)).steps == plain.steps).all()
+
+
 def test_side_that_changes_with_the_form_of_a_function_is_right_on_each():
     """V̇ jumps from 2 to −2 at t = 2; what is compared changes its sign at t = 1 without a jump."""
 

@@ -1,7 +1,7 @@
 """heyoka's batch Taylor integrator, compiled from the very laws that run on arrays.
 
-The closed loop's vector field is called once with object arrays of heyoka expressions; what comes
-back is compiled, once for all runs of a structure. Compiled code is kept on disk by heyoka itself.
+The closed loop's vector field is traced once; the program that comes back is compiled, once for all
+runs of a structure. Compiled code is kept on disk by heyoka itself.
 """
 
 from __future__ import annotations
@@ -28,16 +28,11 @@ from eqt_cli.engines.base import (
     Status,
 )
 from eqt_cli.engines.taylor.compiling import once
+from eqt_cli.engines.taylor.evaluation import compiled_function
 from eqt_cli.engines.taylor.integrator import BatchIntegrator, compiled, own
-from eqt_cli.engines.taylor.knots import Course, following, held_rows, spans_of
+from eqt_cli.engines.taylor.knots import Course, following, held_rows, passes_knots, spans_of
 from eqt_cli.engines.taylor.library import heyoka_module, missing
-from eqt_cli.engines.taylor.tracing import (
-    OneLoop,
-    compiled_samples,
-    parameter_rows,
-    trace,
-    traced,
-)
+from eqt_cli.engines.traced_loop import OneLoop, parameter_rows, programs, sampled, trace
 
 EPSILON = float(np.finfo(float).eps)
 SMALLEST_TOL = 10 * EPSILON
@@ -124,8 +119,8 @@ class Taylor(Engine):
         A lane's steps depend on its own run only, so the results do not depend on the neighbours,
         the order or the number of threads.
         """
-        law = traced(OneLoop(problem.loop))
-        shared = once(compiled, law, self.step_tolerance, self.code != "full")
+        law, knotted = programs(OneLoop(problem.loop)), passes_knots(problem.loop)
+        shared = once(compiled, law, knotted, self.step_tolerance, self.code != "full")
         parameters = parameter_rows(problem)
         solution = Solution.unfilled(problem)
         lanes = shared.lanes
@@ -173,14 +168,13 @@ class Taylor(Engine):
         self, function: SampledFunction, problem: Problem, *rows: Array
     ) -> dict[str, Array]:
         """Compiled as the law is where the work is large, by `sized`; else on arrays."""
-        found = None
+        program = None
         if self.code == "full":
             lengths = tuple(row.shape[-1] for row in rows)
-            found = compiled_samples(
-                function, OneLoop(problem.loop), lengths, threading.get_ident()
-            )
-        if found is None:
+            program = sampled(function, OneLoop(problem.loop), lengths)
+        if program is None:
             return super().evaluate(function, problem, *rows)
+        found = compiled_function(program, threading.get_ident())
         held = held_rows(problem.loop, problem.times)
         return found.at_samples(problem.times, rows, parameter_rows(problem), held)
 

@@ -1,17 +1,18 @@
-"""Evaluates compiled expressions of the state at every sample of every run."""
+"""Evaluates compiled programs of the state at every sample of every run."""
 
 import copy
-import pickle
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines.taylor.compiling import once
+from eqt_cli.engines.taylor.expressions import Expressions
+from eqt_cli.engines.taylor.library import heyoka_module
+from eqt_cli.program import Program
 
 AT_ONCE = 1024
 """Samples that are evaluated together: their hundred numbers fit the cache of a core."""
@@ -86,22 +87,16 @@ class CompiledFunction:
         }
 
 
-def compiled_function(
-    heyoka: ModuleType, variables: list[Any], arrays: Mapping[str, Array]
-) -> CompiledFunction:
-    """Compile arrays of expressions or numbers, each with a leading axis of one run."""
-    shapes = {name: np.shape(values)[1:] for name, values in arrays.items()}
-    entries = [
-        entry if isinstance(entry, heyoka.expression) else heyoka.expression(float(entry))
-        for values in arrays.values()
-        for entry in np.asarray(values, dtype=object).reshape(-1)
-    ]
-    function = once(_compiled, heyoka, pickle.dumps((entries, variables)))
-    # As for integrators: every thread needs its own.
-    return CompiledFunction(copy.deepcopy(function), shapes, heyoka.recommended_simd_size())
+@lru_cache(maxsize=64)
+def compiled_function(program: Program, thread: int) -> CompiledFunction:
+    """A program as the function of a thread: as for integrators, every thread needs its own."""
+    function = copy.deepcopy(once(_compiled, program))
+    shapes = {output.name: output.shape for output in program.outputs}
+    return CompiledFunction(function, shapes, heyoka_module().recommended_simd_size())
 
 
 @lru_cache(maxsize=32)
-def _compiled(heyoka: ModuleType, expressions: bytes) -> Any:
-    """Compile entries and variables, or find them among those compiled before."""
-    return heyoka.cfunc(*pickle.loads(expressions))
+def _compiled(program: Program) -> Any:
+    """Compile a program, or find it among those compiled before."""
+    expressions = Expressions.of(program)
+    return heyoka_module().cfunc(expressions.outputs, expressions.state)

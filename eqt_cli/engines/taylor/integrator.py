@@ -11,10 +11,11 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines.base import Span
-from eqt_cli.engines.taylor import knots
+from eqt_cli.engines.taylor import knots, switching
+from eqt_cli.engines.taylor.expressions import Expressions
 from eqt_cli.engines.taylor.library import heyoka_module
-from eqt_cli.engines.taylor.switching import Crossing, Switchboard
-from eqt_cli.engines.taylor.tracing import Traced
+from eqt_cli.engines.taylor.switching import NUMBERS, Crossing, Switchboard, comparisons
+from eqt_cli.engines.traced_loop import LoopPrograms
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,29 +101,36 @@ class BatchIntegrator:
 
 
 @lru_cache(maxsize=16)
-def compiled(traced: Traced, tol: float, compact: bool) -> BatchIntegrator:
-    """Compile a law, or find it among those compiled before."""
-    heyoka = heyoka_module()
-    events, board = [], None
-    if traced.compared:
-        a, b = zip(*traced.compared, strict=True)
-        values = heyoka.cfunc([*a, *b], list(traced.variables))
-        board = Switchboard(traced.own_parameters, np.array(traced.steady), values)
-        events = [
-            heyoka.t_event_batch(margin, callback=Crossing(board, index), cooldown=0.0)
-            for index, margin in enumerate(traced.margins)
-        ]
-    if traced.knot is not None:
-        events.append(knots.event(heyoka, traced.knot, board))
+def compiled(law: LoopPrograms, knotted: bool, tol: float, compact: bool) -> BatchIntegrator:
+    """Compile a law, or find it among those compiled before.
+
+    Its parameters are those of the field, then the time of the next knot where it passes knots, and
+    the numbers of its comparisons.
+    """
+    heyoka, field = heyoka_module(), Expressions.of(law.field)
+    compared, knot = comparisons(law.field), field.parameters
+    pairs = [(field.values[a], field.values[b]) for a, b in compared]
+    board, first, events = None, knot + knotted, []
+    if pairs:
+        values = heyoka.cfunc([*(a for a, _ in pairs), *(b for _, b in pairs)], field.state)
+        board = Switchboard(first, np.array(list(compared.values())), values)
+        for index, (a, b) in enumerate(pairs):
+            margin = switching.margin(heyoka, a, b, first + NUMBERS * index)
+            crossing = Crossing(board, index)
+            events.append(heyoka.t_event_batch(margin, callback=crossing, cooldown=0.0))
+    if knotted:
+        events.append(knots.event(heyoka, knot, board))
     integrator = heyoka.taylor_adaptive_batch(
-        list(zip(traced.variables, traced.derivative, strict=True)),
-        np.zeros((len(traced.variables), heyoka.recommended_simd_size())),
+        list(zip(field.state, field.outputs, strict=True)),
+        np.zeros((len(field.state), heyoka.recommended_simd_size())),
         tol=tol,
         compact_mode=compact,
         t_events=events,
     )
-    after = traced.after_instant
-    instant = heyoka.cfunc(list(after), list(traced.variables)) if after else None
+    instant = None
+    if law.after_instant:
+        after = Expressions.of(law.after_instant)
+        instant = heyoka.cfunc(after.outputs, after.state)
     return BatchIntegrator(integrator, board, instant)
 
 

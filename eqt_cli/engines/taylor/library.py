@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
 from importlib.util import find_spec
@@ -12,11 +11,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import numpy as np
-
-from eqt_cli.core.arrays import FUNCTIONS, register_symbols
 from eqt_cli.core.errors import EqtError
-from eqt_cli.engines.taylor.switching import recording
 
 CACHED_BYTES = 40_000_000
 """Of compiled laws on disk, dozens of them. heyoka looks through all of its file when a process
@@ -36,7 +31,7 @@ def missing() -> str | None:
 
 @lru_cache(maxsize=1)
 def heyoka_module() -> ModuleType:
-    """heyoka, imported when first needed, with its functions made known to the laws."""
+    """heyoka, imported when first needed."""
     try:
         import heyoka
     except ImportError as error:
@@ -44,15 +39,6 @@ def heyoka_module() -> ModuleType:
     heyoka.set_logger_level_error()  # its warnings are in the outcome of the runs concerned
     heyoka.set_nthreads(1)  # executors share out the cores; its own threads wait busily for work
     _bound_the_cache(heyoka.llvm_state)
-    functions = {name: getattr(heyoka, name) for name in FUNCTIONS if hasattr(heyoka, name)}
-    functions |= {
-        "abs": lambda x: heyoka.select(recording.get().less(x, 0.0), -x, x),
-        "less": lambda a, b: recording.get().less(a, b),
-        "smooth_less": lambda a, b: recording.get().smooth_less(a, b),
-        "where": heyoka.select,
-    }
-    register_symbols(heyoka.expression, functions)
-    heyoka.expression.__pow__ = _with_whole_powers(heyoka.expression.__pow__)
     module: ModuleType = heyoka
     return module
 
@@ -67,16 +53,3 @@ def _bound_the_cache(compiler: Any) -> None:
     compiler.set_diskcache_path(Path(compiler.get_diskcache_path()).parent / "eqt")
     with suppress(RuntimeError):  # where nothing can be written, nothing is kept
         compiler.set_diskcache_limit(CACHED_BYTES)
-
-
-def _with_whole_powers(power: Callable[[Any, Any], Any]) -> Callable[[Any, Any], Any]:
-    """heyoka's ``**``, but cubes and higher whole powers as products: its own are NaN at 0."""
-
-    def whole_or_other_power(base: Any, exponent: Any) -> Any:
-        whole = isinstance(exponent, int | float | np.integer) and exponent % 1 == 0
-        if not whole or exponent < 3:
-            return power(base, exponent)
-        half = whole_or_other_power(base, exponent // 2)
-        return half * half * base if exponent % 2 else half * half
-
-    return whole_or_other_power

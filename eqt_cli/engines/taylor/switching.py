@@ -8,14 +8,14 @@ other side, no crossing is missed for rounding, and two equal quantities do not 
 
 from __future__ import annotations
 
-from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.program import Program
 
 WIDTH = 1e-12
 """How far a - b passes zero before a step ends, relative to its scale."""
@@ -26,81 +26,41 @@ AT_ONCE = 1e-6
 MOST_RETURNS = 10
 """So many returns in a row, each of which doubles the width, are no motion but a sliding mode."""
 
-recording: ContextVar[Comparisons | AtOnce] = ContextVar("recording")
-"""Where the comparisons go of the law that is being traced."""
-
 SIDE, FACTOR, SCALE = range(3)
 NUMBERS = 3
 """The parameters of a comparison: -1 where a < b when a side was last looked at, else 1; the factor
 of its width; and its scale: 1, or what a and b have come to."""
 
 
-@dataclass
-class Comparisons:
-    """Every comparison that a law makes, as expressions of heyoka.
+def comparisons(program: Program) -> dict[tuple[int, int], bool]:
+    """The pairs (a, b) of values that a law compares, each crossing once.
 
-    Attributes
-    ----------
-    heyoka
-        The module.
-    first
-        Index of the first parameter behind the law's own; comparison k has `NUMBERS` of them.
-    pairs
-        The pairs (a, b) with events, and their indices.
-    smooth
-        The conditions between two forms of one smooth function, which need no events.
+    With them stands whether the side changes at events only, and not with the form of a function,
+    too. Where nothing but such a form depends on a comparison, no event is needed.
     """
-
-    heyoka: ModuleType
-    first: int
-    pairs: dict[tuple[Any, Any], int] = field(default_factory=dict)
-    smooth: list[Any] = field(default_factory=list)
-
-    def less(self, a: Any, b: Any) -> Any:
-        """The condition a < b."""
-        symbol = self.heyoka.expression
-        a, b = (value if isinstance(value, symbol) else symbol(float(value)) for value in (a, b))
-        if (b, a) not in self.pairs:  # the same crossing must not be an event twice
-            self.pairs.setdefault((a, b), len(self.pairs))
-        return self.heyoka.lt(a, b)
-
-    def smooth_less(self, a: Any, b: Any) -> Any:
-        """The condition a < b, where it changes no more than the form of a function."""
-        self.smooth.append(self.heyoka.lt(a, b))
-        return self.smooth[-1]
-
-    def margins(self) -> list[Any]:
-        """The events, e / (1 + e²/64) with e = |a - b| / scale + factor · width.
-
-        The absolute value goes on across 0 as the branch does on which a step has begun. A margin
-        is bounded, because heyoka chooses steps by the largest of states and events: a large event
-        would leave the states inaccurate.
-        """
-        par, margins = self.heyoka.par, []
-        for (a, b), index in self.pairs.items():
-            first = self.first + NUMBERS * index
-            e = (a - b) / par[first + SCALE]
-            e = self.heyoka.select(self.heyoka.lt(a, b), -e, e) + par[first + FACTOR] * WIDTH
-            margins.append(e / (1.0 + e * e / 64.0))
-        return margins
-
-    def steady(self) -> list[bool]:
-        """Whether a side changes at events only, and not with the form of a function as well."""
-        none = {condition: self.heyoka.expression(0.0) for condition in self.smooth}
-        return [not none or self.heyoka.subs(list(pair), none) == list(pair) for pair in self.pairs]
+    formed = program.following_from("smooth_less")
+    found: dict[tuple[int, int], bool] = {}
+    for a, b in program.operands_of("less"):
+        if (b, a) not in found:  # the same crossing must not be an event twice
+            found[a, b] = formed.isdisjoint((a, b))
+    return found
 
 
-@dataclass(frozen=True)
-class AtOnce:
-    """The comparisons of what is evaluated at one instant: each is decided there and then."""
+def margin(heyoka: ModuleType, a: Any, b: Any, first: int) -> Any:
+    """The event of a comparison, e / (1 + e²/64) with e = |a - b| / scale + factor · width.
 
-    heyoka: ModuleType
+    The absolute value goes on across 0 as the branch does on which a step has begun. A margin is
+    bounded, because heyoka chooses steps by the largest of states and events: a large event would
+    leave the states inaccurate.
 
-    def less(self, a: Any, b: Any) -> Any:
-        """The condition a < b."""
-        return self.heyoka.lt(a, b)
-
-    smooth_less = less
+    Parameters
+    ----------
+    first
+        Index of the first of its `NUMBERS` parameters.
+    """
+    e = (a - b) / heyoka.par[first + SCALE]
+    e = heyoka.select(heyoka.lt(a, b), -e, e) + heyoka.par[first + FACTOR] * WIDTH
+    return e / (1.0 + e * e / 64.0)
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,191 @@
+"""The programs of a closed loop, for engines that compile it: its field, and what follows from it.
+
+Everything that may differ from run to run is an input, so that one program serves all runs of a
+structure. It knows no engine.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import TraceError
+from eqt_cli.engines.base import Problem, SampledFunction
+from eqt_cli.program import Program, traced
+
+Given = Mapping[str, Array]
+"""Symbols by the names of the groups of inputs: ``state``, ``time``, ``parameters``, ``held``, and
+at a control instant ``errors``, those of the measured pose and velocity one after the other."""
+
+
+@dataclass(frozen=True, eq=False)
+class OneLoop:
+    """A loop that is equal to itself only; what is traced of it once is not traced again."""
+
+    loop: ClosedLoop
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, OneLoop) and self.loop is other.loop
+
+    def __hash__(self) -> int:
+        return id(self.loop)
+
+
+@dataclass(frozen=True)
+class LoopPrograms:
+    """What moves a closed loop; equal ones compile to the same code.
+
+    Attributes
+    ----------
+    field
+        ``derivative``, the time derivative of a flat state.
+    after_instant
+        ``state``, the state after a control instant; None where the law is not sampled.
+    """
+
+    field: Program
+    after_instant: Program | None
+
+
+@lru_cache(maxsize=64)
+def programs(one: OneLoop) -> LoopPrograms:
+    """`trace` of the loop, which is done once."""
+    return trace(one.loop)
+
+
+def trace(loop: ClosedLoop) -> LoopPrograms:
+    """What moves a closed loop.
+
+    Raises
+    ------
+    TraceError
+        If a component does what programs cannot; it names component, operation and way out.
+    """
+
+    # A law is promised a leading run axis; here it has one entry.
+    def field(given: Given) -> Mapping[str, Array]:
+        rates = _symbolic(loop, given).vector_field(given["time"][0], given["state"][None])
+        return {"derivative": rates[0]}
+
+    def after_instant(given: Given) -> Mapping[str, Array]:
+        symbolic, (t,), state = _symbolic(loop, given), given["time"], given["state"][None]
+        return {"state": symbolic.after_instant(t, state, _errors(loop, given))[0]}
+
+    inputs = _inputs(loop, loop.state_length)
+    try:
+        if loop.vehicle.control is None:
+            return LoopPrograms(traced(field, inputs), None)
+        d, m = loop.group.size, loop.group.dimension
+        measured = {"errors": d * d + m} if loop.vehicle.measures else {}
+        return LoopPrograms(traced(field, inputs), traced(after_instant, inputs | measured))
+    except Exception as error:
+        raise TraceError(_explain(error, loop)) from error
+
+
+@lru_cache(maxsize=64)
+def sampled(function: SampledFunction, one: OneLoop, lengths: tuple[int, ...]) -> Program | None:
+    """The arrays of a function of the loop; None where it does what programs cannot.
+
+    Its rows of numbers stand behind each other in ``state``. Unlike a law, what is measured of one
+    need not be compiled: an actuator may say by NumPy alone where it is at its limit, and a law
+    what its Lyapunov function is.
+    """
+
+    def arrays(given: Given) -> Mapping[str, Array]:
+        rows = np.split(given["state"][None], np.cumsum(lengths)[:-1], axis=1)
+        found = function(_symbolic(one.loop, given), given["time"][0], *rows)
+        return {name: np.asarray(values)[0] for name, values in found.items()}
+
+    try:
+        return traced(arrays, _inputs(one.loop, sum(lengths)))
+    except Exception:
+        return None
+
+
+def _inputs(loop: ClosedLoop, length: int) -> dict[str, int]:
+    parameters, held = (sum(value.size for value in numbers.values()) for numbers in _numbers(loop))
+    return {"state": length, "time": 1, "parameters": parameters, "held": held}
+
+
+def _symbolic(loop: ClosedLoop, given: Given) -> ClosedLoop:
+    """The loop with symbols for all its numbers, in the order of the rows."""
+    parameters, held = (
+        _cut(given[group], numbers)
+        for group, numbers in zip(("parameters", "held"), _numbers(loop), strict=True)
+    )
+    return loop.with_parameters(parameters).holding(held)
+
+
+def _numbers(loop: ClosedLoop) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Every number of the loop that is no part of its structure: parameters, and what it holds."""
+    held = {name: np.asarray(value) for name, value in loop.held(0.0).items()}
+    return loop.parameters, held
+
+
+def _cut(symbols: Array, numbers: Mapping[str, Array]) -> dict[str, Array]:
+    """Symbols in the shapes of some numbers, each with a leading run axis."""
+    ends = np.cumsum([value.size for value in numbers.values()])
+    parts = zip(numbers.items(), np.split(symbols, ends), strict=False)
+    return {name: part.reshape(1, *value.shape) for (name, value), part in parts}
+
+
+def _errors(loop: ClosedLoop, given: Given) -> tuple[Array, Array] | None:
+    """The errors of measurement at an instant."""
+    if "errors" not in given:
+        return None
+    d, m = loop.group.size, loop.group.dimension
+    pose, velocity = np.split(given["errors"], [d * d])
+    return pose.reshape(1, d, d), velocity.reshape(1, m)
+
+
+def parameter_rows(problem: Problem) -> Array:
+    """Every run's parameters in a row, in the order in which they are traced."""
+    columns = []
+    for name, shared in problem.loop.parameters.items():
+        values = problem.varying.get(name)
+        if values is None:
+            values = np.broadcast_to(shared, (problem.runs, *shared.shape))
+        columns.append(values.reshape(problem.runs, -1))
+    return np.concatenate(columns, axis=1)
+
+
+def _explain(error: Exception, loop: ClosedLoop) -> str:
+    """Which component did what, from the frames of the traceback that run in one."""
+    places = _places(error.__traceback__, loop) or {"the closed loop": ""}
+    (owner, place), *callers = reversed(places.items())
+    called = "".join(f", called by {name} at {where}" for name, where in callers)
+    return (
+        f"{owner} cannot be compiled: {type(error).__name__}: {error}"
+        f"{place and ' at ' + place}{called}; write it with operators, @ and the functions of "
+        "eqt_cli.core.arrays, or use `engine: solve_ivp`"
+    )
+
+
+def _places(trace: TracebackType | None, loop: ClosedLoop) -> dict[str, str]:
+    """The components in the traceback, the innermost last, and how far each has come."""
+    components = {
+        id(component): f"{kind} '{component.name}'"
+        for kind, component in (
+            ("controller", loop.controller),
+            ("reference", loop.reference),
+            ("group", loop.group),
+        )
+    }
+    places: dict[str, str] = {}
+    for frame, line in traceback.walk_tb(trace):
+        itself = frame.f_locals.get("self")
+        # The traced controller is a copy with symbols in place of its numbers.
+        is_controller = type(itself) is type(loop.controller)
+        name = components.get(id(loop.controller if is_controller else itself))
+        if name:
+            summary = traceback.FrameSummary(frame.f_code.co_filename, line, frame.f_code.co_name)
+            places[name] = f"{Path(frame.f_code.co_filename).name}:{line}: {summary.line}"
+    return places

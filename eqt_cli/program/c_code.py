@@ -1,0 +1,75 @@
+"""A program as a function in C: one line for each value, with no memory, branch or loop.
+
+It is written in the common subset of C99 and C++, in the types and functions of `HEADER`. Where the
+compiler may not contract operations (``-ffp-contract=off``), they round as IEEE 754 says.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+from eqt_cli.program.program import COMPARISONS, Constant, Input, Program
+
+HEADER = Path(__file__).with_name("double.h")
+"""The types and functions of programs, for one double at a time; it is included before them."""
+
+_INFIX = {"add": "+", "subtract": "-", "multiply": "*", "divide": "/"}
+
+
+def c_function(program: Program, name: str) -> str:
+    """The definition of a function that does what a program does.
+
+    It takes a pointer ``in_GROUP`` for each group of inputs, then ``out_NAME`` for each output, in
+    their order. Outputs must not lie where inputs do. Elementary functions have the names of the
+    program, with ``eqt_`` before them.
+
+    Raises
+    ------
+    ValueError
+        If a name is no identifier of C.
+    """
+    groups = [group for group, _ in program.inputs]
+    outputs = [output.name for output in program.outputs]
+    for each in (name, *groups, *outputs):
+        if not re.fullmatch(r"[A-Za-z]\w*", each, re.ASCII):
+            raise ValueError(f"{each!r} is no identifier of C")
+    taken = [f"const eqt_real *in_{group}" for group in groups]
+    given = [f"eqt_real *out_{output}" for output in outputs]
+    used = {value.group for value in program.values if isinstance(value, Input)}
+    targets: dict[int, list[str]] = {}
+    for output in program.outputs:
+        for entry, place in enumerate(output.entries):
+            targets.setdefault(place, []).append(f"out_{output.name}[{entry}] = v{place};")
+    lines = [f"(void)in_{group};" for group in groups if group not in used]
+    for place in range(len(program.values)):
+        lines += [_definition(program, place), *targets.get(place, [])]
+    body = "".join(f"    {line}\n" for line in lines)
+    return f"void {name}({', '.join(taken + given)})\n{{\n{body}}}\n"
+
+
+def _definition(program: Program, place: int) -> str:
+    value, kind = program.values[place], "eqt_real"
+    if isinstance(value, Input):
+        formula = f"in_{value.group}[{value.number}]"
+    elif isinstance(value, Constant):
+        formula = f"eqt_constant({_literal(value.number)})"
+    else:
+        operands = [f"v{operand}" for operand in value.operands]
+        if value.name in _INFIX:
+            formula = f" {_INFIX[value.name]} ".join(operands)
+        elif value.name == "negative":
+            formula = f"-{operands[0]}"
+        else:
+            kind = "eqt_mask" if value.name in COMPARISONS else kind
+            called = "less" if value.name in COMPARISONS else value.name
+            formula = f"eqt_{called}({', '.join(operands)})"
+    return f"const {kind} v{place} = {formula};"
+
+
+def _literal(number: float) -> str:
+    """A number in C: its shortest digits, which compilers read as this very double."""
+    if math.isfinite(number):
+        return repr(number)
+    return "NAN" if math.isnan(number) else "INFINITY" if number > 0 else "-INFINITY"

@@ -1,0 +1,309 @@
+"""Symbols that stand for numbers while a function runs, and note what it does with them.
+
+Equal operations on equal symbols are one symbol. Sums and products have their arguments in a fixed
+order; 0 and ±1 in them leave no operation, and signs move to where they cost none. All of this is
+exact but for the sign of a zero and for 0 times what is not finite. Nothing is regrouped, so that
+what is computed rounds as the function itself does.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.core.arrays import FUNCTIONS, Array, register_symbols
+from eqt_cli.program.program import Constant, Input, Operation, Output, Program
+
+
+class Symbol:
+    """A number of a program that is being traced.
+
+    Attributes
+    ----------
+    trace
+        All symbols of the program.
+    index
+        How many symbols there were before it.
+    name, operands
+        The operation; an input has its group and no operands.
+    number
+        The value of a constant; else None.
+    """
+
+    __slots__ = ("index", "name", "number", "operands", "trace")
+
+    def __init__(
+        self,
+        trace: _Trace,
+        name: str,
+        operands: tuple[Symbol, ...] = (),
+        number: float | None = None,
+    ) -> None:
+        self.trace, self.name, self.operands, self.number = trace, name, operands, number
+        self.index = len(trace)
+
+    def __add__(self, other: Any) -> Any:
+        return _of_both(_sum, self, other)
+
+    def __sub__(self, other: Any) -> Any:
+        return _of_both(_difference, self, other)
+
+    def __rsub__(self, other: Any) -> Any:
+        return _of_both(lambda b, a: _difference(a, b), self, other)
+
+    def __mul__(self, other: Any) -> Any:
+        return _of_both(_product, self, other)
+
+    def __truediv__(self, other: Any) -> Any:
+        return _of_both(_quotient, self, other)
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return _of_both(lambda b, a: _quotient(a, b), self, other)
+
+    def __pow__(self, exponent: Any) -> Any:
+        return _of_both(_power, self, exponent)
+
+    def __neg__(self) -> Symbol:
+        return _negative(self)
+
+    def __bool__(self) -> bool:
+        raise TypeError("a symbol has no truth value; choose by where(less(a, b), x, y)")
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+
+class _Trace(dict[Any, Symbol]):
+    """All symbols of a program, by what makes them equal."""
+
+    def constant(self, number: float) -> Symbol:
+        key = number.hex()  # 0.0 is not -0.0, and nan is nan
+        if key not in self:
+            self[key] = Symbol(self, "constant", (), number)
+        return self[key]
+
+    def operation(self, name: str, *operands: Symbol) -> Symbol:
+        key = name, *[operand.index for operand in operands]
+        if key not in self:
+            self[key] = Symbol(self, name, operands)
+        return self[key]
+
+
+_NUMBERS = int | float | np.number
+
+
+def _of_both(function: Callable[[Symbol, Symbol], Symbol], a: Symbol, b: Any) -> Any:
+    """A function of a symbol and a symbol or number; of anything else that itself decides."""
+    if isinstance(b, Symbol):
+        return function(a, b)
+    if isinstance(b, _NUMBERS):
+        return function(a, a.trace.constant(float(b)))
+    return NotImplemented
+
+
+def _sum(a: Symbol, b: Symbol) -> Symbol:
+    if a.number is not None and b.number is not None:
+        return a.trace.constant(a.number + b.number)
+    if a.number == 0:
+        return b
+    if b.number == 0:
+        return a
+    if b.name == "negative":
+        return _difference(a, b.operands[0])
+    if a.name == "negative":
+        return _difference(b, a.operands[0])
+    return a.trace.operation("add", *_in_order(a, b))
+
+
+def _difference(a: Symbol, b: Symbol) -> Symbol:
+    if b.number is not None:
+        return _sum(a, a.trace.constant(-b.number))
+    if a.number == 0:
+        return _negative(b)
+    if b.name == "negative":
+        return _sum(a, b.operands[0])
+    if a.name == "negative":
+        return _negative(_sum(a.operands[0], b))
+    opposite = a.trace.get(("subtract", b.index, a.index))
+    return _negative(opposite) if opposite is not None else a.trace.operation("subtract", a, b)
+
+
+def _negative(a: Symbol) -> Symbol:
+    if a.number is not None:
+        return a.trace.constant(-a.number)
+    if a.name == "negative":
+        return a.operands[0]
+    if a.name == "multiply" and a.operands[0].number is not None:
+        return _product(a.trace.constant(-a.operands[0].number), a.operands[1])
+    return a.trace.operation("negative", a)
+
+
+def _product(a: Symbol, b: Symbol) -> Symbol:
+    if a.number is not None and b.number is not None:
+        return a.trace.constant(a.number * b.number)
+    for one, other in ((a, b), (b, a)):
+        if one.number == 0:
+            return a.trace.constant(0.0)
+        if one.number == 1:
+            return other
+        if one.number == -1:
+            return _negative(other)
+        if one.name == "negative":
+            return _negative(_product(one.operands[0], other))
+    return a.trace.operation("multiply", *_in_order(a, b))
+
+
+def _quotient(a: Symbol, b: Symbol) -> Symbol:
+    if b.number is not None and abs(math.frexp(b.number)[0]) == 0.5:  # by a power of 2: exact
+        return _product(a, a.trace.constant(1 / b.number))
+    if a.number is not None and b.number is not None:
+        with np.errstate(all="ignore"):
+            return a.trace.constant(float(np.float64(a.number) / b.number))
+    if a.number == 0:
+        return a
+    if a.name == "negative":
+        return _negative(_quotient(a.operands[0], b))
+    if b.name == "negative":
+        return _negative(_quotient(a, b.operands[0]))
+    return a.trace.operation("divide", a, b)
+
+
+def _power(base: Symbol, exponent: Symbol) -> Symbol:
+    """A whole power as products, which are right at 0, too, where the series of others is not."""
+    number, one = exponent.number, base.trace.constant(1.0)
+    if number is None or not math.isfinite(number) or (2 * number) % 1:
+        return base.trace.operation("pow", base, exponent)
+    if number < 0:
+        return _quotient(one, _power(base, _negative(exponent)))
+    if number == 0.5:
+        return _function("sqrt", base)
+    if number % 1:
+        return base.trace.operation("pow", base, exponent)
+    found, factor = one, base
+    for digit in reversed(f"{int(number):b}"):
+        if digit == "1":
+            found = _product(found, factor)
+        factor = _product(factor, factor)
+    return found
+
+
+def _in_order(a: Symbol, b: Symbol) -> tuple[Symbol, Symbol]:
+    """The operands of what may be swapped: a constant first, then those that are older."""
+    if a.number is None and (b.number is not None or b.index < a.index):
+        return b, a
+    return a, b
+
+
+def _function(name: str, x: Symbol) -> Symbol:
+    return x.trace.operation(name, x)
+
+
+def _compared(name: str) -> Callable[[Any, Any], Symbol]:
+    def compare(a: Any, b: Any) -> Symbol:
+        a, b = _symbols(a, b)
+        if a.number is not None and b.number is not None:
+            return a.trace.constant(float(a.number < b.number))
+        return a.trace.operation(name, a, b)
+
+    return compare
+
+
+def _chosen(condition: Any, a: Any, b: Any) -> Symbol:
+    condition, a, b = _symbols(condition, a, b)
+    if condition.number is not None:
+        return a if condition.number else b
+    return a if a is b else a.trace.operation("select", condition, a, b)
+
+
+def _symbols(*values: Any) -> list[Symbol]:
+    """Symbols and numbers, at least one of them a symbol, as symbols."""
+    trace = next(value.trace for value in values if isinstance(value, Symbol))
+    return [
+        value if isinstance(value, Symbol) else trace.constant(float(value)) for value in values
+    ]
+
+
+_less = _compared("less")
+
+register_symbols(
+    Symbol,
+    {
+        **{name: (lambda x, name=name: _function(name, x)) for name in FUNCTIONS},
+        "abs": lambda x: _chosen(_less(x, 0.0), _negative(x), x),
+        "less": _less,
+        "smooth_less": _compared("smooth_less"),
+        "where": _chosen,
+    },
+)
+
+
+def traced(
+    function: Callable[[dict[str, Array]], Mapping[str, Array]], inputs: Mapping[str, int]
+) -> Program:
+    """The program of a function.
+
+    Parameters
+    ----------
+    function
+        Returns arrays of symbols or numbers by name. It is called once, with a vector of symbols
+        for each group of inputs.
+    inputs
+        The length of each group, by its name.
+    """
+    trace = _Trace()
+    given: dict[str, Array] = {}
+    for group, length in inputs.items():
+        given[group] = np.empty(length, dtype=object)
+        for index in range(length):
+            trace[group, index] = given[group][index] = Symbol(trace, group)
+    found = {name: np.asarray(array, dtype=object) for name, array in function(given).items()}
+    entries = {
+        name: [
+            entry if isinstance(entry, Symbol) else trace.constant(float(entry))
+            for entry in array.flat
+        ]
+        for name, array in found.items()
+    }
+    symbols = _needed([entry for each in entries.values() for entry in each])
+    places = {symbol.index: place for place, symbol in enumerate(symbols)}
+    keys = list(trace)
+    values = tuple(
+        Constant(symbol.number)
+        if symbol.number is not None
+        else Operation(symbol.name, tuple(places[operand.index] for operand in symbol.operands))
+        if symbol.operands
+        else Input(*keys[symbol.index])
+        for symbol in symbols
+    )
+    outputs = tuple(
+        Output(name, array.shape, tuple(places[entry.index] for entry in entries[name]))
+        for name, array in found.items()
+    )
+    return Program(tuple(inputs.items()), values, outputs)
+
+
+def _needed(roots: list[Symbol]) -> list[Symbol]:
+    """The symbols that others need, each as late as it can stand in a walk from the roots.
+
+    Of two operands the one that needs more values at a time comes first (Sethi and Ullman 1970).
+    """
+    at_a_time: dict[int, int] = {}
+    for symbol in roots[0].trace.values() if roots else ():
+        needs = sorted((at_a_time[operand.index] for operand in symbol.operands), reverse=True)
+        most = [need + others for others, need in enumerate(needs)]
+        at_a_time[symbol.index] = max([*most, min(len(needs), 1)])
+    found: dict[int, Symbol] = {}
+    left = roots[::-1]
+    while left:
+        symbol = left[-1]
+        needed = [operand for operand in symbol.operands if operand.index not in found]
+        if symbol.index in found:
+            left.pop()
+        elif needed:
+            left.extend(sorted(needed, key=lambda operand: at_a_time[operand.index]))
+        else:
+            found[symbol.index] = left.pop()
+    return list(found.values())

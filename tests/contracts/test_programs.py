@@ -1,0 +1,70 @@
+"""Every law as a program, in C: the same numbers as the law on arrays."""
+
+import numpy as np
+import pytest
+
+from eqt_cli.config.source import read_config
+from eqt_cli.core.problems import Problems
+from eqt_cli.engines.traced_loop import trace
+from eqt_cli.experiment.build import build
+
+# NumPy adds products in another order: tens of last places of numbers up to hundreds.
+ROUNDING = 1e-11
+
+
+def flat(numbers):
+    """Numbers by name as one vector."""
+    return np.concatenate(
+        [np.empty(0), *(np.asarray(each).reshape(-1) for each in numbers.values())]
+    )
+
+
+def given(loop, t, state, **errors):
+    """The inputs of the programs of a loop."""
+    numbers = {"parameters": flat(loop.parameters), "held": flat(loop.held(t))}
+    return {"state": state, "time": [t], **numbers, **errors}
+
+
+@pytest.mark.parametrize("group", ["SO3", "SE3", "SE2"])
+def test_c_gives_the_same_field_as_the_law(loop_with, make, controller_class, states, in_c, group):
+    loop, problems = loop_with(group, make(controller_class)), Problems(str)
+    loop.controller.check(loop.group, problems)
+    if problems:
+        pytest.skip(f"not for {group}")
+    program = trace(loop).field
+    for state in states(loop, (3,)):
+        found = in_c(program, **given(loop, 0.3, state))["derivative"]
+        expected = loop.holding(loop.held(0.3)).vector_field(0.3, state)
+        np.testing.assert_allclose(found, expected, rtol=0, atol=ROUNDING)
+
+
+SAMPLED = """group: SO3
+inertia: [1.0, 2.0, 2.5]
+gains: {kp: 2, kd: 2}
+reference: {kind: waypoints, points: [{t: 0, pose: identity}, {t: 1, pose: {rotvec: [0, 0, 1]}}]}
+controllers: [goodarzi2013]
+initial: {pose: {kind: exp_normal, std: 0.6}, velocity: {kind: normal, std: 0.4}}
+ensemble: {runs: 1, seed: 4}
+time: {duration: 1, samples: 3}
+actuators: [{kind: limit, limit: 0.8}, {kind: lag, time_constant: 0.1}]
+control: {period: 0.1, delay: 1}
+sensors: {pose: [{kind: noise, std: 0.01}], velocity: [{kind: bias, value: 0.1}]}
+"""
+
+
+def test_c_gives_the_same_sampled_loop(tmp_path, states, in_c):
+    """A law with memory, a limit, a lag, a delay, errors of measurement and a spline in pieces."""
+    path = tmp_path / "flight.yaml"
+    path.write_text(SAMPLED, encoding="utf-8")
+    [loop] = build(read_config(path)).loops.values()
+    programs, random = trace(loop), np.random.default_rng(1)
+    E, b = loop.group.exp(0.1 * random.standard_normal(3)), random.standard_normal(3)
+    measured = np.concatenate([E.reshape(-1), b])
+    for state in states(loop, (3,)):
+        state = state + 0.1 * random.standard_normal(state.shape)  # what is on its way, too
+        held = loop.holding(loop.held(0.3))
+        found = in_c(programs.field, **given(loop, 0.3, state))["derivative"]
+        np.testing.assert_allclose(found, held.vector_field(0.3, state), rtol=0, atol=ROUNDING)
+        found = in_c(programs.after_instant, **given(loop, 0.3, state, errors=measured))["state"]
+        expected = held.after_instant(0.3, state, (E, b))
+        np.testing.assert_allclose(found, expected, rtol=0, atol=ROUNDING)
