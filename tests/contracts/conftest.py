@@ -29,7 +29,11 @@ from eqt_cli.references.path import PathFactor
 from eqt_cli.references.waypoints import Waypoint
 from eqt_cli.vehicle.forces import Force
 
-PLUGINS = sorted(Path(__file__).parents[1].glob("compatibility/first_version/plugins/*.py"))
+HERE = Path(__file__).parents[2]
+PLUGINS = [
+    *sorted(HERE.glob("tests/compatibility/first_version/plugins/*.py")),
+    HERE / "examples" / "runge_kutta.py",
+]
 
 ARGUMENTS = {"velocities": "velocity"}
 """Singulars that are not the plural without its s."""
