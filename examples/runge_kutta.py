@@ -2,6 +2,7 @@
 
 import dataclasses
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,7 +23,7 @@ class Steps(Integrator):
         times = span.grid[1 : 1 + span.later]
         samples = np.empty((len(states), span.later, states.shape[1]))
         y, k1 = states, f(span.start, states)
-        for t, end in zip(grid[:-1], grid[1:], strict=True):
+        for t, end in pairwise(grid):
             h, y0, f0 = end - t, y, k1
             k2 = f(t + h / 2, y + h / 2 * k1)
             k3 = f(t + h / 2, y + h / 2 * k2)

@@ -90,8 +90,7 @@ class Integrator(ABC):
 
     def at_instant(self, t: float, states: Array, errors: tuple[Array, Array] | None) -> Array:
         """The states after the law has been evaluated at a control instant, with these errors."""
-        with np.errstate(all="ignore"):  # a state that is not finite is found behind it
-            return self.loop.after_instant(t, states, errors)
+        return self.loop.after_instant(t, states, errors)
 
     def hold(self, span: Span) -> None:
         """Take the numbers that the loop holds in a span."""

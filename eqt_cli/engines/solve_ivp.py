@@ -190,7 +190,7 @@ class Blocks(Integrator):
         start, length = states.ravel(), span.stop - span.start
         first_step = min(GROWTH * self._longest_step, length) or None
         self._longest_step = 0.0
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what they say is in the outcome
             # SciPy's step-size search does not end on a derivative that is not finite.
             if not np.isfinite(field(span.start, start)).all():

@@ -38,12 +38,13 @@ def walked(
 
     def work() -> None:
         walk = _Walk(integrator.for_thread(), spans, solution)
-        while True:
-            with lock:
-                runs = next(left, None)
-            if runs is None:
-                return
-            walk.through(runs, report)
+        with np.errstate(all="ignore"):  # a state that is not finite ends its run
+            while True:
+                with lock:
+                    runs = next(left, None)
+                if runs is None:
+                    return
+                walk.through(runs, report)
 
     if min(threads, len(groups)) == 1:
         work()
@@ -62,7 +63,8 @@ class _Walk:
     def through(self, runs: Array, progress: Progress) -> None:
         """Fill in the solution of a group of runs."""
         integrator, solution = self._integrator, self._solution
-        going, alone = np.ones(len(runs), dtype=bool), []
+        going = np.ones(len(runs), dtype=bool)
+        failed: dict[int, tuple[Span, Failure | None]] = {}
         states = self._problem.states[runs]
         solution.steps[runs] = 0
         integrator.reached = reached = _Reached(self._problem, len(runs), progress)
@@ -81,16 +83,16 @@ class _Walk:
             solution.steps[runs] += np.where(going, found.steps, 0)
             lost = np.flatnonzero(~np.isfinite(states).all(axis=1)).tolist()
             for place, failure in (dict.fromkeys(lost, Failure()) | dict(found.failed)).items():
-                if going[place] and failure is None and len(runs) > 1:
-                    alone.append(runs[place])
-                elif going[place]:
-                    self._note(runs[place], span, failure or Failure())
+                failed.setdefault(place, (span, failure))
                 going[place] = False
             if not going.any():
                 break
             reached(span.stop)
-        for run in alone:
-            self.through(np.array([run]), lambda runs: None)
+        for place, (span, failure) in failed.items():
+            if failure is None and len(runs) > 1:
+                self.through(runs[[place]], lambda runs: None)
+            else:
+                self._note(runs[place], span, failure or Failure())
         reached.finish()
 
     def _note(self, run: int, span: Span, failure: Failure) -> None:

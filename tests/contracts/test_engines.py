@@ -284,9 +284,7 @@ def test_a_run_that_fails_at_an_instant_harms_no_other(engine, sampled):
 def test_the_field_changes_at_instants(engine, loop_with, kind):
     """A force that jumps, and a reference that goes on by other numbers."""
     parts = (
-        {"vehicle": Vehicle(forces=(Gusts(),))}
-        if kind == "of a force"
-        else {"reference": Jolts()}
+        {"vehicle": Vehicle(forces=(Gusts(),))} if kind == "of a force" else {"reference": Jolts()}
     )
     problem = masses(loop_with, **parts)
     problem = dataclasses.replace(problem, varying={"controller.stiffness": np.zeros((RUNS, 1))})
