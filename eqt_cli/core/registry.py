@@ -75,6 +75,7 @@ class Registry(Generic[T]):
                     f"{self.base.__name__}; derive it from {self.base.__module__}."
                     f"{self.base.__name__}"
                 )
+            self._check_complete(component)
             found.setdefault(_name(component), component)
         return found
 
@@ -83,10 +84,18 @@ class Registry(Generic[T]):
             if (
                 issubclass(member, self.base)
                 and member.__module__ == module.__name__
-                and not inspect.isabstract(member)
                 and "name" in vars(member)
             ):
+                self._check_complete(member, f"{Path(str(module.__file__)).name}: ")
                 yield member
+
+    def _check_complete(self, component: type[T], where: str = "") -> None:
+        missing = sorted(getattr(component, "__abstractmethods__", ()))
+        if missing:
+            raise ComponentError(
+                f"{where}{self.kind} '{_name(component)}' does not define {', '.join(missing)}; "
+                f"see {self.base.__module__}.{self.base.__name__}"
+            )
 
     def names(self) -> list[str]:
         """All names, built-in components first, each kind in alphabetical order."""

@@ -8,6 +8,7 @@ keeps the error of the worst run of a block under what it would be alone.
 from __future__ import annotations
 
 import dataclasses
+import math
 import warnings
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,7 +20,9 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
-from eqt_cli.engines.base import Engine, Problem, Progress, Solution, Span, Status
+from eqt_cli.engines.base import Engine
+from eqt_cli.engines.integrator import NO_LONGER_FINITE, Failure, Integrator, SpanResult
+from eqt_cli.engines.problem import Problem, Span, Status
 from eqt_cli.engines.recorded_field import RecordedField
 
 EXPLICIT = ("DOP853", "RK45", "RK23")
@@ -92,184 +95,139 @@ class SolveIvp(Engine):
         """Whole blocks, so that the same runs share a block whatever the memory."""
         return max(1, most // self.runs_per_block) * self.runs_per_block
 
-    def solve(self, problem: Problem, progress: Progress, workers: int = 1) -> Solution:
-        """Integrate block by block; a block that fails is redone run by run."""
-        solution = Solution.empty(problem)
-        block = self.runs_per_block
-        for start in range(0, problem.runs, block):
-            runs = slice(start, min(start + block, problem.runs))
-            part = self._solve_block(problem.select(runs), progress)
-            if part is None:
-                for run in range(runs.start, runs.stop):
-                    one = slice(run, run + 1)
-                    alone = self._solve_block(problem.select(one), lambda runs: None)
-                    assert alone is not None  # a single run always has an outcome
-                    solution.place(one, alone)
-            else:
-                solution.place(runs, part)
-        return solution
+    def integrator(self, problem: Problem) -> Blocks:
+        """That of blocks which share their steps."""
+        return Blocks(problem, self)
+
+    def groups(self, problem: Problem, spans: list[Span], threads: int) -> list[Array]:
+        """The blocks, in the order of the runs."""
+        size, runs = self.runs_per_block, np.arange(problem.runs)
+        return [runs[start : start + size] for start in range(0, problem.runs, size)]
 
     def rehearse(self, problem: Problem) -> None:
         """As any engine, but by a few steps: a motion that is too fast for them is no error."""
         brief = dataclasses.replace(self, max_steps=min(self.max_steps, REHEARSED_EVALUATIONS))
         Engine.rehearse(brief, problem)
 
-    def _solve_block(self, block: Problem, progress: Progress) -> Solution | None:
-        """The block's solution, or None where any of its runs fails in a block of several."""
-        count = _Reporter(block, progress)
-        solution = Solution.empty(block)
+
+class _Failed(Exception):
+    """Why a block could not be integrated to the end of a span."""
+
+    def __init__(self, status: Status, t: float, reason: str) -> None:
+        super().__init__(reason)
+        self.failure = Failure(status, reason, t)
+
+
+class Blocks(Integrator):
+    """Integrates a block as one system; if that fails, each of its runs is integrated alone."""
+
+    def __init__(self, problem: Problem, engine: SolveIvp) -> None:
+        super().__init__(problem)
+        self._engine = engine
+
+    def begin(self, runs: Array) -> None:
+        """With no evaluation done."""
+        super().begin(runs)
+        self._evaluations, self._longest_step = 0, 0.0
+        self._field = self._new_field()
+
+    def _new_field(self) -> RecordedField:
+        return RecordedField(lambda held: self.loop.holding(held).vector_field)
+
+    def hold(self, span: Span) -> None:
+        """In the field that is recorded."""
+        self._field.hold(self.loop.held(span.start))
+
+    def advance(self, span: Span, states: Array) -> SpanResult:
+        """One call of solve_ivp; of a run that fails alone, the samples before that by a second."""
+        before, longest = self._evaluations, self._longest_step
         try:
-            solution.states[:] = self._integrate(block, count)
-        except _Failed as failure:
-            if block.runs > 1:
-                return None
-            known = self._until(block, failure.accepted)
-            solution.states[:, : known.shape[1]] = known
-            solution.status[:] = failure.status
-            solution.messages[:] = [str(failure)]
-        finally:
-            count.finish()
-        solution.steps[:] = count.evaluations
-        return solution
-
-    def _until(self, run: Problem, accepted: float) -> Array:
-        """The samples of a run before it failed, which solve_ivp does not give up with it."""
-        known = int(np.searchsorted(run.times, accepted, side="right"))
-        shorter = dataclasses.replace(run, times=run.times[:known])
+            later, end = self._integrated(span, states, self._engine.max_steps)
+            return SpanResult(end, later, self._evaluations - before)
+        except _Failed as failed:
+            steps, failure = self._evaluations - before, failed.failure
+        runs, n = states.shape
+        samples, ends = np.full((runs, span.later, n), np.nan), np.full(states.shape, np.nan)
+        if runs > 1:
+            return SpanResult(ends, samples, steps, dict.fromkeys(range(runs)))
         # Its last step is cut to end at a sample, which may cost evaluations beyond the limit.
-        patient = dataclasses.replace(self, max_steps=2 * self.max_steps)
-        if known > 1:
+        known = span.until(self._accepted)
+        self._longest_step, self._field = longest, self._new_field()
+        self.hold(span)
+        if known.later:
             with suppress(_Failed):
-                return patient._integrate(shorter, _Reporter(shorter, lambda runs: None))
-        return run.states[:, None]
+                samples[:, : known.later], _ = self._integrated(known, states, math.inf)
+        return SpanResult(ends, samples, steps, {0: failure})
 
-    def _integrate(self, block: Problem, count: _Reporter) -> Array:
-        whole = block.batched_loop()
-        state, found = block.states, []
-        field = RecordedField(lambda held: whole.holding(held).vector_field)
-        for span in block.spans:
-            if span.tick is not None:
-                with np.errstate(all="ignore"):  # a state that is not finite is found below
-                    state = whole.after_instant(span.start, state, block.errors_at(span.tick))
-            field.hold(whole.held(span.start))
-            states = self._integrate_span(field, state, span, count)
-            state = states[:, -1]
-            found.append(states[:, span.wanted])
-        return np.concatenate(found, axis=1) if len(found) > 1 else found[0]
-
-    def _integrate_span(
-        self, derivatives: RecordedField, state: Array, span: Span, count: _Reporter
-    ) -> Array:
+    def _integrated(self, span: Span, states: Array, limit: float) -> tuple[Array, Array]:
+        """The states at the samples behind the start, and at the stop."""
         from scipy.integrate import solve_ivp  # slow to import; readers of results do without
 
-        shape, times = state.shape, span.grid
+        engine, shape, times = self._engine, states.shape, span.grid
         # A span ends with a step, so without samples inside it nothing has to be interpolated.
         interpolated_at = times if len(times) > 2 else None
-        # Where the field changes at an end, its value there may be that of the other side.
-        first, last = (
-            np.nextafter(end, towards) if changes else end
-            for end, towards, changes in zip(
-                (span.start, span.stop), (span.stop, span.start), span.changes, strict=True
-            )
-        )
+        self._accepted, self._non_finite_at = span.start, math.nan
 
         def field(t: float, y: Array) -> Array:
-            count(t, self.max_steps)
-            derivative: Array = derivatives(min(max(t, first), last), y.reshape(shape)).ravel()
+            self._count(t, limit)
+            derivative: Array = self._field(span.inside(t), y.reshape(shape)).ravel()
             if not np.isfinite(derivative).all():
-                count.non_finite_at = t
+                self._non_finite_at = t
             return derivative
 
         def accepted(t: float, y: Array) -> float:
             # An event that never happens: solve_ivp looks at it at the end of every step.
             if not np.isfinite(y).all():
-                count.non_finite_at = count.non_finite_at or t
-                raise count.failure("")
-            count.accept(t)
+                if math.isnan(self._non_finite_at):
+                    self._non_finite_at = t
+                raise self._failed("")
+            self._longest_step = max(self._longest_step, t - self._accepted)
+            self._accepted = t
+            self._non_finite_at = math.nan  # a trial step that was refused is no failure
             return 1.0
 
-        tighter = np.sqrt(self.runs_per_block)
-        start, length = state.ravel(), float(times[-1] - times[0])
-        first_step = min(GROWTH * count.longest_step, length) or None
-        count.longest_step = 0.0
-        with warnings.catch_warnings(), np.errstate(all="ignore"):
+        tighter = np.sqrt(engine.runs_per_block)
+        start, length = states.ravel(), span.stop - span.start
+        first_step = min(GROWTH * self._longest_step, length) or None
+        self._longest_step = 0.0
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # what they say is in the outcome
             # SciPy's step-size search does not end on a derivative that is not finite.
-            if not np.isfinite(field(float(times[0]), start)).all():
-                start_time = float(times[0])
+            if not np.isfinite(field(span.start, start)).all():
                 reason = "the vector field is not finite"
-                raise _Failed(Status.NON_FINITE, start_time, reason, start_time)
+                raise _Failed(Status.NON_FINITE, span.start, reason)
             try:
                 result = solve_ivp(
                     field,
-                    (float(times[0]), float(times[-1])),
+                    (span.start, span.stop),
                     start,
-                    method=self.method,
+                    method=engine.method,
                     t_eval=interpolated_at,
                     events=accepted,
                     first_step=first_step,
-                    rtol=max(self.rtol / tighter, SMALLEST_RTOL),
-                    atol=self.atol / tighter,
-                    **_jacobian_options(self.method, *shape),
+                    rtol=max(engine.rtol / tighter, SMALLEST_RTOL),
+                    atol=engine.atol / tighter,
+                    **_jacobian_options(engine.method, *shape),
                 )
             except (ValueError, RuntimeError, np.linalg.LinAlgError) as error:
-                raise count.failure(str(error)) from error
+                raise self._failed(str(error)) from error
         if result.status != 0:
-            raise count.failure(result.message)
-        states = result.y if interpolated_at is not None else result.y[:, [0, -1]]
-        return states.T.reshape(-1, *shape).swapaxes(0, 1)
+            raise self._failed(result.message)
+        at_grid = result.y if interpolated_at is not None else result.y[:, [0, -1]]
+        found = at_grid.T.reshape(-1, *shape).swapaxes(0, 1)
+        return found[:, 1 : 1 + span.later], found[:, -1]
 
-
-class _Failed(Exception):
-    """Why a block could not be integrated to its end, and the last time it reached."""
-
-    def __init__(self, status: Status, t: float, reason: str, accepted: float) -> None:
-        super().__init__(f"t = {t:.6g} s: {reason}")
-        self.status, self.accepted = status, accepted
-
-
-class _Reporter:
-    """Counts evaluations of one block, and reports its progress by the time it has reached."""
-
-    def __init__(self, block: Problem, progress: Progress) -> None:
-        self.evaluations = 0
-        self.non_finite_at: float | None = None
-        self._progress, self._runs = progress, block.runs
-        self._start, self._end = float(block.times[0]), float(block.times[-1])
-        self._reported = 0.0
-        self._reached = self._accepted = self._start
-        self.longest_step = 0.0
-
-    def __call__(self, t: float, limit: int) -> None:
-        if self.evaluations >= limit:
+    def _count(self, t: float, limit: float) -> None:
+        if self._evaluations >= limit:
             reason = f"step limit: {limit} evaluations (solver.max_steps)"
-            raise self._failed(Status.STEP_LIMIT, self._accepted, reason)
-        self.evaluations += 1
-        self._reached = max(self._reached, t)
-        fraction = (self._reached - self._start) / (self._end - self._start)
-        if fraction - self._reported > 0.02:
-            self._report(fraction)
+            raise _Failed(Status.STEP_LIMIT, self._accepted, reason)
+        self._evaluations += 1
+        self.reached(t)
 
-    def accept(self, t: float) -> None:
-        self.longest_step = max(self.longest_step, t - self._accepted)
-        self._accepted = t
-        self.non_finite_at = None  # a trial step that was refused is no failure
-
-    def finish(self) -> None:
-        self._report(1.0)
-
-    def failure(self, reason: str) -> _Failed:
-        if self.non_finite_at is not None:
-            reason = "the state or its derivative is no longer finite"
-            return self._failed(Status.NON_FINITE, self.non_finite_at, reason)
-        return self._failed(Status.SOLVER_FAILED, self._accepted, reason.rstrip("."))
-
-    def _failed(self, status: Status, t: float, reason: str) -> _Failed:
-        return _Failed(status, t, reason, self._accepted)
-
-    def _report(self, fraction: float) -> None:
-        self._progress((fraction - self._reported) * self._runs)
-        self._reported = fraction
+    def _failed(self, reason: str) -> _Failed:
+        if not math.isnan(self._non_finite_at):
+            return _Failed(Status.NON_FINITE, self._non_finite_at, NO_LONGER_FINITE)
+        return _Failed(Status.SOLVER_FAILED, self._accepted, reason.rstrip("."))
 
 
 def _jacobian_options(method: str, runs: int, n: int) -> dict[str, Any]:

@@ -18,7 +18,8 @@ import numpy as np
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import TraceError
-from eqt_cli.engines.base import Problem, SampledFunction
+from eqt_cli.engines.base import SampledFunction
+from eqt_cli.engines.problem import Problem
 from eqt_cli.program import Program, traced
 
 Given = Mapping[str, Array]

@@ -29,7 +29,8 @@ from eqt_cli.references.path import PathFactor
 from eqt_cli.references.waypoints import Waypoint
 from eqt_cli.vehicle.forces import Force
 
-PLUGINS = sorted(Path(__file__).parents[1].glob("plugins/*.py"))
+TESTS = Path(__file__).parents[1]
+PLUGINS = [*sorted(TESTS.glob("plugins/*.py")), TESTS.parent / "examples" / "runge_kutta.py"]
 
 ARGUMENTS = {"velocities": "velocity"}
 """Singulars that are not the plural without its s."""

@@ -5,6 +5,8 @@ The problem is a harmonic oscillator per run, x'' = −ω²x, with ω a paramete
 
 import dataclasses
 from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +14,12 @@ import pytest
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import less, where
 from eqt_cli.engines import Problem, Status
+from eqt_cli.references.base import ClosedReference
+from eqt_cli.references.constant import ConstantReference
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.forces import Force
+from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.sensors.noise import Noise
 
 RUNS, SAMPLES, DURATION, RTOL = 5, 9, 4.0, 1e-7
 SHORT = 1.0
@@ -41,24 +49,25 @@ def quiet(runs):
 
 @dataclass(frozen=True)
 class Spring(Controller):
-    """A spring on R1, ẍ = −k x, whose force is infinite from some time on."""
+    """A spring on R1, ẍ = −k x − d ẋ + V̇_d, whose force is infinite from some time on."""
 
     name = "spring"
     title = "spring"
 
     stiffness: float = 1.0
+    damping: float = 0.0
     fails_after: float = field(default=1e9)
 
     def torque(self, s):
         x = s.Q[..., 0, 1:]
-        blown = 1e200 * x * x * x * x
-        return where(less(s.t, self.fails_after), -self.stiffness * x, blown * blown)
+        blown = 1e200 * (1 + x * x * x * x)
+        force = s.tau_d - self.stiffness * x - self.damping * s.V
+        return where(less(s.t, self.fails_after), force, blown * blown)
 
 
-@pytest.fixture
-def oscillators(loop_with):
-    """Oscillators on R1 from x = 1 at rest, and what becomes of them."""
-    loop = loop_with("R1", Spring())
+def masses(loop_with, **parts):
+    """Runs on R1 from x = 1 at rest, of unit mass; other parts of the loop may be given."""
+    loop = dataclasses.replace(loop_with("R1", Spring(), ConstantReference()), **parts)
     unit = np.eye(1)
     loop = loop.with_parameters(
         loop.parameters | {"inertia": unit, "inertia_inverse": unit, "kp": np.eye(2), "kd": unit}
@@ -67,10 +76,99 @@ def oscillators(loop_with):
     Q = np.broadcast_to(G.exp(np.ones(1)), (RUNS, 2, 2))
     still = np.zeros((RUNS, 1))
     y = loop.initial_state(Q, still, np.broadcast_to(G.identity, Q.shape), still)
-    omega, times = np.linspace(0.5, 2.0, RUNS), np.linspace(0.0, DURATION, SAMPLES)
-    varying = {"controller.stiffness": omega[:, None] ** 2}
-    expected = np.cos(omega[:, None] * times)
-    return Problem(loop, y, times, varying), expected
+    return Problem(loop, y, np.linspace(0.0, DURATION, SAMPLES))
+
+
+STIFFNESS = np.linspace(0.5, 2.0, RUNS)[:, None] ** 2
+
+
+@pytest.fixture
+def oscillators(loop_with):
+    """Oscillators, and what becomes of them."""
+    problem = masses(loop_with)
+    expected = np.cos(np.sqrt(STIFFNESS) * problem.times)
+    return dataclasses.replace(problem, varying={"controller.stiffness": STIFFNESS}), expected
+
+
+def thrown(times, ends, pushes, x=1.0, v=0.0):
+    """x at some times under a push that is held from each end to the next, ``(runs, times)``."""
+    found = np.empty((len(pushes), len(times)))
+    for (start, stop), push in zip(pairwise(ends), pushes.T, strict=True):
+        here, s = (times >= start) & (times <= stop), stop - start
+        after = (times[here] - start)[:, None]
+        found[:, here] = (x + v * after + push * after**2 / 2).T
+        x, v = x + v * s + push * s**2 / 2, v + push * s
+    return found
+
+
+PERIOD = 0.3
+
+
+@pytest.fixture
+def sampled(loop_with):
+    """A spring and damper that is evaluated at instants, from what noisy sensors tell."""
+    sensors = {"pose_sensors": (Noise(std=0.1),), "velocity_sensors": (Noise(std=0.1),)}
+    problem = masses(loop_with, vehicle=Vehicle(control=Sampling(period=PERIOD), **sensors))
+    instants, random = problem.control_instants, np.random.default_rng(5)
+    pose, velocity = random.normal(0.0, 0.1, (2, RUNS, instants, 1))
+    varying = {
+        "controller.stiffness": STIFFNESS,
+        "controller.damping": np.full((RUNS, 1), 0.4),
+    }
+    errors = problem.loop.group.exp(pose), velocity
+    x, v, pushes = np.ones(RUNS), np.zeros(RUNS), []
+    for k in range(instants):
+        told, speed = x + pose[:, k, 0], v + velocity[:, k, 0]
+        pushes.append(-STIFFNESS[:, 0] * told - 0.4 * speed)
+        x = x + v * PERIOD + pushes[-1] * PERIOD**2 / 2
+        v = v + pushes[-1] * PERIOD
+    ends = np.append(PERIOD * np.arange(instants), DURATION)
+    expected = thrown(problem.times, ends, np.array(pushes).T)
+    return dataclasses.replace(problem, varying=varying, errors=errors), expected
+
+
+CHANGES, PUSHES = np.array([0.7, 1.5, 2.9]), np.array([1.0, -2.0, 0.5, 3.0])
+
+
+def held_from(t):
+    return PUSHES[np.searchsorted(CHANGES, t, side="right")]
+
+
+@dataclass(frozen=True)
+class Gusts(Force):
+    """A force that jumps at known instants; two of them are no sample times."""
+
+    def acting(self, G, t, Q, V, given):
+        push = sum(
+            jump * where(less(t, at), 0.0, 1.0)
+            for at, jump in zip(CHANGES, np.diff(PUSHES), strict=True)
+        )
+        return (PUSHES[0] + push) * (1.0 + 0.0 * V)
+
+    def instants(self):
+        return CHANGES
+
+
+@dataclass(frozen=True)
+class Jolts(ClosedReference):
+    """A reference by whose acceleration the loop goes on from instant to instant."""
+
+    acceleration: Any = None
+
+    def motion(self, G, t):
+        if self.acceleration is None:
+            return self.holding(self.held(G, t)).motion(G, t)
+        still = np.zeros(1)
+        return G.identity, still, self.acceleration
+
+    def instants(self, G):
+        return CHANGES
+
+    def held(self, G, t):
+        return {"acceleration": held_from(t)[..., None]}
+
+    def holding(self, held):
+        return dataclasses.replace(self, **held)
 
 
 def positions(problem, solution):
@@ -156,6 +254,43 @@ def test_a_failing_run_gets_a_status_and_harms_no_other(engine, oscillators):
     np.testing.assert_allclose(
         positions(problem, solution)[others], expected[others], rtol=0, atol=ERROR
     )
+
+
+def test_a_sampled_law_is_evaluated_at_its_instants_with_their_errors(engine, sampled):
+    """Its command is held from one instant to the next; samples are at instants and between."""
+    problem, expected = sampled
+    solution = engine.solve(problem, quiet)
+    assert not solution.status.any()
+    np.testing.assert_allclose(positions(problem, solution), expected, rtol=0, atol=ERROR)
+
+
+def test_a_run_that_fails_at_an_instant_harms_no_other(engine, sampled):
+    """The law is evaluated at 1.5 s and then at 1.8 s, where its force is infinite."""
+    problem, expected = sampled
+    fails = np.full((RUNS, 1), 1e9)
+    fails[2] = 1.7
+    varying = {**problem.varying, "controller.fails_after": fails}
+    solution = engine.solve(dataclasses.replace(problem, varying=varying), quiet)
+    assert solution.status.tolist() == [0, 0, Status.NON_FINITE, 0, 0]
+    known = problem.times < 1.8
+    assert np.isnan(solution.states[2, ~known]).all()
+    expected[2, ~known] = np.nan
+    np.testing.assert_allclose(positions(problem, solution), expected, rtol=0, atol=ERROR)
+
+
+@pytest.mark.parametrize("kind", ["of a force", "that are held"])
+def test_the_field_changes_at_instants(engine, loop_with, kind):
+    """A force that jumps, and a reference that goes on by other numbers."""
+    parts = (
+        {"vehicle": Vehicle(forces=(Gusts(),))} if kind == "of a force" else {"reference": Jolts()}
+    )
+    problem = masses(loop_with, **parts)
+    problem = dataclasses.replace(problem, varying={"controller.stiffness": np.zeros((RUNS, 1))})
+    solution = engine.solve(problem, quiet)
+    assert not solution.status.any()
+    ends = np.array([0.0, *CHANGES, DURATION])
+    expected = thrown(problem.times, ends, np.tile(PUSHES, (RUNS, 1)))
+    np.testing.assert_allclose(positions(problem, solution), expected, rtol=0, atol=ERROR)
 
 
 def test_its_default_options_have_no_problems(engine, noted):

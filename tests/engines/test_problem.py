@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from eqt_cli.engines import Engine, Problem, Status
-from eqt_cli.engines.base import Solution, Span, _nearest
+from eqt_cli.engines.integrator import Integrator
+from eqt_cli.engines.problem import Solution, Span, _nearest
 
 
 @pytest.mark.parametrize(
@@ -34,17 +35,29 @@ def test_without_instants_there_is_nothing_to_move():
     assert _nearest(np.empty(0), np.array([0.0])).size == 0
 
 
+class Resting(Integrator):
+    def begin(self, runs):
+        pass
+
+    def advance(self, span, states):
+        raise NotImplementedError
+
+
 @dataclass(frozen=True)
 class Asked(Engine):
-    """Notes the times that it is asked for."""
+    """Notes the times that it is asked for, and goes no further."""
 
     name: ClassVar[str] = "asked"
 
     rtol: float = 1e-9
     times: list = field(default_factory=list)
 
-    def solve(self, problem, progress, workers=1):
+    def spans(self, problem):
         self.times.append(problem.times.tolist())
+        return []
+
+    def integrator(self, problem):
+        return Resting(problem)
 
     def tightened(self, factor):
         return self
@@ -82,9 +95,16 @@ def test_numbers_of_ends_of_runs_never_change():
 
 
 @pytest.mark.parametrize(
-    ("wanted", "later"), [([1, 0], 0), ([1, 1, 0], 1), ([0, 1, 1], 2), ([0, 0], 0), ([1, 0, 1], 1)]
+    ("t", "later", "stop"), [(0.0, 0, 0.0), (0.4, 1, 0.25), (0.5, 2, 0.5), (2.0, 3, 0.75)]
 )
-def test_samples_behind_the_start_of_a_span_are_counted(wanted, later):
-    grid = np.linspace(0.0, 1.0, len(wanted))
-    span = Span(0.0, 1.0, (False, False), grid, np.array(wanted, dtype=bool))
-    assert (span.samples, span.later) == (sum(wanted), later)
+def test_a_span_can_end_at_its_last_sample_before_a_time(t, later, stop):
+    span = Span(0.0, 1.0, (False, True), np.linspace(0.0, 1.0, 5), 1, 3, True)
+    shorter = span.until(t)
+    assert (shorter.start, shorter.stop, shorter.later) == (0.0, stop, later)
+    np.testing.assert_array_equal(shorter.grid, span.grid[: later + 1])
+    assert shorter.changes == (False, False)
+
+
+def test_times_at_an_end_where_the_field_changes_are_inside():
+    span = Span(0.0, 1.0, (False, True), np.array([0.0, 1.0]), 1, 0, True)
+    assert [span.inside(t) for t in (0.0, 0.5, 1.0)] == [0.0, 0.5, np.nextafter(1.0, 0.0)]

@@ -295,6 +295,31 @@ def test_no_component(message: Message, law: Path) -> None:
     assert "Controller, " in said  # of the kinds that this command knows
 
 
+ENGINE = """\
+from dataclasses import dataclass
+from eqt_cli.extend import Engine
+
+@dataclass(frozen=True)
+class Mine(Engine):
+    name = "mine"
+    rtol: float = 1e-6
+
+    def solve(self, problem, progress, workers=1):
+        ...
+
+    def tightened(self, factor):
+        return self
+"""
+
+
+def test_an_engine_that_leaves_the_walk_to_nobody(message: Message, folder: Path) -> None:
+    """One that integrates from the first sample to the last by itself would miss the instants."""
+    (folder / "engine.py").write_text(ENGINE, encoding="utf-8")
+    assert message(plugins="[engine.py]").endswith(
+        "engine.py: engine 'mine' does not define integrator; see eqt_cli.engines.base.Engine"
+    )
+
+
 def test_the_name_of_one_of_eqts_own(message: Message, law: Path) -> None:
     law.write_text(LAW.replace('"push"', '"eqt"'), encoding="utf-8")
     assert message(**PUSH) == (

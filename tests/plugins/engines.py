@@ -8,7 +8,44 @@ from typing import ClassVar
 
 import numpy as np
 
-from eqt_cli.extend import Count, Engine, Positive, Problem, Problems, Progress, Solution, Status
+from eqt_cli.extend import (
+    Array,
+    Count,
+    Engine,
+    Integrator,
+    Positive,
+    Problem,
+    Problems,
+    Span,
+    SpanResult,
+)
+
+
+class Steps(Integrator):
+    """Steps from each sample to the next."""
+
+    def __init__(self, problem: Problem, engine: RungeKutta) -> None:
+        super().__init__(problem)
+        self.engine = engine
+
+    def advance(self, span: Span, states: Array) -> SpanResult:
+        """The states at all ends of intervals but the first."""
+        field, y, steps, found = self.vector_field, states, 0, []
+        with np.errstate(all="ignore"):
+            for start, stop in zip(span.grid[:-1], span.grid[1:], strict=True):
+                t, length = float(start), float(stop - start)
+                count = max(self.engine.steps, int(np.ceil(length / self.engine.step)))
+                h = length / count
+                for _ in range(count):
+                    k1 = field(t, y)
+                    k2 = field(t + h / 2, y + h / 2 * k1)
+                    k3 = field(t + h / 2, y + h / 2 * k2)
+                    k4 = field(t + h, y + h * k3)
+                    y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+                    t += h
+                found.append(y)
+                steps += count
+        return SpanResult(y, np.stack([*found, y], axis=1)[:, : span.later], steps)
 
 
 @dataclass(frozen=True)
@@ -42,31 +79,6 @@ class RungeKutta(Engine):
         if self.rtol >= 1:
             problems.at("rtol").add(f"expected less than 1, got {self.rtol:g}")
 
-    def solve(self, problem: Problem, progress: Progress, workers: int = 1) -> Solution:
+    def integrator(self, problem: Problem) -> Steps:
         """Steps between samples."""
-        solution = Solution.empty(problem)
-        field, times = problem.batched_loop().vector_field, problem.times
-        y = problem.states.copy()
-        solution.states[:, 0] = y
-        intervals = len(times) - 1
-        with np.errstate(all="ignore"):
-            for sample in range(intervals):
-                t, length = float(times[sample]), float(times[sample + 1] - times[sample])
-                count = max(self.steps, int(np.ceil(length / self.step)))
-                h = length / count
-                for _ in range(count):
-                    k1 = field(t, y)
-                    k2 = field(t + h / 2, y + h / 2 * k1)
-                    k3 = field(t + h / 2, y + h / 2 * k2)
-                    k4 = field(t + h, y + h * k3)
-                    y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-                    t += h
-                solution.states[:, sample + 1] = y
-                solution.steps[:] += count
-                progress(problem.runs / intervals)
-        for run in np.flatnonzero(~np.isfinite(solution.states).all(axis=(1, 2))):
-            first = int(np.argmin(np.isfinite(solution.states[run]).all(axis=1)))
-            solution.states[run, first:] = np.nan
-            solution.status[run] = Status.NON_FINITE
-            solution.messages[run] = f"t = {times[first]:.6g} s: the state is not finite"
-        return solution
+        return Steps(problem, self)

@@ -337,8 +337,12 @@ def test_spans_hold_every_sample_once():
     state = loop.initial_state(G.identity, np.zeros(3), G.identity, np.zeros(3))
     for times in (TIMES, np.array([0.0, 6.0]), np.array([0.3, 1.0, 1.2, 5.5])):
         spans = Problem(loop, state[None], times).spans
-        held = np.concatenate([span.grid[span.wanted] for span in spans])
-        np.testing.assert_array_equal(held, times)
+        held = [span.grid[1 - span.sampled_start : 1 + span.later] for span in spans]
+        np.testing.assert_array_equal(np.concatenate(held), times)
+        firsts = [times[span.first : span.first + span.later] for span in spans]
+        np.testing.assert_array_equal(
+            np.concatenate(firsts), np.concatenate([s.grid[1 : 1 + s.later] for s in spans])
+        )
         assert [span.start for span in spans][1:] == [span.stop for span in spans][:-1]
 
 
@@ -348,7 +352,7 @@ def test_a_horizon_without_instants_is_one_span():
     state = loop.initial_state(G.identity, np.zeros(3), G.identity, np.zeros(3))
     [span] = Problem(loop, state[None], TIMES).spans
     np.testing.assert_array_equal(span.grid, TIMES)
-    assert span.wanted.all()
+    assert (span.first, span.later, span.sampled_start) == (1, len(TIMES) - 1, True)
 
 
 def test_step_limit_counts_the_steps_of_all_spans():

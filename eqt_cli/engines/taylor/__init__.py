@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import dataclasses
 import threading
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -19,18 +17,13 @@ from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
-from eqt_cli.engines.base import (
-    Engine,
-    Problem,
-    Progress,
-    SampledFunction,
-    Solution,
-    Status,
-)
+from eqt_cli.engines.base import Engine, SampledFunction
+from eqt_cli.engines.problem import Problem, Span
+from eqt_cli.engines.taylor.batches import Batches
 from eqt_cli.engines.taylor.compiling import once
 from eqt_cli.engines.taylor.evaluation import compiled_function
-from eqt_cli.engines.taylor.integrator import BatchIntegrator, compiled, own
-from eqt_cli.engines.taylor.knots import Course, following, held_rows, passes_knots, spans_of
+from eqt_cli.engines.taylor.integrator import compiled
+from eqt_cli.engines.taylor.knots import held_rows, passes_knots, spans_of
 from eqt_cli.engines.taylor.library import heyoka_module, missing
 from eqt_cli.engines.traced_loop import OneLoop, parameter_rows, programs, sampled, trace
 
@@ -113,39 +106,29 @@ class Taylor(Engine):
         full = small or runs >= MUCH_WORK_RUNS
         return dataclasses.replace(self, code="full" if full else "compact")
 
-    def solve(self, problem: Problem, progress: Progress, workers: int = 1) -> Solution:
-        """Integrate in batches of SIMD lanes; each worker thread owns an integrator.
+    def integrator(self, problem: Problem) -> Batches:
+        """That of batches of SIMD lanes.
 
         A lane's steps depend on its own run only, so the results do not depend on the neighbours,
         the order or the number of threads.
         """
         law, knotted = programs(OneLoop(problem.loop)), passes_knots(problem.loop)
-        shared = once(compiled, law, knotted, self.step_tolerance, self.code != "full")
-        parameters = parameter_rows(problem)
-        solution = Solution.unfilled(problem)
-        lanes = shared.lanes
-        course = Course.of(problem)
-        groups = iter(_groups(problem, course, lanes, workers))
-        lock = threading.Lock()
+        code = once(compiled, law, knotted, self.step_tolerance, self.code != "full")
+        return Batches(problem, code, self.max_steps)
 
-        def report(runs: float) -> None:
-            with lock:
-                progress(runs)
+    def spans(self, problem: Problem) -> list[Span]:
+        """A batch goes on through knots."""
+        return spans_of(problem)
 
-        def work() -> None:
-            integrator = own(shared, threading.get_ident())
-            while True:
-                with lock:
-                    runs = next(groups, None)
-                if runs is None:
-                    return
-                self._solve_group(integrator, problem, course, parameters, runs, solution, report)
+    def groups(self, problem: Problem, spans: list[Span], threads: int) -> list[Array]:
+        """A batch, or where the law waits for instants a thread's share.
 
-        if workers == 1:
-            work()
-        else:
-            _in_threads(work, min(workers, -(-problem.runs // lanes)), groups, lock)
-        return solution
+        There a sampled law is evaluated for all runs of the share at once.
+        """
+        lanes, runs = heyoka_module().recommended_simd_size(), _by_speed(problem)
+        batches = -(-problem.runs // lanes)
+        size = lanes if len(spans) == 1 else lanes * -(-batches // threads)
+        return [runs[start : start + size] for start in range(0, problem.runs, size)]
 
     def rehearse(self, problem: Problem) -> None:
         """Trace the law, which is what can fail, without compiling it, which takes seconds."""
@@ -178,95 +161,6 @@ class Taylor(Engine):
         held = held_rows(problem.loop, problem.times)
         return found.at_samples(problem.times, rows, parameter_rows(problem), held)
 
-    def _solve_group(
-        self,
-        integrator: BatchIntegrator,
-        problem: Problem,
-        course: Course,
-        parameters: Array,
-        runs: Array,
-        solution: Solution,
-        progress: Progress,
-    ) -> None:
-        """Integrate runs from one known instant to the next, all of them before any goes on.
-
-        So a sampled law is evaluated for all at once. As many runs as there are lanes make a
-        batch; the last run fills the lanes that are left over.
-        """
-        lanes, count = integrator.lanes, len(runs)
-        padded = np.append(runs, np.full(-count % lanes, runs[-1]))
-        states, own = problem.states[padded].T, parameters[padded].T
-        steps, first = np.zeros(len(padded), dtype=int), 0
-        going = [slice(start, start + lanes) for start in range(0, len(padded), lanes)]
-        failed, success = [], heyoka_module().taylor_outcome.time_limit
-        following.set(course)
-        for span in course.spans:
-            numbers = _with_same(own, course.rows[span.start])
-            if span.tick is not None:
-                errors = problem.errors_at(span.tick, padded)
-                states = integrator.at_instant(span.start, states, numbers, errors)
-            samples = slice(first, first + span.samples)
-            first = samples.stop
-            if span.wanted[0] and not span.later:
-                solution.states[runs, samples.start] = states[:, :count].T
-            for batch in list(going):
-                rows, left = runs[batch], self.max_steps - int(steps[batch].max())
-                ends, states[:, batch], found = integrator.go(
-                    span, states[:, batch], numbers[:, batch], left
-                )
-                if span.later:
-                    solution.states[rows, samples] = found[:, :, : len(rows)].transpose(2, 0, 1)
-                steps[batch] += [end[3] for end in ends]
-                bad = next((end[0] for end in ends if end[0] != success), None)
-                if span is course.spans[-1] and not np.isfinite(states[:, batch]).all():
-                    bad = bad or success
-                if bad is None:
-                    continue
-                if count == 1:
-                    solution.states[runs, first:] = np.nan
-                    solution.steps[runs] = steps[:1]
-                    self._note_failure(integrator, problem, solution, int(runs[0]), bad)
-                    return
-                going.remove(batch)
-                failed.append(batch)
-            progress(count / len(course.spans))
-        solution.steps[runs] = steps[:count]
-        # heyoka stops all lanes when one fails; alone, each run ends in its own way.
-        for run in np.concatenate([runs[batch] for batch in failed]) if failed else ():
-            alone = np.array([run])
-            self._solve_group(
-                integrator, problem, course, parameters, alone, solution, lambda runs: None
-            )
-
-    def _note_failure(
-        self, integrator: BatchIntegrator, problem: Problem, solution: Solution, run: int, end: Any
-    ) -> None:
-        """Say how the run in all lanes has ended, and when."""
-        outcomes, times = heyoka_module().taylor_outcome, problem.times
-        states = solution.states[run]
-        t = integrator.heyoka.time[0]
-        states[0] = problem.states[run]  # heyoka has no samples of a first step that failed
-        if end == outcomes.cb_stop:
-            t -= integrator.heyoka.last_h[0]  # the last step went wrong
-            states[times > t] = np.nan
-        at = f"t = {t:.6g} s"
-        if np.isnan(t):
-            at = f"after t = {times[np.isfinite(states).all(axis=1)][-1]:.6g} s"
-        if end == outcomes.step_limit:
-            status = Status.STEP_LIMIT
-            reason = f"step limit: {self.max_steps} steps (solver.max_steps)"
-        elif end == outcomes.cb_stop:
-            status = Status.SOLVER_FAILED
-            reason = "a comparison in the law has no finite series here; try engine solve_ivp"
-        elif end in (outcomes.err_nf_state, outcomes.time_limit):
-            status = Status.NON_FINITE
-            reason = "the state or its derivative is no longer finite"
-        else:
-            status = Status.SOLVER_FAILED
-            reason = "the law switches back and forth without end; smooth it, as with tanh"
-        solution.status[run] = status
-        solution.messages[run] = f"{at}: {reason}"
-
 
 def _by_speed(problem: Problem) -> Array:
     """The runs in an order in which neighbours take about the same number of steps.
@@ -274,31 +168,3 @@ def _by_speed(problem: Problem) -> Array:
     A batch ends with the slowest of its runs; the faster a motion begins, the more steps it takes.
     """
     return np.argsort(norm(problem.states), kind="stable")
-
-
-def _groups(problem: Problem, course: Course, lanes: int, threads: int) -> list[Array]:
-    """The runs that go together: a batch, or a thread's share where the law waits for instants."""
-    runs = _by_speed(problem)
-    batches = -(-problem.runs // lanes)
-    size = lanes if len(course.spans) == 1 else lanes * -(-batches // threads)
-    return [runs[start : start + size] for start in range(0, problem.runs, size)]
-
-
-def _with_same(values: Array, same: Array) -> Array:
-    """Rows of numbers of every run, and behind them those that are the same in all."""
-    if not len(same):
-        return values
-    return np.concatenate([values, np.repeat(same[:, None], values.shape[1], axis=1)])
-
-
-def _in_threads(work: Any, threads: int, groups: Iterator[Array], lock: threading.Lock) -> None:
-    with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(work) for _ in range(threads)]
-        try:
-            for future in futures:
-                future.result()
-        except BaseException:
-            with lock:
-                for _ in groups:  # nothing further is begun; what is under way ends
-                    pass
-            raise

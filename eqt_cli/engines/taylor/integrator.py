@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.engines.base import Span
+from eqt_cli.engines.problem import Span
 from eqt_cli.engines.taylor import knots, switching
 from eqt_cli.engines.taylor.expressions import Expressions
 from eqt_cli.engines.taylor.library import heyoka_module
@@ -59,12 +59,12 @@ class BatchIntegrator:
             How each lane has ended.
         states : (n, lanes)
             At the end.
-        samples : (samples, n, lanes)
-            All of the span where any is behind its start; else none.
+        samples : (later, n, lanes)
+            Behind its start.
         """
         outcomes = heyoka_module().taylor_outcome
         if most_steps <= 0:
-            lost = np.full((span.samples, *states.shape), np.nan)
+            lost = np.full((span.later, *states.shape), np.nan)
             return [(outcomes.step_limit, 0.0, 0.0, 0)] * states.shape[1], states, lost
         found = self._propagate(span, states, numbers, most_steps)
         expected = (outcomes.time_limit, outcomes.step_limit)
@@ -84,11 +84,10 @@ class BatchIntegrator:
         self._set_parameters(numbers)
         if not span.later:  # without dense output, up to three times as fast
             integrator.propagate_until(span.stop, max_steps=most_steps, **watch)
-            return integrator.propagate_res, integrator.state, integrator.state[:0]
+            return integrator.propagate_res, integrator.state, np.empty((0, *states.shape))
         grid = np.repeat(span.grid[:, None], lanes, axis=1)
         _, found = integrator.propagate_grid(grid, max_steps=most_steps, **watch)
-        wanted = found if span.samples == len(found) else found[span.wanted]
-        return integrator.propagate_res, integrator.state, wanted
+        return integrator.propagate_res, integrator.state, found[1 : 1 + span.later]
 
     def _set_parameters(self, values: Array) -> None:
         """The numbers of the law in every lane, ``(numbers, lanes)``; the state is set."""

@@ -5,6 +5,7 @@ A knot is an event in time: a step ends there in the lane that reaches it, and n
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextvars import ContextVar
 from dataclasses import dataclass
 from types import ModuleType
@@ -14,14 +15,14 @@ import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
-from eqt_cli.engines.base import ROUNDING, Problem, Span
+from eqt_cli.engines.problem import ROUNDING, Problem, Span
 from eqt_cli.engines.taylor.switching import Switchboard
 
 SCALE = 1e-10
 """heyoka chooses steps by the largest of states and events; that of a knot must not matter."""
 
-following: ContextVar[Course] = ContextVar("following")
-"""The course of the problem that is being solved."""
+pieces: ContextVar[Mapping[float, Array]] = ContextVar("pieces")
+"""`held_from` of the problem that is being solved."""
 
 
 def passes_knots(loop: ClosedLoop) -> bool:
@@ -39,36 +40,22 @@ def spans_of(problem: Problem) -> list[Span]:
     return problem.spans
 
 
-@dataclass(frozen=True)
-class Course:
-    """The spans of a problem, and the numbers that its loop holds on the way.
+def held_from(problem: Problem) -> dict[float, Array]:
+    """The numbers that a loop holds, by the time, s, at which a span or a piece begins.
 
-    Attributes
-    ----------
-    spans
-        From each instant at which all runs of a batch end a step to the next.
-    rows
-        By the time, s, at which a span or a piece begins: the numbers that are held from there on,
-        and behind them the time of the next knot, if knots are passed.
+    Behind them is the time of the next knot, if knots are passed.
     """
-
-    spans: list[Span]
-    rows: dict[float, Array]
-
-    @staticmethod
-    def of(problem: Problem) -> Course:
-        """That of a problem."""
-        loop, spans = problem.loop, spans_of(problem)
-        times, stop = np.array([span.start for span in spans]), spans[-1].stop
-        if not passes_knots(loop):
-            return Course(spans, dict(zip(times.tolist(), held_rows(loop, times), strict=True)))
-        margin = ROUNDING * max(1.0, abs(stop))
-        inner = loop.knots[(loop.knots > times[0] + margin) & (loop.knots < stop - margin)]
-        times = np.union1d(times, inner)
-        behind_the_end = stop + 1.0
-        ahead = np.append(inner, behind_the_end)[np.searchsorted(inner, times + margin)]
-        rows = np.column_stack([held_rows(loop, times), ahead])
-        return Course(spans, dict(zip(times.tolist(), rows, strict=True)))
+    loop, spans = problem.loop, spans_of(problem)
+    times, stop = np.array([span.start for span in spans]), spans[-1].stop
+    if not passes_knots(loop):
+        return dict(zip(times.tolist(), held_rows(loop, times), strict=True))
+    margin = ROUNDING * max(1.0, abs(stop))
+    inner = loop.knots[(loop.knots > times[0] + margin) & (loop.knots < stop - margin)]
+    times = np.union1d(times, inner)
+    behind_the_end = stop + 1.0
+    ahead = np.append(inner, behind_the_end)[np.searchsorted(inner, times + margin)]
+    rows = np.column_stack([held_rows(loop, times), ahead])
+    return dict(zip(times.tolist(), rows, strict=True))
 
 
 def event(heyoka: ModuleType, knot: int, board: Switchboard | None) -> Any:
@@ -94,7 +81,7 @@ class NextPiece:
 
     def __call__(self, integrator: Any, direction: int, lane: int) -> bool:
         """Go on by the numbers of the next piece."""
-        row = following.get().rows[float(integrator.pars[self.knot, lane])]
+        row = pieces.get()[float(integrator.pars[self.knot, lane])]
         integrator.pars[self.knot + 1 - len(row) : self.knot + 1, lane] = row
         if self.board is not None:
             self.board.note(integrator, slice(lane, lane + 1))

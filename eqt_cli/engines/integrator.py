@@ -1,0 +1,106 @@
+"""What an engine writes: the integration of some runs through one span."""
+
+from __future__ import annotations
+
+import copy
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.core.arrays import Array
+from eqt_cli.engines.problem import Problem, Span, Status
+
+NO_LONGER_FINITE = "the state or its derivative is no longer finite"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Why a run ends before its horizon.
+
+    Attributes
+    ----------
+    t
+        When, s; NaN where only the last sample before it is known.
+    """
+
+    status: Status = Status.NON_FINITE
+    reason: str = NO_LONGER_FINITE
+    t: float = np.nan
+
+
+@dataclass(frozen=True)
+class SpanResult:
+    """What became of some runs in a span.
+
+    Attributes
+    ----------
+    states : (runs, n)
+        At its stop. A run whose state is not finite there has failed.
+    samples : (runs, later, n)
+        At its sample times behind its start; NaN from where a run failed.
+    steps : (runs,)
+        What the engine counts as its work.
+    failed
+        The runs, by their place here, that do not go on, and why; None for a run that others may
+        have kept from going on. It is integrated once more, alone.
+    """
+
+    states: Array
+    samples: Array
+    steps: Array | int
+    failed: Mapping[int, Failure | None] = field(default_factory=dict)
+
+
+class Integrator(ABC):
+    """Integrates runs of a problem from span to span; it may keep what it learns on the way.
+
+    The walk calls `begin` for some runs, and then in every span `hold`, `at_instant` where a
+    sampled law is evaluated at its start, and `advance`.
+
+    Attributes
+    ----------
+    problem
+        All runs.
+    loop
+        The closed loop of the runs in hand, with their own parameters.
+    vector_field
+        Its time derivatives of states ``(runs, n)`` at a time t of the span in hand.
+    reached
+        May be called with a time that the runs have come to, for the progress that is shown.
+    """
+
+    loop: ClosedLoop
+    vector_field: Callable[[float, Array], Array]
+    reached: Callable[[float], None]
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+
+    def for_thread(self) -> Self:
+        """The integrator of another thread."""
+        return copy.copy(self)
+
+    def begin(self, runs: Array) -> None:
+        """Take these runs in hand, at their initial states."""
+        self.loop = self.problem.select(runs).batched_loop()
+
+    def at_instant(self, t: float, states: Array, errors: tuple[Array, Array] | None) -> Array:
+        """The states after the law has been evaluated at a control instant, with these errors."""
+        return self.loop.after_instant(t, states, errors)
+
+    def hold(self, span: Span) -> None:
+        """Take the numbers that the loop holds in a span."""
+        loop = self.loop.holding(self.loop.held(span.start))
+        self.vector_field = lambda t, states: loop.vector_field(span.inside(t), states)
+
+    @abstractmethod
+    def advance(self, span: Span, states: Array) -> SpanResult:
+        """Integrate from the states at the start of a span, ``(runs, n)``, to its stop.
+
+        Steps are chosen by the tolerance: no step ends because a sample is there. A run does not
+        depend on its neighbours.
+        """

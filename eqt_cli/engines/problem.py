@@ -1,0 +1,251 @@
+"""What an engine is given and what it returns; it knows no group and no controller."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import IntEnum
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.core.arrays import Array
+
+ROUNDING = 1e-12
+"""Relative: what times that are meant to be equal, as 3·0.1 and 0.3, may differ by."""
+
+
+class Status(IntEnum):
+    """How one run ended; 0 is the only good end."""
+
+    OK = 0
+    SOLVER_FAILED = 1
+    NON_FINITE = 2
+    STEP_LIMIT = 3
+    ACCURACY = 4
+    WORKER_LOST = 5
+
+
+@dataclass(frozen=True)
+class Span:
+    """From one instant at which the vector field changes to the next.
+
+    Attributes
+    ----------
+    start, stop
+        Its ends, s.
+    changes
+        Whether the field changes at `start`, and at `stop`.
+    grid
+        Both ends, and the sample times between them.
+    first
+        Index of the first sample time behind `start` that is of this span.
+    later
+        How many there are; their times are ``grid[1 : 1 + later]``.
+    sampled_start
+        Whether `start` is a sample time, too.
+    tick
+        k, where a sampled law is evaluated for the k-th time at `start`; else None.
+    """
+
+    start: float
+    stop: float
+    changes: tuple[bool, bool]
+    grid: Array
+    first: int
+    later: int
+    sampled_start: bool
+    tick: int | None = None
+
+    @cached_property
+    def _inner_ends(self) -> tuple[float, float]:
+        start, stop = (
+            float(np.nextafter(end, towards)) if changes else end
+            for end, towards, changes in zip(
+                (self.start, self.stop), (self.stop, self.start), self.changes, strict=True
+            )
+        )
+        return start, stop
+
+    def inside(self, t: float) -> float:
+        """The time t; at an end where the field changes, the next one on this side."""
+        first, last = self._inner_ends
+        return min(max(t, first), last)
+
+    def until(self, t: float) -> Span:
+        """The beginning of it up to the last of its samples that is not behind t."""
+        known = int(np.searchsorted(self.grid[1 : 1 + self.later], t, side="right"))
+        grid, changes = self.grid[: 1 + known], (self.changes[0], False)
+        return replace(self, stop=float(grid[-1]), changes=changes, grid=grid, later=known)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Many runs of one closed loop, from their own initial states, on a common time grid.
+
+    Attributes
+    ----------
+    loop
+        The structure, with the parameters that all runs share.
+    states : (runs, n)
+        Initial flat states.
+    times : (samples,)
+        Where the solution is wanted, s; the first is the initial time.
+    varying
+        Parameters that differ from run to run, by name, ``(runs, …)``.
+    errors
+        Those of the measured pose and velocity at every control instant, ``(runs, instants, d, d)``
+        and ``(runs, instants, m)``; None where the law is told the truth.
+    """
+
+    loop: ClosedLoop
+    states: Array
+    times: Array
+    varying: Mapping[str, Array] = field(default_factory=dict)
+    errors: tuple[Array, Array] | None = None
+
+    @property
+    def runs(self) -> int:
+        """The number of runs."""
+        return len(self.states)
+
+    @cached_property
+    def spans(self) -> list[Span]:
+        """The horizon, cut at the instants that are known in advance."""
+        return self.spans_between(self.loop.instants)
+
+    def spans_between(self, instants: Array) -> list[Span]:
+        """The horizon, cut at these instants and where a sampled law is evaluated."""
+        start, stop = float(self.times[0]), float(self.times[-1])
+        ticks = self._control_instants(start, stop)
+        known = _nearest(instants, np.array([*self.times, *ticks]))
+        inner = np.unique([t for t in (*known, *ticks) if start < t < stop])
+        ends = np.array([start, *inner, stop])
+        # A sample at an instant is of the span behind it, and the last one of the last.
+        first = np.append(np.searchsorted(self.times, ends[:-1]), len(self.times))
+        found = []
+        for index, (one, other) in enumerate(pairwise(ends.tolist())):
+            inside = self.times[first[index] : first[index + 1]]
+            later = inside[inside > one]
+            grid = np.concatenate([[one], later, [other] if other not in later[-1:] else []])
+            found.append(
+                Span(
+                    one,
+                    other,
+                    (one != start, other != stop),
+                    grid,
+                    int(first[index + 1]) - len(later),
+                    len(later),
+                    len(later) < len(inside),
+                    ticks.get(one),
+                )
+            )
+        return found
+
+    @property
+    def control_instants(self) -> int:
+        """How many control instants there are."""
+        return len(self._control_instants(float(self.times[0]), float(self.times[-1])))
+
+    def _control_instants(self, start: float, stop: float) -> dict[float, int]:
+        """The instants t = k·period from the start to before the end, and their k."""
+        control = self.loop.vehicle.control
+        if control is None:
+            return {}
+        numbers = np.arange(np.ceil(start / control.period), np.ceil(stop / control.period) + 1)
+        times = _nearest(numbers * control.period, self.times)
+        found = zip(times.tolist(), numbers.astype(int).tolist(), strict=True)
+        return {t: k for t, k in found if start <= t < stop}
+
+    def select(self, runs: slice | Array) -> Problem:
+        """The same problem for some of its runs."""
+        varying = {name: values[runs] for name, values in self.varying.items()}
+        errors = None if self.errors is None else (self.errors[0][runs], self.errors[1][runs])
+        return Problem(self.loop, self.states[runs], self.times, varying, errors)
+
+    def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> tuple[Array, Array] | None:
+        """The errors of measurement at a control instant, in these runs."""
+        if self.errors is None:
+            return None
+        pose, velocity = self.errors
+        return pose[runs, tick], velocity[runs, tick]
+
+    @staticmethod
+    def joined(problems: Sequence[Problem]) -> Problem:
+        """The runs of several problems as one; their loops have the same structure and times."""
+        first = problems[0]
+        parameters = [
+            {
+                name: problem.varying.get(name, np.broadcast_to(shared, (runs, *shared.shape)))
+                for name, shared in problem.loop.parameters.items()
+            }
+            for problem in problems
+            for runs in [problem.runs]
+        ]
+        varying = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
+        states = np.concatenate([problem.states for problem in problems])
+        pairs = [problem.errors for problem in problems if problem.errors is not None]
+        errors: Any = tuple(map(np.concatenate, zip(*pairs, strict=True))) or None
+        return Problem(first.loop, states, first.times, varying, errors)
+
+    def batched_loop(self, extra_axes: int = 0) -> ClosedLoop:
+        """The loop with its varying parameters along a leading run axis.
+
+        `extra_axes` axes are inserted behind it, for states ``(runs, samples, n)``.
+        """
+        if not self.varying:
+            return self.loop
+        expanded = {
+            name: values.reshape(self.runs, *(1,) * extra_axes, *values.shape[1:])
+            for name, values in self.varying.items()
+        }
+        return self.loop.with_parameters(self.loop.parameters | expanded)
+
+
+def _nearest(instants: Array, times: Array) -> Array:
+    """The instants, those that are one of some times but for rounding as that time."""
+    if not len(instants):
+        return instants
+    ordered = np.sort(times)
+    above = np.clip(np.searchsorted(ordered, instants), 1, len(ordered) - 1)
+    low, high = ordered[above - 1], ordered[above]
+    nearest = np.where(instants - low < high - instants, low, high)
+    near = np.abs(nearest - instants) <= ROUNDING * np.maximum(1.0, np.abs(instants))
+    return np.where(near, nearest, instants)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What became of every run of a problem.
+
+    Attributes
+    ----------
+    states : (runs, samples, n)
+        Flat states at the sample times; NaN from where a run failed.
+    status : (runs,)
+        `Status` of each run.
+    steps : (runs,)
+        What the engine counts as its work.
+    messages
+        Why a run failed; empty where it did not.
+    """
+
+    states: Array
+    status: Array
+    steps: Array
+    messages: list[str]
+
+    @staticmethod
+    def empty(problem: Problem) -> Solution:
+        """A solution to be filled in; its memory is first touched then."""
+        runs, n = problem.states.shape
+        states = np.empty((runs, len(problem.times), n))
+        steps = np.zeros(runs, dtype=np.int64)
+        return Solution(states, np.zeros(runs, dtype=np.int32), steps, [""] * runs)
+
+
+Progress = Callable[[float], None]
+"""Called now and then with the number of runs done since the last call, in fractions of a run."""

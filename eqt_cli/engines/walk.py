@@ -1,0 +1,143 @@
+"""The walk of an integrator through the spans of a problem, group by group, in threads.
+
+It evaluates sampled laws, fills in the samples, and keeps account of runs that fail; it knows no
+engine.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.engines.integrator import Failure, Integrator
+from eqt_cli.engines.problem import Problem, Progress, Solution, Span
+
+REPORTED = 0.02
+"""Of the horizon: progress is reported no more often."""
+
+
+def walked(
+    integrator: Integrator,
+    spans: Sequence[Span],
+    groups: Sequence[Array],
+    progress: Progress,
+    threads: int,
+) -> Solution:
+    """The solution of all groups of runs, by as many threads at the most."""
+    solution = Solution.empty(integrator.problem)
+    left, lock = iter(groups), threading.Lock()
+
+    def report(runs: float) -> None:
+        with lock:
+            progress(runs)
+
+    def work() -> None:
+        walk = _Walk(integrator.for_thread(), spans, solution)
+        with np.errstate(all="ignore"):  # a state that is not finite ends its run
+            while True:
+                with lock:
+                    runs = next(left, None)
+                if runs is None:
+                    return
+                walk.through(runs, report)
+
+    if min(threads, len(groups)) == 1:
+        work()
+    else:
+        _in_threads(work, min(threads, len(groups)), left, lock)
+    return solution
+
+
+class _Walk:
+    """One thread's way through the spans."""
+
+    def __init__(self, integrator: Integrator, spans: Sequence[Span], solution: Solution) -> None:
+        self._integrator, self._spans, self._solution = integrator, spans, solution
+        self._problem = integrator.problem
+
+    def through(self, runs: Array, progress: Progress) -> None:
+        """Fill in the solution of a group of runs."""
+        integrator, solution = self._integrator, self._solution
+        going = np.ones(len(runs), dtype=bool)
+        failed: dict[int, tuple[Span, Failure | None]] = {}
+        states = self._problem.states[runs]
+        solution.steps[runs] = 0
+        integrator.reached = reached = _Reached(self._problem, len(runs), progress)
+        integrator.begin(runs)
+        for span in self._spans:
+            integrator.hold(span)
+            if span.tick is not None:
+                errors = self._problem.errors_at(span.tick, runs)
+                states = integrator.at_instant(span.start, states, errors)
+            if span.sampled_start:
+                solution.states[runs, span.first - 1] = states
+            found = integrator.advance(span, states)
+            states = found.states
+            if span.later:
+                solution.states[runs, span.first : span.first + span.later] = found.samples
+            solution.steps[runs] += np.where(going, found.steps, 0)
+            lost = np.flatnonzero(~np.isfinite(states).all(axis=1)).tolist()
+            for place, failure in (dict.fromkeys(lost, Failure()) | dict(found.failed)).items():
+                failed.setdefault(place, (span, failure))
+                going[place] = False
+            if not going.any():
+                break
+            reached(span.stop)
+        for place, (span, failure) in failed.items():
+            if failure is None and len(runs) > 1:
+                self.through(runs[[place]], lambda runs: None)
+            else:
+                self._note(runs[place], span, failure or Failure())
+        reached.finish()
+
+    def _note(self, run: int, span: Span, failure: Failure) -> None:
+        """Say how a run has failed in a span, and leave no sample behind that."""
+        solution, times = self._solution, self._problem.times
+        states = solution.states[run]
+        states[span.first + span.later :] = np.nan
+        known = int(np.isfinite(states).all(axis=1).argmin())
+        states[known:] = np.nan
+        at = f"t = {failure.t:.6g} s"
+        if np.isnan(failure.t):
+            at = f"after t = {times[max(known, 1) - 1]:.6g} s"
+        solution.status[run] = failure.status
+        solution.messages[run] = f"{at}: {failure.reason}"
+
+
+class _Reached:
+    """Reports the progress of some runs by the time that they have reached."""
+
+    def __init__(self, problem: Problem, runs: int, progress: Progress) -> None:
+        self._start, self._end = problem.times[[0, -1]].tolist()
+        self._runs, self._progress = runs, progress
+        self._reported = 0.0
+
+    def __call__(self, t: float) -> None:
+        fraction = (t - self._start) / (self._end - self._start)
+        if fraction - self._reported > REPORTED:
+            self._report(fraction)
+
+    def finish(self) -> None:
+        self._report(1.0)
+
+    def _report(self, fraction: float) -> None:
+        self._progress((fraction - self._reported) * self._runs)
+        self._reported = fraction
+
+
+def _in_threads(work: Any, threads: int, groups: Iterator[Array], lock: threading.Lock) -> None:
+    with ThreadPoolExecutor(threads) as pool:
+        futures = [pool.submit(work) for _ in range(threads)]
+        try:
+            for future in futures:
+                future.result()
+        except BaseException:
+            with lock:
+                for _ in groups:  # nothing further is begun; what is under way ends
+                    pass
+            raise
