@@ -14,7 +14,7 @@ from eqt_cli.engines.problem import Problem, Span, Status
 from eqt_cli.engines.taylor.integrator import BatchIntegrator, own
 from eqt_cli.engines.taylor.knots import held_from, pieces
 from eqt_cli.engines.taylor.library import heyoka_module
-from eqt_cli.engines.taylor.tracing import parameter_rows
+from eqt_cli.engines.traced_loop import parameter_rows
 
 
 class Batches(Integrator):
