@@ -8,6 +8,7 @@ import sys
 
 from eqt_cli.core import interruptions
 from eqt_cli.core.errors import EqtError, InterruptedRun
+from eqt_cli.core.surroundings import without_current_folder
 
 # pydantic otherwise reads the metadata of every installed package, in search of plugins.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
@@ -27,7 +28,7 @@ def main() -> None:
     gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
     # Else Python searches all objects once more before the process ends, for 0.1 to 0.4 s.
     atexit.register(gc.freeze)
-    with interruptions.as_exceptions(_interrupted_again):
+    with interruptions.as_exceptions(_interrupted_again), without_current_folder():
         _run()
 
 

@@ -89,10 +89,12 @@ def run_experiment(
         say(f"{out} already holds this experiment; --force runs it again")
     elif done.resumed:
         say(f"{done.resumed} of {done.runs} runs were already computed")
-    report(done, shard, json=json)
+    report(done, shard, json=json, with_plugins=bool(experiment.experiment.plugins))
 
 
-def report(done: StoredResult, shard: Shard | None = None, *, json: bool) -> None:
+def report(
+    done: StoredResult, shard: Shard | None = None, *, json: bool, with_plugins: bool = False
+) -> None:
     """Print what came out, and exit with 3 or 4 where runs failed or the check did not hold."""
     from eqt_cli.results.result import open_result
 
@@ -106,9 +108,10 @@ def report(done: StoredResult, shard: Shard | None = None, *, json: bool) -> Non
     }
     disagrees = False
     if shard is not None:
+        trust = " --trust-plugins" if with_plugins else ""
         text = (
             f"shard {shard.index}/{shard.count}: {done.runs} runs, {done.failed} failed\n"
-            f"next     eqt pack {done.path}  (when all shards are done)"
+            f"next     eqt pack {done.path}{trust}  (when all shards are done)"
         )
         print_found({"folder": str(done.path), **counted}, text, json=json)
     else:
