@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,15 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from eqt_cli.cli.shared.options import cores
-from eqt_cli.cli.shared.output import count_of, print_found, print_json, print_text, say, warn
+from eqt_cli.cli.shared.output import (
+    as_remark,
+    count_of,
+    print_found,
+    print_json,
+    print_text,
+    say,
+    warn,
+)
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError, InterruptedRun
 from eqt_cli.core.interruptions import Interrupted
@@ -113,7 +122,8 @@ def report(
             f"shard {shard.index}/{shard.count}: {done.runs} runs, {done.failed} failed\n"
             f"next     eqt pack {done.path}{trust}  (when all shards are done)"
         )
-        print_found({"folder": str(done.path), **counted}, text, json=json)
+        with nullcontext() if json else as_remark():
+            print_found({"folder": str(done.path), **counted}, text, json=json)
     else:
         with open_result(done.file) as results:
             check = results.cross_check
@@ -123,7 +133,8 @@ def report(
             if json:
                 print_json(_document(done, results, counted))
             else:
-                _print_summary(done, results)
+                with as_remark():
+                    _print_summary(done, results)
     if done.failed:
         raise typer.Exit(3)
     if disagrees:
