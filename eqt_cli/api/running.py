@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from eqt_cli.api.loading import Configuration, LoadedExperiment, load_experiment
 from eqt_cli.api.opening import open_results
 from eqt_cli.api.paths import ResultPath
+from eqt_cli.config.source import config_in
 from eqt_cli.execution.executors import Executor, Progress, executors
 from eqt_cli.execution.folder import CONFIG
 from eqt_cli.execution.run_study import (
@@ -24,6 +25,7 @@ from eqt_cli.execution.run_study import (
 )
 from eqt_cli.execution.steps import Stage
 from eqt_cli.experiment.horizon import remarks
+from eqt_cli.experiment.read_study import study
 
 if TYPE_CHECKING:
     import xarray
@@ -180,7 +182,7 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False, remark: Remark = wa
     folder
         The result folder that all of them wrote to.
     trust_plugins
-        Execute plugin sources that are stored in a result file.
+        Execute the plugins that the folder contains.
     remark
         As of `run`.
 
@@ -199,5 +201,5 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False, remark: Remark = wa
     >>> eqt_cli.pack("results/paper").failed
     0
     """
-    loaded = load_experiment(Path(folder) / CONFIG, trust_plugins=trust_plugins)
-    return StoredResult(**vars(pack_folder(loaded.study, Path(folder), remark)))
+    found = study(config_in(Path(folder), CONFIG), trust_plugins=trust_plugins)
+    return StoredResult(**vars(pack_folder(found, Path(folder), remark)))

@@ -6,8 +6,10 @@ import gc
 import os
 import sys
 
+from eqt_cli.cli.shared import streams
 from eqt_cli.core import interruptions
 from eqt_cli.core.errors import EqtError, InterruptedRun
+from eqt_cli.core.surroundings import without_current_folder
 
 # pydantic otherwise reads the metadata of every installed package, in search of plugins.
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
@@ -24,10 +26,11 @@ FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
 
 def main() -> None:
     """Run the command line and exit; the only place where errors become exit codes."""
+    streams.make_safe()
     gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
     # Else Python searches all objects once more before the process ends, for 0.1 to 0.4 s.
     atexit.register(gc.freeze)
-    with interruptions.as_exceptions(_interrupted_again):
+    with interruptions.as_exceptions(_interrupted_again), without_current_folder():
         _run()
 
 
@@ -38,7 +41,10 @@ def _run() -> None:
     try:
         from eqt_cli.cli.app import app
 
-        app()
+        try:
+            app()
+        finally:
+            sys.stdout.flush()
     except (EqtError, interruptions.Interrupted) as error:
         if isinstance(error, interruptions.Interrupted):  # nothing can be said of what is kept
             error = InterruptedRun(INTERRUPTED, error.exit_code)
@@ -48,7 +54,7 @@ def _run() -> None:
         if error.errno not in FULL:
             raise
         # All files are written where their names are known; what is left is stdout.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        streams.drop_stdout()
         reason = str(error.strerror).lower()
         _say(f"eqt: standard output: cannot be written: {reason}")
         sys.exit(EqtError.exit_code)

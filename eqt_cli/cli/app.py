@@ -1,6 +1,5 @@
 """The tree of commands."""
 
-import os
 import sys
 from collections.abc import Callable
 from typing import Annotated, Any
@@ -23,6 +22,7 @@ from eqt_cli.cli import (
     verify,
 )
 from eqt_cli.cli.shared.help import COMPUTE, LOOK_UP, READ, Command, Group
+from eqt_cli.cli.shared.streams import drop_stdout
 from eqt_cli.core.version import __version__
 
 MOST_COLUMNS = 1000
@@ -47,7 +47,7 @@ class _Commands(Group):
                 sys.stdout.flush()
         except BrokenPipeError as error:  # whoever read our output has gone, as `head` does
             # What is left to write at the end of the process must not fail again.
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            drop_stdout()
             raise typer.Exit(getattr(error.__context__, "exit_code", 0)) from None
 
 

@@ -89,7 +89,10 @@ def check(
     json: options.Json = False,
     quiet: options.Quiet = False,
 ) -> None:
-    """Check a configuration, and its reference over the whole horizon, without running it."""
+    """Check a configuration, and its reference over the whole horizon, without running it.
+
+    It executes the plugins of a YAML configuration, and those of a result only on request.
+    """
     from eqt_cli.config.source import read_config
     from eqt_cli.config.yaml_source import dump
     from eqt_cli.execution.rehearsal import rehearse

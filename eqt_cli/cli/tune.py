@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.output import laid_out, print_json, print_text, warn
+from eqt_cli.cli.shared.output import as_remark, laid_out, print_json, print_text, warn
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.cli.shared.run_and_report import executor_from
 from eqt_cli.core.errors import InterruptedRun
@@ -105,13 +105,13 @@ def _report(done: Tuning, *, json: bool) -> None:
     if json:
         print_json({"folder": str(path), **done.record, "failed": failed, "causes": causes})
     else:
-        with open_result(path) as result:
+        with as_remark(), open_result(path) as result:
             for table in tuning_tables(result, done.record):
                 print_text(laid_out(table), "")
-        print_text(*causes, f"results  {path}")
-        first = next((each for each in done.record["laws"] if each["winners"]), None)
-        if first:
-            print_text(f"next     eqt run {path / first['winners'][0]['config']}")
+            print_text(*causes, f"results  {path}")
+            first = next((each for each in done.record["laws"] if each["winners"]), None)
+            if first:
+                print_text(f"next     eqt run {path / first['winners'][0]['config']}")
     if lost:
         raise typer.Exit(4)
     if failed:

@@ -10,7 +10,7 @@ from eqt_cli.core.files import refusals, text_of
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.reserved_names import FILE_NAME
 
-MOST_BYTES = 64 * 2**20
+MOST_BYTES = 64_000_000
 """Of a file; it is kept in memory, and in every result."""
 
 
@@ -29,20 +29,16 @@ def data_file(source: ConfigSource, name: str) -> str:
             raise InputError(f"the result does not contain the file {name}")
         path = source.folder / name
         with refusals(path, "read", kind=InputError):
+            if source.of_folder and not path.resolve().is_relative_to(source.folder.resolve()):
+                raise InputError(f"{path}: is outside the result folder {source.folder}")
             is_result = path.suffix == ".h5" or (path / FILE_NAME).exists()
         source.files[name] = _starts_of(path) if is_result else _text(path)
     return source.files[name]
 
 
 def _text(path: Path) -> str:
-    with refusals(path, "read", kind=InputError):
-        size = path.stat().st_size if path.exists() else 0
-    if size > MOST_BYTES:
-        most = MOST_BYTES // 2**20
-        raise InputError(
-            f"{path}: expected a file of at most {most} MiB, got {size / 2**20:,.0f} MiB"
-        )
-    return text_of(path, "paths are relative to the configuration's folder", InputError)
+    relative = "paths are relative to the configuration's folder"
+    return text_of(path, relative, InputError, most=MOST_BYTES)
 
 
 def _starts_of(path: Path) -> str:

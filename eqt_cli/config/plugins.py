@@ -1,4 +1,8 @@
-"""Loads the plugins that a configuration names or a result stores."""
+"""Loads the plugins that a configuration names or a result stores.
+
+A YAML configuration that a user names is the user's own, and so are its plugins. Those of a result,
+which is a file or a folder, are a colleague's: no command executes them unasked.
+"""
 
 from eqt_cli.config.source import ConfigSource, source_of
 from eqt_cli.core.errors import ComponentError, Remedy
@@ -12,7 +16,7 @@ from eqt_cli.store.reader import ResultFile
 def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dict[str, str]:
     """Load every plugin; returns their sources by path as written in the configuration.
 
-    Sources that come from a result file are executed only if they are `trusted`.
+    Those of a result, or of a result folder, are executed only if they are `trusted`.
     """
     paths = source.data.get("plugins", [])
     if not isinstance(paths, list):
@@ -61,6 +65,11 @@ def _text(source: ConfigSource, path: object, trusted: bool) -> str:
     if source.stored_plugins is None:
         relative = "plugin paths are relative to the configuration's folder"
         file = source.folder / path
+        if source.of_folder and not trusted:
+            raise ComponentError(
+                f"the result folder contains {file}, which eqt executes only on request",
+                Remedy("read this file, then add {}", "trust_plugins"),
+            )
         return text_of(file, relative, ComponentError, f"plugin {file}")
     if not trusted:
         raise ComponentError(

@@ -13,6 +13,7 @@ from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
 from eqt_cli.core.file_names import file_name
 from eqt_cli.core.files import YAML, near, refusals
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
+from eqt_cli.core.regular_files import content_of
 from eqt_cli.core.validation import shown
 from eqt_cli.store.reader import ResultFile, open_results
 from eqt_cli.store.reserved_names import FILE_NAME
@@ -37,6 +38,9 @@ class ConfigSource:
     """Contents of files with data, by their names in the configuration, as they are read."""
     holds_files: bool = False
     """Whether they come from a result, so that no other is read."""
+    of_folder: bool = False
+    """Whether a result folder was given that holds it: its plugins are not the user's own, and no
+    file outside is read."""
 
     @property
     def path(self) -> str:
@@ -79,6 +83,13 @@ def read_config(path: Path, overrides: Sequence[str] | Mapping[str, str] = ()) -
     return config
 
 
+def config_in(folder: Path, name: str) -> ConfigSource:
+    """The configuration that a result folder holds beside its parts; raises as `read_config`."""
+    source = read_config(folder / name)
+    source.of_folder = True
+    return source
+
+
 def overridden(config: ConfigSource, overrides: Sequence[str] | Mapping[str, str]) -> ConfigSource:
     """The configuration itself, after overrides as of `read_config` have been applied.
 
@@ -103,7 +114,7 @@ def overridden(config: ConfigSource, overrides: Sequence[str] | Mapping[str, str
 def _text(path: Path) -> bytes:
     with refusals(path, "read", "check the path and its permissions"):
         try:
-            return path.read_bytes()
+            return content_of(path, yaml_source.MAX_BYTES)
         except FileNotFoundError:
             hint = near(path, lambda entry: entry.suffix in YAML or (entry / FILE_NAME).is_file())
             hint = hint or ". Create one with `eqt config new`"

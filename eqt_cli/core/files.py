@@ -9,6 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.errors import EqtError, Remedy
+from eqt_cli.core.regular_files import (
+    RECORD_BYTES,
+    TEXT_BYTES,
+    NotRegularError,
+    TooLargeError,
+    content_of,
+    text_in,
+)
 from eqt_cli.core.replacement import replace_file
 
 
@@ -21,10 +29,20 @@ def write_record(path: Path, record: dict[str, Any]) -> None:
 def read_record(path: Path, *keys: str) -> dict[str, Any] | None:
     """What `write_record` has written; None where there is none, or none with these keys."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (FileNotFoundError, ValueError):
+        with _named(path):
+            found = json.loads(content_of(path, RECORD_BYTES, follow=False))
+    except (FileNotFoundError, ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) and set(keys) <= set(found) else None
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Say which file it is, to somebody who was told of the folder only."""
+    try:
+        yield
+    except (NotRegularError, TooLargeError) as error:
+        raise OSError(error.errno, f"{path.name}: {error.strerror}") from error
 
 
 @contextmanager
@@ -49,7 +67,8 @@ def refusals(
         if isinstance(error, OSError):
             said = error.strerror or str(error)
         advice = Remedy(remedy) if isinstance(remedy, str) else remedy
-        raise kind(f"{subject}: cannot be {done}: {said.lower()}", advice) from error
+        said = said[:1].lower() + said[1:]
+        raise kind(f"{subject}: cannot be {done}: {said}", advice) from error
 
 
 YAML = (".yaml", ".yml")
@@ -81,9 +100,13 @@ def near(path: Path, fits: Callable[[Path], bool]) -> str:
 
 
 def text_of(
-    path: Path, missing: str, kind: type[EqtError] = EqtError, subject: object = None
+    path: Path,
+    missing: str,
+    kind: type[EqtError] = EqtError,
+    subject: object = None,
+    most: int = TEXT_BYTES,
 ) -> str:
-    """The text of a file that a user names.
+    """The text of a file that a user names, of at most so many bytes.
 
     Raises
     ------
@@ -92,6 +115,6 @@ def text_of(
     """
     with refusals(subject or path, "read", kind=kind):
         try:
-            return path.read_text(encoding="utf-8")
+            return text_in(path, most)
         except FileNotFoundError:
             raise kind(f"{path}: not found; {missing}") from None

@@ -24,6 +24,9 @@ ASKED_BY = tuple(
 AGAIN_AFTER = 0.05
 """s until a signal is looked at again that came when it could not be an exception."""
 
+ONE_MOMENT = 0.5
+"""s in which one request may come twice: `timeout` sends it to a process, and to its group."""
+
 PATIENCE = 5.0
 """s that an end may take; who asks again after them wants it at once."""
 
@@ -49,8 +52,11 @@ class Interrupted(BaseException):
 def as_exceptions(at_once: Callable[[], None]) -> Iterator[None]:
     """Raise `Interrupted` on the first signal; on one much later, end without waiting for anything.
 
-    Between them, what is under way is brought to its end, and further signals change nothing. A
-    signal that whoever started us ignores, as `nohup` does, stays ignored. An exception that
+    Between them, what is under way is brought to its end. A second signal that is not of the same
+    moment gives all signals the system's own action back, so that the next one ends the process
+    also where no Python runs, as in a library that computes without end.
+
+    A signal that whoever started us ignores, as `nohup` does, stays ignored. An exception that
     somebody swallows, as finalisers and callbacks of libraries do, is raised again.
 
     Parameters
@@ -98,6 +104,10 @@ class _Handler:
         elif time.monotonic() > self.asked + PATIENCE:
             self._at_once()
             _end_now(number)
+        elif time.monotonic() > self.asked + ONE_MOMENT:
+            for each in ASKED_BY:
+                if signal.getsignal(each) == self.handle:
+                    signal.signal(each, signal.SIG_DFL)
 
     def _interruption(self, number: int) -> Interrupted:
         """The exception; if it is released before `end`, somebody has swallowed it."""

@@ -23,6 +23,7 @@ from typing import Any, Generic, TypeVar
 
 from eqt_cli.core.errors import ComponentError, suggestion
 from eqt_cli.core.files import refusals
+from eqt_cli.core.regular_files import text_in
 
 T = TypeVar("T")
 
@@ -157,7 +158,7 @@ def load_plugin(path: Path, source: str | None = None) -> list[str]:
         If the file cannot be read, fails when executed, or defines no component.
     """
     with refusals(f"plugin {path}", "read", kind=ComponentError):
-        text = path.read_text(encoding="utf-8") if source is None else source
+        text = text_in(path) if source is None else source
     digest = sha256(text.encode()).hexdigest()
     module = _loaded_plugins.get(digest) or _executed(path, text, digest)
     # Messages quote its lines, also where the text is not that of the file, or there is none.

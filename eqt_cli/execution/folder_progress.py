@@ -1,6 +1,5 @@
 """How far an unfinished result has come, told from a listing of its folder; it opens no part."""
 
-import json
 import os
 import time
 from contextlib import suppress
@@ -9,6 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from eqt_cli.core.files import read_record
 from eqt_cli.execution.lock import holder
 from eqt_cli.execution.part_files import MANIFEST, PARTS, FinishedPart, PartFiles
 from eqt_cli.experiment.parts import Plans
@@ -56,18 +56,20 @@ def unfinished(path: Path) -> Unfinished | None:
     """How far a folder has come that holds no result yet; None for any other path."""
     if not path.is_dir() or (path / FILE_NAME).exists():
         return None
-    try:
-        manifest = json.loads((path / MANIFEST).read_text(encoding="utf-8"))
+    manifest: dict[str, Any] = {}
+    with suppress(OSError):  # what cannot be read is no result that was begun
+        manifest = read_record(path / MANIFEST, "plan", "name", "begun") or {}
+    # Whoever wrote it may have meant anything by it.
+    with suppress(ValueError, TypeError, KeyError, AttributeError, ArithmeticError):
         plan = Plans.of_data(manifest["plan"])
-        name, begun = str(manifest["name"]), str(manifest["begun"])
-    except (OSError, ValueError, TypeError, KeyError):
-        return None
-    listed = PartFiles(path / PARTS).listed()
-    done = sum(plan.runs_of(number) for number in listed if number < len(plan))
-    failed = sum(part.failed for part in listed.values())
-    writer = holder(path)
-    since = None if writer is None else writer.get("since")
-    return Unfinished(name, plan.total, done, failed, begun, writer, _rate(plan, listed, since))
+        listed = PartFiles(path / PARTS).listed()
+        done = sum(plan.runs_of(number) for number in listed if number < len(plan))
+        failed = sum(part.failed for part in listed.values())
+        writer = holder(path)
+        since = None if writer is None else writer.get("since")
+        name, begun, rate = manifest["name"], manifest["begun"], _rate(plan, listed, since)
+        return Unfinished(str(name), plan.total, done, failed, str(begun), writer, rate)
+    return None
 
 
 def _rate(plan: Plans, parts: dict[int, FinishedPart], since: str | None) -> float | None:

@@ -2,7 +2,6 @@
 
 import os
 import platform
-import subprocess
 import sys
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -10,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from eqt_cli.core.version import __version__
+from eqt_cli.execution.repository import commit_of
 
 PACKAGES = ("numpy", "scipy", "h5py", "heyoka")
 
@@ -31,7 +31,7 @@ def provenance(folder: Path) -> dict[str, Any]:
         "cpu_count": os.cpu_count(),
         "command": " ".join(["eqt", *sys.argv[1:]]),
         "started": now(),
-        "git": _git_state(folder),
+        "git": commit_of(folder),
     }
 
 
@@ -68,24 +68,3 @@ def _version(package: str) -> str | None:
         return version(package)
     except PackageNotFoundError:
         return None
-
-
-def _git_state(folder: Path) -> str | None:
-    """The commit of the configuration's repository, with ``+changes`` where it is not clean."""
-    try:
-        commit = _git(folder, "rev-parse", "HEAD")
-        changed = _git(folder, "status", "--porcelain", "--untracked-files=no")
-    except (OSError, subprocess.SubprocessError):
-        return None
-    return commit + ("+changes" if changed else "")
-
-
-def _git(folder: Path, *arguments: str) -> str:
-    done = subprocess.run(
-        ["git", "-C", str(folder), *arguments],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=5,
-    )
-    return done.stdout.strip()

@@ -11,6 +11,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.files import refusals
+from eqt_cli.core.regular_files import content_of
 from eqt_cli.plots.curve_data import Curve
 
 TOLERANCE = 1e-6
@@ -27,6 +28,9 @@ adaptive steps, by much less; no eye sees a thousandth of a panel.
 
 SMALLEST_SCALE = 1e-6
 """The largest value that a panel of zeros is taken to have: 1e-12 in it is rounding."""
+
+MOST_BYTES = 256_000_000
+"""Of a file that is read."""
 
 DIGITS = 9
 """Significant digits that are kept, so that rounding is far below `TOLERANCE`."""
@@ -68,10 +72,10 @@ def read(path: Path) -> list[Curve]:
         If the file cannot be read or holds anything else.
     """
     with refusals(path, "read", _ANEW):
-        content = path.read_bytes()
+        content = content_of(path, MOST_BYTES)
     try:
         return [_curve(record) for record in json.loads(content)]
-    except (ValueError, TypeError, KeyError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise EqtError(f"{path}: does not hold the numbers of a figure; {_ANEW}") from error
 
 

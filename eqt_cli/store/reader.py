@@ -2,7 +2,6 @@
 
 import copy
 import operator
-import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from mmap import ACCESS_READ, mmap
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from eqt_cli.core.errors import Remedy, ResultError, suggestion
 from eqt_cli.core.files import YAML, near
+from eqt_cli.core.regular_files import NotRegularError, open_regular
 from eqt_cli.core.version import __version__
 from eqt_cli.store import safety
 from eqt_cli.store.reserved_names import FILE_NAME, FORMAT, FORMAT_ATTRIBUTE, POINT
@@ -55,7 +55,7 @@ class ResultFile:
     def __init__(self, path: str | Path) -> None:
         self.path = path = _find(Path(path))
         with ExitStack() as stack, _guard(path):
-            stream = stack.enter_context(path.open("rb"))
+            stream = stack.enter_context(open_regular(path))
             self._view = stack.enter_context(mmap(stream.fileno(), 0, access=ACCESS_READ))
             # No locks: result files never change, and some network disks refuse to lock.
             self._file = stack.enter_context(_opened(path))
@@ -327,11 +327,11 @@ def _find(path: Path) -> Path:
     try:
         if path.is_dir():
             file = path / FILE_NAME
-        mode = file.stat().st_mode
-        if not stat.S_ISREG(mode):  # opening a pipe would wait for ever
-            raise ResultError(f"{file}: is not a file; give a result folder or its {FILE_NAME}")
-        with file.open("rb") as stream:
+        with open_regular(file) as stream:
             start = stream.read(len(_SIGNATURE))
+    except (NotRegularError, IsADirectoryError) as error:
+        wanted = f"give a result folder or its {FILE_NAME}"
+        raise ResultError(f"{file}: is not a file; {wanted}") from error
     except FileNotFoundError as error:
         if file == path:
             hint = near(path, lambda entry: (entry / FILE_NAME).is_file())

@@ -40,8 +40,8 @@ def test_a_wrong_style_is_one_line_on_stderr(eqt: Eqt, result: str) -> None:
     done = eqt("plot", result, "--style", "mine.mplstyle")
     assert (done.code, done.out) == (2, "")
     assert done.err == (
-        "eqt: mine.mplstyle: the style sheet is wrong: Key axes.grid: Cannot convert 'perhaps' to "
-        "bool\n"
+        "eqt: mine.mplstyle:1: the style sheet is wrong: Key axes.grid: Cannot convert 'perhaps' "
+        "to bool\n"
     )
     assert not Path(result, "figures").exists()
 

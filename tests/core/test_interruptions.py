@@ -1,7 +1,9 @@
 """Signals become exceptions where they can be raised, and are never lost."""
 
 import importlib
+import os
 import signal
+import subprocess
 import sys
 import time
 from typing import Annotated
@@ -105,3 +107,28 @@ def test_other_ignored_exceptions_are_told_as_before():
     finally:
         sys.unraisablehook = sys_hook
     assert [str(ignored.exc_value) for ignored in told] == ["told"]
+
+
+DEAF = """
+import signal, sys, time
+from eqt_cli.core.interruptions import ONE_MOMENT, Interrupted, as_exceptions
+with as_exceptions(lambda: None):
+    try:
+        signal.raise_signal(signal.SIGTERM)
+    except Interrupted:
+        signal.raise_signal(signal.SIGTERM)  # of the same moment
+        time.sleep(1.2 * ONE_MOMENT)
+        assert signal.getsignal(signal.SIGTERM) != signal.SIG_DFL
+        signal.raise_signal(signal.SIGTERM)
+        assert signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
+        assert signal.getsignal(signal.SIGINT) == signal.SIG_DFL
+        print("told", flush=True)
+        signal.raise_signal(signal.SIGTERM)
+        print("deaf", flush=True)
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends POSIX signals")
+def test_after_a_second_signal_the_system_ends_the_process():
+    done = subprocess.run([sys.executable, "-c", DEAF], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (-signal.SIGTERM, "told\n", "")

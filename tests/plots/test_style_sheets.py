@@ -4,7 +4,9 @@ import matplotlib
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing import style_sheets
+from eqt_cli.plots.drawing import style_bounds, style_sheets
+
+OF_A_MACHINE = ("animation.", "keymap.", "agg.", "docstring.", "_internal.")
 
 
 @pytest.fixture
@@ -22,7 +24,7 @@ def sheet(tmp_path):
 def refused(path):
     with pytest.raises(EqtError) as caught:
         style_sheets.read(str(path))
-    return str(caught.value).removeprefix(f"{path}: the style sheet ")
+    return str(caught.value).removeprefix(f"{path}:")
 
 
 def test_the_last_line_of_a_key_holds(sheet):
@@ -43,7 +45,9 @@ def test_the_last_line_of_a_key_holds(sheet):
 )
 def test_no_version_of_matplotlib_executes_a_sheet(sheet, text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert refused(sheet("font.size: 9", f"axes.prop_cycle: {text}")).startswith("is wrong: ")
+    assert refused(sheet("font.size: 9", f"axes.prop_cycle: {text}")).startswith(
+        "2: the style sheet is wrong: axes.prop_cycle is no cycler of literal values: "
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["mine.mplstyle"]
 
 
@@ -56,7 +60,7 @@ def test_cyclers_with_attributes_never_reach_matplotlib(sheet, text, monkeypatch
 
     monkeypatch.setitem(matplotlib.RcParams.validate, "axes.prop_cycle", validate)
     assert refused(sheet(f"axes.prop_cycle: {text}")) == (
-        f"is wrong: axes.prop_cycle is no cycler of literal values: {text}"
+        f"1: the style sheet is wrong: axes.prop_cycle is no cycler of literal values: {text}"
     )
 
 
@@ -64,22 +68,79 @@ def test_cyclers_with_attributes_never_reach_matplotlib(sheet, text, monkeypatch
     ("line", "said"),
     [
         ("lines.linewidth: thick", "Key lines.linewidth: Could not convert 'thick' to float"),
-        ("line.linewidth: 1", "Bad key line.linewidth in file "),
-        ("font.size 9", "Missing colon in file "),
-        ('font.family: "STIX', "Missing closing quote in: "),
+        (
+            "line.linewidth: 1",
+            "Matplotlib has no key line.linewidth; did you mean 'lines.linewidth'?",
+        ),
+        ("font.size 9", "expected 'key: value'"),
+        ('font.family: "STIX', "a closing quotation mark is missing"),
         ("axes.facecolor: #EEEEEE", "Key axes.facecolor: '' does not look like a color arg"),
+        ("root:x:0:0:root", "expected a key of Matplotlib"),
     ],
 )
-def test_a_wrong_line_is_refused_in_the_words_of_matplotlib(sheet, line, said, caplog):
-    assert refused(sheet(line)).startswith(f"is wrong: {said}")
+def test_a_wrong_line_is_refused(sheet, line, said, caplog):
+    assert refused(sheet("font.size: 9", line)) == f"2: the style sheet is wrong: {said}"
     assert not caplog.records
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        (
+            "path.sketch: 1, 1e-9, 1",
+            "Key path.sketch: says nothing of how a figure looks; remove the line",
+        ),
+        (
+            "figure.hooks: os:abort",
+            "Key figure.hooks: says nothing of how a figure looks; remove the line",
+        ),
+        (
+            "animation.ffmpeg_path: ./program",
+            "Key animation.ffmpeg_path: says nothing of how a figure looks; remove the line",
+        ),
+        ("savefig.dpi: 1e9", "Key savefig.dpi: expected numbers of at most 2400, got 1e+09"),
+        ("font.size: inf", "Key font.size: expected numbers of at most 300, got inf"),
+        ("font.size: nan", "Key font.size: expected numbers of at most 300, got nan"),
+        ("figure.figsize: 1, 1e6", "Key figure.figsize: expected numbers of at most 50, got 1e+06"),
+        ("lines.linewidth: 1e-9", "Key lines.linewidth: expected 0 or at least 0.05, got 1e-09"),
+        (
+            "lines.dashed_pattern: 1e-9, 1e-9",
+            "Key lines.dashed_pattern: expected dashes and gaps of 0.5 or more together, got 2e-09",
+        ),
+        (
+            "axes.prop_cycle: cycler(linestyle=[(0, (1e-9, 1e-9))])",
+            "Key axes.prop_cycle: expected dashes and gaps of 0.5 or more together, got 2e-09",
+        ),
+        (
+            "axes.prop_cycle: cycler('lw', [1]*1000000000)",
+            "axes.prop_cycle is no cycler of literal values: cycler('lw', [1]*1000000000)",
+        ),
+        (
+            "axes.prop_cycle: "
+            + "*".join(f"cycler({key}={[1] * 20})" for key in ("lw", "ms", "mew")),
+            "Key axes.prop_cycle: expected at most 1000 entries, got 8000",
+        ),
+    ],
+)
+def test_a_sheet_sets_only_what_a_style_may(sheet, line, said):
+    assert refused(sheet(line)) == f"1: the style sheet is wrong: {said}"
+
+
+def test_the_sheets_of_matplotlib_are_within_the_bounds(sheet):
+    """And its own settings."""
+    for settings in ({}, *matplotlib.style.library.values()):
+        for key, value in {**matplotlib.rcParamsDefault, **settings}.items():
+            if not key.startswith(OF_A_MACHINE):
+                style_bounds.check(key, value, matplotlib.rcParamsDefault[key])
 
 
 def test_files_that_cannot_be_read_are_errors(tmp_path):
     missing = tmp_path / "no.mplstyle"
-    assert refused(missing) == "cannot be read: no such file or directory"
+    assert refused(missing) == " cannot be read as a style sheet: no such file or directory"
     (tmp_path / "bytes.mplstyle").write_bytes(b"\xff\xfe")
-    assert refused(tmp_path / "bytes.mplstyle").startswith("is wrong: 'utf-8' codec can't decode")
+    assert refused(tmp_path / "bytes.mplstyle") == (
+        " cannot be read as a style sheet: it is no text in UTF-8"
+    )
 
 
 def test_misspelt_names_are_corrected():

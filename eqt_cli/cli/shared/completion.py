@@ -76,10 +76,11 @@ def _starting(incomplete: str, known: dict[str, str]) -> Completions:
 
 def _written(path: Path | None) -> list[str]:
     """The keys in a file; none where it cannot be read."""
-    from eqt_cli.config.yaml_source import load
+    from eqt_cli.config.yaml_source import MAX_BYTES, load
+    from eqt_cli.core.regular_files import content_of
 
     try:
-        data = load(Path(path).read_bytes(), "").data if path else {}
+        data = load(content_of(path, MAX_BYTES), "").data if path else {}
     except (EqtError, OSError):
         return []
     return list(_below(data, ""))

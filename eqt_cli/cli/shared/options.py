@@ -141,7 +141,12 @@ Force = Annotated[
 RerunFailed = Annotated[bool, flag("--rerun-failed", "Compute only the failed runs again.", RESULT)]
 TrustPlugins = Annotated[
     bool,
-    flag("--trust-plugins", "Execute the plugin sources that a result file contains.", EXPERIMENT),
+    flag(
+        "--trust-plugins",
+        "Execute the plugins that a result, or a result folder, contains. Those of a YAML "
+        "configuration are always executed.",
+        EXPERIMENT,
+    ),
 ]
 
 

@@ -11,10 +11,12 @@ import math
 import re
 import shutil
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
 from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.cli.shared.streams import drop_stdout
 from eqt_cli.cli.shared.unbroken import folded
 from eqt_cli.core.errors import EqtError, EqtWarning, InputProblem
 from eqt_cli.core.printable import printable
@@ -84,14 +86,35 @@ def option(argument: str) -> str:
     return f"--{argument.replace('_', '-')}"
 
 
+@contextmanager
+def as_remark() -> Iterator[None]:
+    """Where what is printed on stdout is no more than a remark: the work is done and kept.
+
+    A disk that is full is no error then.
+    """
+    try:
+        yield
+        sys.stdout.flush()
+    except BrokenPipeError:  # whoever read it has gone, which is no news
+        raise
+    except OSError as error:
+        drop_stdout()
+        reason = str(error.strerror).lower()
+        say(f"standard output: cannot be written: {reason}; the result is complete")
+
+
 def print_json(document: Any) -> None:
     """One JSON document on stdout; numbers that JSON cannot hold become null."""
     print(json_text(document, indent=2))
 
 
 def json_text(document: Any, indent: int | None = None) -> str:
-    """A document as JSON that a terminal may be shown; readers get the same text from it."""
-    text = json.dumps(_plain(document), indent=indent, ensure_ascii=False)
+    """A document as JSON that a terminal may be shown; readers get the same text from it.
+
+    Where stdout cannot show all characters, the others are escapes.
+    """
+    encoding = (sys.stdout.encoding or "utf-8").lower().replace("_", "-")
+    text = json.dumps(_plain(document), indent=indent, ensure_ascii=encoding[:3] != "utf")
     return printable(text, _LINES, lambda character: json.dumps(character)[1:-1])
 
 

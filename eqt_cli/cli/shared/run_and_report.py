@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +10,15 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from eqt_cli.cli.shared.options import cores
-from eqt_cli.cli.shared.output import count_of, print_found, print_json, print_text, say, warn
+from eqt_cli.cli.shared.output import (
+    as_remark,
+    count_of,
+    print_found,
+    print_json,
+    print_text,
+    say,
+    warn,
+)
 from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError, InterruptedRun
 from eqt_cli.core.interruptions import Interrupted
@@ -89,10 +98,12 @@ def run_experiment(
         say(f"{out} already holds this experiment; --force runs it again")
     elif done.resumed:
         say(f"{done.resumed} of {done.runs} runs were already computed")
-    report(done, shard, json=json)
+    report(done, shard, json=json, with_plugins=bool(experiment.experiment.plugins))
 
 
-def report(done: StoredResult, shard: Shard | None = None, *, json: bool) -> None:
+def report(
+    done: StoredResult, shard: Shard | None = None, *, json: bool, with_plugins: bool = False
+) -> None:
     """Print what came out, and exit with 3 or 4 where runs failed or the check did not hold."""
     from eqt_cli.results.result import open_result
 
@@ -106,11 +117,13 @@ def report(done: StoredResult, shard: Shard | None = None, *, json: bool) -> Non
     }
     disagrees = False
     if shard is not None:
+        trust = " --trust-plugins" if with_plugins else ""
         text = (
             f"shard {shard.index}/{shard.count}: {done.runs} runs, {done.failed} failed\n"
-            f"next     eqt pack {done.path}  (when all shards are done)"
+            f"next     eqt pack {done.path}{trust}  (when all shards are done)"
         )
-        print_found({"folder": str(done.path), **counted}, text, json=json)
+        with nullcontext() if json else as_remark():
+            print_found({"folder": str(done.path), **counted}, text, json=json)
     else:
         with open_result(done.file) as results:
             check = results.cross_check
@@ -120,7 +133,8 @@ def report(done: StoredResult, shard: Shard | None = None, *, json: bool) -> Non
             if json:
                 print_json(_document(done, results, counted))
             else:
-                _print_summary(done, results)
+                with as_remark():
+                    _print_summary(done, results)
     if done.failed:
         raise typer.Exit(3)
     if disagrees:

@@ -1,18 +1,25 @@
 """Matplotlib style sheets, refused with a reason where Matplotlib itself would only warn."""
 
-import ast
-import logging
 import re
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_params_from_file, style
+from matplotlib import RcParams, rcParamsDefault, style
 
 from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.core.files import refusals
+from eqt_cli.core.regular_files import text_in
+from eqt_cli.plots.drawing import style_bounds
 
 Settings = dict[str, Any]
 
-_CYCLE = re.compile(r"^\s*axes\.prop_cycle\s*:(.*)$", re.MULTILINE)
+_CYCLE = "axes.prop_cycle"
+
+_WITHOUT_COMMENT = re.compile(r'(?:[^"#]|"[^"]*")*')
+
+# By any key, and not only by those that its types list.
+_DEFAULTS: Any = rcParamsDefault
 
 
 def read(name: str) -> Settings:
@@ -36,49 +43,43 @@ def read(name: str) -> Settings:
 def read_file(path: Path) -> Settings:
     """The settings in a file.
 
-    No part of it is executed, whatever the version of Matplotlib.
+    No part of it is executed, whatever the version of Matplotlib, and no line is quoted that has no
+    key of Matplotlib: the file may be no style sheet.
 
     Raises
     ------
     EqtError
         If it cannot be read, or a line is wrong.
     """
-
-    def refuse(remark: logging.LogRecord) -> bool:
-        message = remark.getMessage().strip().partition("\n")[0]
-        if not message.startswith("Duplicate key"):  # where the last one wins
-            raise ValueError(message)
-        return False
-
-    log = logging.getLogger("matplotlib")
-    log.addFilter(refuse)
-    try:
-        _check_cycles(path.read_text(encoding="utf-8"))
-        found: Any = rc_params_from_file(path, fail_on_error=True, use_default_template=False)
-        return dict(found)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise EqtError(f"{path}: the style sheet cannot be read: {reason}") from error
-    except ValueError as error:
-        raise EqtError(f"{path}: the style sheet is wrong: {error}") from error
-    finally:
-        log.removeFilter(refuse)
-
-
-def _check_cycles(text: str) -> None:
-    """Refuse cyclers that reach for attributes, since Matplotlib before 3.11 evaluates them.
-
-    It gives them no names but ``cycler``; without attributes nothing else can be reached.
-
-    Raises
-    ------
-    ValueError
-        If there is one, or one is no expression.
-    """
-    for cycle in _CYCLE.findall(text):
+    with refusals(path, "read as a style sheet"):
+        text = text_in(path)
+    found: Any = RcParams()
+    for number, line in enumerate(text.splitlines(), start=1):
         try:
-            nodes = list(ast.walk(ast.parse(cycle.strip().strip('"'), mode="eval")))
-        except (SyntaxError, ValueError, RecursionError, MemoryError):
-            nodes = []
-        if not nodes or any(isinstance(node, ast.Attribute) for node in nodes):
-            raise ValueError(f"axes.prop_cycle is no cycler of literal values: {cycle.strip()}")
+            for key, value in _setting(line):
+                if key == _CYCLE:
+                    style_bounds.check_cycle(value)
+                found[key] = value
+                style_bounds.check(key, found[key], _DEFAULTS.get(key))
+        except (ValueError, TypeError) as error:
+            raise EqtError(f"{path}:{number}: the style sheet is wrong: {error}") from error
+    return dict(found)
+
+
+def _setting(line: str) -> Iterator[tuple[str, str]]:
+    """The key of a line, and the text of its value; none of an empty line."""
+    own = _WITHOUT_COMMENT.match(line)
+    assert own is not None  # it matches nothing, too
+    if line[own.end() :].startswith('"'):
+        raise ValueError("a closing quotation mark is missing")
+    if not own[0].strip():
+        return
+    key, colon, value = (part.strip() for part in own[0].partition(":"))
+    if not colon:
+        raise ValueError("expected 'key: value'")
+    if key not in RcParams.validate:
+        known = suggestion(key, RcParams.validate)
+        raise ValueError(
+            f"Matplotlib has no key {key}{known}" if known else "expected a key of Matplotlib"
+        )
+    yield key, value[1:-1] if len(value) > 1 and value[0] == value[-1] == '"' else value
