@@ -1,5 +1,6 @@
 """The tree of commands."""
 
+import os
 import sys
 from collections.abc import Callable
 from typing import Annotated, Any
