@@ -111,10 +111,13 @@ def test_a_law(check, case):
     assert said.count("\n") == 2
 
 
-LYAPUNOV = LAW.replace("BODY", "-s.V") + """
+LYAPUNOV = (
+    LAW.replace("BODY", "-s.V")
+    + """
     def lyapunov(self, s):
         return BODY
 """
+)
 
 
 @pytest.mark.parametrize("text", [LAW, LYAPUNOV], ids=["torque", "lyapunov"])
