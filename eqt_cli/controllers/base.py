@@ -19,7 +19,8 @@ class Controller(Component):
     """A control law: a frozen dataclass whose fields are its options in a configuration.
 
     Every attribute that is a float is a runtime parameter: an engine may replace it by an array
-    ``(runs, 1)`` or by a symbol, so a law uses it with operators only.
+    ``(runs, 1)`` or by a symbol, so a law uses it with operators only. It goes into a contraction,
+    not before one: ``dot(self.k * z, z)``. What `dot` and `norm` return has no such last axis.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What an engine is: it integrates one span, and the walk through a problem is shared."""
+"""What an engine is: it says how runs are integrated through a span; the walk is shared."""
 
 from __future__ import annotations
 

@@ -37,8 +37,8 @@ class Span:
     ----------
     start, stop
         Its ends, s.
-    changes
-        Whether the field changes at `start`, and at `stop`.
+    within
+        Both ends; where the field changes at one, the next time on this side of it.
     grid
         Both ends, and the sample times between them.
     first
@@ -53,33 +53,22 @@ class Span:
 
     start: float
     stop: float
-    changes: tuple[bool, bool]
+    within: tuple[float, float]
     grid: Array
     first: int
     later: int
     sampled_start: bool
     tick: int | None = None
 
-    @cached_property
-    def _inner_ends(self) -> tuple[float, float]:
-        start, stop = (
-            float(np.nextafter(end, towards)) if changes else end
-            for end, towards, changes in zip(
-                (self.start, self.stop), (self.stop, self.start), self.changes, strict=True
-            )
-        )
-        return start, stop
-
     def inside(self, t: float) -> float:
         """The time t; at an end where the field changes, the next one on this side."""
-        first, last = self._inner_ends
-        return min(max(t, first), last)
+        return min(max(t, self.within[0]), self.within[1])
 
     def until(self, t: float) -> Span:
         """The beginning of it up to the last of its samples that is not behind t."""
         known = int(np.searchsorted(self.grid[1 : 1 + self.later], t, side="right"))
-        grid, changes = self.grid[: 1 + known], (self.changes[0], False)
-        return replace(self, stop=float(grid[-1]), changes=changes, grid=grid, later=known)
+        stop, within = float(self.grid[known]), (self.within[0], float(self.grid[known]))
+        return replace(self, stop=stop, within=within, grid=self.grid[: 1 + known], later=known)
 
 
 @dataclass(frozen=True)
@@ -131,18 +120,12 @@ class Problem:
             inside = self.times[first[index] : first[index + 1]]
             later = inside[inside > one]
             grid = np.concatenate([[one], later, [other] if other not in later[-1:] else []])
-            found.append(
-                Span(
-                    one,
-                    other,
-                    (one != start, other != stop),
-                    grid,
-                    int(first[index + 1]) - len(later),
-                    len(later),
-                    len(later) < len(inside),
-                    ticks.get(one),
-                )
+            within = (
+                one if one == start else float(np.nextafter(one, other)),
+                other if other == stop else float(np.nextafter(other, one)),
             )
+            at, sampled = int(first[index + 1]) - len(later), len(later) < len(inside)
+            found.append(Span(one, other, within, grid, at, len(later), sampled, ticks.get(one)))
         return found
 
     @property

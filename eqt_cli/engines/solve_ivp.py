@@ -21,7 +21,7 @@ from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine
-from eqt_cli.engines.integrator import NO_LONGER_FINITE, Failure, Integrator, SpanResult
+from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.problem import Problem, Span, Status
 from eqt_cli.engines.recorded_field import RecordedField
 
@@ -111,11 +111,7 @@ class SolveIvp(Engine):
 
 
 class _Failed(Exception):
-    """Why a block could not be integrated to the end of a span."""
-
-    def __init__(self, status: Status, t: float, reason: str) -> None:
-        super().__init__(reason)
-        self.failure = Failure(status, reason, t)
+    """With the `Failure` by which a block could not be integrated to the end of a span."""
 
 
 class Blocks(Integrator):
@@ -145,7 +141,7 @@ class Blocks(Integrator):
             later, end = self._integrated(span, states, self._engine.max_steps)
             return SpanResult(end, later, self._evaluations - before)
         except _Failed as failed:
-            steps, failure = self._evaluations - before, failed.failure
+            steps, failure = self._evaluations - before, failed.args[0]
         runs, n = states.shape
         samples, ends = np.full((runs, span.later, n), np.nan), np.full(states.shape, np.nan)
         if runs > 1:
@@ -178,8 +174,7 @@ class Blocks(Integrator):
         def accepted(t: float, y: Array) -> float:
             # An event that never happens: solve_ivp looks at it at the end of every step.
             if not np.isfinite(y).all():
-                if math.isnan(self._non_finite_at):
-                    self._non_finite_at = t
+                self._non_finite_at = t if math.isnan(self._non_finite_at) else self._non_finite_at
                 raise self._failed("")
             self._longest_step = max(self._longest_step, t - self._accepted)
             self._accepted = t
@@ -195,7 +190,7 @@ class Blocks(Integrator):
             # SciPy's step-size search does not end on a derivative that is not finite.
             if not np.isfinite(field(span.start, start)).all():
                 reason = "the vector field is not finite"
-                raise _Failed(Status.NON_FINITE, span.start, reason)
+                raise _Failed(Failure(Status.NON_FINITE, reason, span.start))
             try:
                 result = solve_ivp(
                     field,
@@ -220,14 +215,14 @@ class Blocks(Integrator):
     def _count(self, t: float, limit: float) -> None:
         if self._evaluations >= limit:
             reason = f"step limit: {limit} evaluations (solver.max_steps)"
-            raise _Failed(Status.STEP_LIMIT, self._accepted, reason)
+            raise _Failed(Failure(Status.STEP_LIMIT, reason, self._accepted))
         self._evaluations += 1
         self.reached(t)
 
     def _failed(self, reason: str) -> _Failed:
         if not math.isnan(self._non_finite_at):
-            return _Failed(Status.NON_FINITE, self._non_finite_at, NO_LONGER_FINITE)
-        return _Failed(Status.SOLVER_FAILED, self._accepted, reason.rstrip("."))
+            return _Failed(Failure(t=self._non_finite_at))
+        return _Failed(Failure(Status.SOLVER_FAILED, reason.rstrip("."), self._accepted))
 
 
 def _jacobian_options(method: str, runs: int, n: int) -> dict[str, Any]:

@@ -7,9 +7,8 @@ engine.
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import numpy as np
 
@@ -37,76 +36,81 @@ def walked(
             progress(runs)
 
     def work() -> None:
-        walk = _Walk(integrator.for_thread(), spans, solution)
+        mine = integrator.for_thread()
         with np.errstate(all="ignore"):  # a state that is not finite ends its run
             while True:
                 with lock:
                     runs = next(left, None)
                 if runs is None:
                     return
-                walk.through(runs, report)
+                _walk(mine, spans, solution, runs, report)
 
-    if min(threads, len(groups)) == 1:
+    threads = min(threads, len(groups))
+    if threads == 1:
         work()
-    else:
-        _in_threads(work, min(threads, len(groups)), left, lock)
+        return solution
+    with ThreadPoolExecutor(threads) as pool:
+        futures = [pool.submit(work) for _ in range(threads)]
+        try:
+            for future in futures:
+                future.result()
+        except BaseException:
+            with lock:
+                list(left)  # nothing further is begun; what is under way ends
+            raise
     return solution
 
 
-class _Walk:
-    """One thread's way through the spans."""
+def _walk(
+    integrator: Integrator,
+    spans: Sequence[Span],
+    solution: Solution,
+    runs: Array,
+    progress: Progress,
+) -> None:
+    """Fill in the solution of a group of runs."""
+    problem, going = integrator.problem, np.ones(len(runs), dtype=bool)
+    failed: dict[int, tuple[Span, Failure | None]] = {}
+    states, solution.steps[runs] = problem.states[runs], 0
+    integrator.reached = reached = _Reached(problem, len(runs), progress)
+    integrator.begin(runs)
+    for span in spans:
+        integrator.hold(span)
+        if span.tick is not None:
+            states = integrator.at_instant(span.start, states, problem.errors_at(span.tick, runs))
+        if span.sampled_start:
+            solution.states[runs, span.first - 1] = states
+        found = integrator.advance(span, states)
+        states = found.states
+        if span.later:
+            solution.states[runs, span.first : span.first + span.later] = found.samples
+        solution.steps[runs] += np.where(going, found.steps, 0)
+        lost = np.flatnonzero(~np.isfinite(states).all(axis=1)).tolist()
+        for place, failure in (dict.fromkeys(lost, Failure()) | dict(found.failed)).items():
+            failed.setdefault(place, (span, failure))
+            going[place] = False
+        if not going.any():
+            break
+        reached(span.stop)
+    for place, (span, failure) in failed.items():
+        if failure is None and len(runs) > 1:
+            _walk(integrator, spans, solution, runs[[place]], lambda runs: None)
+        else:
+            _note(solution, problem, runs[place], span, failure or Failure())
+    reached.finish()
 
-    def __init__(self, integrator: Integrator, spans: Sequence[Span], solution: Solution) -> None:
-        self._integrator, self._spans, self._solution = integrator, spans, solution
-        self._problem = integrator.problem
 
-    def through(self, runs: Array, progress: Progress) -> None:
-        """Fill in the solution of a group of runs."""
-        integrator, solution = self._integrator, self._solution
-        going = np.ones(len(runs), dtype=bool)
-        failed: dict[int, tuple[Span, Failure | None]] = {}
-        states = self._problem.states[runs]
-        solution.steps[runs] = 0
-        integrator.reached = reached = _Reached(self._problem, len(runs), progress)
-        integrator.begin(runs)
-        for span in self._spans:
-            integrator.hold(span)
-            if span.tick is not None:
-                errors = self._problem.errors_at(span.tick, runs)
-                states = integrator.at_instant(span.start, states, errors)
-            if span.sampled_start:
-                solution.states[runs, span.first - 1] = states
-            found = integrator.advance(span, states)
-            states = found.states
-            if span.later:
-                solution.states[runs, span.first : span.first + span.later] = found.samples
-            solution.steps[runs] += np.where(going, found.steps, 0)
-            lost = np.flatnonzero(~np.isfinite(states).all(axis=1)).tolist()
-            for place, failure in (dict.fromkeys(lost, Failure()) | dict(found.failed)).items():
-                failed.setdefault(place, (span, failure))
-                going[place] = False
-            if not going.any():
-                break
-            reached(span.stop)
-        for place, (span, failure) in failed.items():
-            if failure is None and len(runs) > 1:
-                self.through(runs[[place]], lambda runs: None)
-            else:
-                self._note(runs[place], span, failure or Failure())
-        reached.finish()
-
-    def _note(self, run: int, span: Span, failure: Failure) -> None:
-        """Say how a run has failed in a span, and leave no sample behind that."""
-        solution, times = self._solution, self._problem.times
-        states = solution.states[run]
-        states[span.first + span.later :] = np.nan
-        known = int(np.isfinite(states).all(axis=1).argmin())
-        states[known:] = np.nan
-        at = f"t = {failure.t:.6g} s"
-        if np.isnan(failure.t):
-            at = f"after t = {times[max(known, 1) - 1]:.6g} s"
-        solution.status[run] = failure.status
-        solution.messages[run] = f"{at}: {failure.reason}"
+def _note(solution: Solution, problem: Problem, run: int, span: Span, failure: Failure) -> None:
+    """Say how a run has failed in a span, and leave no sample behind that."""
+    states = solution.states[run]
+    states[span.first + span.later :] = np.nan
+    known = int(np.isfinite(states).all(axis=1).argmin())
+    states[known:] = np.nan
+    at = f"t = {failure.t:.6g} s"
+    if np.isnan(failure.t):
+        at = f"after t = {problem.times[max(known, 1) - 1]:.6g} s"
+    solution.status[run] = failure.status
+    solution.messages[run] = f"{at}: {failure.reason}"
 
 
 class _Reached:
@@ -128,16 +132,3 @@ class _Reached:
     def _report(self, fraction: float) -> None:
         self._progress((fraction - self._reported) * self._runs)
         self._reported = fraction
-
-
-def _in_threads(work: Any, threads: int, groups: Iterator[Array], lock: threading.Lock) -> None:
-    with ThreadPoolExecutor(threads) as pool:
-        futures = [pool.submit(work) for _ in range(threads)]
-        try:
-            for future in futures:
-                future.result()
-        except BaseException:
-            with lock:
-                for _ in groups:  # nothing further is begun; what is under way ends
-                    pass
-            raise

@@ -100,7 +100,7 @@ def _begin(group: list[Batch], components: list[Component]) -> list[str]:
             f"{law} mixes runs: the rates of a run change by {change.max():.2g} when it is solved "
             "beside others; sum over the last axis only, as the functions of eqt_cli.extend do"
         )
-    _measure(problem)
+    _measure(problem, law)
     engine.rehearse(problem)
     other = group[0].experiment.solver.other
     if other is not None and any(component.is_foreign for component in components):
@@ -126,11 +126,17 @@ def _first_that_is_none(loop: ClosedLoop, rates: Array) -> tuple[str, float]:
     return name.replace("_", " "), float(found[name][~np.isfinite(found[name])][0])
 
 
-def _measure(problem: Problem) -> None:
+def _measure(problem: Problem, law: str) -> None:
     """The signals of runs that stand still, at two samples."""
-    times = problem.times[[0, -1]]
+    times, loop = problem.times[[0, -1]], problem.batched_loop(extra_axes=1)
     states = np.repeat(problem.states[:, None], len(times), axis=1)
-    compute(problem.batched_loop(extra_axes=1), times, states)
+    found = np.shape(loop.lyapunov(loop.tracking(times, states)))
+    if found != states.shape[:2]:
+        raise InputError(
+            f"{law}: `lyapunov` returns the shape {found} for {problem.runs} runs and {len(times)} "
+            "samples; multiply before you contract: dot(self.k * z, z), not self.k * dot(z, z)"
+        )
+    compute(loop, times, states)
 
 
 def _components(loop: ClosedLoop, index: int) -> list[Component]:

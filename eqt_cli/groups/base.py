@@ -32,6 +32,8 @@ class Part:
         Rows and columns of its block in the pose matrix.
     pose_unit, velocity_unit, force_unit
         Units of the pose block, of the velocity coordinates, and of the dual coordinates.
+    turns
+        Whether the block R is in SO(2) or SO(3): it has one angle θ, and ‖I − R‖_F = 2√2 sin(θ/2).
     """
 
     name: str
@@ -40,11 +42,7 @@ class Part:
     pose_unit: str
     velocity_unit: str
     force_unit: str
-
-    @property
-    def turns(self) -> bool:
-        """Whether it is a rotation."""
-        return self.name.startswith("rotation")
+    turns: bool = False
 
 
 class MatrixLieGroup(ABC):

@@ -78,7 +78,8 @@ class EuclideanGroup(MatrixLieGroup):
         """The rotation, if there is one, then each translation column."""
         n = self.space
         rotation = slice(0, self.rotations)
-        turning = Part("rotation", rotation, (slice(0, n), slice(0, n)), "1", "rad/s", "N m")
+        block = slice(0, n), slice(0, n)
+        turning = Part("rotation", rotation, block, "1", "rad/s", "N m", turns=True)
         parts = [turning] if self.rotations else []
         for index, unit in enumerate(self.column_units):
             axes = slice(self.rotations + n * index, self.rotations + n * (index + 1))

@@ -98,13 +98,13 @@ def test_numbers_of_ends_of_runs_never_change():
     ("t", "later", "stop"), [(0.0, 0, 0.0), (0.4, 1, 0.25), (0.5, 2, 0.5), (2.0, 3, 0.75)]
 )
 def test_a_span_can_end_at_its_last_sample_before_a_time(t, later, stop):
-    span = Span(0.0, 1.0, (False, True), np.linspace(0.0, 1.0, 5), 1, 3, True)
+    span = Span(0.0, 1.0, (0.0, np.nextafter(1.0, 0.0)), np.linspace(0.0, 1.0, 5), 1, 3, True)
     shorter = span.until(t)
     assert (shorter.start, shorter.stop, shorter.later) == (0.0, stop, later)
     np.testing.assert_array_equal(shorter.grid, span.grid[: later + 1])
-    assert shorter.changes == (False, False)
+    assert shorter.within == (0.0, stop)
 
 
 def test_times_at_an_end_where_the_field_changes_are_inside():
-    span = Span(0.0, 1.0, (False, True), np.array([0.0, 1.0]), 1, 0, True)
+    span = Span(0.0, 1.0, (0.0, np.nextafter(1.0, 0.0)), np.array([0.0, 1.0]), 1, 0, True)
     assert [span.inside(t) for t in (0.0, 0.5, 1.0)] == [0.0, 0.5, np.nextafter(1.0, 0.0)]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from eqt_cli.extend import Controller, Force
+from eqt_cli.extend import Controller, Force, dot
 """
 LAW = """\
 
@@ -109,6 +109,30 @@ def test_a_law(check, case):
         "1 error in c.yaml\nc.yaml:5:20: controllers[1]: controller 'own' " + expected
     )
     assert said.count("\n") == 2
+
+
+LYAPUNOV = (
+    LAW.replace("BODY", "-s.V")
+    + """
+    def lyapunov(self, s):
+        return BODY
+"""
+)
+
+
+@pytest.mark.parametrize("text", [LAW, LYAPUNOV], ids=["torque", "lyapunov"])
+def test_a_number_goes_into_a_contraction_and_not_before_one(check, text):
+    """`dot` has no last axis, along which a number of a run would be (runs, 1)."""
+    right, wrong = "dot(self.gain * s.V, s.V)", "self.gain * dot(s.V, s.V)"
+    expected = (
+        "controller 'own': `lyapunov` returns the shape (2, 2, 2) for 2 runs and 2 samples; "
+        "multiply before you contract: dot(self.k * z, z), not self.k * dot(z, z)\n"
+    )
+    if text is LAW:
+        right, wrong = (f"-({energy})[..., None] * s.V" for energy in (right, wrong))
+        expected = f"controller 'own' {TOGETHER}ValueError: "
+    check(right, text=text, code=0)
+    assert f"controllers[1]: {expected}" in check(wrong, text=text)
 
 
 def test_two_instances_of_a_law_are_solved_as_one(check):

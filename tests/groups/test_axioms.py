@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from eqt_cli.core.arrays import apply_matrix, dot, transpose
 from eqt_cli.core.errors import ComponentError
-from eqt_cli.groups import group_named
+from eqt_cli.groups import Part, group_named
 from eqt_cli.groups.angles import (
     FARTHEST,
     distance_of_turn,
@@ -521,3 +521,16 @@ def test_a_screw_without_a_rotation_has_the_rate_1(name):
     assert numbers[0] == 0.0
     assert_equal(G.Ad(frame, G.along(numbers, rates)), V)
     assert np.abs(numbers[1:]).max() == np.abs(V).max()
+
+
+@pytest.mark.parametrize(
+    ("name", "turns"), [("SO2", [True]), ("SE3", [True, False]), ("R2", [False])]
+)
+def test_blocks_with_an_angle_turn(name, turns):
+    assert [part.turns for part in group_named(name).parts] == turns
+
+
+def test_a_block_with_two_angles_does_not_turn_for_its_name():
+    """‖I − R‖_F of SO(4) is no angle's: a group says whether the formula is for its block."""
+    block = slice(0, 4)
+    assert not Part("rotation", slice(0, 6), (block, block), "1", "rad/s", "N m").turns

@@ -1,5 +1,8 @@
 """The clock of a law, and errors of what it is told."""
 
+import runpy
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -13,6 +16,8 @@ from eqt_cli.groups import group_named
 from eqt_cli.results.metrics import energy_residual
 from eqt_cli.vehicle.sensors.bias import Bias
 from eqt_cli.vehicle.sensors.noise import Noise
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 SO3 = group_named("SO3")
 
@@ -151,6 +156,17 @@ def test_both_engines_meet_the_same_vehicles_and_noise(solved):
     states = [solved(with_engine(NOISY, engine))[1].states for engine in ENGINES]
     # Noise is no solver's: what remains is 1e-9 per step, and kinks that solve_ivp steps over.
     np.testing.assert_allclose(*states, rtol=0, atol=1e-6)
+
+
+def test_an_engine_of_a_plugin_meets_the_same_vehicles_and_noise(solved):
+    """It knows nothing of instants: what an engine is gives them to all."""
+    engine = runpy.run_path(str(EXAMPLES / "runge_kutta.py"))["RungeKutta"](rtol=1e-9)
+    text = NOISY.replace("duration: 2, samples: 41", "duration: 1, samples: 21")
+    text = with_engine(text, "solve_ivp", ", rtol: 1.0e-11")
+    problem, solution = solved(text, runs=[0, 1, 2])
+    found = engine.solve(problem, lambda runs: None).states
+    # Steps of 3 ms, and a lag of 0.1 s: measured 2e-9.
+    np.testing.assert_allclose(found, solution.states, rtol=0, atol=1e-8)
 
 
 def test_results_do_not_depend_on_neighbours_or_workers(solved):

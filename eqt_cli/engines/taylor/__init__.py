@@ -19,10 +19,9 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine, SampledFunction
 from eqt_cli.engines.problem import Problem, Span
-from eqt_cli.engines.taylor.batches import Batches
 from eqt_cli.engines.taylor.compiling import once
 from eqt_cli.engines.taylor.evaluation import compiled_function
-from eqt_cli.engines.taylor.integrator import compiled
+from eqt_cli.engines.taylor.integrator import Batches, compiled
 from eqt_cli.engines.taylor.knots import held_rows, passes_knots, spans_of
 from eqt_cli.engines.taylor.library import heyoka_module, missing
 from eqt_cli.engines.traced_loop import OneLoop, parameter_rows, programs, sampled, trace

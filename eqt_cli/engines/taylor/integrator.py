@@ -1,21 +1,23 @@
-"""An integrator of heyoka for as many runs as there are SIMD lanes."""
+"""heyoka's integrators, each of as many runs as there are SIMD lanes, for any number of runs."""
 
 from __future__ import annotations
 
 import copy
+import threading
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.engines.problem import Span
+from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
+from eqt_cli.engines.problem import Problem, Span, Status
 from eqt_cli.engines.taylor import knots, switching
 from eqt_cli.engines.taylor.expressions import Expressions
 from eqt_cli.engines.taylor.library import heyoka_module
 from eqt_cli.engines.taylor.switching import NUMBERS, Crossing, Switchboard, comparisons
-from eqt_cli.engines.traced_loop import LoopPrograms
+from eqt_cli.engines.traced_loop import LoopPrograms, parameter_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,19 +33,6 @@ class BatchIntegrator:
         """How many runs it integrates at once."""
         lanes: int = self.heyoka.batch_size
         return lanes
-
-    def at_instant(
-        self, t: float, states: Array, numbers: Array, errors: tuple[Array, Array] | None
-    ) -> Array:
-        """The states after a control instant, ``(n, runs)``, of any number of full batches."""
-        runs = states.shape[1]
-        if errors is not None:
-            numbers = np.concatenate([numbers, *(part.reshape(runs, -1).T for part in errors)])
-        used = np.ascontiguousarray(numbers[: self.after_instant.nparams])
-        after: Array = self.after_instant(
-            np.ascontiguousarray(states), pars=used, time=np.full(runs, t)
-        )
-        return after
 
     def go(
         self, span: Span, states: Array, numbers: Array, most_steps: int
@@ -137,3 +126,102 @@ def compiled(law: LoopPrograms, knotted: bool, tol: float, compact: bool) -> Bat
 def own(compiled: BatchIntegrator, thread: int) -> BatchIntegrator:
     """The copy of a thread, which takes as long to make as a run to integrate."""
     return copy.deepcopy(compiled)
+
+
+class Batches(Integrator):
+    """Integrates a group of runs batch by batch; the last run fills the lanes that are left over.
+
+    heyoka stops all lanes when one fails. The runs of such a batch are integrated alone.
+
+    Parameters
+    ----------
+    compiled
+        The law; every thread takes its own copy.
+    most_steps
+        That a run may take.
+    """
+
+    def __init__(self, problem: Problem, compiled: BatchIntegrator, most_steps: int) -> None:
+        super().__init__(problem)
+        self._batch, self._most_steps = compiled, most_steps
+        self._held, self._parameters = knots.held_from(problem), parameter_rows(problem)
+
+    def for_thread(self) -> Self:
+        """With its own copy of the compiled law."""
+        other = copy.copy(self)
+        other._batch = own(self._batch, threading.get_ident())
+        return other
+
+    def begin(self, runs: Array) -> None:
+        """With all batches, none of which has failed."""
+        lanes, count = self._batch.lanes, len(runs)
+        self._filled = np.append(np.arange(count), np.full(-count % lanes, count - 1))
+        self._own = self._parameters[runs[self._filled]].T
+        self._batches = [slice(k, k + lanes) for k in range(0, len(self._filled), lanes)]
+        self._steps = np.zeros(len(self._filled), dtype=int)
+        self._failed: set[int] = set()
+        knots.pieces.set(self._held)
+
+    def hold(self, span: Span) -> None:
+        """As numbers of all lanes, behind the parameters."""
+        self._numbers, held = self._own, self._held[span.start]
+        if len(held):
+            same = np.repeat(held[:, None], len(self._filled), axis=1)
+            self._numbers = np.concatenate([self._own, same])
+
+    def at_instant(self, t: float, states: Array, errors: tuple[Array, Array] | None) -> Array:
+        """By compiled code, for all batches at once."""
+        lanes = np.ascontiguousarray(states.T[:, self._filled])
+        numbers, code = self._numbers, self._batch.after_instant
+        for part in errors or ():
+            numbers = np.concatenate([numbers, part[self._filled].reshape(len(lanes.T), -1).T])
+        used = np.ascontiguousarray(numbers[: code.nparams])
+        after: Array = code(lanes, pars=used, time=np.full(len(lanes.T), t))
+        return after[:, : len(states)].T
+
+    def advance(self, span: Span, states: Array) -> SpanResult:
+        """Batch by batch; those that have failed stay where they are."""
+        runs, n = states.shape
+        lanes, before = states.T[:, self._filled], self._steps.copy()
+        success, found = heyoka_module().taylor_outcome.time_limit, []
+        failed: dict[int, Failure | None] = {}
+        for batch in self._batches:
+            if batch.start in self._failed:
+                found.append(np.full((span.later, n, self._batch.lanes), np.nan))
+                continue
+            left = self._most_steps - int(self._steps[batch].max())
+            ends, lanes[:, batch], samples = self._batch.go(
+                span, lanes[:, batch], self._numbers[:, batch], left
+            )
+            found.append(samples)
+            self._steps[batch] += [end[3] for end in ends]
+            bad = next((end[0] for end in ends if end[0] != success), None)
+            if bad is not None:
+                self._failed.add(batch.start)
+                failed |= dict.fromkeys(range(batch.start, min(batch.stop, runs)), None)
+                if runs == 1:
+                    failed[0] = self._failure(span, bad, samples)
+        joined = found[0] if len(found) == 1 else np.concatenate(found, axis=2)
+        return SpanResult(
+            lanes[:, :runs].T,
+            joined[:, :, :runs].transpose(2, 0, 1),
+            (self._steps - before)[:runs],
+            failed,
+        )
+
+    def _failure(self, span: Span, end: Any, samples: Array) -> Failure:
+        """How the run in all lanes has ended, and when."""
+        outcomes, integrator = heyoka_module().taylor_outcome, self._batch.heyoka
+        t = float(integrator.time[0])
+        if end == outcomes.step_limit:
+            reason = f"step limit: {self._most_steps} steps (solver.max_steps)"
+            return Failure(Status.STEP_LIMIT, reason, t)
+        if end == outcomes.err_nf_state:
+            return Failure(t=t)
+        if end == outcomes.cb_stop:
+            t -= float(integrator.last_h[0])  # the last step went wrong
+            samples[span.grid[1 : 1 + span.later] > t] = np.nan
+            reason = "a comparison in the law has no finite series here; try engine solve_ivp"
+            return Failure(Status.SOLVER_FAILED, reason, t)
+        reason = "the law switches back and forth without end; smooth it, as with tanh"
+        return Failure(Status.SOLVER_FAILED, reason, t)

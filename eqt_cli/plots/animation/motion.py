@@ -99,7 +99,7 @@ def motion(results: Result, run: int, controllers: Sequence[str] = ()) -> Motion
     ensembles = source.ensembles if controllers else source.ensembles[:MOST_CONTROLLERS]
     shown = [ensemble.controller for ensemble in ensembles]
     parts = group_named(results.group_name).parts
-    turning = next((part for part in parts if part.name.startswith("rotation")), None)
+    turning = next((part for part in parts if part.turns), None)
     moving = next((part for part in parts if part.pose_unit == "m"), None)
     if turning is None and moving is None:
         raise results.error(
