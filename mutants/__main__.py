@@ -27,6 +27,7 @@ TESTS = (
     *(
         f"tests/{folder}"
         for folder in (
+            "program",
             "groups",
             "mechanics",
             "controllers",
@@ -49,6 +50,7 @@ TESTS = (
             "engines",
             "groups",
             "poses",
+            "programs",
             "references",
             "vehicle",
             "velocities",

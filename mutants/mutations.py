@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 CORE = (
+    "program",
     "groups",
     "mechanics",
     "controllers",

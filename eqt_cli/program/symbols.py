@@ -9,6 +9,7 @@ what is computed rounds as the function itself does.
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -27,13 +28,15 @@ class Symbol:
         All symbols of the program.
     index
         How many symbols there were before it.
+    depth
+        How many operations follow each other up to it, at most.
     name, operands
-        The operation; an input has its group and no operands.
+        The operation; inputs and constants have no operands.
     number
         The value of a constant; else None.
     """
 
-    __slots__ = ("index", "name", "number", "operands", "trace")
+    __slots__ = ("depth", "index", "name", "number", "operands", "trace")
 
     def __init__(
         self,
@@ -44,6 +47,7 @@ class Symbol:
     ) -> None:
         self.trace, self.name, self.operands, self.number = trace, name, operands, number
         self.index = len(trace)
+        self.depth: int = 1 + max([operand.depth for operand in operands]) if operands else 0
 
     def __add__(self, other: Any) -> Any:
         return _of_both(_sum, self, other)
@@ -80,19 +84,21 @@ class _Trace(dict[Any, Symbol]):
     """All symbols of a program, by what makes them equal."""
 
     def constant(self, number: float) -> Symbol:
-        key = number.hex()  # 0.0 is not -0.0, and nan is nan
-        if key not in self:
-            self[key] = Symbol(self, "constant", (), number)
-        return self[key]
+        key = number if number and number == number else number.hex()  # 0.0 is not -0.0
+        found = self.get(key)
+        if found is None:
+            self[key] = found = Symbol(self, "constant", (), number)
+        return found
 
     def operation(self, name: str, *operands: Symbol) -> Symbol:
         key = name, *[operand.index for operand in operands]
-        if key not in self:
-            self[key] = Symbol(self, name, operands)
-        return self[key]
+        found = self.get(key)
+        if found is None:
+            self[key] = found = Symbol(self, name, operands)
+        return found
 
 
-_NUMBERS = int | float | np.number
+_NUMBERS = int, float, np.number
 
 
 def _of_both(function: Callable[[Symbol, Symbol], Symbol], a: Symbol, b: Any) -> Any:
@@ -144,21 +150,25 @@ def _negative(a: Symbol) -> Symbol:
 def _product(a: Symbol, b: Symbol) -> Symbol:
     if a.number is not None and b.number is not None:
         return a.trace.constant(a.number * b.number)
-    for one, other in ((a, b), (b, a)):
-        if one.number == 0:
+    if b.number is not None:
+        a, b = b, a
+    if a.number is not None:
+        if a.number == 0:
             return a.trace.constant(0.0)
-        if one.number == 1:
-            return other
-        if one.number == -1:
-            return _negative(other)
-        if one.name == "negative":
-            return _negative(_product(one.operands[0], other))
+        if a.number == 1:
+            return b
+        if a.number == -1:
+            return _negative(b)
+    if a.name == "negative":
+        return _negative(_product(a.operands[0], b))
+    if b.name == "negative":
+        return _negative(_product(a, b.operands[0]))
     return a.trace.operation("multiply", *_in_order(a, b))
 
 
 def _quotient(a: Symbol, b: Symbol) -> Symbol:
-    if b.number is not None and abs(math.frexp(b.number)[0]) == 0.5:  # by a power of 2: exact
-        return _product(a, a.trace.constant(1 / b.number))
+    if b.number is not None and abs(math.frexp(b.number)[0]) == 0.5 and abs(b.number) > 1e-300:
+        return _product(a, a.trace.constant(1 / b.number))  # by a power of 2: exact
     if a.number is not None and b.number is not None:
         with np.errstate(all="ignore"):
             return a.trace.constant(float(np.float64(a.number) / b.number))
@@ -258,7 +268,7 @@ def traced(
     for group, length in inputs.items():
         given[group] = np.empty(length, dtype=object)
         for index in range(length):
-            trace[group, index] = given[group][index] = Symbol(trace, group)
+            trace["input", group, index] = given[group][index] = Symbol(trace, "input")
     found = {name: np.asarray(array, dtype=object) for name, array in function(given).items()}
     entries = {
         name: [
@@ -268,18 +278,18 @@ def traced(
         for name, array in found.items()
     }
     symbols = _needed([entry for each in entries.values() for entry in each])
-    places = {symbol.index: place for place, symbol in enumerate(symbols)}
+    places = {symbol: place for place, symbol in enumerate(symbols)}
     keys = list(trace)
     values = tuple(
         Constant(symbol.number)
         if symbol.number is not None
-        else Operation(symbol.name, tuple(places[operand.index] for operand in symbol.operands))
+        else Operation(symbol.name, tuple(places[operand] for operand in symbol.operands))
         if symbol.operands
-        else Input(*keys[symbol.index])
+        else Input(*keys[symbol.index][1:])
         for symbol in symbols
     )
     outputs = tuple(
-        Output(name, array.shape, tuple(places[entry.index] for entry in entries[name]))
+        Output(name, array.shape, tuple(places[entry] for entry in entries[name]))
         for name, array in found.items()
     )
     return Program(tuple(inputs.items()), values, outputs)
@@ -288,22 +298,17 @@ def traced(
 def _needed(roots: list[Symbol]) -> list[Symbol]:
     """The symbols that others need, each as late as it can stand in a walk from the roots.
 
-    Of two operands the one that needs more values at a time comes first (Sethi and Ullman 1970).
+    Of two operands the one with more before it comes first: then less waits for the other.
     """
-    at_a_time: dict[int, int] = {}
-    for symbol in roots[0].trace.values() if roots else ():
-        needs = sorted((at_a_time[operand.index] for operand in symbol.operands), reverse=True)
-        most = [need + others for others, need in enumerate(needs)]
-        at_a_time[symbol.index] = max([*most, min(len(needs), 1)])
-    found: dict[int, Symbol] = {}
+    found: dict[Symbol, None] = {}
     left = roots[::-1]
     while left:
-        symbol = left[-1]
-        needed = [operand for operand in symbol.operands if operand.index not in found]
-        if symbol.index in found:
-            left.pop()
-        elif needed:
-            left.extend(sorted(needed, key=lambda operand: at_a_time[operand.index]))
+        needed = [operand for operand in left[-1].operands if operand not in found]
+        if needed:
+            left += needed if len(needed) == 1 else sorted(needed, key=_depth)
         else:
-            found[symbol.index] = left.pop()
-    return list(found.values())
+            found[left.pop()] = None
+    return list(found)
+
+
+_depth = operator.attrgetter("depth")

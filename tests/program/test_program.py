@@ -114,6 +114,7 @@ def test_a_program_rounds_as_its_function_does(seed):
         "a sign and a number": (lambda x: -(2.0 * x[0]), ["multiply"]),
         "numbers alone": (lambda x: x[0] * ((x[1] * 0 + 3.0) / 7.0 - 3.0 / 7.0), []),
         "a product with a power of 2": (lambda x: x[0] / 4.0 + x[0] * 0.25, ["multiply", "add"]),
+        "a quotient that overflows": (lambda x: x[0] / 2.0**-1074, ["divide"]),
         "what nothing needs": (lambda x: [x[0] * x[1], x[2]][1], []),
         "equal choices": (lambda x: where(less(x[0], x[1]), x[2], x[2]), []),
         "a comparison of numbers": (lambda x: where(less(x[0] * 0, 1.0), x[2], x[3]), []),
