@@ -13,7 +13,7 @@ from eqt_cli.api.loading import Configuration, LoadedExperiment, load_experiment
 from eqt_cli.api.opening import open_results
 from eqt_cli.api.paths import ResultPath
 from eqt_cli.execution.executors import Executor, Progress, executors
-from eqt_cli.execution.folder import CONFIG
+from eqt_cli.execution.folder import CONFIG, ResultFolder
 from eqt_cli.execution.run_study import (
     Execution,
     Remark,
@@ -199,5 +199,6 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False, remark: Remark = wa
     >>> eqt_cli.pack("results/paper").failed
     0
     """
+    ResultFolder(Path(folder)).check()
     loaded = load_experiment(Path(folder) / CONFIG, trust_plugins=trust_plugins)
     return StoredResult(**vars(pack_folder(loaded.study, Path(folder), remark)))
