@@ -377,7 +377,8 @@ def test_only_own_names_are_deleted(lay: Callable[[str], Path], command: str) ->
     for name in kept:
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).write_bytes(b"mine")
-    killed = [f"results.h5.{'0' * 16}.tmp", f"{PARTS}/000000.h5.{'1' * 16}.tmp"]
+    unfinished = {"tuned": [TUNING, "tuned/eqt.yaml"]}.get(base, ["results.h5", "parts/000000.h5"])
+    killed = [f"{name}.{'0' * 16}.tmp" for name in unfinished]
     for name in killed:
         (out / name).parent.mkdir(exist_ok=True)
         (out / name).write_bytes(b"half")
