@@ -14,7 +14,7 @@ from eqt_cli.api.opening import open_results
 from eqt_cli.api.paths import ResultPath
 from eqt_cli.config.source import config_in
 from eqt_cli.execution.executors import Executor, Progress, executors
-from eqt_cli.execution.folder import CONFIG
+from eqt_cli.execution.folder import CONFIG, ResultFolder
 from eqt_cli.execution.run_study import (
     Execution,
     Remark,
@@ -201,5 +201,6 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False, remark: Remark = wa
     >>> eqt_cli.pack("results/paper").failed
     0
     """
+    ResultFolder(Path(folder)).check()
     found = study(config_in(Path(folder), CONFIG), trust_plugins=trust_plugins)
     return StoredResult(**vars(pack_folder(found, Path(folder), remark)))

@@ -32,7 +32,7 @@ FILES = "stored_files"
 RERUN = "reruns"
 """The folder of failed runs that are computed once more."""
 
-_PICTURES = (OwnFile(".+", marked=True),)
+_PICTURES = (OwnFile(r".+\.(pdf|svg|png|json|gif|html)", marked=True),)
 OWN_COPIES = tuple(OwnFolder(name, (OwnFile(r"\d+-.+"),)) for name in (PLUGINS, FILES))
 """What a configuration refers to, beside it."""
 

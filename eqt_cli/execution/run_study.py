@@ -267,6 +267,7 @@ class _Session:
     def rerun(self, failed: int) -> Execution:
         """Compute the failed runs of a finished result again, and replace their rows."""
         self.resumed(self.plan.total - failed)
+        self.folder.tidy()
         place = self.folder.path.resolve() / RERUN
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
