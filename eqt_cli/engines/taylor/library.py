@@ -16,6 +16,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import FUNCTIONS, register_symbols
 from eqt_cli.core.errors import EqtError
+from eqt_cli.engines.taylor import cache_check
 from eqt_cli.engines.taylor.switching import recording
 
 CACHED_BYTES = 40_000_000
@@ -64,7 +65,9 @@ def _bound_the_cache(compiler: Any) -> None:
     """
     if "HEYOKA_CACHE_DIR" in os.environ:
         return
-    compiler.set_diskcache_path(Path(compiler.get_diskcache_path()).parent / "eqt")
+    folder = Path(compiler.get_diskcache_path()).parent / "eqt"
+    cache_check.check(folder)
+    compiler.set_diskcache_path(folder)
     with suppress(RuntimeError):  # where nothing can be written, nothing is kept
         compiler.set_diskcache_limit(CACHED_BYTES)
 
