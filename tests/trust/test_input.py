@@ -128,6 +128,7 @@ SECRETS = {
     ),
     "starts": "config check c.yaml --set|initial={file: secret}",
     "style": "plot own --style ./secret --out f",
+    "configuration": "run secret",
     "numbers": "plot own --check numbers --figure torque",
 }
 CONTENTS = {
