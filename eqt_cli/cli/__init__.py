@@ -5,10 +5,12 @@ import errno
 import gc
 import os
 import sys
+import warnings
+from typing import Any
 
 from eqt_cli.cli.shared import streams
 from eqt_cli.core import interruptions
-from eqt_cli.core.errors import EqtError, InterruptedRun
+from eqt_cli.core.errors import EqtError, EqtWarning, InterruptedRun
 from eqt_cli.core.surroundings import without_current_folder
 
 # pydantic otherwise reads the metadata of every installed package, in search of plugins.
@@ -30,8 +32,20 @@ def main() -> None:
     gc.set_threshold(OBJECTS_BETWEEN_COLLECTIONS)
     # Else Python searches all objects once more before the process ends, for 0.1 to 0.4 s.
     atexit.register(gc.freeze)
-    with interruptions.as_exceptions(_interrupted_again), without_current_folder():
+    told_as_others = warnings.catch_warnings()
+    with interruptions.as_exceptions(_interrupted_again), without_current_folder(), told_as_others:
+        warnings.showwarning = _show
         _run()
+
+
+def _show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
+    """A remark as all others are told, without the line of code that warned."""
+    from eqt_cli.cli.shared.output import say, warn
+
+    if isinstance(message, EqtWarning):
+        warn(message)
+    else:
+        say(f"{category.__name__}: {message}")
 
 
 def _run() -> None:
@@ -51,6 +65,12 @@ def _run() -> None:
         _tell(error)
         sys.exit(error.exit_code)
     except OSError as error:
+        if (
+            error.filename is not None
+        ):  # a name that somebody has given, such as one that is too long
+            refused = EqtError(f"{error.filename}: cannot be used: {str(error.strerror).lower()}")
+            _tell(refused)
+            sys.exit(refused.exit_code)
         if error.errno not in FULL:
             raise
         # All files are written where their names are known; what is left is stdout.

@@ -85,7 +85,9 @@ def load(text: str | bytes, name: str) -> Source:
     reader = _Reader(name, located=True)
     root = reader.read(text) or _Node((1, 1), children={})
     if not root.is_mapping:
-        got = f"the text {_short(root.value)!r}" if isinstance(root.value, str) else root.kind
+        # The file may be no configuration at all: nothing of it is shown.
+        is_value = root.children is None and not isinstance(root.value, str)
+        got = "a single value" if is_value else root.kind
         reader.stop((), f"expected lines of 'key: value', got {got}", root.position)
     return Source(name, root.plain(), root)
 

@@ -60,7 +60,7 @@ def unfinished(path: Path) -> Unfinished | None:
     with suppress(OSError):  # what cannot be read is no result that was begun
         manifest = read_record(path / MANIFEST, "plan", "name", "begun") or {}
     # Whoever wrote it may have meant anything by it.
-    with suppress(ValueError, TypeError, KeyError, AttributeError, ArithmeticError):
+    with suppress(ValueError, TypeError, LookupError, AttributeError, ArithmeticError):
         plan = Plans.of_data(manifest["plan"])
         listed = PartFiles(path / PARTS).listed()
         done = sum(plan.runs_of(number) for number in listed if number < len(plan))

@@ -22,6 +22,8 @@ from eqt_cli.plots.drawing.style import HOUSE, Style, house_style
 
 Format = Literal["pdf", "svg", "png"]
 
+_DATE = "SOURCE_DATE_EPOCH"
+
 _MAKER = f"eqt {__version__}"
 
 
@@ -38,7 +40,7 @@ def encode(
     """
     buffer = BytesIO()
     names = _steady_names_of_fonts() if format == "pdf" else nullcontext()
-    with house_style(style), _arranged(), _quiet_font_tools(), names:
+    with house_style(style), _arranged(), _quiet_font_tools(), names, _without_date():
         drawing.set_layout_engine(None)
         drawing.savefig(buffer, format=format, metadata=_metadata(format, title, description))
     return buffer.getvalue()
@@ -98,6 +100,17 @@ def write(contents: Mapping[Path, bytes], home: Path) -> None:
 def _arranged() -> AbstractContextManager[None]:
     """Not in the layout of the style: for that, Matplotlib draws everything twice."""
     return rc_context({"figure.constrained_layout.use": False})
+
+
+@contextmanager
+def _without_date() -> Iterator[None]:
+    """Matplotlib reads a date of builds from a variable, also where a file is to hold none."""
+    given = os.environ.pop(_DATE, None)
+    try:
+        yield
+    finally:
+        if given is not None:
+            os.environ[_DATE] = given
 
 
 @contextmanager

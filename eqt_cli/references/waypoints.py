@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
 from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
@@ -16,6 +17,9 @@ from eqt_cli.mechanics.motions import Pieces, spline
 from eqt_cli.references.base import PiecewiseReference
 from eqt_cli.written.files import TrajectoryFormat, read_trajectory
 from eqt_cli.written.poses import pose_from
+
+LATEST, CLOSEST = 1e9, 1e-9
+"""s: bounds of the times, and of the time between two; beyond them, a rate overflows."""
 
 
 @dataclass(frozen=True)
@@ -74,8 +78,19 @@ class WaypointsReference(PiecewiseReference):
         return found
 
     def pieces(self, G: MatrixLieGroup) -> Pieces:
-        """A piece from each waypoint to the next."""
-        return spline(G, *self._waypoints(G))
+        """A piece from each waypoint to the next; raises `InputError` for times out of bounds."""
+        times, poses = self._waypoints(G)
+        if not np.all(abs(times) <= LATEST):
+            wrong = times[abs(times) > LATEST][0]
+            raise InputError(f"expected times from {-LATEST:g} to {LATEST:g} s, got {wrong:g} s")
+        steps = np.diff(times)
+        if not np.all(steps >= CLOSEST):
+            row = int(np.argmin(steps))
+            raise InputError(
+                f"expected at least {CLOSEST:g} s between two waypoints, got {steps[row]:.3g} s "
+                f"after {times[row]:g} s"
+            )
+        return spline(G, times, poses)
 
     def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
         """The times of the first and the last waypoint."""

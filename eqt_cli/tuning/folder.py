@@ -25,6 +25,7 @@ from eqt_cli.execution.folder import OWN_COPIES, OWN_RESULT, ResultFolder
 from eqt_cli.execution.part_files import MANIFEST
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import Result
+from eqt_cli.tuning.record_shape import fits
 from eqt_cli.tuning.search import LawSearch, Search
 
 TUNING, GENERATIONS, TUNED = "tuning.json", "generations", "tuned"
@@ -60,12 +61,7 @@ _OF_ANY_LAW = _own(r"[A-Za-z0-9._-]+", marked=True)
 def record_beside(result: Result) -> dict[str, Any] | None:
     """What a search found whose held-out runs a result is; None of any other result."""
     record = TuningFolder(result.path.parent).record
-    if record is None or "laws" not in record:  # of a search that is under way
-        return None
-    labels = {winner["label"] for law in record["laws"] for winner in law["winners"]}
-    return (
-        record if labels | {law["start"] for law in record["laws"]} <= set(result.labels) else None
-    )
+    return record if record is not None and fits(record, result) else None  # or under way
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 import csv
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -27,6 +27,16 @@ _WITHOUT_HEADER = {
     ),
 }
 """What stands in the columns of formats that have no header of their own, and what parts them."""
+
+
+MOST_IN_LINE = 100_000
+"""Characters; a pose takes a few hundred."""
+
+MOST_SHOWN = 30
+"""Characters of an entry, in a message."""
+
+MOST_DIGITS = 19
+"""Of a time in nanoseconds; the year 2262 has as many."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +81,8 @@ def read_trajectory(
     InputError
         That says in which line what is wrong.
     """
-    table = read_table(text, name) if kind == "csv" else _read_rows(text, name, kind)
-    if "t" not in table.columns:
-        raise InputError(f"{name}:{table.lines[0] - 1}: missing column t, the time in seconds")
+    is_csv = kind == "csv"
+    table = read_table(text, name, G, time=True) if is_csv else _read_rows(text, name, kind)
     if len(table) < 2:
         raise table.error(-1, f"expected two rows or more, got {len(table)}")
     times = table.columns["t"]
@@ -87,21 +96,26 @@ def read_trajectory(
     return times, table_poses(table, G)
 
 
-def read_table(text: str, name: str) -> Table:
-    """Numbers with a header of names, parted by commas.
+def read_table(text: str, name: str, G: MatrixLieGroup, time: bool = False) -> Table:
+    """Numbers with a header of names, parted by commas: poses of a group, perhaps with a time.
+
+    Of a file with another header, no message shows a part: it may be any file.
 
     Raises
     ------
     InputError
         That says in which line what is wrong.
     """
-    lines = _lines(text, ",")
+    lines = _lines(text, ",", name)
     number, header = next(lines, (1, []))
     names = [entry.removeprefix("#").strip() for entry in header]
     if not names or any(_is_number(entry) for entry in names):
         raise InputError(
             f"{name}:{number}: expected a header that names the columns, such as t, qx, qy, qz, qw"
         )
+    if time and "t" not in names:
+        raise InputError(f"{name}:{number}: missing column t, the time in seconds")
+    _require_pose(f"{name}:{number}", names, G)
     if len(set(names)) < len(names):
         twice = next(entry for entry in names if names.count(entry) > 1)
         raise InputError(f"{name}:{number}: two columns are named {twice}")
@@ -111,14 +125,19 @@ def read_table(text: str, name: str) -> Table:
 def _read_rows(text: str, name: str, kind: str) -> Table:
     """Rows of a format that has no header of names."""
     names, delimiter = _WITHOUT_HEADER[kind]
-    rows = ((number, row) for number, row in _lines(text, delimiter) if row[0][0] != "#")
+    rows = ((number, row) for number, row in _lines(text, delimiter, name) if row[0][0] != "#")
     return _numbers(rows, name, list(names), 8, nanoseconds=kind == "euroc")
 
 
-def _lines(text: str, delimiter: str | None) -> Iterator[tuple[int, list[str]]]:
+def _lines(text: str, delimiter: str | None, name: str) -> Iterator[tuple[int, list[str]]]:
     """The entries of every line that is not empty, with its number."""
     for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
         if line.strip():
+            if len(line) > MOST_IN_LINE:
+                raise InputError(
+                    f"{name}:{number}: expected a line of at most {MOST_IN_LINE} characters, "
+                    f"got {len(line)}"
+                )
             entries = next(csv.reader([line])) if delimiter else line.split()
             yield number, [entry.strip() or " " for entry in entries]
 
@@ -140,15 +159,17 @@ def _numbers(
         numbers = []
         for column, entry in zip(names, entries, strict=False):
             if nanoseconds and column == "t":
-                if not entry.isdecimal():
-                    raise InputError(f"{name}:{line}: expected whole nanoseconds, got '{entry}'")
+                if not (entry.isdecimal() and len(entry) <= MOST_DIGITS):
+                    got = _shown(entry)
+                    raise InputError(f"{name}:{line}: expected whole nanoseconds, got {got}")
                 first = int(entry) if not found else first
                 numbers.append((int(entry) - first) / 1e9)  # exact until it is divided
             elif _is_number(entry) and math.isfinite(float(entry)):
                 numbers.append(float(entry))
             else:
+                got = _shown(entry)
                 raise InputError(
-                    f"{name}:{line}: expected a finite number in column {column}, got '{entry}'"
+                    f"{name}:{line}: expected a finite number in column {column}, got {got}"
                 )
         found.append(numbers)
         lines.append(line)
@@ -157,6 +178,11 @@ def _numbers(
     width = min(map(len, found))
     table = np.array([row[:width] for row in found])
     return Table(name, dict(zip(names[:width], table.T, strict=True)), lines)
+
+
+def _shown(entry: str) -> str:
+    """What stands where a number should; other text may be of any file, and is not shown."""
+    return f"'{entry}'" if _is_number(entry) and len(entry) <= MOST_SHOWN else "text"
 
 
 def _is_number(entry: str) -> bool:
@@ -175,7 +201,7 @@ def read_starts(text: str, name: str, G: MatrixLieGroup) -> tuple[Array, Array |
     InputError
         That says in which line what is wrong.
     """
-    table = read_table(text, name)
+    table = read_table(text, name, G)
     poses = table_poses(table, G)
     coordinates = coordinate_names(G)
     for columns in (
@@ -183,7 +209,7 @@ def read_starts(text: str, name: str, G: MatrixLieGroup) -> tuple[Array, Array |
         [f"V_{coordinate}" for coordinate in coordinates],
         coordinates,
     ):
-        of_poses = set(columns) & set(used_columns(table, G))
+        of_poses = set(columns) & set(used_columns(table.columns, G))
         found = [column for column in columns if column in table.columns]
         if found and not of_poses:
             if len(found) < len(columns):
@@ -223,28 +249,36 @@ def pose_columns(G: MatrixLieGroup, suffix: str = "") -> list[str]:
 def table_poses(table: Table, G: MatrixLieGroup) -> Array:
     """A pose from each row: by quaternion and translation, or by the coordinates of the group."""
     columns, coordinates = pose_columns(G), coordinate_names(G)
-    used = used_columns(table, G)
+    used = used_columns(table.columns, G)
     if used == columns:
         return _assembled(table, G, "")
     if used == coordinates:
         return G.exp(table.get(coordinates))
     if used:
         return table.get(used).reshape(len(table), G.size, G.size)
+    _require_pose(f"{table.name}:{table.lines[0] - 1}", table.columns, G)
+    raise AssertionError("a table with poses has columns of them")
+
+
+def _require_pose(place: str, names: Collection[str], G: MatrixLieGroup) -> None:
+    """Raise an `InputError` if columns of these names hold no poses of a group."""
+    if used_columns(names, G):
+        return
+    columns, coordinates = pose_columns(G), coordinate_names(G)
     wanted = columns or coordinates
-    missing = ", ".join(name for name in wanted if name not in table.columns)
+    missing = ", ".join(name for name in wanted if name not in names)
     others = f" (or the coordinates {', '.join(coordinates)})" if columns else ""
     raise InputError(
-        f"{table.name}:{table.lines[0] - 1}: missing column {missing}; a pose of {G.name} has "
-        f"{', '.join(wanted)}{others}"
+        f"{place}: missing column {missing}; a pose of {G.name} has {', '.join(wanted)}{others}"
     )
 
 
-def used_columns(table: Table, G: MatrixLieGroup) -> list[str]:
-    """The columns of a table that hold its poses; none where some are missing."""
+def used_columns(names: Collection[str], G: MatrixLieGroup) -> list[str]:
+    """The columns that hold the poses of a table; none where some are missing."""
     digits = range(1, G.size + 1)
     entries = [f"Q{row}{column}" for row in digits for column in digits]
     ways = (pose_columns(G), coordinate_names(G), entries)
-    return next((way for way in ways if way and set(way) <= set(table.columns)), [])
+    return next((way for way in ways if way and set(way) <= set(names)), [])
 
 
 def _assembled(table: Table, G: MatrixLieGroup, suffix: str) -> Array:

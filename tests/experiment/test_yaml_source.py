@@ -281,10 +281,10 @@ def test_message_for_a_value(text: str, message: str) -> None:
         ("a: *b", "c.yaml:1:4: a: *b refers to nothing; no &b comes before it"),
         ("a: &b [1, *b]", "c.yaml:1:11: a[1]: *b is part of what it refers to"),
         ("a: 1\n---\nb: 2", "c.yaml:2:1: a second document starts here; expected only one"),
-        ("name paper", "c.yaml:1:1: expected lines of 'key: value', got the text 'name paper'"),
+        ("name paper", "c.yaml:1:1: expected lines of 'key: value', got text"),
         ("- a", "c.yaml:1:1: expected lines of 'key: value', got a list"),
-        ("# x\n5", "c.yaml:2:1: expected lines of 'key: value', got 5"),
-        ("null", "c.yaml:1:1: expected lines of 'key: value', got null"),
+        ("# x\n5", "c.yaml:2:1: expected lines of 'key: value', got a single value"),
+        ("null", "c.yaml:1:1: expected lines of 'key: value', got a single value"),
     ],
 )
 def test_message(text: str, message: str) -> None:

@@ -84,10 +84,10 @@ def test_euroc_subtracts_nanoseconds_as_integers():
         ),
         (
             HEAD + "0,0,0,0,1\n1,0,x,0,1\n",
-            "a.csv:3: expected a finite number in column qy, got 'x'",
+            "a.csv:3: expected a finite number in column qy, got text",
         ),
         (HEAD + "0,0,0,0,1\n1,0,0,1\n", "a.csv:3: expected 5 entries, got 4"),
-        ("t,qx,qy,qx,qw\n", "a.csv:1: two columns are named qx"),
+        ("t,qx,qy,qz,qw,qx\n", "a.csv:1: two columns are named qx"),
         (
             "t,qx,qy,qw\n0,0,0,1\n1,0,0,1\n",
             "a.csv:1: missing column qz; a pose of SO3 has qx, qy, qz, qw (or the coordinates "

@@ -22,7 +22,7 @@ def make_safe() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
             stream.reconfigure(errors="replace")
-    if sys.stderr is sys.__stderr__:
+    if sys.stderr is sys.__stderr__ and sys.stderr is not None:
         sys.stderr = _forgiving(sys.stderr)
 
 
@@ -59,7 +59,7 @@ class _Forgiving(io.FileIO):
         return len(data)
 
 
-def _forgiving(stream: TextIO) -> TextIO:
+def _forgiving(stream: Any) -> TextIO:
     """The same stream, which loses what the system does not take; others stay as they are."""
     buffer = getattr(stream, "buffer", None)
     raw = getattr(buffer, "raw", buffer)  # there is no buffer with PYTHONUNBUFFERED

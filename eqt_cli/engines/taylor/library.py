@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.engines.taylor import cache_check
 
 CACHED_BYTES = 40_000_000
 """Of compiled laws on disk, dozens of them. heyoka looks through all of its file when a process
@@ -50,6 +51,8 @@ def _bound_the_cache(compiler: Any) -> None:
     """
     if "HEYOKA_CACHE_DIR" in os.environ:
         return
-    compiler.set_diskcache_path(Path(compiler.get_diskcache_path()).parent / "eqt")
+    folder = Path(compiler.get_diskcache_path()).parent / "eqt"
+    cache_check.check(folder)
+    compiler.set_diskcache_path(folder)
     with suppress(RuntimeError):  # where nothing can be written, nothing is kept
         compiler.set_diskcache_limit(CACHED_BYTES)

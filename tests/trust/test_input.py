@@ -1,0 +1,390 @@
+"""Files that are none, have no end, or hold something else: one message, without their content."""
+
+import json
+import os
+import sqlite3
+import sys
+import warnings
+from pathlib import Path
+
+import pytest
+
+from eqt_cli.core.errors import EqtError, EqtWarning
+from eqt_cli.core.files import read_record, text_of
+from eqt_cli.core.regular_files import TEXT_BYTES, content_of, open_regular
+from eqt_cli.engines.taylor import cache_check
+from eqt_cli.execution.folder_progress import unfinished
+from eqt_cli.store.reader import open_results
+
+SECRET = "hunter2 5f4dcc3b\nroot:x:0:0\nbase64 b3BlbnNzaC1rZXk\n"
+
+# What is no file ---------------------------------------------------------------------------------
+
+posix = pytest.mark.skipif(os.name != "posix", reason="has no pipes in folders")
+
+
+def _pipe(path):
+    os.mkfifo(path)
+    return "a named pipe"
+
+
+def _device(path):
+    path.symlink_to("/dev/zero")
+    return "a device"
+
+
+def _socket(path):
+    import socket
+
+    with socket.socket(socket.AF_UNIX) as made:
+        made.bind(path.name)  # a path may be too long
+    return "a socket"
+
+
+def _huge(path):
+    with path.open("wb") as file:
+        file.truncate(2**40)  # a sparse file, which takes no space
+    return None
+
+
+KINDS = {"pipe": _pipe, "device": _device, "socket": _socket, "huge": _huge}
+NAMED = {
+    "configuration": ("run {}.yaml", ".yaml", 4_000_000),
+    "plugin": ("config check c.yaml --set plugins=[{}.py]", ".py", TEXT_BYTES),
+    "plugin to list": ("list --plugin {}.py", ".py", TEXT_BYTES),
+    "reference": (
+        "config check c.yaml --set|reference={{kind: waypoints, file: {}.csv}}",
+        ".csv",
+        64_000_000,
+    ),
+    "starts": ("config check c.yaml --set|initial={{file: {}.csv}}", ".csv", 64_000_000),
+    "notes": ("report own --notes {}.txt", ".txt", TEXT_BYTES),
+    "style": ("plot own --style {}.mplstyle --out f --format svg", ".mplstyle", TEXT_BYTES),
+}
+
+
+@posix
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("named", NAMED)
+def test_only_regular_files_of_a_moderate_size_are_read(sent, eqt, named, kind):
+    words, suffix, most = NAMED[named]
+    if named in ("notes", "style"):
+        eqt("run", "c.yaml", "--out", "own", "--quiet")
+    said = KINDS[kind](Path(f"x{suffix}"))
+    filled = words.format("x")
+    first, *rest = filled.split("|")
+    done = eqt(*first.split(), *rest)
+    assert (done.code, done.out) == (2, "")
+    expected = f"it is {said}; expected a regular file"
+    if said is None:
+        expected = f"expected at most {most:,} bytes, got 1,099,511,627,776"
+    assert expected in done.err
+
+
+@posix
+@pytest.mark.parametrize("kind", ["pipe", "device", "socket"])
+def test_a_result_is_a_regular_file(sent, kind):
+    KINDS[kind](Path("results.h5"))
+    with pytest.raises(EqtError, match=r"^results\.h5: is not a file; give a result folder"):
+        open_results("results.h5")
+
+
+@posix
+def test_records_of_a_folder_are_no_links(sent, tmp_path):
+    (tmp_path / "theirs.json").write_text('{"digest": "x"}', encoding="utf-8")
+    Path("manifest.json").symlink_to(tmp_path / "theirs.json")
+    with pytest.raises(OSError, match=r"manifest\.json: it is a symbolic link"):
+        read_record(Path("manifest.json"))
+
+
+def test_a_file_that_grows_is_not_read_beyond_its_bound(tmp_path, monkeypatch):
+    path = tmp_path / "x"
+    path.write_bytes(b"x" * 11)
+    state = os.stat_result([0o100644, *[0] * 9])
+    monkeypatch.setattr(os, "fstat", lambda handle: state)  # as files of /proc say
+    with pytest.raises(OSError, match="expected at most 10 bytes, got 11"):
+        content_of(path, 10)
+
+
+def test_files_are_opened_as_they_are(tmp_path):
+    path = tmp_path / "x"
+    path.write_bytes(b"1\r\n2\r3\n")
+    with open_regular(path) as stream:
+        assert stream.read() == b"1\r\n2\r3\n"
+    assert text_of(path, "") == "1\n2\n3\n"
+    with pytest.raises(EqtError, match=r"cannot be read: is a directory$"):
+        text_of(tmp_path, "")
+
+
+# What a message shows ----------------------------------------------------------------------------
+
+SECRETS = {
+    "reference": "config check c.yaml --set|reference={kind: waypoints, file: secret}",
+    "reference in TUM": (
+        "config check c.yaml --set|reference={kind: waypoints, file: secret, format: tum}"
+    ),
+    "reference in EuRoC": (
+        "config check c.yaml --set|reference={kind: waypoints, file: secret, format: euroc}"
+    ),
+    "starts": "config check c.yaml --set|initial={file: secret}",
+    "style": "plot own --style ./secret --out f",
+    "configuration": "run secret",
+    "numbers": "plot own --check numbers --figure torque",
+}
+CONTENTS = {
+    "lines": SECRET,
+    "a header": "secret_a,secret_a\nhunter2,5f4dcc3b\n",
+    "eight words": "hunter2 " * 8 + "\n" + "hunter2 " * 8,
+    "eight entries": "hunter2," * 8 + "\n",
+}
+
+
+@pytest.mark.parametrize("content", CONTENTS)
+@pytest.mark.parametrize("named", SECRETS)
+def test_a_message_shows_nothing_of_a_file_of_another_kind(sent, eqt, named, content):
+    Path("secret").write_text(CONTENTS[content], encoding="utf-8")
+    Path("numbers").mkdir()
+    Path("numbers/torque.json").write_text(CONTENTS[content], encoding="utf-8")
+    if named in ("style", "numbers"):
+        eqt("run", "c.yaml", "--out", "own", "--quiet")
+    first, *rest = SECRETS[named].split("|")
+    done = eqt(*first.split(), *rest)
+    assert done.code == 2
+    for part in ("hunter2", "5f4dcc3b", "secret_a", "root", "b3Blbn"):
+        assert part not in done.err.replace("./secret", "")
+
+
+# What ended in a traceback -----------------------------------------------------------------------
+
+TIMES = {
+    (
+        "0",
+        "1.0e-320",
+        "2.0",
+    ): "expected at least 1e-09 s between two waypoints, got 1e-320 s after 0 s",
+    ("0", "1.0", "1.5e+308"): "expected times from -1e+09 to 1e+09 s, got 1.5e+308 s",
+    ("-1.0e+308", "0", "1.0e+308"): "expected times from -1e+09 to 1e+09 s, got -1e+308 s",
+}
+
+
+@pytest.mark.parametrize("times", TIMES)
+def test_times_of_waypoints_have_bounds(sent, eqt, times):
+    points = ", ".join(f"{{t: {t}, pose: {{rotvec: [0, 0, {k}]}}}}" for k, t in enumerate(times))
+    reference = f"reference={{kind: waypoints, points: [{points}]}}"
+    done = eqt("config", "check", "c.yaml", "--set", reference)
+    assert done.code == 2
+    assert TIMES[times] in done.err
+    rows = "".join(f"{float(t)!r},0,0,{k}\n" for k, t in enumerate(times))
+    Path("w.csv").write_text("t,wx,wy,wz\n" + rows, encoding="utf-8")
+    done = eqt("config", "check", "c.yaml", "--set", "reference={kind: waypoints, file: w.csv}")
+    assert done.code == 2
+    assert TIMES[times] in done.err
+
+
+def test_times_at_the_bounds_are_taken(sent, eqt):
+    rows = "-1e9,0,0,0\n0,0,0,1\n1e-9,0,0,2\n1,0,0,1\n1e9,0,0,0\n"
+    Path("w.csv").write_text("t,wx,wy,wz\n" + rows, encoding="utf-8")
+    done = eqt("config", "check", "c.yaml", "--set", "reference={kind: waypoints, file: w.csv}")
+    assert "waypoints" not in done.err
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "said"),
+    [
+        (
+            "csv",
+            "t,wx,wy,wz\n0,0,0," + "1" * 200_000,
+            "w:2: expected a line of at most 100000 characters, got 200006",
+        ),
+        ("euroc", "9" * 5000 + ",0,0,0,1,0,0,0\n", "w:1: expected whole nanoseconds, got text"),
+        ("euroc", "9" * 500 + ",0,0,0,1,0,0,0\n", "w:1: expected whole nanoseconds, got text"),
+    ],
+)
+def test_long_entries_of_a_file(sent, eqt, kind, text, said):
+    Path("w").write_text(text, encoding="utf-8")
+    reference = f"reference={{kind: waypoints, file: w, format: {kind}}}"
+    done = eqt("config", "check", "c.yaml", "--set", reference)
+    assert done.code == 2
+    assert done.err.endswith(f"{said}\n")
+
+
+LONG = "n" * 300
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        f"run {LONG}",
+        f"run {LONG}.yaml",
+        f"sweep {LONG}",
+        f"tune {LONG}",
+        f"pack {LONG}",
+        f"show {LONG}",
+        f"compare {LONG}",
+        f"verify {LONG}",
+        f"plot {LONG}",
+        f"plot {LONG} {LONG}",
+        f"animate {LONG}",
+        f"report {LONG}",
+        f"config check {LONG}",
+        f"run c.yaml --out {LONG}",
+        f"config new {LONG}.yaml",
+    ],
+    ids=lambda words: words.replace(LONG, "N"),
+)
+def test_names_that_are_too_long(sent, eqt, words):
+    done = eqt(*words.split())
+    assert (done.code, done.out) == (2, "")
+    assert "file name too long" in done.err.lower()
+
+
+def test_a_record_that_is_nested_deeply_is_none(sent, eqt):
+    (sent / "out/parts").mkdir(parents=True)
+    (sent / "out/manifest.json").write_text("[" * 50_000, encoding="utf-8")
+    assert unfinished(sent / "out") is None
+    done = eqt("run", "c.yaml", "--out", "out")
+    assert (done.code, done.err) == (
+        2,
+        "eqt: out: holds parts that eqt did not write; choose another folder with --out\n",
+    )
+
+
+@pytest.mark.parametrize(
+    "plan",
+    [3, {}, [], {"points": 1}, {"points": "x", "runs": 1, "controllers": 1, "size": 1}]
+    + [{"points": 1, "runs": 1, "controllers": 1, "size": size} for size in (0, -1, 0.5, None)],
+    ids=str,
+)
+def test_a_plan_of_another_shape_is_none(sent, plan):
+    (sent / "out/parts").mkdir(parents=True)
+    (sent / "out/parts/000000.h5").touch()
+    text = json.dumps({"plan": plan, "name": "x", "begun": "y"})
+    (sent / "out/manifest.json").write_text(text, encoding="utf-8")
+    assert unfinished(sent / "out") is None
+
+
+WINNER = {"label": "eqt", "values": {}, "config": "x"}
+RECORDS = [
+    {"laws": 3},
+    {"laws": {}},
+    {"laws": []},
+    {"laws": [3]},
+    {"laws": [{"winners": [{}]}]},
+    {"laws": [{"start": [], "winners": [{"label": []}]}]},
+    {"laws": [{"start": "eqt", "winners": []}]},
+    {"laws": [{"label": "eqt", "start": "eqt", "winners": []}], "objectives": ["nope"]},
+    {"laws": [{"label": "eqt", "start": "eqt", "winners": [WINNER]}], "objectives": ["effort"]},
+    {
+        "laws": [{"label": "eqt", "start": "eqt", "winners": []}],
+        "objectives": ["effort"],
+        "constraints": [{"metric": "effort"}],
+    },
+    {
+        "laws": [{"label": "eqt", "start": "eqt", "winners": []}],
+        "objectives": ["effort", "effort", "effort"],
+        "constraints": [],
+    },
+]
+
+
+def test_a_search_of_another_shape_is_none(sent, eqt):
+    eqt("run", "c.yaml", "--out", "own", "--quiet")
+    expected = eqt("compare", "own").out
+    for record in RECORDS:
+        text = json.dumps({"digest": 1, **record})
+        (sent / "own/tuning.json").write_text(text, encoding="utf-8")
+        done = eqt("compare", "own")
+        assert (done.code, done.out) == (0, expected), record
+
+
+def test_a_date_of_builds_that_is_none(sent, eqt, monkeypatch):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "garbage")
+    done = eqt("plot", "c.yaml", "--format", "pdf", "--out", "f")
+    assert done.code == 0, done.err
+    assert os.environ["SOURCE_DATE_EPOCH"] == "garbage"
+
+
+# Compiled laws -----------------------------------------------------------------------------------
+
+TABLES = (
+    "CREATE TABLE cache (hash INTEGER PRIMARY KEY, bitcode BLOB, opt_bc BLOB, opt_ir BLOB, "
+    "obj BLOB, size INTEGER)",
+    "CREATE TABLE config (key TEXT PRIMARY KEY, value INTEGER NOT NULL)",
+    "INSERT INTO config VALUES ('total_size', 80)",
+    *(
+        f"INSERT INTO cache VALUES ({key}, x'0{key}', x'02', x'03', x'{'04' * 5000}', 40)"
+        for key in (1, 2)
+    ),
+)
+
+
+@pytest.fixture
+def cache(tmp_path):
+    """A file as heyoka's, with two laws."""
+    with sqlite3.connect(tmp_path / "cache.db") as data:
+        for table in TABLES:
+            data.execute(table)
+    data.close()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        cache_check.check(tmp_path)
+        cache_check.check(tmp_path)
+    return tmp_path / "cache.db"
+
+
+def rows(file):
+    data = sqlite3.connect(file)
+    found = [
+        list(data.execute(f"SELECT {what}")) for what in ("hash FROM cache", "value FROM config")
+    ]
+    data.close()
+    return found
+
+
+def test_a_damaged_law_is_compiled_again(cache):
+    content = bytearray(cache.read_bytes())
+    place = content.index(b"\x04" * 100) + 50
+    content[place] ^= 0xFF
+    cache.write_bytes(content)
+    with pytest.warns(EqtWarning) as told:
+        cache_check.check(cache.parent)
+    assert [str(one.message) for one in told] == [
+        f"{cache}: held compiled laws that were damaged; they are compiled again"
+    ]
+    kept, size = rows(cache)
+    assert len(kept) == 1
+    assert size == [(40,)]
+
+
+@pytest.mark.parametrize("damage", [b"", b"x" * 5000])
+def test_a_file_that_is_no_database_is_removed(cache, damage):
+    cache.write_bytes(cache.read_bytes()[:4096] + damage)
+    with pytest.warns(EqtWarning):
+        cache_check.check(cache.parent)
+    assert not cache.exists()
+
+
+@pytest.mark.slow("heyoka compiles a law three times")
+def test_heyoka_survives_damage(sent, tmp_path):
+    pytest.importorskip("heyoka")
+    import subprocess
+
+    environment = {**os.environ, "HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}
+    environment.pop("HEYOKA_CACHE_DIR", None)
+
+    def run(out):
+        words = [sys.executable, "-m", "eqt_cli", "run", "c.yaml", "--engine", "taylor"]
+        return subprocess.run(
+            [*words, "--out", out], env=environment, capture_output=True, text=True, check=False
+        )
+
+    assert run("1").returncode == 0
+    (file,) = tmp_path.rglob("cache.db")
+    assert run("2").returncode == 0  # which notes the sums
+    content = bytearray(file.read_bytes())
+    place = content.index(b"\x7fELF") + 200
+    content[place : place + 512] = bytes(512)
+    file.write_bytes(content)
+    done = run("3")
+    assert done.returncode == 0
+    assert f"{file}: held compiled laws that were damaged; they are compiled again" in done.stderr
