@@ -39,8 +39,7 @@ class Divisor:
 
     def __init__(self, value: int, degree: int) -> None:
         self.value, self.degree = value, degree
-        if _ledgers:
-            _ledgers[-1].divisors.append(self)
+        _assume_not_zero(degree)
 
 
 class Ledger:
@@ -50,8 +49,8 @@ class Ledger:
     ----------
     parameter
         Draws a new parameter.
-    divisors
-        All that was divided by.
+    degree
+        Of the product of all polynomials that must not be 0, such as those that were divided by.
     compared
         The sum of the degrees of all differences of two arguments of a function.
     functions
@@ -60,15 +59,10 @@ class Ledger:
 
     def __init__(self, parameter: Callable[[], Exact]) -> None:
         self.parameter = parameter
-        self.divisors: list[Divisor] = []
+        self.degree = 0
         self.compared = 0
         self.functions: set[str] = set()
         self._values: dict[str, list[tuple[Exact, Exact]]] = {}
-
-    @property
-    def degree(self) -> int:
-        """The degree of the product of all divisors."""
-        return sum(each.degree for each in self.divisors)
 
     def value(self, kind: str, argument: Exact, new: Callable[[], Exact]) -> Exact:
         """What stands for a function of this argument: what stood for it before, or a new one."""
@@ -83,6 +77,12 @@ class Ledger:
 
 
 _ledgers: list[Ledger] = []
+
+
+def _assume_not_zero(degree: int) -> None:
+    """Note that a polynomial of this degree is not 0."""
+    if _ledgers:
+        _ledgers[-1].degree += degree
 
 
 @contextmanager
@@ -379,7 +379,7 @@ def _adjugate(rows: list[list[int]], degree: int) -> tuple[list[list[int]], int]
         pivot = work[k][k]
         if not pivot:
             raise ZeroDivisionError("a leading minor vanishes")
-        Divisor(pivot, (k + 1) * degree)  # is noted
+        _assume_not_zero((k + 1) * degree)
         for i in range(n):
             if i != k:
                 factor = work[i][k]
@@ -540,13 +540,21 @@ def _written(number: Any) -> str:
     return str(number.value) if isinstance(number, Exact) else str(number)
 
 
+def _off_zero(squares: Any) -> bool:
+    """True: states where a norm is 0 are left out, as those where a denominator is."""
+    squares = Exact.of(squares)
+    if not squares.numerator:
+        raise ZeroDivisionError("a norm vanishes")
+    _assume_not_zero(squares.degree)
+    return True
+
+
 register_symbols(
     Exact,
     {
         **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
         "less": lambda a, b: Exact.of(a) < Exact.of(b),
-        # Of the states, only zeros of the sum are left out, as those of denominators are.
-        "positive": lambda x: bool(Exact.of(x).numerator),
+        "positive": _off_zero,
         "where": lambda condition, a, b: a if condition else b,
         "inverse": inverse,
     },

@@ -59,7 +59,7 @@ def floats(numbers: Array) -> Array:
 
 def granted(numbers: Array, error: float) -> Array:
     """The numbers with errors of this size granted, where they can have any."""
-    return _each(lambda x: x.granted(error), numbers)
+    return _each(lambda x: x.granted(error) if isinstance(x, Number) else x, numbers)
 
 
 def _each(function: Any, *arrays: Array) -> Array:
