@@ -39,8 +39,7 @@ class Divisor:
 
     def __init__(self, value: int, degree: int) -> None:
         self.value, self.degree = value, degree
-        if _ledgers:
-            _ledgers[-1].divisors.append(self)
+        _assume_not_zero(degree)
 
 
 class Ledger:
@@ -50,8 +49,8 @@ class Ledger:
     ----------
     parameter
         Draws a new parameter.
-    divisors
-        All that was divided by.
+    degree
+        Of the product of all polynomials that must not be 0, such as those that were divided by.
     compared
         The sum of the degrees of all differences of two arguments of a function.
     functions
@@ -60,15 +59,10 @@ class Ledger:
 
     def __init__(self, parameter: Callable[[], Exact]) -> None:
         self.parameter = parameter
-        self.divisors: list[Divisor] = []
+        self.degree = 0
         self.compared = 0
         self.functions: set[str] = set()
         self._values: dict[str, list[tuple[Exact, Exact]]] = {}
-
-    @property
-    def degree(self) -> int:
-        """The degree of the product of all divisors."""
-        return sum(each.degree for each in self.divisors)
 
     def value(self, kind: str, argument: Exact, new: Callable[[], Exact]) -> Exact:
         """What stands for a function of this argument: what stood for it before, or a new one."""
@@ -83,6 +77,12 @@ class Ledger:
 
 
 _ledgers: list[Ledger] = []
+
+
+def _assume_not_zero(degree: int) -> None:
+    """Note that a polynomial of this degree is not 0."""
+    if _ledgers:
+        _ledgers[-1].degree += degree
 
 
 @contextmanager
@@ -351,8 +351,9 @@ def _inverse(matrix: Array) -> Array:
     factors, constant = flat[0].factors, flat[0].constant
     for x in flat[1:]:
         factors, constant = _common(factors, x.factors), _multiple(constant, x.constant)
-    rows = [[_integer(_over(x, factors, constant)) for x in row] for row in entries]
-    degree = max(x.degree + _degree(_beyond(factors, x.factors)) for x in flat)
+    over_all = [[_over(x, factors, constant) for x in row] for row in entries]
+    rows = [[_integer(numerator) for numerator, _ in row] for row in over_all]
+    degree = max(degree for row in over_all for _, degree in row)
     adjugate, determinant = _adjugate(rows, degree)
     n = len(rows)
     over = Exact(determinant, n * degree)
@@ -379,7 +380,7 @@ def _adjugate(rows: list[list[int]], degree: int) -> tuple[list[list[int]], int]
         pivot = work[k][k]
         if not pivot:
             raise ZeroDivisionError("a leading minor vanishes")
-        Divisor(pivot, (k + 1) * degree)  # is noted
+        _assume_not_zero((k + 1) * degree)
         for i in range(n):
             if i != k:
                 factor = work[i][k]
@@ -446,13 +447,11 @@ def _noted(name: str) -> Ledger:
 
 
 def _sum(a: Exact, b: Exact) -> Exact:
-    if a.factors is b.factors and a.constant == b.constant:
+    if a.constant == b.constant and (a.factors is b.factors or a.factors == b.factors):
         return Exact(a.numerator + b.numerator, max(a.degree, b.degree), a.constant, a.factors)
-    factors = a.factors if a.factors is b.factors else _common(a.factors, b.factors)
-    constant = _multiple(a.constant, b.constant)
-    degree = max(x.degree + _degree(_beyond(factors, x.factors)) for x in (a, b))
-    numerator = sum(_over(x, factors, constant) for x in (a, b))
-    return Exact(numerator, degree, constant, factors)
+    factors, constant = _common(a.factors, b.factors), _multiple(a.constant, b.constant)
+    (left, left_degree), (right, right_degree) = (_over(x, factors, constant) for x in (a, b))
+    return Exact(left + right, max(left_degree, right_degree), constant, factors)
 
 
 def _product(a: Exact, b: Exact) -> Exact:
@@ -499,10 +498,13 @@ def _integer(number: Whole) -> int:
     return number
 
 
-def _over(x: Exact, factors: Factors, constant: int) -> Whole:
-    """The numerator over a multiple of the denominator."""
-    found = x.numerator * (constant // x.constant)
-    return found if factors is x.factors else found * _value(_beyond(factors, x.factors))
+def _over(x: Exact, factors: Factors, constant: int) -> tuple[Whole, int]:
+    """The numerator over a multiple of the denominator, and its degree."""
+    numerator = x.numerator if constant == x.constant else x.numerator * (constant // x.constant)
+    missing = _beyond(factors, x.factors)
+    if not missing:
+        return numerator, x.degree
+    return numerator * _value(missing), x.degree + _degree(missing)
 
 
 def _value(factors: Factors) -> int:
@@ -527,8 +529,10 @@ def _common(a: Factors, b: Factors) -> Factors:
 
 def _beyond(a: Factors, b: Factors) -> Factors:
     """What of a is not in b."""
-    if not b:
+    if not a or not b:
         return a
+    if a is b:
+        return _NONE
     return {each: power - b.get(each, 0) for each, power in a.items() if power > b.get(each, 0)}
 
 
@@ -540,13 +544,21 @@ def _written(number: Any) -> str:
     return str(number.value) if isinstance(number, Exact) else str(number)
 
 
+def _off_zero(squares: Any) -> bool:
+    """True: states where a norm is 0 are left out, as those where a denominator is."""
+    squares = Exact.of(squares)
+    if not squares.numerator:
+        raise ZeroDivisionError("a norm vanishes")
+    _assume_not_zero(squares.degree)
+    return True
+
+
 register_symbols(
     Exact,
     {
         **{name: (lambda x, name=name: x.apply(name)) for name in FUNCTIONS},
         "less": lambda a, b: Exact.of(a) < Exact.of(b),
-        # Of the states, only zeros of the sum are left out, as those of denominators are.
-        "positive": lambda x: bool(Exact.of(x).numerator),
+        "positive": _off_zero,
         "where": lambda condition, a, b: a if condition else b,
         "inverse": inverse,
     },

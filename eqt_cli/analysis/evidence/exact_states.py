@@ -43,10 +43,8 @@ class Parameters:
 
     def one(self) -> Exact:
         """One of them."""
-        words = [int(word) for word in self._random.integers(0, 2**32, 3, dtype=np.uint64)]
-        wide = words[0] << 64 | words[1] << 32 | words[2]
-        # A power of 2 divides 2**96, so that all are equally likely; of 7 nothing is claimed.
-        return free(wide % self._count - self._count // 2)
+        drawn = int(self._random.integers(self._count, dtype=np.uint64))
+        return free(drawn - self._count // 2)
 
     def array(self, *shape: int) -> Array:
         """So many."""

@@ -185,4 +185,5 @@ def written(number: Fraction, most: int = 60) -> str:
     size = log10(abs(number.numerator)) - log10(number.denominator)
     power = int(size // 1)
     sign = "-" if number < 0 else ""
-    return f"{sign}{10 ** (size - power):.3f}e{power:+03d} (a fraction of {len(text) - 1} digits)"
+    digits = sum(map(str.isdigit, text))
+    return f"{sign}{10 ** (size - power):.3f}e{power:+03d} (a fraction of {digits} digits)"

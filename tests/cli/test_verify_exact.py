@@ -1,0 +1,121 @@
+"""`eqt verify --exact`: what is proved, what is not and why, and faults that floats do not show."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from eqt_cli.analysis.evidence.proof import written
+
+Eqt = Callable[..., Any]
+
+HEAD = """\
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.controllers.eqt import EqT
+
+
+@dataclass(frozen=True)
+class Mine(EqT):
+    name: ClassVar[str] = "mine"
+    claims_decrease: ClassVar[bool] = True
+    dissipation = EqT.dissipation
+
+    def torque(self, s):
+        return super().torque(s) + """
+LAWS = {
+    "right": "0.0",
+    "wrong": "1e-30 * s.V_tilde",
+    "numpy": "0.0 * np.sin(s.V)",
+}
+ONE = ("--runs", 1, "--exact", "--set", "plugins=[mine.py]", "--set", "controllers=[mine]")
+
+
+@pytest.fixture
+def law(folder: Path) -> Callable[[str], None]:
+    def write(name: str) -> None:
+        (folder / "mine.py").write_text(f"{HEAD}{LAWS[name]}\n", encoding="utf-8")
+
+    return write
+
+
+def identities(document: Any) -> dict[str, Any]:
+    return {row["name"]: row for row in document["rows"] if row["kind"] == "identity"}
+
+
+def test_rows_say_with_what_certainty_they_are_proved(eqt: Eqt, law: Callable[[str], None]) -> None:
+    law("right")
+    done = eqt("verify", "c.yaml", *ONE, "--json")
+    assert (done.code, done.err) == (0, "")
+    rows = identities(json.loads(done.out))
+    rate = rows["rate of L"]
+    assert (rate["verdict"], rate["degree"], rate["points"]) == ("proved", 20, 3)
+    assert rate["probability"] == pytest.approx((20 / 2**64) ** 3)
+    assert (rate["not_proved"], rate["difference"]) == ("", "")
+    assert rate["measured"] <= rate["bound"]
+    drift = rows["drift of every part"]
+    assert (drift["verdict"], drift["degree"], drift["probability"]) == ("holds", None, None)
+    assert drift["not_proved"] == "a distance is a square root"
+
+
+def test_what_is_not_proved_is_listed_with_the_reason(eqt: Eqt, law: Callable[[str], None]) -> None:
+    law("right")
+    done = eqt("verify", "c.yaml", *ONE)
+    block, *_ = done.out.split("\n\n")
+    assert [line.split("  holds")[1].strip() for line in block.splitlines()[3:]] == [
+        "not proved: exp and log are not rational",
+        "not proved: a distance is a square root",
+        "not proved: eigenvalues are roots of polynomials",
+    ]
+    assert (
+        "proved: both sides are equal as rational functions of the state; p bounds the probability "
+        "that all exact states that were drawn hide a difference." in done.out
+    )
+    full = eqt("verify", "c.yaml", *ONE, "--verbose").out
+    [rate] = [line for line in full.splitlines() if "  rate of L  " in line]
+    assert rate.endswith("  proved   degree 20, 3 states, p ≤ 1.3e-54")
+    proved = sum(bool(re.search("  proved   degree [0-9]+, ", line)) for line in full.splitlines())
+    assert f" hold, {proved} proved, " in done.out
+
+
+def test_a_fault_that_floats_do_not_show_ends_with_4(eqt: Eqt, law: Callable[[str], None]) -> None:
+    law("wrong")
+    done = eqt("verify", "c.yaml", *ONE, "--json")
+    document = json.loads(done.out)
+    assert (done.code, document["holds"]) == (4, False)
+    assert document["causes"] == ["Theorems 3.2, 6.2: rate of L (mine) fails"]
+    rate = identities(document)["rate of L"]
+    assert rate["measured"] <= rate["bound"]
+    assert 0 < abs(Fraction(rate["difference"])) < 1e-26
+    assert rate["remark"] == (
+        f"left − right = {written(Fraction(rate['difference']))} of equation 1, "
+        "at a random state of small integers"
+    )
+
+
+def test_a_law_that_exact_numbers_cannot_be_put_into_says_at_which_line(
+    eqt: Eqt, law: Callable[[str], None]
+) -> None:
+    law("numpy")
+    rows = identities(json.loads(eqt("verify", "c.yaml", *ONE, "--json").out))
+    line = HEAD.count("\n") + 1
+    assert rows["rate of L"]["not_proved"] == (
+        "cannot be evaluated on exact numbers: TypeError: loop of ufunc does not support argument "
+        "0 of type Exact which has no callable sin method, "
+        f"at mine.py:{line}: return super().torque(s) + 0.0 * np.sin(s.V)"
+    )
+
+
+def test_identities_of_a_result_are_proved_too(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--quiet", "--set", "controllers=[eqt]")
+    rows = identities(json.loads(eqt("verify", "results/c", "--exact", "--json").out))
+    assert rows["EqT on SO(3)"]["verdict"] == "proved"
