@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import typer.main
 from hypothesis import settings
 from hypothesis import strategies as st
 
@@ -76,6 +77,9 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             'expected a reason, @pytest.mark.slow("why it must be"), of ' + ", ".join(silent)
         )
 
+
+# typer builds the tree of commands anew for every call, for 0.1 s; these tests make thousands.
+typer.main.get_command = cache(typer.main.get_command)
 
 # Under `nohup`, or behind `&` of a script, signals are ignored, and then by all that tests start.
 for number in ASKED_BY:
@@ -238,6 +242,15 @@ def shape() -> tuple[int, ...]:
 def samples(G: MatrixLieGroup, shape: tuple[int, ...]) -> Samples:
     """Samples of every registered group in turn."""
     return Samples(G, shape)
+
+
+@pytest.fixture(scope="module")
+def samples_and_law(
+    law_on_group: tuple[MatrixLieGroup, Controller], shape: tuple[int, ...]
+) -> tuple[Samples, str]:
+    """Samples of a group and the name of a law, as `_laws_on_groups` pairs them."""
+    G, law = law_on_group
+    return Samples(G, shape), law.name
 
 
 @pytest.fixture(scope="session")

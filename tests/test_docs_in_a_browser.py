@@ -6,7 +6,10 @@ import pytest
 
 BUILT = Path(__file__).parents[1] / "build" / "docs"
 
-pytestmark = pytest.mark.skipif(not (BUILT / "index.html").exists(), reason="needs make docs")
+pytestmark = [
+    pytest.mark.skipif(not (BUILT / "index.html").exists(), reason="needs make docs"),
+    pytest.mark.slow("a browser draws the pages"),
+]
 
 PAGES = ["index", "gallery", "reference/commands", "experiments/flies", "explanation/theory"]
 

@@ -729,7 +729,15 @@ SYMPTOMS = {"decrease of L", "Q → Q_d", "P → P_d"}
 """What a run shows of a fault depends on where it starts; the cause does not."""
 
 
-@pytest.mark.parametrize("experiment", EXPERIMENTS)
+@pytest.mark.parametrize(
+    "experiment",
+    [
+        pytest.param(
+            name, marks=[pytest.mark.slow("verifies a whole experiment")] * (name != "paper")
+        )
+        for name in EXPERIMENTS
+    ],
+)
 def test_without_a_fault_nothing_is_red(experiment):
     assert red_rows(experiment) == set()
 

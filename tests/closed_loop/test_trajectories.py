@@ -128,7 +128,17 @@ def test_energy_balance_off_the_plane(G):
     assert_constant(loop.tracking(TIMES, states).lyapunov + loop.work(states))
 
 
-@pytest.mark.parametrize("name", controllers.names())
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name,
+            marks=[pytest.mark.slow("a minute of flight")]
+            * (name not in ("eqt", "nog", "lee2010")),
+        )
+        for name in controllers.names()
+    ],
+)
 def test_trajectories_reach_the_desired_one(name):
     loop = closed_loop(group_named("SO3"), controllers.get(name)())
     times = np.array([0.0, 60.0])  # the slowest of them, nog, then has L = 1.4e-4 L(0)

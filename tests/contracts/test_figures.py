@@ -74,7 +74,9 @@ def subject(figure_class):
     return "sweep" if of_sweep(figure_class) else "single"
 
 
-@pytest.mark.parametrize("width", IN)
+@pytest.mark.parametrize(
+    "width", ["column", pytest.param("page", marks=pytest.mark.slow("draws every figure again"))]
+)
 def test_it_draws_a_result_as_wide_as_it_is_told(figure_class, results, width):
     opened, rows = results
     shown = opened[subject(figure_class)]

@@ -17,7 +17,6 @@ from eqt_cli.controllers import controllers
 from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import apply_matrix, dot, norm, transpose
 from eqt_cli.core.expressions import parse
-from eqt_cli.core.problems import Problems
 from eqt_cli.mechanics import navigation
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInertia
 from eqt_cli.mechanics.semidirect import Semidirect
@@ -35,7 +34,6 @@ ROUNDING = 1e-11
 DIFFERENCES = 1e-8
 
 THE_FOUR = ["eqt", "gt", "nog", "asym"]
-TRACKING = [found.name for found in controllers.all() if "track" in found.tasks]
 
 
 def assert_equal(left, right, tolerance=ROUNDING):
@@ -332,11 +330,12 @@ def test_family_is_equivariant_under_a_change_of_body_frame(samples, data, membe
     assert_equal(member.torque(moved), G.Ad_star(Y, member.torque(s)))
 
 
-@pytest.mark.parametrize("name", TRACKING)
 @EXAMPLES
 @given(data=st.data())
-def test_torque_on_the_desired_trajectory_is_the_desired_one(samples, data, name):
-    skip_unless_fitting(name, samples.G)
+def test_torque_on_the_desired_trajectory_is_the_desired_one(samples_and_law, data):
+    samples, name = samples_and_law
+    if "track" not in law(name).tasks:
+        pytest.skip("the law follows no reference")
     s = tracking(samples, data)
     memory = law(name).memory(s.G)
     s = dataclasses.replace(s, memory={key: np.zeros_like(s.P) for key in memory})
@@ -375,13 +374,6 @@ def prescribed(some, data):
 
 
 inertias = pytest.mark.parametrize("inertia", [constant, factored, prescribed])
-
-
-def skip_unless_fitting(name, G):
-    problems = Problems()
-    law(name).check(G, problems)
-    if problems:
-        pytest.skip(f"{name} is not for {G.name}")
 
 
 def assume_away_from_half_turns(s):
@@ -471,11 +463,10 @@ def test_closed_loop_integrates_the_rate_of_L_without_feedforward(
     assert_is_difference(power, -rate)
 
 
-@pytest.mark.parametrize("name", controllers.names())
 @EXAMPLES
 @given(data=st.data())
-def test_closed_loop_integrates_the_rate_of_L(samples, data, name, derivative):
-    skip_unless_fitting(name, samples.G)
+def test_closed_loop_integrates_the_rate_of_L(samples_and_law, data, derivative):
+    samples, name = samples_and_law
     jumps = name in ("logarithmic", "quaternion")  # L bends towards a half turn: no differences
     rate_by = exactly if jumps else derivative
     rate, power, s = rate_of_L(samples, data, law(name), constant, rate_by)

@@ -369,8 +369,16 @@ def assert_known_up_to_the_failure(states, times, message):
     assert np.isnan(states[times > at]).all()
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.parametrize(
+    ("fault", "method"),
+    [
+        pytest.param(
+            fault, method, marks=[LONG] * (fault == "escape" and method not in ("RK45", "BDF"))
+        )
+        for fault in FAULTS
+        for method in METHODS
+    ],
+)
 def test_failing_run_keeps_its_samples_up_to_the_failure(fault, method):
     """And has the status of its fault, with every method."""
     limit = 1500 if creeps(fault, method) else None

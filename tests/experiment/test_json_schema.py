@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 from eqt_cli.config import shipped
+from eqt_cli.config.catalogue import KINDS, registry
 from eqt_cli.config.json_schema import json_schema
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.yaml_source import load
@@ -27,12 +28,16 @@ from eqt_cli.experiment.solver import Judgement
 from eqt_cli.references import references
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def schema() -> dict[str, Any]:
-    return json_schema()  # anew, after plugins that other tests have loaded are forgotten
+    """Without plugins that other tests have loaded."""
+    with pytest.MonkeyPatch.context() as patch:
+        for kind in KINDS:
+            patch.setattr(registry(kind), "_plugins", {})
+        return json_schema()
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def validator(schema: dict[str, Any]) -> jsonschema.Draft202012Validator:
     return jsonschema.Draft202012Validator(schema)
 

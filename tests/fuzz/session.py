@@ -17,13 +17,17 @@ import sys
 import time
 import traceback
 from contextlib import redirect_stderr, redirect_stdout
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+import typer.main
 from mutated_configurations import configuration
 from mutated_results import result
 
 from eqt_cli.cli import main
+
+typer.main.get_command = cache(typer.main.get_command)  # of which a process needs one
 
 MOST_SECONDS = 5.0
 SECONDS_TO_DRAW = 10.0

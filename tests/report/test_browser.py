@@ -11,6 +11,8 @@ from selenium.webdriver.common.by import By
 from selenium.webdriver.common.keys import Keys
 from selenium.webdriver.support.ui import Select, WebDriverWait
 
+pytestmark = pytest.mark.slow("a browser draws the pages")
+
 
 @pytest.fixture(scope="module")
 def address(page_of, paper_result):

@@ -27,7 +27,8 @@ from eqt_cli.vehicle.forces.gravity_gradient import GravityGradient
 from eqt_cli.vehicle.forces.gust import SINES, Gust
 from eqt_cli.vehicle.forces.restoring import Restoring
 from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia, VaryingInertia
-from eqt_cli.vehicle.numbers import Normal, Uniform
+from eqt_cli.vehicle.numbers import Normal, Uniform, drawn, is_drawn, lowest
+from eqt_cli.vehicle.sensors.bias import Bias
 
 SO3, SE3 = group_named("SO3"), group_named("SE3")
 ROUNDING = 1e-14
@@ -87,6 +88,21 @@ def test_weight_and_buoyancy_are_the_slope_of_their_energy(derivative):
     np.testing.assert_allclose(found, np.negative(slope), atol=1e-9)  # energies of 10 J
 
 
+@pytest.mark.parametrize(("up", "down"), [(None, [0, 0, -1]), ([0.0, 3.0, 4.0], [0, -0.6, -0.8])])
+def test_weight_alone_pulls_at_the_origin(up, down):
+    found = acting(Restoring(weight=10.0, up=up), SE3, np.eye(4)[None], np.zeros((1, 6)))[0]
+    np.testing.assert_allclose(found, [0, 0, 0, *np.multiply(10, down)], atol=ROUNDING)
+
+
+def test_gusts_forget_within_their_time_constant():
+    """The correlation Σ ½a² cos(ωs) of the sines is e^(−s/T), up to their number."""
+    given = Gust(std=0.3, time_constant=2.0).numbers(SO3, None)
+    power, frequency = given["amplitude"][0] ** 2 / 2, given["frequency"][:, 0]
+    for lapse in (0.0, 1.0, 2.0, 4.0):
+        found = power * np.cos(frequency * lapse).sum()
+        assert found == pytest.approx(0.09 * np.exp(-lapse / 2.0), abs=0.1 * 0.09)
+
+
 def test_gusts_have_the_variance_that_is_asked_for():
     # Over a long time the mean of each squared sine is 1/2, up to the length of the record.
     gust = Gust(std=0.3, time_constant=2.0)
@@ -105,6 +121,19 @@ def test_a_limit_cuts_along_each_axis_or_keeps_the_direction():
     np.testing.assert_array_equal(cut, [[1.0, -0.2, 1.0]])
     cut = whole.output(SO3, command, none, whole.numbers(SO3, None))
     np.testing.assert_allclose(cut, command / np.linalg.norm(command), atol=ROUNDING)
+
+
+def test_a_limit_is_reached_by_more_than_it():
+    given = (each := Limit(limit=[1.0, 2.0, 3.0])).numbers(SO3, None)
+    whole, none = Limit(limit=[1.0, 2.0, 3.0], norm=True), np.zeros((3, 0))
+    command = np.array([[1.0, -2.0, 3.0], [1.0, -2.0, 3.1], [0.6, -1.0, 1.0]])
+    assert each.at_limit(SO3, command, none, given).tolist() == [False, True, False]
+    assert whole.at_limit(SO3, command, none, given).tolist() == [True, True, False]
+    sizes, most = each.most(SO3, command, given)
+    np.testing.assert_array_equal(sizes, np.abs(command))
+    np.testing.assert_array_equal(most, [1.0, 2.0, 3.0])
+    sizes, most = whole.most(SO3, command[:1], given)  # of the ellipsoid, in its longest axis
+    assert (sizes.item(), most.item()) == (pytest.approx(3 * np.sqrt(3)), 3.0)
 
 
 def test_quantisation_gives_the_nearest_multiple():
@@ -156,6 +185,35 @@ def test_a_lag_follows_its_command():
     lag = Lag(time_constant=0.5)
     rate = lag.state_rate(SO3, np.ones((1, 3)), np.full((1, 3), 0.25), lag.numbers(SO3, None))
     np.testing.assert_array_equal(rate, np.full((1, 3), 1.5))
+
+
+def test_what_a_lag_comes_to_is_the_solution_of_its_rate(derivative):
+    lag, command, x = Lag(time_constant=[0.5, 1.0, 2.0]), np.array([1.0, -2.0, 3.0]), np.ones(3)
+    given = lag.numbers(SO3, None)
+
+    def after(duration):
+        return lag.after(SO3, command, x, given, np.array(duration))
+
+    np.testing.assert_array_equal(after(0.0), x)
+    rate = lag.state_rate(SO3, command, after(0.7), given)
+    np.testing.assert_allclose(derivative(lambda h: after(0.7 + h)), rate, atol=1e-10)
+
+
+def test_numbers_that_are_drawn_stand_for_their_means():
+    uniform, normal = Uniform([1.0, 4.0]), Normal([2.0, 0.5])
+    assert (drawn([uniform, [normal, 7.0]], None), lowest(uniform)) == ([2.5, [2.0, 7.0]], 1.0)
+    assert lowest(normal) == 2.0
+    assert [is_drawn(value) for value in (3.0, [1.0, [normal]], [1.0])] == [False, True, False]
+    many = np.array([normal.draw(np.random.default_rng(k)) for k in range(400)])
+    assert (many.mean(), many.std()) == (pytest.approx(2, abs=0.1), pytest.approx(0.5, abs=0.08))
+
+
+def test_sensors_err_by_nothing_unless_told():
+    """A walk begins at 0, and a value stays what it is."""
+    random = np.random.default_rng
+    walk, value = Bias(walk=0.3).errors(SO3, 5, 0.1, random(0)), Bias(value=[1.0, 2.0, 3.0])
+    assert not walk[0].any() and walk[1:].all()
+    np.testing.assert_array_equal(value.errors(SO3, 5, 0.1, random(0)), [[1.0, 2.0, 3.0]] * 5)
 
 
 def test_relative_and_constant_inertia():
