@@ -23,8 +23,9 @@ class Constant(NamedTuple):
 class Operation(NamedTuple):
     """An operation on values that stand before it, by their places in the program.
 
-    Its name is one of `OPERATORS`, an elementary function of one argument such as ``sin``, or
-    ``pow`` of two.
+    Its name is ``add``, ``subtract``, ``multiply``, ``divide``, ``negative`` or ``pow``, that of an
+    elementary function such as ``sin``, one of `COMPARISONS`, or ``select``: its second operand
+    where the comparison that is its first holds, else its third.
     """
 
     name: str
@@ -33,12 +34,8 @@ class Operation(NamedTuple):
 
 Value: TypeAlias = Input | Constant | Operation
 
-OPERATORS = "add subtract multiply divide negative less smooth_less select".split()
-"""Operations that are no functions. The first of ``select`` is a comparison: it returns the second
-where that holds, else the third. ``smooth_less`` is a comparison that chooses between two forms of
-one smooth function."""
-
 COMPARISONS = ("less", "smooth_less")
+"""Both are a < b; the second chooses between two forms of one smooth function."""
 
 
 class Output(NamedTuple):

@@ -84,7 +84,8 @@ class _Trace(dict[Any, Symbol]):
     """All symbols of a program, by what makes them equal."""
 
     def constant(self, number: float) -> Symbol:
-        key = number if number and number == number else number.hex()  # 0.0 is not -0.0
+        # As keys, 0.0 would be -0.0, and nan would not be nan.
+        key = number if number and number == number else number.hex()
         found = self.get(key)
         if found is None:
             self[key] = found = Symbol(self, "constant", (), number)
@@ -184,14 +185,12 @@ def _quotient(a: Symbol, b: Symbol) -> Symbol:
 def _power(base: Symbol, exponent: Symbol) -> Symbol:
     """A whole power as products, which are right at 0, too, where the series of others is not."""
     number, one = exponent.number, base.trace.constant(1.0)
-    if number is None or not math.isfinite(number) or (2 * number) % 1:
+    if number == 0.5:
+        return base.trace.operation("sqrt", base)
+    if number is None or not math.isfinite(number) or (number > 0 and number % 1):
         return base.trace.operation("pow", base, exponent)
     if number < 0:
         return _quotient(one, _power(base, _negative(exponent)))
-    if number == 0.5:
-        return _function("sqrt", base)
-    if number % 1:
-        return base.trace.operation("pow", base, exponent)
     found, factor = one, base
     for digit in reversed(f"{int(number):b}"):
         if digit == "1":
@@ -205,10 +204,6 @@ def _in_order(a: Symbol, b: Symbol) -> tuple[Symbol, Symbol]:
     if a.number is None and (b.number is not None or b.index < a.index):
         return b, a
     return a, b
-
-
-def _function(name: str, x: Symbol) -> Symbol:
-    return x.trace.operation(name, x)
 
 
 def _compared(name: str) -> Callable[[Any, Any], Symbol]:
@@ -241,7 +236,7 @@ _less = _compared("less")
 register_symbols(
     Symbol,
     {
-        **{name: (lambda x, name=name: _function(name, x)) for name in FUNCTIONS},
+        **{name: (lambda x, name=name: x.trace.operation(name, x)) for name in FUNCTIONS},
         "abs": lambda x: _chosen(_less(x, 0.0), _negative(x), x),
         "less": _less,
         "smooth_less": _compared("smooth_less"),

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from eqt_cli.closed_loop.signals import at_state
 from eqt_cli.config.source import read_config
 from eqt_cli.core.problems import Problems
-from eqt_cli.engines.traced_loop import trace
+from eqt_cli.engines.traced_loop import OneLoop, sampled, trace
 from eqt_cli.experiment.build import build
 
 # NumPy adds products in another order: tens of last places of numbers up to hundreds.
@@ -36,6 +37,19 @@ def test_c_gives_the_same_field_as_the_law(loop_with, make, controller_class, st
         found = in_c(program, **given(loop, 0.3, state))["derivative"]
         expected = loop.holding(loop.held(0.3)).vector_field(0.3, state)
         np.testing.assert_allclose(found, expected, rtol=0, atol=ROUNDING)
+
+
+def signals(loop, t, state):
+    return dict(at_state(loop, loop.tracking(t, state), loop.work(state)))
+
+
+@pytest.mark.parametrize("group", ["SO3", "SE2"])
+def test_c_gives_the_same_signals(loop_with, states, in_c, group):
+    loop = loop_with(group)
+    [state] = states(loop, (1,))
+    found = in_c(sampled(signals, OneLoop(loop), (len(state),)), **given(loop, 0.3, state))
+    for name, expected in signals(loop, 0.3, state[None]).items():
+        np.testing.assert_allclose(found[name], expected[0], rtol=0, atol=ROUNDING, err_msg=name)
 
 
 SAMPLED = """group: SO3

@@ -121,6 +121,7 @@ def test_a_program_rounds_as_its_function_does(seed):
         "whole powers": (lambda x: x[0] ** 5 + x[0] ** 4, ["multiply"] * 3 + ["add"]),
         "negative powers": (lambda x: x[0] ** -2, ["multiply", "divide"]),
         "half powers": (lambda x: x[0] ** 0.5 + x[1] ** 0, ["sqrt", "add"]),
+        "other powers": (lambda x: x[0] ** -2.5, ["pow", "divide"]),
         "a function of a number": (lambda x: arrays.sin(0 * x[0] + 0.5), ["sin"]),
     }.values(),
 )

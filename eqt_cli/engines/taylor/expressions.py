@@ -63,9 +63,8 @@ class Expressions:
             elif value.name == "add":
                 values.append(heyoka.sum([values[term] for term in sums[len(values)]]))
             else:
-                function = OPERATORS.get(value.name) or getattr(
-                    heyoka, NAMES.get(value.name, value.name)
-                )
+                name = NAMES.get(value.name, value.name)
+                function = OPERATORS.get(name) or getattr(heyoka, name)
                 values.append(function(*(values[operand] for operand in value.operands)))
         outputs = [values[place] for output in program.outputs for place in output.entries]
         return Expressions(given["state"], values, outputs, parameters)
@@ -76,12 +75,10 @@ def _sums(program: Program) -> dict[int, list[int]]:
 
     Long sums at once make compact code of large systems a tenth faster.
     """
-    used = Counter(
-        operand
-        for value in program.values
-        if isinstance(value, Operation)
-        for operand in value.operands
-    )
+    used = Counter(place for output in program.outputs for place in output.entries)
+    for value in program.values:
+        if isinstance(value, Operation):
+            used.update(value.operands)
     found: dict[int, list[int]] = {}
     for place, value in enumerate(program.values):
         if isinstance(value, Operation) and value.name == "add":
