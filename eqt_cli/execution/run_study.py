@@ -195,8 +195,10 @@ def _telling_what_is_kept(study: Study, folder: ResultFolder) -> Iterator[None]:
     except EqtError as error:
         cause = error.__cause__
         full = isinstance(cause, OSError) and cause.errno in NO_SPACE
+        if not full and not isinstance(error, FullDiskError):
+            raise
         kept, total = _kept(study, folder), study.plans.total
-        if not kept or not (full or isinstance(error, FullDiskError)):
+        if not kept:
             raise
         raise FullDiskError(
             f"{error.args[0]}; {kept} of {total} runs are kept in {folder.path}",
