@@ -18,7 +18,8 @@ from eqt_cli.analysis.evidence.exact import (
 )
 from eqt_cli.analysis.evidence.numbers import rate_of, with_rate
 from eqt_cli.core import arrays
-from eqt_cli.core.arrays import inverse_spd
+from eqt_cli.core.arrays import FUNCTIONS, inverse_spd
+from eqt_cli.core.differentiation import slope
 
 integers = st.integers(-50, 50)
 others = integers.filter(bool)
@@ -68,6 +69,7 @@ def line(function, s):
         (2, lambda x, y, z: x / y + z),
         (4, lambda x, y, z: x / y + y / z + 1 / (y * z)),
         (2, lambda x, y, z: (x / y) / (z / y) + x),
+        (2, lambda x, y, z: x / (y / z) + 1),
         (4, lambda x, y, z: (x / (1 + y * y)) ** 2 + 1),
         (6, lambda x, y, z: (x / (1 + y * y)) ** 2 + z * (y / (1 + y * y))),
     ],
@@ -96,6 +98,7 @@ def test_what_is_constant_is_so_for_all_states():
 
 
 def test_floats_are_the_dyadic_numbers_that_they_are():
+    assert (free(1) * np.int64(3)).value == 3
     assert (free(1) * 0.1).value == Fraction(3602879701896397, 36028797018963968)
 
 
@@ -116,6 +119,17 @@ def test_an_inverse_and_its_rate():
     # Cramer's rule: cofactors of degree 1 over a determinant of degree 2.
     assert {entry.degree for entry in found.flat} == {1}
     assert (found[0, 0] + free(1)).degree == 3
+
+
+def test_what_must_not_vanish_is_counted():
+    """Of an inverse, both leading minors, of degrees 1 and 2, and the determinant."""
+    known = ledger()
+    with noting(known):
+        inverse(np.array([[free(4), free(1)], [free(2), free(3)]]))
+    assert known.degree == 1 + 2 + 2
+    with noting(known):
+        assert (1 / (free(2) * free(3))).degree == 0
+    assert known.degree == 1 + 2 + 2 + 2
 
 
 def test_an_inverse_of_fractions():
@@ -214,6 +228,18 @@ def test_roots_are_reduced_by_their_equation():
         assert is_zero((1 / (one + two)) * (one + two), 1)
         assert not is_zero(one * two, two)
         assert one.degree == 1
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_what_is_known_at_0_is_no_parameter(name):
+    if name in ("log", "acos", "acosh", "abs", "sqrt"):
+        pytest.skip("its value at 0 is none, not rational, or its rate is none")
+    known = ledger()
+    with noting(known):
+        found = Exact(0).moving(free(5)).apply(name)
+    assert known.functions == set()
+    assert found.value == getattr(np, name)(0.0)
+    assert found.derivative().value == 5 * slope(name, 0.0)
 
 
 def test_a_root_of_a_square_of_a_constant_is_rational():
