@@ -148,8 +148,8 @@ def test_a_limit_of_the_norm_counts_in_units_of_the_limits():
 
 
 def test_what_rounding_takes_from_a_command_is_no_limit():
-    part, x = RateLimit(rate=1e6), np.full((50, 3), np.pi)
-    given, command = part.numbers(SO3, None), np.linspace(2.0, 2e4, 150).reshape(50, 3)
+    part, x = RateLimit(rate=1e6), np.full((50, 3), 1000 * np.pi)
+    given, command = part.numbers(SO3, None), np.linspace(2.0, 20.0, 150).reshape(50, 3)
     after = part.step(SO3, command, x, given, period=1.0)
     assert (after != command).any()
     assert not part.at_limit(SO3, command, after, given).any()
