@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.comparison.bootstrap import Intervals, Resampling, intervals_of_means
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.ratios import relative_difference
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.origin import law_title
@@ -137,26 +138,15 @@ def at_equal_cost(
             places += [(one, other, cost) for cost in costs]
     if not places:
         return []
-    errors = [(one.at(cost), other.at(cost)) for one, other, cost in places]
-    ends = intervals_of_means(np.stack([a - b for a, b in errors], axis=1), how)
-    return [
-        _compared(*place, *pair, ends, column)
-        for column, (place, pair) in enumerate(zip(places, errors, strict=True))
-    ]
+    return [_compared(one, other, cost, how.confidence) for one, other, cost in places]
 
 
-def _compared(
-    one: Front, other: Front, cost: float, a: Array, b: Array, ends: Intervals, column: int
-) -> AtEqualCost:
-    mean, low, high = (float(x[column]) for x in (ends.mean, ends.low, ends.high))
-    means = float(np.nanmean(a)), float(np.nanmean(b))
-    laws = one.law, other.law
-    if mean < 0:  # the first has less
-        mean, low, high = -mean, -high, -low
-    else:
-        laws, means = laws[::-1], means[::-1]
-    shares = (x / abs(means[1]) for x in (mean, low, high))
-    return AtEqualCost(*laws, cost, *means, *shares)
+def _compared(one: Front, other: Front, cost: float, confidence: float) -> AtEqualCost:
+    better, worse = sorted((one, other), key=lambda law: float(law.at(cost).mean()))
+    less, more = better.at(cost), worse.at(cost)
+    saved = relative_difference(more - less, more, confidence)
+    means = float(less.mean()), float(more.mean())
+    return AtEqualCost(better.law, worse.law, cost, *means, *saved)
 
 
 def sentences(result: Result, record: Record, how: Resampling) -> list[str]:

@@ -10,9 +10,11 @@ import numpy as np
 from eqt_cli.analysis.comparison import Comparison, compare
 from eqt_cli.analysis.comparison.bootstrap import Resampling, intervals_of_means
 from eqt_cli.analysis.comparison.notation import Plain, fixed
-from eqt_cli.analysis.comparison.pairs import Pair
+from eqt_cli.analysis.comparison.pairs import resolved_differences
+from eqt_cli.analysis.comparison.ratios import relative_difference
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import parse_key
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result, mean_over_runs
@@ -84,11 +86,7 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
     blocks = []
     for name in record["objectives"]:
         levels = {x.controller: x for x in comparison.levels if x.measured.quantity.name == name}
-        pairs = {
-            (pair.first, pair.second): pair
-            for pair in comparison.pairs
-            if pair.measured.quantity.name == name
-        }
+        values = dict(zip(result.labels, result.counted(name), strict=True))
         rows = []
         for law in record["laws"]:
             start = levels[law["start"]]
@@ -96,7 +94,7 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
             for winner in law["winners"]:
                 found = levels[winner["label"]]
                 after = write.spread(found.mean, found.low, found.high)
-                change = relative(pairs[winner["label"], law["start"]])
+                change = _relative(values[winner["label"]], values[law["start"]])
                 named = result.titled[winner["label"]]
                 rows.append([named, values_text(winner["values"]), before, after, change])
             if not law["winners"]:
@@ -164,11 +162,11 @@ def _bounds(result: Result, record: Record, write: Plain) -> TextTable:
     )
 
 
-def relative(pair: Pair) -> str:
-    """A difference as a share of the second mean, with its interval."""
-    shares = [100 * x / abs(pair.mean_second) for x in (pair.difference, pair.low, pair.high)]
-    mean, low, high = (f"{share:+.1f}" for share in shares)
-    return f"{mean} % [{low}, {high}]" if math.isfinite(pair.low) else f"{mean} %"
+def _relative(found: Array, start: Array) -> str:
+    """The mean change as a share of the mean at the start, with its interval."""
+    shares = relative_difference(resolved_differences(found, start), start, Resampling.confidence)
+    mean, low, high = (f"{100 * share:+.1f}" for share in shares)
+    return f"{mean} % [{low}, {high}]" if all(map(math.isfinite, shares)) else f"{mean} %"
 
 
 def values_text(values: Mapping[str, float]) -> str:

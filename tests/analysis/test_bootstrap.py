@@ -1,5 +1,7 @@
 """Intervals and numbers of runs, against scipy's and against what they promise."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -44,6 +46,30 @@ def test_intervals_hold_the_true_mean_as_often_as_they_say(runs):
     found = intervals(values, resamples=1999)
     # 1500 columns: a standard error of 0.6 %; resampling of few values is good to some 2 %.
     assert np.mean((found.low < 0) & (found.high > 0)) == pytest.approx(0.95, abs=0.03)
+
+
+def rare(random, size):
+    large = np.where(random.random(size) < 0.1, 20.0, 1.0)
+    return large * random.normal(1, 0.1, size)
+
+
+def coverages(runs):
+    """How often intervals hold the mean: of normal, lognormal and rarely large values."""
+    draws = {
+        lambda random, size: random.normal(size=size): 0.0,
+        lambda random, size: random.lognormal(size=size): np.exp(0.5),
+        rare: 0.9 + 0.1 * 20,
+    }
+    for draw, mean in draws.items():
+        found = intervals(draw(np.random.default_rng(runs), (runs, 600)), resamples=999)
+        yield np.mean((found.low <= mean) & (mean <= found.high))
+
+
+@pytest.mark.parametrize("runs", [10, 20, 50, 200])
+def test_the_documentation_says_how_often_intervals_hold(runs):
+    page = Path(__file__).parents[2] / "docs/explanation/statistics.md"
+    (row,) = [x for x in page.read_text("utf-8").splitlines() if x.startswith(f"| {runs} |")]
+    assert row == f"| {runs} | " + " | ".join(f"{x:.2f}" for x in coverages(runs)) + " |"
 
 
 def test_missing_values_drop_out_of_their_column_only():

@@ -295,7 +295,7 @@ def test_winners_say_what_they_are_where_runs_failed_too(swept, altered):
     drawing = Winners(metric="effort").draw([altered(results.path, status=status)])
     first, second, *_ = drawing.get_supxlabel().split("\n")
     assert first == "Numbers: lead over the next law in per cent of its mean."
-    assert second.startswith("6 paired tests over ")
+    assert second.startswith("6 points tested, ")
     assert "1 run failed; 1 of 12 means left out." in drawing.get_supxlabel()
 
 

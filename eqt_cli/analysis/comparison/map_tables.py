@@ -1,6 +1,7 @@
 """A map of winners as tables of text, and as plain data; it knows no output format."""
 
 from dataclasses import replace
+from math import isfinite
 from typing import Any
 
 from eqt_cli.analysis.comparison.maps import NOBODY, Cell, Map
@@ -59,9 +60,10 @@ def map_tables(found: Map, result: Result, write: Plain, *, whole: bool = False)
 def _notes(found: Map) -> list[str]:
     share = f"{100 * (1 - found.confidence):g} %"
     notes = [
-        f"A law wins at a point where it is better than every other one there, run by run on the "
-        f"same initial states. Paired t-tests, {found.tests} in all, adjusted after Benjamini and "
-        f"Yekutieli (2001): of the wins, at most {share} are false, in expectation."
+        "A law wins at a point where it is better than every other one there, run by run on the "
+        "same initial states. The best law of a point is compared with each other one by a paired "
+        f"t-test, and the largest p-value counts. The {found.tests} p-values of the points are "
+        f"adjusted after Benjamini and Yekutieli (2001): expected share of false wins ≤ {share}."
     ]
     failed, censored = (
         [sum(getattr(cell, name)[law] for cell in found.cells) for law in range(len(found.labels))]
@@ -71,6 +73,11 @@ def _notes(found: Map) -> list[str]:
         notes.append(
             f"Failed runs: {_listed(found, failed)}. A law of which more runs failed than of "
             "another cannot win at that point."
+        )
+    if unsettled := sum(cell.settled == 0 for cell in found.cells):
+        notes.append(
+            f"At {unsettled} of {len(found.cells)} points no run of the best law settled; nobody "
+            "wins there."
         )
     if any(censored):
         notes.append(f"Runs beyond the horizon, which count with it: {_listed(found, censored)}.")
@@ -86,7 +93,7 @@ def _where(found: Map, result: Result, law: int, write: Plain) -> list[str]:
     won = [cell for cell in found.cells if cell.winner == law]
     if not won:
         return ["-", ""]
-    most = max(won, key=lambda cell: abs(cell.relative))
+    most = max(won, key=lambda cell: abs(cell.lead.value))
     return [_lead(most, write), write.text(f"point {most.point}, {result.point_name(most.point)}")]
 
 
@@ -108,10 +115,9 @@ def _mean(mean: float, failed: int, censored: int) -> str:
 
 def _lead(cell: Cell, write: Plain) -> str:
     """The lead over the next law, with its interval, as shares of the next one's mean."""
-    if cell.relative != cell.relative or not cell.difference:
+    if not cell.difference or not all(map(isfinite, cell.lead)):
         return "-"
-    scale = 100 * cell.relative / cell.difference
-    mean, low, high = (fixed(scale * x, 1) for x in (cell.difference, cell.low, cell.high))
+    mean, low, high = (fixed(100 * share, 1) for share in cell.lead)
     return write.number(f"{mean} [{low}, {high}]") + write.text(" %")
 
 
@@ -129,7 +135,9 @@ def map_records(found: Map, result: Result) -> list[dict[str, Any]]:
             "difference": cell.difference,
             "low": cell.low,
             "high": cell.high,
-            "relative": cell.relative,
+            "relative": cell.lead.value,
+            "relative_low": cell.lead.low,
+            "relative_high": cell.lead.high,
             "p_adjusted": cell.p_value,
             **{
                 f"{name} of {label}": value

@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 
 from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_of_means
 from eqt_cli.analysis.comparison.pairs import resolved_differences
+from eqt_cli.analysis.comparison.ratios import relative_difference
+from eqt_cli.analysis.comparison.shares import Interval
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.steps import SILENT, Steps
@@ -33,15 +34,18 @@ class Cell:
     runner_up
         That of the next one.
     wins
-        Whether the best is better than every other law there, all tests of the map counted.
+        Whether the best is better than every other law there, all points of the map counted, and
+        settles in some run.
     p_value
-        The largest adjusted one of its tests.
+        Of the test whether it is better than all others, adjusted for the number of points.
     difference, low, high
         Best minus next, run by run, with an interval that holds by itself.
-    relative
-        The difference over the mean of the next.
+    lead
+        The difference over the mean of the next, with an interval of that ratio.
     failed, censored : tuple of int
         Of each law, runs that failed, and runs whose value lies beyond the horizon.
+    settled
+        Runs of the best that settled; None where that was not stored.
     """
 
     point: int
@@ -52,9 +56,10 @@ class Cell:
     difference: float
     low: float
     high: float
-    relative: float
+    lead: Interval
     failed: tuple[int, ...]
     censored: tuple[int, ...]
+    settled: int | None
 
     @property
     def winner(self) -> int:
@@ -79,7 +84,7 @@ class Map:
     cells
         One for each point.
     tests
-        How many there were.
+        Points at which laws could be tested.
     confidence
         1 minus the share of false ones among the wins that is allowed, in expectation; and of
         every interval by itself.
@@ -109,11 +114,13 @@ def compare_map(
 ) -> Map:
     """Compare the laws of a sweep at each of its points, run by run on the same initial states.
 
-    Each pair of laws at each point is tested by the paired t-test of Student. The p-values of the
-    whole map are adjusted after Benjamini and Yekutieli (2001), which allows for tests that depend
-    on each other, as those on the same runs do. A law wins at a point where it is better than every
-    other one there. A law of which more runs failed than of another cannot win there: what its
-    survivors do says nothing of it.
+    A law wins at a point where it is better than every other one there. At each point, the law with
+    the best mean is tested against each other one by the paired t-test of Student, and the largest
+    p-value counts: a win is wrong if it is wrong about one of them (Berger 1982, intersection-union
+    test). These p-values, one for each point, are adjusted after Benjamini and Yekutieli (2001),
+    which allows for tests that depend on each other, as those on the same runs do. A law of which
+    more runs failed than of another cannot win there: what its survivors do says nothing of it. Nor
+    can a law that settles in no run.
 
     Parameters
     ----------
@@ -142,30 +149,57 @@ def compare_map(
     censored = result.censored(metric)[:, chosen]
     values = result.counted(metric)[:, chosen]
     failed = result.runs - np.count_nonzero(result.good[:, chosen], axis=-1)
-    couples = list(combinations(range(len(chosen)), 2))
-    first, second = (values[:, [pair[k] for pair in couples]] for k in (0, 1))
-    differences = resolved_differences(first, second)  # (points, pairs, runs)
-    ends = _intervals(differences.reshape(-1, result.runs), how, steps)
-    adjusted = _adjusted(_p_values(differences))
     means = mean_over_runs(values)
+    costs = quantity.cost(means)
+    # Of laws with more failed runs the survivors say nothing: they come last.
+    order = np.lexsort((np.where(np.isfinite(costs), costs, np.inf), failed), axis=-1)
+    points = np.arange(len(values))
+    best, runner_up = order[:, 0], order[:, 1]
+    others = values[points[:, None], order[:, 1:]]
+    # Best minus each of the others, (points, laws - 1, runs).
+    differences = resolved_differences(values[points, best][:, None], others)
+    tests = _p_values(differences)
+    p_values = _largest(tests, failed[points[:, None], order] == failed[points, best][:, None])
+    p_values = np.where(np.isfinite(costs[points, best]), p_values, np.nan)
+    adjusted = _adjusted(p_values)
+    ends = _intervals(differences[:, 0], how, steps)
+    settled = _settled(result, chosen)
     cells = [
-        _cell(
-            point,
-            quantity.cost(means[point]),
-            means[point],
-            {pair: place for place, pair in enumerate(couples)},
-            ends.reshape(len(values), len(couples), 3)[point],
-            adjusted[point],
-            1 - how.confidence,
-            failed[point],
-            np.count_nonzero(censored[point], axis=-1),
+        Cell(
+            point=point,
+            best=int(best[point]),
+            runner_up=int(runner_up[point]),
+            wins=bool(adjusted[point] <= 1 - how.confidence) and count != 0,
+            p_value=float(adjusted[point]),
+            difference=float(ends[point, 0]),
+            low=float(ends[point, 1]),
+            high=float(ends[point, 2]),
+            lead=relative_difference(differences[point, 0], others[point, 0], how.confidence),
+            failed=tuple(map(int, failed[point])),
+            censored=tuple(map(int, np.count_nonzero(censored[point], axis=-1))),
+            settled=count,
         )
-        for point in range(len(values))
+        for point in points.tolist()
+        for count in [None if settled is None else int(settled[point, best[point]])]
     ]
     labels, titles = ([names[k] for k in chosen] for names in (result.labels, result.titles))
     unit = result.units(metric)
-    tests = int(np.isfinite(adjusted).sum())
-    return Map(quantity, unit, labels, titles, result.runs, means, cells, tests, how.confidence)
+    tested = int(np.isfinite(adjusted).sum())
+    return Map(quantity, unit, labels, titles, result.runs, means, cells, tested, how.confidence)
+
+
+def _settled(result: Result, laws: Sequence[int]) -> Array | None:
+    """Runs that settled, by point and law; None where that was not stored."""
+    if not result.has("settled"):
+        return None
+    return np.count_nonzero(result.metric("settled")[:, laws] > 0, axis=-1)
+
+
+def _largest(p_values: Array, comparable: Array) -> Array:
+    """Of the tests of each point against the laws that failed as rarely as the best; 0 if none."""
+    rivals = comparable[:, 1:]
+    known = np.where(rivals, p_values, 0.0)  # NaN, of too few values, decides
+    return known.max(axis=-1)
 
 
 def _intervals(rows: Array, how: Resampling, steps: Steps) -> Array:
@@ -205,38 +239,3 @@ def _adjusted(p_values: Array) -> Array:
     if known.any():
         found[known] = false_discovery_control(p_values[known], method="by")
     return found
-
-
-def _cell(
-    point: int,
-    costs: Array,
-    means: Array,
-    places: dict[tuple[int, int], int],
-    ends: Array,
-    adjusted: Array,
-    level: float,
-    failed: Array,
-    censored: Array,
-) -> Cell:
-    # Of laws with more failed runs the survivors say nothing: they come last.
-    order = np.lexsort((np.where(np.isfinite(costs), costs, np.inf), failed))
-    best, runner_up = int(order[0]), int(order[1])
-    rivals = [law for law in order[1:].tolist() if failed[law] == failed[best]]
-    tests = [adjusted[places[min(best, law), max(best, law)]] for law in rivals]
-    p_value = max(tests, default=0.0 if np.isfinite(costs[best]) else np.nan)
-    end = ends[places[min(best, runner_up), max(best, runner_up)]]
-    mean, low, high = end if best < runner_up else -end[[0, 2, 1]]
-    relative = mean / means[runner_up] if means[runner_up] else np.nan
-    return Cell(
-        point=point,
-        best=best,
-        runner_up=runner_up,
-        wins=bool(p_value <= level),
-        p_value=float(p_value),
-        difference=float(mean),
-        low=float(low),
-        high=float(high),
-        relative=float(relative),
-        failed=tuple(map(int, failed)),
-        censored=tuple(map(int, censored)),
-    )

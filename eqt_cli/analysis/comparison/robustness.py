@@ -1,5 +1,6 @@
 """How far a number may go before runs no longer settle, law by law."""
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -24,14 +25,15 @@ class Tested:
         Of the swept number.
     settled, runs
         How many runs have settled at their end, of how many; a failed run has not.
-    low
-        The lower end of the Wilson interval of the share.
+    low, high
+        The ends of the Wilson interval of the share.
     """
 
     value: float
     settled: int
     runs: int
     low: float
+    high: float
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,8 @@ class Reach:
         The label of the law, and the value of the other swept key, if there is one.
     values
         All that were tested, rising.
+    easiest
+        The one at which most runs of all laws settle.
     lowest, highest
         The ends of the range that holds the easiest value, and in which every tested value has a
         lower bound of at least the share that is asked for; None where the easiest has not.
@@ -52,6 +56,7 @@ class Reach:
     law: str
     other: str
     values: list[Tested]
+    easiest: Tested
     lowest: float | None
     highest: float | None
 
@@ -101,14 +106,16 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
         values, counts = across.values[points], settled[points].sum(axis=-1)
         total = counts.sum(axis=-1)
         easiest = int(np.lexsort((np.abs(values), -total))[0])
-        name = other.at(int(points[0])) if other else ""
+        name = f"{other.key} {other.at(int(points[0]))}" if other else ""
         for law, label in enumerate(result.labels):
             tested = [
-                Tested(value, n, result.runs, share(n, result.runs, confidence).low)
+                Tested(value, n, result.runs, *share(n, result.runs, confidence)[1:])
                 for value, n in zip(values.tolist(), counts[:, law].tolist(), strict=True)
             ]
             holds = np.array([each.low >= wanted for each in tested])
-            found.append(Reach(label, name, tested, *_around(values, holds, easiest)))
+            found.append(
+                Reach(label, name, tested, tested[easiest], *_around(values, holds, easiest))
+            )
     return across, found
 
 
@@ -141,25 +148,23 @@ def robustness_table(
 ) -> tuple[TextTable, list[dict[str, Any]]]:
     """How far each law carries, as a table, and every tested value as plain data."""
     across, found = reaches(result, wanted, confidence)
+    needed = runs_to_show(wanted, confidence)
     blocks: dict[str, list[list[str]]] = {}
     for each in found:
-        row = [
-            write.text(result.titled[each.law]),
-            *(_end(each, above, write) for above in (False, True)),
-        ]
+        row = [write.text(result.titled[each.law]), *_ends(each, wanted, needed, write)]
         blocks.setdefault(each.other, []).append(row)
     runs = result.runs
-    most = share(runs, runs, confidence).low
     notes = [
         "A law carries as far as every tested value has a share of settled runs whose "
         f"{100 * confidence:g} % Wilson interval begins at {wanted:g} or above. A failed run has "
         "not settled. In parentheses: the first value tested beyond, the share there, and its "
         "lower bound."
     ]
-    if most < wanted:
+    if runs < needed:
+        most = share(runs, runs, confidence).low
         notes.append(
             f"{runs} runs cannot show {wanted:g}: even if all settle, the interval begins at "
-            f"{most:.2f}. Take more runs, or ask for less."
+            f"{most:.2f}. Use {needed} runs or more (ensemble.runs), or a smaller --share."
         )
     table = TextTable(
         "robustness",
@@ -177,11 +182,34 @@ def robustness_table(
     return table, records
 
 
+def runs_to_show(wanted: float, confidence: float) -> int:
+    """The fewest runs whose Wilson interval begins at a share or above if all of them settle.
+
+    Of n runs that all settle it begins at n / (n + z²).
+    """
+    from scipy.special import ndtri  # slow to import
+
+    z = float(ndtri((1 + confidence) / 2))
+    return math.ceil(z**2 * wanted / (1 - wanted))
+
+
+def _ends(each: Reach, wanted: float, needed: int, write: Plain) -> tuple[str, str]:
+    """Both ends of the range; where there is none, whether the runs show that, or are too few."""
+    if each.lowest is not None:
+        return _end(each, False, write), _end(each, True, write)
+    easiest = each.easiest
+    if easiest.high < wanted:
+        return "nowhere", "-"
+    if easiest.runs < needed:
+        return write.text(f"undecided: {easiest.runs} runs, {needed} are needed"), "-"
+    settled = easiest.settled / easiest.runs
+    interval = f"{settled:.2f} [{easiest.low:.2f}, {easiest.high:.2f}]"
+    return write.text(f"undecided: {interval} at {easiest.value:.4g}"), "-"
+
+
 def _end(each: Reach, above: bool, write: Plain) -> str:
     """One end of the range, and what was found beyond it."""
     end = each.highest if above else each.lowest
-    if end is None:
-        return "nowhere"
     beyond = each.beyond(above=above)
     if beyond is None:
         return write.number(f"{end:.4g}") + write.text(" (all tested)")

@@ -16,8 +16,8 @@ from eqt_cli.results.result import PerRun
 _KEYS = 3
 """A row is about a measure over a window, in a unit."""
 
-FEW = 10
-"""Pairs below which intervals are rough."""
+FEW = 20
+"""Pairs below which intervals hold less often than they say (docs/explanation/statistics.md)."""
 
 
 def text_tables(
@@ -161,8 +161,8 @@ def _pair_notes(comparison: Comparison, shown: Sequence[Pair]) -> list[str]:
     fewest = min((pair.pairs for pair in shown), default=FEW)
     if fewest < FEW:
         notes.append(
-            f"Intervals from fewer than {FEW} pairs are rough, and there are none from fewer than "
-            f"{FEWEST}; here are {fewest}."
+            f"Here are {fewest} pairs. From fewer than {FEW}, an interval may hold less often than "
+            f"its confidence says; from fewer than {FEWEST}, there is none."
         )
     return notes
 

@@ -84,17 +84,17 @@ class Winners(OfSweep):
         share = f"{100 * (1 - self.confidence):g} %"
         swept.remarks += [
             "Numbers: lead over the next law in per cent of its mean.",
-            f"{found.tests} paired tests over {found.runs} runs a point; at most {share} of "
-            "the wins are false, in expectation.",
+            f"{found.tests} points tested, {found.runs} runs each; expected share of false wins "
+            f"≤ {share}.",
         ]
         return drawing
 
 
 def _number_leads(panel: Axes, cells: Cells, found: Map) -> None:
     for cell in found.cells:
-        if cell.winner != NOBODY and np.isfinite(cell.relative):
+        if cell.winner != NOBODY and np.isfinite(cell.lead.value):
             place = cells.columns[cell.point], cells.rows[cell.point]
-            text = f"{100 * abs(cell.relative):.2g}"
+            text = f"{100 * abs(cell.lead.value):.2g}"
             panel.annotate(text, place, ha="center", va="center", fontsize="small")
 
 
