@@ -117,6 +117,13 @@ def test_gusts_have_the_variance_that_is_asked_for():
     assert given["phase"].shape == (SINES, 3)
 
 
+def test_phases_of_gusts_are_any():
+    gust = Gust(std=0.3, time_constant=2.0)
+    phases = np.array([gust.numbers(SO3, np.random.default_rng(k))["phase"] for k in range(20)])
+    assert 0 <= phases.min() < 0.1
+    assert 2 * np.pi - 0.1 < phases.max() < 2 * np.pi
+
+
 def test_a_limit_cuts_along_each_axis_or_keeps_the_direction():
     command, none = np.array([[3.0, -0.2, 4.0]]), np.zeros((1, 0))
     each, whole = Limit(limit=1.0), Limit(limit=1.0, norm=True)
@@ -377,6 +384,10 @@ def test_numbers_that_must_be_positive_are_drawn_until_they_are():
         (
             "plant: {forces: [{kind: gust, std: -0.1, time_constant: 1}]}",
             "plant.forces[0].std: expected a standard deviation of at least 0, got -0.1",
+        ),
+        (
+            "plant: {forces: [{kind: gust, std: 0.1, time_constant: 0}]}",
+            "plant.forces[0].time_constant: expected a number greater than 0, got 0",
         ),
     ],
 )
