@@ -62,6 +62,7 @@ def test_commands_and_snippets(page, folder, monkeypatch):
         docs_runner.carry_out(_text(page))
 
 
+@pytest.mark.slow("computes the 800 runs of the paper")
 @pytest.mark.skipif(find_spec("heyoka") is None, reason="800 runs take seconds with taylor only")
 def test_table_of_the_first_tutorial(folder):
     """Its digits do not depend on the engine; the energy residuals, in the last column, do."""

@@ -462,6 +462,7 @@ def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, tmp_path, text):
     assert execute(make(text), out, rerun_failed=True).was_complete
 
 
+@pytest.mark.slow("computes every run twice, and once more by itself")
 def test_rerun_failed_integrates_failed_runs_alone(make, tmp_path):
     """With a limit of steps that a block of three exceeds by its stricter tolerance only."""
     out = tmp_path / "out"

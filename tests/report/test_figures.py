@@ -57,6 +57,7 @@ def test_label_says_what_is_drawn(svg):
     assert 'role="img" aria-label="what it shows"' in svg
 
 
+@pytest.mark.slow("draws every figure of a page, which the tests of pages do too")
 def test_figures_of_a_result(paper_result):
     with open_result(paper_result) as results:
         drawn, remarks = inline_figures(results, DEFAULT)

@@ -139,6 +139,7 @@ def test_results_without_trajectories_have_a_page(make_result):
     assert "needs the trajectories of" in text
 
 
+@pytest.mark.slow("verifies a result for one figure")
 def test_command_writes_the_page(invoke, paper_result, tmp_path):
     done = invoke("report", paper_result, "--out", tmp_path / "page.html", "--figure", "torque")
     assert done.stdout.startswith(f"report   {tmp_path / 'page.html'}  (")

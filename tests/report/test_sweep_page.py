@@ -88,6 +88,7 @@ def test_its_figures_are_those_of_sweeps(text):
     assert 'id="picker"' not in text and 'id="claims"' not in text and "All points" in text
 
 
+@pytest.mark.slow("computes a sweep of eight points, and draws its page")
 def test_three_keys_leave_out_the_maps_with_a_remark(invoke, tmp_path):
     grids = [
         word

@@ -223,6 +223,17 @@ def test_the_law_is_told_what_is_measured(solved, kind, offset):
             "actuators: [{kind: rate_limit, rate: 1}]",
             "actuators[0]: rate_limit acts at control instants; set control.period",
         ),
+        *(
+            (
+                f"actuators: [{{kind: {kind}, {option}: 1}}]",
+                f"actuators[0]: {kind} acts at control instants; set control.period",
+            )
+            for kind, option in (
+                ("quantisation", "resolution"),
+                ("deadband", "width"),
+                ("momentum_limit", "momentum"),
+            )
+        ),
         (
             "control: {period: 0.1}\n"
             "actuators: [{kind: lag, time_constant: 1}, {kind: rate_limit, rate: 1}]",

@@ -10,6 +10,7 @@ from eqt_cli.config.source import read_config
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.expressions import parse
+from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.experiment.build import build
 from eqt_cli.groups import group_named
@@ -22,6 +23,7 @@ from eqt_cli.vehicle.actuators.lag import Lag
 from eqt_cli.vehicle.actuators.limit import Limit
 from eqt_cli.vehicle.actuators.momentum_limit import MomentumLimit
 from eqt_cli.vehicle.actuators.quantisation import Quantisation
+from eqt_cli.vehicle.actuators.rate_limit import RateLimit
 from eqt_cli.vehicle.forces.drag import Drag
 from eqt_cli.vehicle.forces.gravity_gradient import GravityGradient
 from eqt_cli.vehicle.forces.gust import SINES, Gust
@@ -29,6 +31,7 @@ from eqt_cli.vehicle.forces.restoring import Restoring
 from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia, VaryingInertia
 from eqt_cli.vehicle.numbers import Normal, Uniform, drawn, is_drawn, lowest
 from eqt_cli.vehicle.sensors.bias import Bias
+from eqt_cli.vehicle.sensors.noise import Noise
 
 SO3, SE3 = group_named("SO3"), group_named("SE3")
 ROUNDING = 1e-14
@@ -114,6 +117,13 @@ def test_gusts_have_the_variance_that_is_asked_for():
     assert given["phase"].shape == (SINES, 3)
 
 
+def test_phases_of_gusts_are_any():
+    gust = Gust(std=0.3, time_constant=2.0)
+    phases = np.array([gust.numbers(SO3, np.random.default_rng(k))["phase"] for k in range(20)])
+    assert 0 <= phases.min() < 0.1
+    assert 2 * np.pi - 0.1 < phases.max() < 2 * np.pi
+
+
 def test_a_limit_cuts_along_each_axis_or_keeps_the_direction():
     command, none = np.array([[3.0, -0.2, 4.0]]), np.zeros((1, 0))
     each, whole = Limit(limit=1.0), Limit(limit=1.0, norm=True)
@@ -134,6 +144,23 @@ def test_a_limit_is_reached_by_more_than_it():
     np.testing.assert_array_equal(most, [1.0, 2.0, 3.0])
     sizes, most = whole.most(SO3, command[:1], given)  # of the ellipsoid, in its longest axis
     assert (sizes.item(), most.item()) == (pytest.approx(3 * np.sqrt(3)), 3.0)
+
+
+def test_a_limit_of_the_norm_counts_in_units_of_the_limits():
+    part, command = Limit(limit=[1.0, 2.0, 4.0], norm=True), np.diag([2.0, 2.0, 2.0])
+    given, none = part.numbers(SO3, None), np.zeros((3, 0))
+    found = part.output(SO3, command, none, given)
+    np.testing.assert_allclose(found, np.diag([1.0, 2.0, 2.0]), atol=ROUNDING)
+    assert part.at_limit(SO3, command, none, given).tolist() == [True, False, False]
+
+
+def test_what_rounding_takes_from_a_command_is_no_limit():
+    part, x = RateLimit(rate=1e6), np.full((50, 3), 1000 * np.pi)
+    given, command = part.numbers(SO3, None), np.linspace(2.0, 20.0, 150).reshape(50, 3)
+    after = part.step(SO3, command, x, given, period=1.0)
+    assert (after != command).any()
+    assert not part.at_limit(SO3, command, after, given).any()
+    assert part.at_limit(SO3, command + 1e-6, after, given).all()
 
 
 def test_quantisation_gives_the_nearest_multiple():
@@ -181,6 +208,13 @@ def test_gravity_gradient_is_the_torque_of_point_masses(G):
     assert not found[3:].any()
 
 
+def test_gravity_pulls_no_torque_from_a_body_that_is_in_line_with_it():
+    force = GravityGradient(rate=0.3, inertia=[1.0, 2.0, 2.5])
+    found = acting(force, SE3, np.eye(4)[None], np.zeros((1, 6)))
+    np.testing.assert_array_equal(found, np.zeros((1, 6)))
+    assert force.instants().size == 0
+
+
 def test_a_lag_follows_its_command():
     lag = Lag(time_constant=0.5)
     rate = lag.state_rate(SO3, np.ones((1, 3)), np.full((1, 3), 0.25), lag.numbers(SO3, None))
@@ -214,6 +248,30 @@ def test_sensors_err_by_nothing_unless_told():
     walk, value = Bias(walk=0.3).errors(SO3, 5, 0.1, random(0)), Bias(value=[1.0, 2.0, 3.0])
     assert not walk[0].any() and walk[1:].all()
     np.testing.assert_array_equal(value.errors(SO3, 5, 0.1, random(0)), [[1.0, 2.0, 3.0]] * 5)
+    assert not Noise(density=0.0).errors(SO3, 5, 0.1, random(0)).any()
+
+
+@pytest.mark.parametrize(
+    ("part", "place"),
+    [
+        (Bias(value=Uniform([2.0, 1.0])), "value.uniform"),
+        (Bias(walk=Uniform([2.0, 1.0])), "walk.uniform"),
+        (Noise(std=Uniform([2.0, 1.0])), "std.uniform"),
+        (
+            Restoring(1.0, centre_of_mass=[0.0, Uniform([2.0, 1.0]), 0.0]),
+            "centre_of_mass[1].uniform",
+        ),
+        (Restoring(1.0, up=[0.0, 1.0, Uniform([2.0, 1.0])]), "up[2].uniform"),
+        (GravityGradient(1.0, [1.0, Uniform([2.0, 1.0]), 1.0]), "inertia[1].uniform"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else type(value).__name__,
+)
+def test_a_distribution_upside_down_is_found_in_every_part(part, place):
+    problems = Problems()
+    part.check(SE3, problems)
+    [problem] = problems
+    expected = (place, "expected the smaller number first, got [2, 1]")
+    assert (problem.path, problem.message) == expected
 
 
 def test_relative_and_constant_inertia():
@@ -326,6 +384,10 @@ def test_numbers_that_must_be_positive_are_drawn_until_they_are():
         (
             "plant: {forces: [{kind: gust, std: -0.1, time_constant: 1}]}",
             "plant.forces[0].std: expected a standard deviation of at least 0, got -0.1",
+        ),
+        (
+            "plant: {forces: [{kind: gust, std: 0.1, time_constant: 0}]}",
+            "plant.forces[0].time_constant: expected a number greater than 0, got 0",
         ),
     ],
 )
