@@ -84,12 +84,15 @@ def _walk(
         states = found.states
         if span.later:
             solution.states[runs, span.first : span.first + span.later] = found.samples
-        solution.steps[runs] += np.where(going, found.steps, 0)
-        lost = np.flatnonzero(~np.isfinite(states).all(axis=1)).tolist()
-        for place, failure in (dict.fromkeys(lost, Failure()) | dict(found.failed)).items():
+        solution.steps[runs] += np.where(going, found.steps, 0) if failed else found.steps
+        ended: dict[int, Failure | None] = dict(found.failed)
+        if not np.isfinite(states).all():
+            lost = np.flatnonzero(~np.isfinite(states).all(axis=1)).tolist()
+            ended = {**dict.fromkeys(lost, Failure()), **ended}
+        for place, failure in ended.items():
             failed.setdefault(place, (span, failure))
             going[place] = False
-        if not going.any():
+        if len(failed) == len(runs):
             break
         reached(span.stop)
     for place, (span, failure) in failed.items():
@@ -127,7 +130,8 @@ class _Reached:
             self._report(fraction)
 
     def finish(self) -> None:
-        self._report(1.0)
+        if self._reported < 1.0:
+            self._report(1.0)
 
     def _report(self, fraction: float) -> None:
         self._progress((fraction - self._reported) * self._runs)
