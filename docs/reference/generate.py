@@ -15,6 +15,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -397,6 +398,54 @@ def equations() -> Iterator[str]:
         for entry in entries
     ]
     yield from table(["paper", "what", "in eqt", "test"], rows)
+
+
+@part
+def proofs() -> Iterator[str]:
+    """What `eqt verify --exact` proves of every shipped configuration."""
+    from eqt_cli import api
+    from eqt_cli.analysis.certificates import Verdict
+    from eqt_cli.analysis.verification import identities_of
+    from eqt_cli.config import shipped
+    from eqt_cli.config.source import read_config
+    from eqt_cli.experiment.config_at_point import without_sweep
+    from eqt_cli.experiment.read_study import study
+
+    lines: list[list[str]] = []
+    known: dict[tuple[str, str], list[Any]] = {}
+    for path in sorted(shipped.folder().glob("*.yaml")):
+        source = without_sweep(read_config(path, []))
+        experiment = api.LoadedExperiment(study(source, trust_plugins=False)).experiment
+        first = next(iter(experiment.loops.values()))
+        place = f"{experiment.group.name} {type(first.inertia)} {first.vehicle.is_ideal}"
+        # The states of a proof are free, so that equal laws on one group have equal proofs.
+        laws = {label: (place, repr(loop.controller)) for label, loop in experiment.loops.items()}
+        of_none = place, repr(first.reference)
+        new = [label for label, key in laws.items() if key not in known]
+        if new or of_none not in known:
+            loops = {label: experiment.loops[label] for label in new or laws}
+            found = identities_of(replace(experiment, loops=loops), exact=True)
+            for label, key in {"": of_none, **{label: laws[label] for label in loops}}.items():
+                known[key] = [row for row in found if row.controller == label]
+        rows = [row for key in (of_none, *laws.values()) for row in known[key]]
+        proved = [row for row in rows if row.verdict is Verdict.PROVED]
+        others = [row.name for row in rows if row.not_proved]
+        degrees = [row.degree for row in proved]
+        points = sorted({row.points for row in proved})
+        lines.append(
+            [
+                code(path.stem),
+                experiment.group.name,
+                str(len(proved)),
+                f"{min(degrees)} to {max(degrees)}",
+                " or ".join(map(str, points)),
+                f"{max(row.probability for row in proved):.0e}",
+                str(len(others)),
+            ]
+        )
+    yield from table(
+        ["configuration", "group", "proved", "degree", "states", "largest p", "not proved"], lines
+    )
 
 
 @part

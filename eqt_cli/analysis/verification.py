@@ -12,10 +12,10 @@ from eqt_cli.analysis.certificates.base import Row, Verdict
 from eqt_cli.analysis.evidence.exact_states import ExactStates
 from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.analysis.evidence.runs import Runs, Setting
-from eqt_cli.analysis.evidence.sample import Sample, sampled
+from eqt_cli.analysis.evidence.sample import sampled
 from eqt_cli.analysis.oracles import Oracle
 from eqt_cli.analysis.oracles.rows import oracle_rows
-from eqt_cli.closed_loop import ClosedLoop, ErrorSystem
+from eqt_cli.closed_loop import ErrorSystem
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.error_origin import blamed
@@ -235,14 +235,9 @@ class _Verifier:
         loops, horizon = self.experiment.loops, float(self.experiment.times[-1])
         finite = np.isfinite(Qd).all(axis=(-2, -1)) & np.isfinite(Vd).all(axis=-1)
         times = np.linspace(0.0, horizon, len(Qd))[finite]
-        any_loop = replace(next(iter(loops.values())), controller=EqT())
-        common, *samples = (
-            self._sampled(label, loop, horizon, index)
-            for index, (label, loop) in enumerate([("", any_loop), *loops.items()])
-        )
         rigid = self.experiment.config.rigid is not False
         rows = [
-            *identity_rows(common, samples, self.steps),
+            *identities_of(self.experiment, self.steps, exact=self.exact),
             *trajectory_rows(runs),
             *hypothesis_rows(Setting(loops, times, Qd[finite], Vd[finite], rigid)),
             *self._of_oracles(),
@@ -251,19 +246,36 @@ class _Verifier:
         count = sum(each.count for each in runs) + failed
         return Verification(rows, count, failed, self.experiment)
 
-    def _sampled(self, label: str, loop: ClosedLoop, horizon: float, index: int) -> Sample:
-        """The states at which identities are looked at; 0 is of no law."""
-        found = sampled(label, loop, horizon, self._random(index))
-        if not self.exact:
-            return found
-        random = self._random(index, Stream.EXACT_STATES)
-        return replace(found, exact=ExactStates(label, loop, random))
-
     def _of_oracles(self) -> Iterator[Row]:
         """What other programs say."""
         for index, oracle in enumerate(self.oracles, start=len(self.experiment.loops) + 1):
-            yield from oracle_rows(oracle, self.experiment, self._random(index))
+            yield from oracle_rows(oracle, self.experiment, _random(self.experiment, index))
 
-    def _random(self, index: int, stream: Stream = Stream.CERTIFICATES) -> np.random.Generator:
-        """What a law's states are drawn from, or an oracle's; 0 is of no law."""
-        return generator(self.experiment.config.ensemble.seed, stream, index)
+
+def identities_of(
+    experiment: Experiment, steps: Steps = SILENT, *, exact: bool = False
+) -> list[Row]:
+    """Check every identity of an experiment, which needs no runs.
+
+    Parameters
+    ----------
+    exact
+        Whether they are to be proved.
+    """
+    loops, horizon = experiment.loops, float(experiment.times[-1])
+    any_loop = replace(next(iter(loops.values())), controller=EqT())
+    samples = []
+    for index, (label, loop) in enumerate([("", any_loop), *loops.items()]):
+        sample = sampled(label, loop, horizon, _random(experiment, index))
+        if exact:
+            random = _random(experiment, index, Stream.EXACT_STATES)
+            sample = replace(sample, exact=ExactStates(label, loop, random))
+        samples.append(sample)
+    return identity_rows(samples[0], samples[1:], steps)
+
+
+def _random(
+    experiment: Experiment, index: int, stream: Stream = Stream.CERTIFICATES
+) -> np.random.Generator:
+    """What a law's states are drawn from, or an oracle's; 0 is of no law."""
+    return generator(experiment.config.ensemble.seed, stream, index)
