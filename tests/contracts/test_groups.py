@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from eqt_cli.analysis.evidence.exact import Exact, free
+
 # Tens of last places, where SciPy's rigid motions leave their series; as in tests/groups.
 ROUNDING = 5e-13
 
@@ -76,3 +78,14 @@ def test_motion_along_an_element_is_its_exponential(elements):
         along, moved = (f(numbers, 0.7 * rates) for f in (G.along, G.exp_along))
         assert np.abs(G.Ad(frame, along) - 0.7 * V).max() < ROUNDING
         assert np.abs(frame @ moved @ G.inverse(frame) - G.exp(0.7 * V)).max() < ROUNDING
+
+
+def test_cayleys_transform_is_rational_and_stays_in_the_group(elements):
+    """In floats up to rounding; in exact numbers Q⁻¹Q is I."""
+    for G, _, V, *_ in elements:
+        poses = G.cayley(V)
+        assert max(G.violation(Q) for Q in poses.reshape(-1, G.size, G.size)) < ROUNDING
+        c = np.array([[free(3 * k - 4) / 7 for k in range(G.dimension)]], dtype=object)
+        Q = G.cayley(c)
+        product = G.inverse(Q) @ Q - G.identity
+        assert not any(Exact.of(entry).numerator for entry in product.flat)

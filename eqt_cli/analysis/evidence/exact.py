@@ -351,8 +351,9 @@ def _inverse(matrix: Array) -> Array:
     factors, constant = flat[0].factors, flat[0].constant
     for x in flat[1:]:
         factors, constant = _common(factors, x.factors), _multiple(constant, x.constant)
-    rows = [[_integer(_over(x, factors, constant)) for x in row] for row in entries]
-    degree = max(x.degree + _degree(_beyond(factors, x.factors)) for x in flat)
+    over_all = [[_over(x, factors, constant) for x in row] for row in entries]
+    rows = [[_integer(numerator) for numerator, _ in row] for row in over_all]
+    degree = max(degree for row in over_all for _, degree in row)
     adjugate, determinant = _adjugate(rows, degree)
     n = len(rows)
     over = Exact(determinant, n * degree)
@@ -446,13 +447,11 @@ def _noted(name: str) -> Ledger:
 
 
 def _sum(a: Exact, b: Exact) -> Exact:
-    if a.factors is b.factors and a.constant == b.constant:
+    if a.constant == b.constant and (a.factors is b.factors or a.factors == b.factors):
         return Exact(a.numerator + b.numerator, max(a.degree, b.degree), a.constant, a.factors)
-    factors = a.factors if a.factors is b.factors else _common(a.factors, b.factors)
-    constant = _multiple(a.constant, b.constant)
-    degree = max(x.degree + _degree(_beyond(factors, x.factors)) for x in (a, b))
-    numerator = sum(_over(x, factors, constant) for x in (a, b))
-    return Exact(numerator, degree, constant, factors)
+    factors, constant = _common(a.factors, b.factors), _multiple(a.constant, b.constant)
+    (left, left_degree), (right, right_degree) = (_over(x, factors, constant) for x in (a, b))
+    return Exact(left + right, max(left_degree, right_degree), constant, factors)
 
 
 def _product(a: Exact, b: Exact) -> Exact:
@@ -499,10 +498,13 @@ def _integer(number: Whole) -> int:
     return number
 
 
-def _over(x: Exact, factors: Factors, constant: int) -> Whole:
-    """The numerator over a multiple of the denominator."""
-    found = x.numerator * (constant // x.constant)
-    return found if factors is x.factors else found * _value(_beyond(factors, x.factors))
+def _over(x: Exact, factors: Factors, constant: int) -> tuple[Whole, int]:
+    """The numerator over a multiple of the denominator, and its degree."""
+    numerator = x.numerator if constant == x.constant else x.numerator * (constant // x.constant)
+    missing = _beyond(factors, x.factors)
+    if not missing:
+        return numerator, x.degree
+    return numerator * _value(missing), x.degree + _degree(missing)
 
 
 def _value(factors: Factors) -> int:
@@ -527,8 +529,10 @@ def _common(a: Factors, b: Factors) -> Factors:
 
 def _beyond(a: Factors, b: Factors) -> Factors:
     """What of a is not in b."""
-    if not b:
+    if not a or not b:
         return a
+    if a is b:
+        return _NONE
     return {each: power - b.get(each, 0) for each, power in a.items() if power > b.get(each, 0)}
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from typing import Any, Self
 
 import numpy as np
@@ -10,32 +9,35 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 
 
-class Number(ABC):
-    """A number that carries its time derivative through any law."""
+class Number:
+    """A number that carries its time derivative through any law.
+
+    It is no abstract base class, since these make `isinstance` slow, which arithmetic asks often.
+    """
 
     __slots__ = ()
 
     @classmethod
-    @abstractmethod
     def of(cls, x: Any) -> Self:
         """A number of this kind, or a float, as a number of this kind."""
+        raise NotImplementedError
 
     @property
-    @abstractmethod
     def nearest(self) -> float:
         """The nearest float, or one next to it."""
+        raise NotImplementedError
 
-    @abstractmethod
     def derivative(self) -> Self:
         """Its rate of change as a number of its own, which does not move."""
+        raise NotImplementedError
 
-    @abstractmethod
     def moving(self, rate: Self) -> Self:
         """The same value with another rate."""
+        raise NotImplementedError
 
-    @abstractmethod
     def granted(self, error: float) -> Self:
         """The same with an error of this size; exact numbers have none."""
+        raise NotImplementedError
 
 
 def rate_of(numbers: Array) -> Array:
