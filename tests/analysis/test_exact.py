@@ -18,7 +18,8 @@ from eqt_cli.analysis.evidence.exact import (
 )
 from eqt_cli.analysis.evidence.numbers import rate_of, with_rate
 from eqt_cli.core import arrays
-from eqt_cli.core.arrays import inverse_spd
+from eqt_cli.core.arrays import FUNCTIONS, inverse_spd
+from eqt_cli.core.differentiation import slope
 
 integers = st.integers(-50, 50)
 others = integers.filter(bool)
@@ -96,6 +97,7 @@ def test_what_is_constant_is_so_for_all_states():
 
 
 def test_floats_are_the_dyadic_numbers_that_they_are():
+    assert (free(1) * np.int64(3)).value == 3
     assert (free(1) * 0.1).value == Fraction(3602879701896397, 36028797018963968)
 
 
@@ -214,6 +216,18 @@ def test_roots_are_reduced_by_their_equation():
         assert is_zero((1 / (one + two)) * (one + two), 1)
         assert not is_zero(one * two, two)
         assert one.degree == 1
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_what_is_known_at_0_is_no_parameter(name):
+    if name in ("log", "acos", "acosh", "abs", "sqrt"):
+        pytest.skip("its value at 0 is none, not rational, or its rate is none")
+    known = ledger()
+    with noting(known):
+        found = Exact(0).moving(free(5)).apply(name)
+    assert known.functions == set()
+    assert found.value == getattr(np, name)(0.0)
+    assert found.derivative().value == 5 * slope(name, 0.0)
 
 
 def test_a_root_of_a_square_of_a_constant_is_rational():

@@ -12,7 +12,7 @@ import pytest
 from eqt_cli.analysis.certificates import Verdict, certificates
 from eqt_cli.analysis.certificates.base import Identity, LiteralForm
 from eqt_cli.analysis.certificates.duality_and_exponential import Drift, DualBracket, Exponential
-from eqt_cli.analysis.certificates.published_laws import GoodarziForm
+from eqt_cli.analysis.certificates.published_laws import GoodarziForm, SmallErrors
 from eqt_cli.analysis.certificates.semidirect_group import LeftInvariance
 from eqt_cli.analysis.certificates.so3_laws import SO3EqT
 from eqt_cli.analysis.certificates.stabilisation import CriticalPoints
@@ -155,6 +155,7 @@ def test_a_bounded_integral_is_proved_where_tanh_is_a_parameter():
     found = row(GoodarziForm(), loop)
     assert found.verdict is Verdict.PROVED
     assert found.remark == "degree 29, 3 states, p ≤ 1.3e-52; tanh() is a free parameter"
+    assert row(SmallErrors(), loop).verdict is Verdict.PROVED
     found = row(LyapunovRate(), loop)
     assert found.verdict is Verdict.HOLDS
     assert re.fullmatch(

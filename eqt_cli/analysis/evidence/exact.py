@@ -140,7 +140,8 @@ class Exact(Number):
             return x
         if isinstance(x, float | np.floating) and not isfinite(x):
             raise ValueError(f"{x} is no number to compute with exactly")
-        numerator, denominator = x.as_integer_ratio()
+        ratio = int(x) if isinstance(x, np.integer) else x
+        numerator, denominator = ratio.as_integer_ratio()
         return cls(int(numerator), 0, int(denominator))
 
     @property
@@ -414,6 +415,8 @@ def _root(x: Exact) -> Exact:
 
 def _free_value(name: str, x: Exact) -> Exact:
     """A parameter, or what follows from one where several functions have one argument."""
+    if x._is_zero() and name in _AT_ZERO:
+        return Exact(_AT_ZERO[name])
     ledger = _noted(name)
     if name in ("sin", "cos", "tan"):
         half = ledger.value("tan(x/2)", x, ledger.parameter)
@@ -434,6 +437,15 @@ def _free_value(name: str, x: Exact) -> Exact:
             }[name]
         )
     return ledger.value(name, x, ledger.parameter)
+
+
+_AT_ZERO = {
+    **dict.fromkeys("sin tan asin atan sinh tanh asinh atanh".split(), 0),
+    **dict.fromkeys("cos cosh exp".split(), 1),
+}
+"""Values that are known without a parameter."""
+    "cos cosh exp".split(), 1
+)
 
 
 def _noted(name: str) -> Ledger:
