@@ -768,6 +768,9 @@ ELSEWHERE = {
     "public copy of a logarithmic law: J transposed": "analysis/test_published_faults.py",
     "public copy of Lee 2012: k_R twice": "analysis/test_published_faults.py",
     "public copy of Goodarzi 2013: no feedforward": "analysis/test_published_faults.py",
+    "a term of 1e-30 in a law": "analysis/test_exact_proofs.py",
+    "two factors exchanged, with a weight of 1e-30": "analysis/test_exact_proofs.py",
+    "Ad of the inverse, with a weight of 1e-30": "analysis/test_exact_proofs.py",
 }
 """Faults that the tests of another file plant, or of which `eqt verify` says nothing."""
 

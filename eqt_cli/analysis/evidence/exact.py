@@ -444,8 +444,6 @@ _AT_ZERO = {
     **dict.fromkeys("cos cosh exp".split(), 1),
 }
 """Values that are known without a parameter."""
-    "cos cosh exp".split(), 1
-)
 
 
 def _noted(name: str) -> Ledger:
