@@ -69,6 +69,7 @@ def line(function, s):
         (2, lambda x, y, z: x / y + z),
         (4, lambda x, y, z: x / y + y / z + 1 / (y * z)),
         (2, lambda x, y, z: (x / y) / (z / y) + x),
+        (2, lambda x, y, z: x / (y / z) + 1),
         (4, lambda x, y, z: (x / (1 + y * y)) ** 2 + 1),
         (6, lambda x, y, z: (x / (1 + y * y)) ** 2 + z * (y / (1 + y * y))),
     ],
@@ -118,6 +119,17 @@ def test_an_inverse_and_its_rate():
     # Cramer's rule: cofactors of degree 1 over a determinant of degree 2.
     assert {entry.degree for entry in found.flat} == {1}
     assert (found[0, 0] + free(1)).degree == 3
+
+
+def test_what_must_not_vanish_is_counted():
+    """Of an inverse, both leading minors, of degrees 1 and 2, and the determinant."""
+    known = ledger()
+    with noting(known):
+        inverse(np.array([[free(4), free(1)], [free(2), free(3)]]))
+    assert known.degree == 1 + 2 + 2
+    with noting(known):
+        assert (1 / (free(2) * free(3))).degree == 0
+    assert known.degree == 1 + 2 + 2 + 2
 
 
 def test_an_inverse_of_fractions():

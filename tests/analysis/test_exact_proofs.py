@@ -18,7 +18,7 @@ from eqt_cli.analysis.certificates.so3_laws import SO3EqT
 from eqt_cli.analysis.certificates.stabilisation import CriticalPoints
 from eqt_cli.analysis.certificates.tracking_laws import FeedforwardPower, LyapunovRate, bracket
 from eqt_cli.analysis.evidence import proof
-from eqt_cli.analysis.evidence.exact import Ledger, difference, noting
+from eqt_cli.analysis.evidence.exact import Ledger, difference, free, noting
 from eqt_cli.analysis.evidence.exact_states import ExactStates, Parameters
 from eqt_cli.analysis.evidence.proof import Proof, Refutation, prove, written
 from eqt_cli.analysis.evidence.sample import sampled
@@ -188,6 +188,16 @@ def test_so_many_states_as_the_probability_needs():
     # Schwartz-Zippel, with 2^64 integers a parameter and next to no denominators.
     assert found.probability == pytest.approx((20 / 2**64) ** 3, rel=1e-12)
     assert found.probability < 1e-50
+
+
+@pytest.mark.parametrize(
+    ("divided", "chance"), [(0, Fraction(3, 2**64)), (2**63, Fraction(3, 2**63)), (2**64, 1)]
+)
+def test_the_chance_counts_what_was_compared_and_what_must_not_vanish(divided, chance):
+    ledger = Ledger(lambda: free(1))
+    ledger.degree, ledger.compared = divided, 1
+    at = proof._At([((1, ()), free(0) * free(5))], ledger)
+    assert at.chance == chance
 
 
 @pytest.mark.parametrize("identity", [LyapunovRate(), SO3EqT()])
