@@ -44,9 +44,10 @@ def test_a_folder_that_cannot_be_made_is_named(tmp_path):
     (tmp_path / "file").write_text("")
     path = tmp_path / "file" / "figures" / "paper.pdf"
     with pytest.raises(EqtError) as caught:
-        write({path: b"new"})
+        write({path: b"new"}, tmp_path)
     assert str(caught.value) == (
-        f"{path}: cannot be written: not a directory; choose another folder with out=…"
+        f"{tmp_path / 'file'}: is a file; expected a folder that eqt wrote, or no such entry; "
+        "rename or remove it"
     )
 
 
@@ -55,7 +56,7 @@ def test_a_file_that_cannot_be_replaced_stays_and_nothing_is_left_behind(tmp_pat
     blocked.mkdir()
     (blocked / "inside").write_text("")
     with pytest.raises(EqtError) as caught:
-        write({blocked: b"new"})
+        write({blocked: b"new"}, tmp_path)
     assert str(caught.value) == (
         f"{blocked}: is a folder; expected a file, such as {blocked / 'report.html'}"
     )
@@ -65,7 +66,7 @@ def test_a_file_that_cannot_be_replaced_stays_and_nothing_is_left_behind(tmp_pat
 def test_files_are_replaced(tmp_path):
     path = tmp_path / "paper.pdf"
     path.write_bytes(b"%PDF-1.4\n<< /Creator (eqt 0.0.1) >>")
-    write({path: b"new"})
+    write({path: b"new"}, tmp_path)
     assert path.read_bytes() == b"new"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -74,7 +75,7 @@ def test_files_of_others_are_not_replaced(tmp_path):
     path = tmp_path / "paper.pdf"
     path.write_bytes(b"%PDF-1.4\n<< /Creator (TeX) >>")
     with pytest.raises(EqtError) as caught:
-        write({path: b"new"})
+        write({path: b"new"}, tmp_path)
     assert str(caught.value) == (
         f"{path}: exists, and is no figure or page that eqt wrote; choose another place with out=…"
     )
