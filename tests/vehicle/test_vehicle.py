@@ -168,6 +168,7 @@ def test_quantisation_gives_the_nearest_multiple():
     command = np.array([[0.26, -0.4, 1234.4]])
     found = part.output(SO3, command, none, part.numbers(SO3, None))
     np.testing.assert_allclose(found, [[0.3, -0.5, 1234.0]], rtol=2 * ROUNDING)
+    assert part.sampled
 
 
 def test_a_deadband_swallows_what_is_small_and_nothing_of_the_rest():
@@ -175,6 +176,7 @@ def test_a_deadband_swallows_what_is_small_and_nothing_of_the_rest():
     command = np.array([[0.39, -0.4, -0.9], [-0.39, 0.41, 1.5], [3.0, -7.0, 0.0]])
     found = part.output(SO3, command, none, part.numbers(SO3, None))
     np.testing.assert_array_equal(found, [[0, -0.4, 0], [0, 0.41, 1.5], [3.0, -7.0, 0]])
+    assert part.sampled
 
 
 def test_wheels_take_up_what_they_can():
