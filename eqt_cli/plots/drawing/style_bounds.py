@@ -16,8 +16,15 @@ _LOOKS = (
 ).split()
 """How the keys begin that say how a figure looks."""
 
-_NOT_LOOKS = ("figure.hooks", "savefig.directory", "ps.distiller", "ps.usedistiller")
-"""Keys among them that name code, folders or programs."""
+_NOT_LOOKS = ("figure.hooks", "ps.usedistiller")
+"""Keys among them that name code or programs."""
+
+OF_A_MACHINE = frozenset(
+    "backend backend_fallback date.epoch docstring.hardcopy figure.max_open_warning "
+    "figure.raise_window interactive savefig.directory timezone tk.window_focus toolbar "
+    "webagg.address webagg.open_in_browser webagg.port webagg.port_retries".split()
+)
+"""Keys that Matplotlib itself leaves out of a style; eqt does so, too."""
 
 MOST = 300.0
 """The most of a number that has no bound of its own, such as a size in points."""

@@ -60,10 +60,11 @@ def read_file(path: Path) -> Settings:
                 if key == _CYCLE:
                     style_bounds.check_cycle(value)
                 found[key] = value
-                style_bounds.check(key, found[key], _DEFAULTS.get(key))
+                if key not in style_bounds.OF_A_MACHINE:
+                    style_bounds.check(key, found[key], _DEFAULTS.get(key))
         except (ValueError, TypeError) as error:
             raise EqtError(f"{path}:{number}: the style sheet is wrong: {error}") from error
-    return dict(found)
+    return {key: found[key] for key in found if key not in style_bounds.OF_A_MACHINE}
 
 
 def _setting(line: str) -> Iterator[tuple[str, str]]:
