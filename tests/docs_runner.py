@@ -63,10 +63,13 @@ def blocks(page):
 
 
 def computes(page):
-    """Whether a page has a command that takes its time."""
-    texts = [block.text for block in blocks(page) if block.language == "sh"]
-    found = re.findall(r"^eqt (\S+)", "\n".join(texts), re.M)
-    return any(name not in CHEAP for name in found)
+    """Whether a page has a command that takes its time, or runs an experiment from Python."""
+    texts = {
+        language: "\n".join(block.text for block in blocks(page) if block.language == language)
+        for language in ("sh", "python")
+    }
+    commands = re.findall(r"^eqt (\S+)", texts["sh"], re.M)
+    return "eqt_cli.run(" in texts["python"] or any(name not in CHEAP for name in commands)
 
 
 def carry_out(page):

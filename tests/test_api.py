@@ -246,6 +246,7 @@ def test_what_to_do_is_said_in_python(result):
     )
 
 
+@pytest.mark.slow("runs the tutorial as it stands")
 def test_tutorial_runs_as_it_stands(tmp_path):
     for name in ("configs", "examples"):
         shutil.copytree(ROOT / name, tmp_path / name)
@@ -285,6 +286,7 @@ def test_figures_of_several_results_and_of_certificates(result, tmp_path):
     assert str(caught.value) == "result: expected a result or several, got none"
 
 
+@pytest.mark.slow("writes whole reports")
 def test_reports_are_written_into_the_result_folder(result, tmp_path):
     assert eqt_cli.write_report(result) == result.path / "report.html"
     page = eqt_cli.write_report(result, tmp_path / "page.html", figures=["torque"])
@@ -364,7 +366,15 @@ def examples(tmp_path_factory):
 PUBLIC = [name for name in eqt_cli.__all__ if inspect.isfunction(getattr(eqt_cli, name))]
 
 
-@pytest.mark.parametrize("name", PUBLIC)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.slow("writes a whole report"))
+        if name == "write_report"
+        else name
+        for name in PUBLIC
+    ],
+)
 def test_the_example_of_a_function_works(examples, name, monkeypatch):
     monkeypatch.chdir(examples)
     function = getattr(eqt_cli, name)

@@ -99,6 +99,8 @@ def test_another_experiment_is_refused_with_what_differs(run: Run) -> None:
         "  controllers[1].transport: not given there, 1.0 here\n"
         "  controllers[1].connection: not given there, 0.0 here\n"
         "  controllers[1].damping: not given there, 'spatial' here\n"
+        "  controllers[1].error: not given there, 'spatial' here\n"
+        "  controllers[1].quadratic: not given there, 0.0 here\n"
         "  time.duration: 1.0 there, 2.0 here\n"
         "  solver.block: not given there, 1 here\n"
         "choose another folder with out=…, or replace it with force=True"

@@ -479,6 +479,7 @@ def test_an_alias_bomb_is_refused() -> None:
     )
 
 
+@pytest.mark.slow("reads as many values as a file may have")
 def test_the_most_values() -> None:
     # The mapping, its key and the list are three.
     assert load(f"a: [{'1,' * (MAX_VALUES - 3)}]", "c.yaml").data
@@ -569,6 +570,7 @@ _json = st.recursive(
 )
 
 
+@pytest.mark.slow("writes and reads hundreds of drawn documents")
 @given(st.dictionaries(_texts, _json))
 def test_what_is_written_is_read_back(data: dict[str, Any]) -> None:
     # By their repr, which tells 1 from 1.0 and True, and 0.0 from -0.0.

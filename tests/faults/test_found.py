@@ -87,7 +87,15 @@ def written(**changes):
     )
 
 
-@pytest.mark.parametrize("case", CONFIGURATIONS)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(name, marks=pytest.mark.slow("makes axes of ten million values"))
+        if "10^14" in name
+        else name
+        for name in CONFIGURATIONS
+    ],
+)
 def test_a_configuration_is_refused(folder, invoke, case):
     changes, message = CONFIGURATIONS[case]
     written(**changes)
@@ -220,6 +228,7 @@ def test_numbers_that_no_run_has(result, invoke, name, value, reason):
     refused(invoke, result, "compare", reason)
 
 
+@pytest.mark.slow("writes a whole report")
 def test_a_report_of_a_reference_that_is_no_number(result, invoke):
     with h5py.File(result, "a") as file:
         file["desired_pose"][...] = np.nan

@@ -79,6 +79,7 @@ def test_the_legend_says_what_the_markers_mean_and_remarks_what_has_none(so3, op
     ]
 
 
+@pytest.mark.slow("verifies a result on SE(3)")
 @pytest.mark.parametrize("width", WIDTHS)
 @pytest.mark.parametrize("result", ["so3", "se3"])
 def test_a_verified_result_fits_the_sheet(result, width, opened, request):

@@ -1,6 +1,7 @@
 """The figure of single runs."""
 
 import numpy as np
+import pytest
 
 from eqt_cli.plots.figures import runs
 from eqt_cli.plots.figures.runs import Runs
@@ -41,6 +42,7 @@ def test_the_common_scale_holds_every_run(so3, altered, opened):
     assert high > values.max()
 
 
+@pytest.mark.slow("computes runs that span decades")
 def test_errors_that_span_a_decade_have_a_logarithmic_scale(so3, altered, opened):
     falling = np.broadcast_to(np.geomspace(1, 0.01, 41), opened(so3)["pose_error"].shape)
     for factor, scale in ((falling, "log"), (0.5 + 0.5 * falling, "linear")):

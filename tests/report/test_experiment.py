@@ -62,7 +62,8 @@ def test_own_gains_and_options_of_laws_and_keys_of_the_engine_alone(tmp_path):
         assert [law.own for law in laws(result)] == [
             "",
             "gains: kp 4",
-            "gyroscopic 1, transport 0.2, connection 0, damping spatial",
+            "gyroscopic 1, transport 0.2, connection 0, damping spatial, error spatial, "
+            "quadratic 0",
         ]
         (solver,) = [entry.words for entry in given(result) if entry.name == "Integration"]
     assert solver.startswith("engine taylor, ") and "method" not in solver

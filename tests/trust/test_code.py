@@ -284,7 +284,7 @@ def test_pack_executes_no_plugin_unasked(shards, witness, eqt, forgotten):
     assert (done.code, done.out) == (2, "")
     assert done.err == (
         "1 error in shards/config.yaml\n"
-        "shards/config.yaml:43:11: plugins[0]: the result folder contains "
+        "shards/config.yaml:45:11: plugins[0]: the result folder contains "
         "shards/stored_plugins/0-law.py, which eqt executes only on request; read this file, then "
         "add --trust-plugins\n"
     )

@@ -23,6 +23,7 @@ def read(folder: Path) -> dict[str, Any]:
     return dict(json.loads((folder / "tuning.json").read_text()))
 
 
+@pytest.mark.slow("searches to the end")
 def test_the_shipped_problem_is_solved_to_a_hundredth(tmp_path: Path) -> None:
     """As derived in its file: the first overshoot touches the threshold, at the stiffest spring."""
     config = yaml.safe_load(shipped.text("tune_so2"))
@@ -75,6 +76,7 @@ def test_a_second_session_computes_nothing_and_finds_the_same(
     assert api.tune(small, tmp_path / "t").record == done.record
 
 
+@pytest.mark.slow("searches three times")
 def test_more_generations_go_on_where_fewer_ended(small: dict[str, Any], tmp_path: Path) -> None:
     api.tune(small, tmp_path / "t")
     small["tune"]["budget"] = 3

@@ -91,7 +91,10 @@ def expected(group, case, times):
 
 
 @pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
-@pytest.mark.parametrize("group", ["SO3", "SE3"])
+@pytest.mark.parametrize(
+    "group",
+    ["SO3", pytest.param("SE3", marks=pytest.mark.slow("the plain program takes seconds there"))],
+)
 @pytest.mark.parametrize("name", CASES)
 def test_states_are_those_of_a_plain_program(solved, name, group, engine):
     if engine == "taylor":
