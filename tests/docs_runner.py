@@ -129,7 +129,7 @@ def run_command(line):
     mine = words[2:] and words[2].endswith(".yaml")
     shipped = mine and words[2].startswith("configs/")
     if words[:2] == ["eqt", "sweep"] and mine:
-        words += [*SMALL, *(SHORT + COARSE if shipped else [])]
+        words += SMALL + SHORT + COARSE if shipped else []  # a page's own sweep is as it prints it
     elif words[:2] == ["eqt", "tune"] and shipped:
         words += [*SMALL, *FEW, *SHORT]
     elif words[:2] == ["eqt", "run"] and mine:

@@ -2,9 +2,8 @@
 
 import json
 import os
-import sqlite3
+import subprocess
 import sys
-import warnings
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ import pytest
 from eqt_cli.core.errors import EqtError, EqtWarning
 from eqt_cli.core.files import read_record, text_of
 from eqt_cli.core.regular_files import TEXT_BYTES, content_of, open_regular
-from eqt_cli.engines.taylor import cache_check
+from eqt_cli.engines.taylor import crash_reports
 from eqt_cli.execution.folder_progress import unfinished
 from eqt_cli.store.reader import open_results
 
@@ -306,85 +305,84 @@ def test_a_date_of_builds_that_is_none(sent, eqt, monkeypatch):
 
 # Compiled laws -----------------------------------------------------------------------------------
 
-TABLES = (
-    "CREATE TABLE cache (hash INTEGER PRIMARY KEY, bitcode BLOB, opt_bc BLOB, opt_ir BLOB, "
-    "obj BLOB, size INTEGER)",
-    "CREATE TABLE config (key TEXT PRIMARY KEY, value INTEGER NOT NULL)",
-    "INSERT INTO config VALUES ('total_size', 80)",
-    *(
-        f"INSERT INTO cache VALUES ({key}, x'0{key}', x'02', x'03', x'{'04' * 5000}', 40)"
-        for key in (1, 2)
-    ),
-)
+
+@pytest.fixture
+def compiled(tmp_path):
+    """A folder with a file of compiled laws."""
+    for name in ("cache.db", "cache.db-wal"):
+        (tmp_path / name).write_bytes(b"code")
+    return tmp_path
 
 
 @pytest.fixture
-def cache(tmp_path):
-    """A file as heyoka's, with two laws."""
-    with sqlite3.connect(tmp_path / "cache.db") as data:
-        for table in TABLES:
-            data.execute(table)
-    data.close()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        cache_check.check(tmp_path)
-        cache_check.check(tmp_path)
-    return tmp_path / "cache.db"
+def watch(monkeypatch):
+    """As in a process whose crashes are reported elsewhere, as those of tests are."""
+    monkeypatch.setattr(crash_reports.faulthandler, "is_enabled", lambda: True)
+    return crash_reports.watch
 
 
-def rows(file):
-    data = sqlite3.connect(file)
-    found = [
-        list(data.execute(f"SELECT {what}")) for what in ("hash FROM cache", "value FROM config")
-    ]
-    data.close()
-    return found
-
-
-def test_a_damaged_law_is_compiled_again(cache):
-    content = bytearray(cache.read_bytes())
-    place = content.index(b"\x04" * 100) + 50
-    content[place] ^= 0xFF
-    cache.write_bytes(content)
+def test_a_damaged_law_is_compiled_again(compiled, watch):
+    """A process that used it has crashed, and said so."""
+    (compiled / "crash-7-ab.txt").write_text("Fatal Python error: Illegal instruction\n")
     with pytest.warns(EqtWarning) as told:
-        cache_check.check(cache.parent)
+        watch(compiled)
     assert [str(one.message) for one in told] == [
-        f"{cache}: held compiled laws that were damaged; they are compiled again"
+        f"{compiled}/cache.db: a process that used these compiled laws has crashed; they are "
+        "removed and compiled again"
     ]
-    kept, size = rows(cache)
-    assert len(kept) == 1
-    assert size == [(40,)]
+    assert list(compiled.iterdir()) == []
 
 
-@pytest.mark.parametrize("damage", [b"", b"x" * 5000])
-def test_a_file_that_is_no_database_is_removed(cache, damage):
-    cache.write_bytes(cache.read_bytes()[:4096] + damage)
-    with pytest.warns(EqtWarning):
-        cache_check.check(cache.parent)
-    assert not cache.exists()
+def test_compiled_laws_stay_where_no_process_has_crashed(compiled, watch):
+    gone, here = compiled / f"crash-{2**22 + 1}-ab.txt", compiled / f"crash-{os.getpid()}-cd.txt"
+    for report in (gone, here):
+        report.touch()
+    watch(compiled)
+    assert sorted(path.name for path in compiled.iterdir()) == [
+        "cache.db",
+        "cache.db-wal",
+        here.name,
+    ]
 
 
-@pytest.mark.slow("heyoka compiles a law three times")
-def test_heyoka_survives_damage(sent, tmp_path):
-    pytest.importorskip("heyoka")
-    import subprocess
+def test_a_link_is_no_report(compiled, watch, tmp_path):
+    outside = tmp_path.parent / f"{tmp_path.name}-outside"
+    outside.write_text("kept")
+    (compiled / "crash-7-ab.txt").symlink_to(outside)
+    watch(compiled)
+    assert (compiled / "cache.db").exists()
+    assert outside.read_text() == "kept"
 
-    environment = {**os.environ, "HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    environment.pop("HEYOKA_CACHE_DIR", None)
 
-    def run(out):
-        words = [sys.executable, "-m", "eqt_cli", "run", "c.yaml", "--engine", "taylor"]
-        return subprocess.run(
-            [*words, "--out", out], env=environment, capture_output=True, text=True, check=False
-        )
+CRASHES = """\
+import os, signal, sys
+from pathlib import Path
+from eqt_cli.engines.taylor import crash_reports
+crash_reports.watch(Path("laws"))
+if sys.argv[1:]:
+    os.kill(os.getpid(), getattr(signal, sys.argv[1]))
+"""
 
-    assert run("1").returncode == 0
-    (file,) = tmp_path.rglob("cache.db")
-    assert run("2").returncode == 0  # which notes the sums
-    content = bytearray(file.read_bytes())
-    place = content.index(b"\x7fELF") + 200
-    content[place : place + 512] = bytes(512)
-    file.write_bytes(content)
-    done = run("3")
-    assert done.returncode == 0
-    assert f"{file}: held compiled laws that were damaged; they are compiled again" in done.stderr
+
+def test_the_next_process_knows_of_a_crash(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("PYTHONFAULTHANDLER", raising=False)
+    reports = []
+    for signals in ([], ["SIGKILL"], ["SIGILL"]):
+        command = [sys.executable, "-c", CRASHES, *signals]
+        subprocess.run(command, check=False, capture_output=True)
+        reports.append([path.read_text() for path in Path("laws").iterdir()])
+    assert reports[:2] == [[], [""]]
+    ((said,),) = reports[2:]
+    assert said.startswith("Fatal Python error: Illegal instruction")
+
+
+def test_what_llvm_refuses_is_removed(compiled, watch):
+    watch(compiled)
+    with pytest.raises(EqtError) as caught, crash_reports.damage_told():
+        raise ValueError("The function for adding an object file to an lljit failed.")
+    assert str(caught.value) == (
+        f"{compiled}/cache.db: held damaged compiled laws, and is removed; run the command again; "
+        "it compiles them"
+    )
+    assert list(compiled.iterdir()) == []

@@ -5,6 +5,8 @@ from collections.abc import Callable, Hashable
 from functools import lru_cache
 from typing import TypeVar
 
+from eqt_cli.engines.taylor import crash_reports
+
 Code = TypeVar("Code")
 
 
@@ -13,7 +15,7 @@ def once(compiled: Callable[..., Code], *law: Hashable) -> Code:
 
     Different laws are compiled at the same time: heyoka does so outside Python.
     """
-    with _lock(compiled, law):
+    with _lock(compiled, law), crash_reports.damage_told():
         return compiled(*law)
 
 

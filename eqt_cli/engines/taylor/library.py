@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import Any
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.engines.taylor import cache_check
+from eqt_cli.engines.taylor import crash_reports
 
 CACHED_BYTES = 40_000_000
 """Of compiled laws on disk, dozens of them. heyoka looks through all of its file when a process
@@ -52,7 +52,7 @@ def _bound_the_cache(compiler: Any) -> None:
     if "HEYOKA_CACHE_DIR" in os.environ:
         return
     folder = Path(compiler.get_diskcache_path()).parent / "eqt"
-    cache_check.check(folder)
+    crash_reports.watch(folder)
     compiler.set_diskcache_path(folder)
     with suppress(RuntimeError):  # where nothing can be written, nothing is kept
         compiler.set_diskcache_limit(CACHED_BYTES)
