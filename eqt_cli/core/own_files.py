@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import re
-import stat
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,19 +15,10 @@ from typing import BinaryIO
 
 from eqt_cli.core.errors import EqtError, Remedy
 from eqt_cli.core.files import read_record
+from eqt_cli.core.regular_files import FILE, FOLDER, kind_in_words
 from eqt_cli.core.replacement import name_to_be
 
 # Entries -----------------------------------------------------------------------------------------
-
-FILE, FOLDER = "a file", "a folder"
-
-_KINDS = (
-    (stat.S_ISREG, FILE),
-    (stat.S_ISDIR, FOLDER),
-    (stat.S_ISLNK, "a symbolic link"),
-    (stat.S_ISFIFO, "a named pipe"),
-    (stat.S_ISSOCK, "a socket"),
-)
 
 
 @dataclass(frozen=True)
@@ -72,10 +62,9 @@ Own = OwnFile | OwnFolder
 def kind_of(path: Path) -> str | None:
     """What an entry of a folder is by itself, in words; None where there is none."""
     try:
-        mode = path.lstat().st_mode
+        return kind_in_words(path.lstat().st_mode)
     except (FileNotFoundError, NotADirectoryError):
         return None
-    return next((kind for matches, kind in _KINDS if matches(mode)), "a device")
 
 
 def check_kind(path: Path, expected: str) -> None:

@@ -16,12 +16,14 @@ RECORD_BYTES = 16 * 2**20
 TEXT_BYTES = 4_000_000
 """The most of a text that a user writes: a configuration, a plugin, a style sheet, notes."""
 
+FILE, FOLDER = "a file", "a folder"
+
 _KINDS = (
-    (stat.S_ISFIFO, "a named pipe"),
-    (stat.S_ISCHR, "a device"),
-    (stat.S_ISBLK, "a device"),
-    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISREG, FILE),
+    (stat.S_ISDIR, FOLDER),
     (stat.S_ISLNK, "a symbolic link"),
+    (stat.S_ISFIFO, "a named pipe"),
+    (stat.S_ISSOCK, "a socket"),
 )
 
 _OPEN_FLAGS = (
@@ -31,6 +33,11 @@ _OPEN_FLAGS = (
     | getattr(os, "O_CLOEXEC", 0)
     | getattr(os, "O_BINARY", 0)
 )
+
+
+def kind_in_words(mode: int) -> str:
+    """What an entry of this mode is."""
+    return next((kind for matches, kind in _KINDS if matches(mode)), "a device")
 
 
 class NotRegularError(OSError):
@@ -113,5 +120,5 @@ def _require_regular(found: os.stat_result) -> None:
         return
     if stat.S_ISDIR(found.st_mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
-    kind = next((kind for is_kind, kind in _KINDS if is_kind(found.st_mode)), "no regular file")
+    kind = kind_in_words(found.st_mode)
     raise NotRegularError(errno.EINVAL, f"it is {kind}; expected a regular file")

@@ -13,7 +13,8 @@ from typing import Any
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
 from eqt_cli.core.files import refusals
-from eqt_cli.core.own_files import FILE, check_kind, foreign
+from eqt_cli.core.own_files import check_kind, foreign
+from eqt_cli.core.regular_files import FILE
 from eqt_cli.execution.provenance import now
 
 LOCK = ".lock"
