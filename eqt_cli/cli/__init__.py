@@ -1,7 +1,6 @@
 """The command `eqt`: one file per command; heavy packages are imported inside the commands."""
 
 import atexit
-import errno
 import gc
 import os
 import sys
@@ -21,9 +20,6 @@ INTERRUPTED = "interrupted; run the same command again"
 OBJECTS_BETWEEN_COLLECTIONS = 50_000
 """New objects until Python searches for unreachable ones, instead of its 700 or 2,000: loading
 libraries makes many objects and no garbage."""
-
-FULL = (errno.ENOSPC, errno.EFBIG, getattr(errno, "EDQUOT", errno.ENOSPC))
-"""What a full disk, or a quota, answers."""
 
 
 def main() -> None:
@@ -65,13 +61,13 @@ def _run() -> None:
         _tell(error)
         sys.exit(error.exit_code)
     except OSError as error:
-        if (
-            error.filename is not None
-        ):  # a name that somebody has given, such as one that is too long
+        from eqt_cli.core.replacement import NO_SPACE
+
+        if error.filename is not None:  # a name that somebody has given, such as a too long one
             refused = EqtError(f"{error.filename}: cannot be used: {str(error.strerror).lower()}")
             _tell(refused)
             sys.exit(refused.exit_code)
-        if error.errno not in FULL:
+        if error.errno not in NO_SPACE:
             raise
         # All files are written where their names are known; what is left is stdout.
         streams.drop_stdout()
