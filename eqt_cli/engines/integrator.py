@@ -65,16 +65,22 @@ class Integrator(ABC):
     ----------
     problem
         All runs.
+    runs : (runs,)
+        Those in hand.
     loop
-        The closed loop of the runs in hand, with their own parameters.
+        Their closed loop, with their own parameters.
     vector_field
         Its time derivatives of states ``(runs, n)`` at a time t of the span in hand.
+    samples : (runs, samples, n) or None
+        Where the samples of the runs in hand belong, if these are neighbours.
     reached
         May be called with a time that the runs have come to, for the progress that is shown.
     """
 
+    runs: Array
     loop: ClosedLoop
     vector_field: Callable[[float, Array], Array]
+    samples: Array | None
     reached: Callable[[float], None]
 
     def __init__(self, problem: Problem) -> None:
@@ -96,6 +102,12 @@ class Integrator(ABC):
         """Take the numbers that the loop holds in a span."""
         loop = self.loop.holding(self.loop.held(span.start))
         self.vector_field = lambda t, states: loop.vector_field(span.inside(t), states)
+
+    def room(self, span: Span) -> Array:
+        """For the samples of a span behind its start; what is written there need not be copied."""
+        if self.samples is None:
+            return np.empty((len(self.runs), span.later, self.problem.states.shape[1]))
+        return self.samples[:, span.first : span.first + span.later]
 
     @abstractmethod
     def advance(self, span: Span, states: Array) -> SpanResult:

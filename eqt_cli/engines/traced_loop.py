@@ -158,6 +158,13 @@ def parameter_rows(problem: Problem) -> Array:
     return np.concatenate(columns, axis=1)
 
 
+def held_rows(loop: ClosedLoop, times: Array) -> Array:
+    """What the loop holds from each of these times to the next instant, a row each."""
+    held = [np.asarray(value) for value in loop.held(times).values()]
+    rows = [value.reshape(len(times), -1) for value in held]
+    return np.concatenate([np.empty((len(times), 0)), *rows], axis=1)
+
+
 def _explain(error: Exception, loop: ClosedLoop) -> str:
     """Which component did what, from the frames of the traceback that run in one."""
     places = _places(error.__traceback__, loop) or {"the closed loop": ""}

@@ -72,6 +72,9 @@ def _walk(
     problem, going = integrator.problem, np.ones(len(runs), dtype=bool)
     failed: dict[int, tuple[Span, Failure | None]] = {}
     states, solution.steps[runs] = problem.states[runs], 0
+    neighbours = slice(int(runs[0]), int(runs[0]) + len(runs))
+    together = bool((np.diff(runs) == 1).all())
+    integrator.runs, integrator.samples = runs, solution.states[neighbours] if together else None
     integrator.reached = reached = _Reached(problem, len(runs), progress)
     integrator.begin(runs)
     for span in spans:
@@ -82,7 +85,7 @@ def _walk(
             solution.states[runs, span.first - 1] = states
         found = integrator.advance(span, states)
         states = found.states
-        if span.later:
+        if span.later and found.samples.base is not solution.states:
             solution.states[runs, span.first : span.first + span.later] = found.samples
         solution.steps[runs] += np.where(going, found.steps, 0) if failed else found.steps
         ended: dict[int, Failure | None] = dict(found.failed)

@@ -1,6 +1,6 @@
 """A program as a function in C: one line for each value, with no memory, branch or loop.
 
-It is written in the common subset of C99 and C++, in the types and functions of `HEADER`. Where the
+It is written in the common subset of C99 and C++, in the types and functions of two headers. Where the
 compiler may not contract operations (``-ffp-contract=off``), they round as IEEE 754 says.
 """
 
@@ -12,8 +12,11 @@ from pathlib import Path
 
 from eqt_cli.program.program import COMPARISONS, Constant, Input, Program
 
-HEADER = Path(__file__).with_name("double.h")
-"""The types and functions of programs, for one double at a time; it is included before them."""
+LANES_HEADER = Path(__file__).with_name("lanes.h")
+"""The numbers of programs, one or several side by side; it is included before them."""
+
+FUNCTIONS_HEADER = Path(__file__).with_name("functions.h")
+"""The elementary functions of programs; it is included behind `LANES_HEADER`."""
 
 _INFIX = {"add": "+", "subtract": "-", "multiply": "*", "divide": "/"}
 
@@ -35,8 +38,8 @@ def c_function(program: Program, name: str) -> str:
     for each in (name, *groups, *outputs):
         if not re.fullmatch(r"[A-Za-z]\w*", each, re.ASCII):
             raise ValueError(f"{each!r} is no identifier of C")
-    taken = [f"const eqt_real *in_{group}" for group in groups]
-    given = [f"eqt_real *out_{output}" for output in outputs]
+    taken = [f"const eqt_real *__restrict in_{group}" for group in groups]
+    given = [f"eqt_real *__restrict out_{output}" for output in outputs]
     used = {value.group for value in program.values if isinstance(value, Input)}
     targets: dict[int, list[str]] = {}
     for output in program.outputs:
@@ -72,4 +75,4 @@ def _literal(number: float) -> str:
     """A number in C: its shortest digits, which compilers read as this very double."""
     if math.isfinite(number):
         return repr(number)
-    return "NAN" if math.isnan(number) else "INFINITY" if number > 0 else "-INFINITY"
+    return "EQT_NAN" if math.isnan(number) else f"{'-' * (number < 0)}EQT_INFINITY"

@@ -22,9 +22,16 @@ from eqt_cli.engines.problem import Problem, Span
 from eqt_cli.engines.taylor.compiling import once
 from eqt_cli.engines.taylor.evaluation import compiled_function
 from eqt_cli.engines.taylor.integrator import Batches, compiled
-from eqt_cli.engines.taylor.knots import held_rows, passes_knots, spans_of
+from eqt_cli.engines.taylor.knots import passes_knots, spans_of
 from eqt_cli.engines.taylor.library import heyoka_module, missing
-from eqt_cli.engines.traced_loop import OneLoop, parameter_rows, programs, sampled, trace
+from eqt_cli.engines.traced_loop import (
+    OneLoop,
+    held_rows,
+    parameter_rows,
+    programs,
+    sampled,
+    trace,
+)
 
 EPSILON = float(np.finfo(float).eps)
 SMALLEST_TOL = 10 * EPSILON

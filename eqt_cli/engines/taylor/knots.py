@@ -17,6 +17,7 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines.problem import ROUNDING, Problem, Span
 from eqt_cli.engines.taylor.switching import Switchboard
+from eqt_cli.engines.traced_loop import held_rows
 
 SCALE = 1e-10
 """heyoka chooses steps by the largest of states and events; that of a knot must not matter."""
@@ -86,10 +87,3 @@ class NextPiece:
         if self.board is not None:
             self.board.note(integrator, slice(lane, lane + 1))
         return True
-
-
-def held_rows(loop: ClosedLoop, times: Array) -> Array:
-    """What the loop holds from each of these times to the next instant, a row each."""
-    held = [np.asarray(value) for value in loop.held(times).values()]
-    rows = [value.reshape(len(times), -1) for value in held]
-    return np.concatenate([np.empty((len(times), 0)), *rows], axis=1)

@@ -1,0 +1,117 @@
+"""DOP853 in C, compiled on this machine from the very laws that run on arrays.
+
+The closed loop is traced once; its program is emitted as C, and templates beside this file integrate
+and evaluate it. Each run has its own steps. All operations are fixed by IEEE 754, so that a run has
+the same bits beside any others, in any thread, by any compiler and on any machine.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.option_types import Count, Positive
+from eqt_cli.core.problems import Problems
+from eqt_cli.engines import stability
+from eqt_cli.engines.base import Engine, SampledFunction
+from eqt_cli.engines.native import compiler, library
+from eqt_cli.engines.native.integrator import Lanes
+from eqt_cli.engines.native.library import Rows
+from eqt_cli.engines.problem import Problem, Span
+from eqt_cli.engines.traced_loop import (
+    OneLoop,
+    held_rows,
+    parameter_rows,
+    programs,
+    sampled,
+    trace,
+)
+
+STEP_SHARE = 1 / 30
+"""The tolerance of a step, as a share of the accuracy that the results are judged by."""
+
+SMALLEST_RTOL = 1000 * float(np.finfo(float).eps)
+"""Of which a hundredth, and of that the share of a step, is still above rounding."""
+
+GROUP_RUNS = 64
+"""Runs that a thread has in hand: their states and samples fit its cache."""
+
+
+@dataclass(frozen=True)
+class Native(Engine):
+    """DOP853 in C, compiled on this machine: the same bits on every machine.
+
+    Attributes
+    ----------
+    rtol, atol
+        Relative and absolute accuracy that the results are judged by; a step keeps its error below
+        a thirtieth of it.
+    max_steps
+        Most steps that a run may take.
+    """
+
+    name: ClassVar[str] = "native"
+    estimates_errors: ClassVar[bool] = True
+    threads: ClassVar[bool] = True
+    cross_check_rank: ClassVar[int | None] = 3
+    part_runs: ClassVar[int] = 500
+
+    rtol: Positive = 1e-9
+    atol: Positive = 1e-9
+    max_steps: Count = 1_000_000
+
+    @classmethod
+    def unavailable(cls) -> str | None:
+        """Where there is no compiler: how to get one."""
+        return compiler.missing()
+
+    def check(self, problems: Problems) -> None:
+        """A tolerance that doubles cannot meet, or that asks for nothing."""
+        if not SMALLEST_RTOL <= self.rtol < 1:
+            limits = f"expected a number from {SMALLEST_RTOL:.3g} to 1"
+            problems.at("rtol").add(f"{limits}, got {self.rtol:g}")
+
+    def tightened(self, factor: float) -> Native:
+        """Both tolerances times `factor`."""
+        return dataclasses.replace(self, rtol=self.rtol * factor, atol=self.atol * factor)
+
+    def work_for_stability(self, rates: Array, duration: float) -> float:
+        """Steps of DOP853."""
+        from scipy.integrate import DOP853
+
+        return stability.steps(stability.runge_kutta(DOP853.A, DOP853.B), rates, duration)
+
+    def integrator(self, problem: Problem) -> Lanes:
+        """That of lanes, whose steps depend on their own run only."""
+        law, rtol, atol = programs(OneLoop(problem.loop)), self.rtol, self.atol
+        return Lanes(problem, law, rtol * STEP_SHARE, atol * STEP_SHARE, self.max_steps)
+
+    def groups(self, problem: Problem, spans: list[Span], threads: int) -> list[Array]:
+        """A few runs, or where the law waits for instants a thread's share."""
+        size = GROUP_RUNS if len(spans) == 1 else -(-problem.runs // threads)
+        runs = np.arange(problem.runs)
+        return [runs[start : start + size] for start in range(0, problem.runs, size)]
+
+    def rehearse(self, problem: Problem) -> None:
+        """Trace the law, which is what can fail, without compiling it."""
+        trace(problem.loop)
+
+    def evaluate(
+        self, function: SampledFunction, problem: Problem, *rows: Array
+    ) -> dict[str, Array]:
+        """Compiled as the law is."""
+        loop, times = problem.loop, problem.times
+        program = sampled(function, OneLoop(loop), tuple(row.shape[-1] for row in rows))
+        if program is None:
+            return super().evaluate(function, problem, *rows)
+        given = [
+            *(Rows(row, by_run=True, by_sample=True) for row in rows),
+            Rows(times[:, None], by_sample=True),
+            Rows(parameter_rows(problem), by_run=True),
+            Rows(held_rows(loop, times), by_sample=True),
+        ]
+        return library.evaluate(program, problem.runs, len(times), given)

@@ -1,0 +1,538 @@
+/* Integrates runs of a closed loop through one span by DOP853, EQT_LANES of them side by side.
+
+   It is included behind lanes.h and the emitted program, which defines
+
+     EQT_STATES, EQT_PARAMETERS, EQT_HELD, EQT_COMPARISONS   how many numbers there are
+     eqt_field(state, time, parameters, held, sides, derivative, left, right)
+
+   Each lane has its own time, step and acceptance, and takes the next run when its own is through.
+   In a step every comparison of the law, left < right, keeps the side that it had at the start of
+   the step, so that the field is smooth there. A step that crosses a comparison is taken again up to
+   the crossing. */
+#ifndef EQT_ADVANCE_H
+#define EQT_ADVANCE_H
+
+enum { EQT_THROUGH, EQT_STEP_LIMIT, EQT_NOT_FINITE, EQT_STEP_TOO_SHORT, EQT_SWITCHING };
+
+/* Runs and a span, as the caller gives them. Arrays go row by row, with a row for each run. */
+typedef struct {
+    int64_t runs, later, most_steps;
+    int64_t to_next_run;              /* in samples: from one run to the next */
+    double start, stop;
+    double first_inside, last_inside; /* the field is evaluated between these times */
+    double rtol, atol;                /* tolerances of a step */
+    const double *grid;               /* (later): sample times behind the start */
+    const double *held;               /* (held) */
+    const double *parameters;         /* (runs, parameters) */
+    double *states;                   /* (runs, states): at the start, then where a run has ended */
+    double *samples;                  /* (later, states) of each run */
+    double *steps;                    /* (runs): length of the next step, s; 0: not known */
+    int64_t *counts;                  /* (runs): steps taken so far */
+    int64_t *ends;                    /* (runs): how it has ended; others than 0 are left alone */
+    double *times;                    /* (runs): where it has ended, s */
+} eqt_span;
+
+#define EQT_WIDTH 1e-12     /* how far a comparison passes 0, relative to its scale, to be crossed */
+#define EQT_AT_ONCE 1e-6    /* s: a crossing so soon behind another may be the return from it */
+#define EQT_MOST_RETURNS 10 /* so many in a row are no motion but a sliding mode */
+#define EQT_SHRINK 0.2
+#define EQT_GROW 10.0
+
+typedef struct {
+    const eqt_span *span;
+    eqt_real parameters[EQT_PARAMETERS + 1], held[EQT_HELD + 1];
+    eqt_real sides[EQT_COMPARISONS + 1]; /* -1 where left < right, else 1 */
+    eqt_real left[EQT_COMPARISONS + 1], right[EQT_COMPARISONS + 1];
+    eqt_real y[EQT_STATES], k[16][EQT_STATES], next[EQT_STATES], at[EQT_STATES];
+    eqt_real dense[8][EQT_STATES];
+    eqt_real t, h, step;         /* h is what is taken of the step that the tolerance allows */
+    eqt_real crossed_at, width;  /* the last crossing, and the width of comparisons since then */
+    int64_t run[EQT_LANES];      /* -1: idle */
+    int64_t sample[EQT_LANES];   /* the next one */
+    int64_t returns[EQT_LANES];
+    int fresh[EQT_LANES];        /* 1: at a new start; 2: behind a crossing */
+    int last[EQT_LANES];         /* whether h ends the span */
+    int pinned[EQT_LANES];       /* whether h ends at a crossing */
+    int rejected[EQT_LANES];     /* whether the step before was */
+} eqt_lanes;
+
+EQT_INLINE eqt_real eqt_least(eqt_real a, eqt_real b) { return eqt_select(eqt_less(a, b), a, b); }
+EQT_INLINE eqt_real eqt_most(eqt_real a, eqt_real b) { return eqt_select(eqt_less(a, b), b, a); }
+
+/* The eighth root, by which the length of a step depends on its error. */
+EQT_INLINE eqt_real eqt_eighth_root(eqt_real x) { return eqt_sqrt(eqt_sqrt(eqt_sqrt(x))); }
+
+EQT_INLINE eqt_mask eqt_lanes_where(const int *holds)
+{
+    eqt_real found = eqt_constant(0.0);
+    int lane;
+    for (lane = 0; lane < EQT_LANES; lane++)
+        EQT_LANE(found, lane) = holds[lane] != 0;
+    return eqt_less(eqt_constant(0.0), found);
+}
+
+EQT_INLINE int eqt_any(const int *holds)
+{
+    int lane, any = 0;
+    for (lane = 0; lane < EQT_LANES; lane++)
+        any |= holds[lane];
+    return any;
+}
+
+static void eqt_derivative(eqt_lanes *lanes, eqt_real t, const eqt_real *state, eqt_real *slope)
+{
+    const eqt_span *span = lanes->span;
+    eqt_real inside = eqt_least(eqt_most(t, eqt_constant(span->first_inside)),
+                                eqt_constant(span->last_inside));
+    eqt_field(state, &inside, lanes->parameters, lanes->held, lanes->sides, slope, lanes->left,
+              lanes->right);
+}
+
+/* The norm of a vector in units of the tolerance at y: a root mean square. */
+static eqt_real eqt_in_tolerances(const eqt_lanes *lanes, const eqt_real *values)
+{
+    const eqt_span *span = lanes->span;
+    eqt_real sum = eqt_constant(0.0);
+    int i;
+    for (i = 0; i < EQT_STATES; i++) {
+        eqt_real part = values[i] / (span->atol + span->rtol * eqt_abs(lanes->y[i]));
+        sum = sum + part * part;
+    }
+    return eqt_sqrt(sum / (double)EQT_STATES);
+}
+
+/* The length of a first step, by Hairer, Norsett and Wanner, section II.4. */
+static eqt_real eqt_first_step(eqt_lanes *lanes)
+{
+    eqt_real size = eqt_in_tolerances(lanes, lanes->y);
+    eqt_real rate = eqt_in_tolerances(lanes, lanes->k[0]);
+    eqt_mask little = eqt_less(eqt_least(size, rate), eqt_constant(1e-5));
+    eqt_real trial = eqt_select(little, eqt_constant(1e-6), 0.01 * size / rate);
+    eqt_real bend, most, step;
+    int i;
+    trial = eqt_least(trial, eqt_constant(lanes->span->stop) - lanes->t);
+    for (i = 0; i < EQT_STATES; i++)
+        lanes->at[i] = lanes->y[i] + trial * lanes->k[0][i];
+    eqt_derivative(lanes, lanes->t + trial, lanes->at, lanes->k[1]);
+    for (i = 0; i < EQT_STATES; i++)
+        lanes->at[i] = (lanes->k[1][i] - lanes->k[0][i]) / trial;
+    bend = eqt_in_tolerances(lanes, lanes->at);
+    most = eqt_most(rate, bend);
+    step = eqt_select(eqt_less(most, eqt_constant(1e-15)), eqt_most(eqt_constant(1e-6), 1e-3 * trial),
+                      eqt_eighth_root(0.01 / most));
+    step = eqt_least(100.0 * trial, step);
+    /* Where the field is not finite, the first step will say so. */
+    return eqt_select(eqt_less(eqt_constant(0.0), step), step, eqt_constant(1e-6));
+}
+
+/* Where a comparison is on the wrong side of its kept one, by more than a width. */
+EQT_INLINE eqt_mask eqt_wrong(const eqt_lanes *lanes, int j, eqt_real width)
+{
+    eqt_real a = lanes->left[j], b = lanes->right[j];
+    eqt_real scale = eqt_most(eqt_constant(1.0), eqt_least(eqt_abs(a), eqt_abs(b)));
+    return eqt_less((a - b) * lanes->sides[j], -(width * scale));
+}
+
+/* Which lanes have a comparison on the wrong side, for the derivative that was evaluated last. */
+EQT_INLINE eqt_mask eqt_any_wrong(const eqt_lanes *lanes, eqt_real width)
+{
+    eqt_mask any = eqt_less(eqt_constant(0.0), eqt_constant(0.0));
+    int j;
+    for (j = 0; j < EQT_COMPARISONS; j++)
+        any |= eqt_wrong(lanes, j, width);
+    return any;
+}
+
+/* Lets the sides of some lanes follow until all are right: one may depend on another. Those that a
+   crossing has just changed, `kept`, stay. */
+static void eqt_settle_sides(eqt_lanes *lanes, eqt_mask where, const eqt_mask *kept)
+{
+    int j, round;
+    for (round = 0; round <= EQT_COMPARISONS; round++) {
+        eqt_derivative(lanes, lanes->t, lanes->y, lanes->at);
+        for (j = 0; j < EQT_COMPARISONS; j++) {
+            eqt_mask turned = where & ~kept[j] & eqt_wrong(lanes, j, eqt_constant(0.0));
+            lanes->sides[j] = eqt_select(turned, -lanes->sides[j], lanes->sides[j]);
+        }
+    }
+}
+
+/* The polynomial of the step in hand: Q(theta), 0 <= theta <= 1. */
+static void eqt_prepare_dense(eqt_lanes *lanes)
+{
+    eqt_real(*k)[EQT_STATES] = lanes->k, *y = lanes->y, h = lanes->h;
+    int i;
+#define ADD(a, j) sum = eqt_fma(eqt_constant(a), k[j][i], sum);
+#define STAGE(number, where, increment)                                                            \
+    for (i = 0; i < EQT_STATES; i++) {                                                             \
+        eqt_real sum = eqt_constant(0.0);                                                          \
+        increment lanes->at[i] = eqt_fma(h, sum, y[i]);                                            \
+    }                                                                                              \
+    eqt_derivative(lanes, lanes->t + where * h, lanes->at, k[number]);
+    EQT_DENSE_STAGES(STAGE)
+#undef STAGE
+    for (i = 0; i < EQT_STATES; i++) {
+        eqt_real change = lanes->next[i] - y[i];
+        lanes->dense[0][i] = change;
+        lanes->dense[1][i] = h * k[0][i] - change;
+        lanes->dense[2][i] = 2.0 * change - h * (k[12][i] + k[0][i]);
+#define DENSE(number)                                                                              \
+    {                                                                                              \
+        eqt_real sum = eqt_constant(0.0);                                                          \
+        EQT_DENSE_##number lanes->dense[number][i] = h * sum;                                      \
+    }
+        DENSE(3)
+        DENSE(4)
+        DENSE(5)
+        DENSE(6)
+#undef DENSE
+    }
+#undef ADD
+}
+
+static void eqt_at(const eqt_lanes *lanes, eqt_real theta, eqt_real *state)
+{
+    const eqt_real(*d)[EQT_STATES] = lanes->dense;
+    eqt_real rest = 1.0 - theta;
+    eqt_mask whole = ~eqt_less(theta, eqt_constant(1.0));
+    int i;
+    for (i = 0; i < EQT_STATES; i++) {
+        eqt_real found = eqt_fma(theta, d[6][i], d[5][i]);
+        found = eqt_fma(theta, eqt_fma(rest, found, d[4][i]), d[3][i]);
+        found = eqt_fma(theta, eqt_fma(rest, found, d[2][i]), d[1][i]);
+        found = eqt_fma(theta, eqt_fma(rest, found, d[0][i]), lanes->y[i]);
+        state[i] = eqt_select(whole, lanes->next[i], found);
+    }
+}
+
+/* Tries a step of every lane; returns its error in units of the tolerance. `suspected` are the lanes
+   with a comparison on the wrong side at a stage. */
+static eqt_real eqt_try_step(eqt_lanes *lanes, eqt_mask *suspected)
+{
+    const eqt_span *span = lanes->span;
+    eqt_real(*k)[EQT_STATES] = lanes->k, *y = lanes->y, *next = lanes->next, h = lanes->h;
+    eqt_real third = eqt_constant(0.0), fifth = third, both;
+    eqt_mask wrong = eqt_less(third, third);
+    int i;
+#define ADD(a, j) sum = eqt_fma(eqt_constant(a), k[j][i], sum);
+#define STAGE(number, where, increment)                                                            \
+    for (i = 0; i < EQT_STATES; i++) {                                                             \
+        eqt_real sum = eqt_constant(0.0);                                                          \
+        increment lanes->at[i] = eqt_fma(h, sum, y[i]);                                            \
+    }                                                                                              \
+    eqt_derivative(lanes, lanes->t + where * h, lanes->at, k[number]);                             \
+    if (EQT_COMPARISONS)                                                                           \
+        wrong |= eqt_any_wrong(lanes, lanes->width);
+    EQT_STAGES(STAGE)
+#undef STAGE
+    for (i = 0; i < EQT_STATES; i++) {
+        eqt_real sum = eqt_constant(0.0), per_tolerance;
+        EQT_STEP next[i] = eqt_fma(h, sum, y[i]);
+        per_tolerance =
+            1.0 / (span->atol + span->rtol * eqt_most(eqt_abs(y[i]), eqt_abs(next[i])));
+        sum = eqt_constant(0.0);
+        EQT_ERROR_3 sum = sum * per_tolerance;
+        third = eqt_fma(sum, sum, third);
+        sum = eqt_constant(0.0);
+        EQT_ERROR_5 sum = sum * per_tolerance;
+        fifth = eqt_fma(sum, sum, fifth);
+    }
+#undef ADD
+    *suspected = wrong;
+    both = fifth + 0.01 * third;
+    return eqt_select(eqt_less(both, eqt_constant(1e-300)), both,
+                      h * fifth / eqt_sqrt(both * (double)EQT_STATES));
+}
+
+/* How much of the step leads up to the first crossing of a comparison; more than 1: there is none.
+   The dense output is ready. */
+static eqt_real eqt_crossing(eqt_lanes *lanes, eqt_mask crosses_at_end)
+{
+    enum { LOOKS = 16, HALVINGS = 48 };
+    eqt_real before = eqt_constant(0.0), behind = eqt_constant(2.0);
+    eqt_mask none = eqt_less(behind, before), found = none;
+    int look;
+    for (look = 1; look <= LOOKS; look++) {
+        eqt_real theta = eqt_constant((double)look / LOOKS);
+        eqt_mask wrong;
+        eqt_at(lanes, theta, lanes->at);
+        eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[15]);
+        wrong = eqt_any_wrong(lanes, lanes->width) & ~found;
+        if (look == LOOKS)
+            wrong |= crosses_at_end & ~found;
+        behind = eqt_select(wrong, theta, behind);
+        found |= wrong;
+        before = eqt_select(found, before, theta);
+    }
+    for (look = 0; look < HALVINGS; look++) {
+        eqt_real theta = 0.5 * (before + behind);
+        eqt_mask wrong;
+        eqt_at(lanes, theta, lanes->at);
+        eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[15]);
+        wrong = eqt_any_wrong(lanes, eqt_constant(0.0));
+        behind = eqt_select(found & wrong, theta, behind);
+        before = eqt_select(found & ~wrong, theta, before);
+    }
+    return behind;
+}
+
+static void eqt_take(eqt_lanes *lanes, int lane, int64_t run)
+{
+    const eqt_span *span = lanes->span;
+    int i;
+    for (i = 0; i < EQT_STATES; i++)
+        EQT_LANE(lanes->y[i], lane) = span->states[run * EQT_STATES + i];
+    for (i = 0; i < EQT_PARAMETERS; i++)
+        EQT_LANE(lanes->parameters[i], lane) = span->parameters[run * EQT_PARAMETERS + i];
+    for (i = 0; i < EQT_COMPARISONS; i++)
+        EQT_LANE(lanes->sides[i], lane) = 1.0;
+    EQT_LANE(lanes->t, lane) = span->start;
+    EQT_LANE(lanes->step, lane) = span->steps[run];
+    EQT_LANE(lanes->crossed_at, lane) = -EQT_INFINITY;
+    EQT_LANE(lanes->width, lane) = EQT_WIDTH;
+    lanes->run[lane] = run;
+    lanes->sample[lane] = 0;
+    lanes->returns[lane] = 0;
+    lanes->fresh[lane] = 1;
+    lanes->pinned[lane] = lanes->rejected[lane] = 0;
+}
+
+static void eqt_leave(eqt_lanes *lanes, int lane, int64_t end)
+{
+    const eqt_span *span = lanes->span;
+    int64_t run = lanes->run[lane];
+    int i;
+    for (i = 0; i < EQT_STATES; i++)
+        span->states[run * EQT_STATES + i] = EQT_LANE(lanes->y[i], lane);
+    span->steps[run] = EQT_LANE(lanes->step, lane);
+    span->times[run] = EQT_LANE(lanes->t, lane);
+    span->ends[run] = end;
+    lanes->run[lane] = -1;
+    EQT_LANE(lanes->h, lane) = 0.0;
+}
+
+/* Slopes, sides and step lengths of lanes that begin, or go on behind a crossing. */
+static void eqt_begin(eqt_lanes *lanes)
+{
+    eqt_mask kept[EQT_COMPARISONS + 1], fresh = eqt_lanes_where(lanes->fresh), unknown;
+    int i;
+    if (EQT_COMPARISONS) {
+        int starts[EQT_LANES];
+        for (i = 0; i < EQT_LANES; i++)
+            starts[i] = lanes->fresh[i] == 1;
+        for (i = 0; i < EQT_COMPARISONS; i++)
+            kept[i] = eqt_less(eqt_constant(1.0), eqt_constant(0.0));
+        if (eqt_any(starts))
+            eqt_settle_sides(lanes, eqt_lanes_where(starts), kept);
+    }
+    eqt_derivative(lanes, lanes->t, lanes->y, lanes->at);
+    for (i = 0; i < EQT_STATES; i++)
+        lanes->k[0][i] = eqt_select(fresh, lanes->at[i], lanes->k[0][i]);
+    unknown = fresh & ~eqt_less(eqt_constant(0.0), lanes->step);
+    for (i = 0; i < EQT_LANES; i++)
+        if (lanes->fresh[i] && !(EQT_LANE(lanes->step, i) > 0.0)) {
+            lanes->step = eqt_select(unknown, eqt_first_step(lanes), lanes->step);
+            break;
+        }
+    for (i = 0; i < EQT_LANES; i++)
+        lanes->fresh[i] = 0;
+}
+
+/* How much is taken of each lane's step: all, unless the span ends before or little behind. */
+static void eqt_choose_lengths(eqt_lanes *lanes)
+{
+    int lane;
+    for (lane = 0; lane < EQT_LANES; lane++) {
+        double left = lanes->span->stop - EQT_LANE(lanes->t, lane);
+        if (lanes->run[lane] < 0 || lanes->pinned[lane])
+            continue;
+        lanes->last[lane] = left <= 1.01 * EQT_LANE(lanes->step, lane);
+        EQT_LANE(lanes->h, lane) = lanes->last[lane] ? left : EQT_LANE(lanes->step, lane);
+    }
+}
+
+/* The samples that lie in the steps of some lanes. */
+static void eqt_store_samples(eqt_lanes *lanes, const int *accepted)
+{
+    const eqt_span *span = lanes->span;
+    int lane, i, prepared = 0;
+    for (;;) {
+        eqt_real theta = eqt_constant(0.0);
+        int due[EQT_LANES], any = 0;
+        for (lane = 0; lane < EQT_LANES; lane++) {
+            int64_t sample = lanes->sample[lane];
+            double t = EQT_LANE(lanes->t, lane), h = EQT_LANE(lanes->h, lane);
+            due[lane] = accepted[lane] && sample < span->later &&
+                        (lanes->last[lane] || span->grid[sample] <= t + h);
+            if (due[lane]) {
+                any = 1;
+                EQT_LANE(theta, lane) = span->grid[sample] == span->stop ? 1.0
+                                                                         : (span->grid[sample] - t) / h;
+            }
+        }
+        if (!any)
+            return;
+        if (!prepared)
+            eqt_prepare_dense(lanes);
+        prepared = 1;
+        eqt_at(lanes, theta, lanes->at);
+        for (lane = 0; lane < EQT_LANES; lane++)
+            if (due[lane]) {
+                double *row = span->samples + lanes->run[lane] * span->to_next_run
+                              + lanes->sample[lane]++ * EQT_STATES;
+                for (i = 0; i < EQT_STATES; i++)
+                    row[i] = EQT_LANE(lanes->at[i], lane);
+            }
+    }
+}
+
+/* Ends the steps of some lanes that cross a comparison at the crossing: these are to be taken again,
+   and are accepted no longer. */
+static void eqt_pin_crossings(eqt_lanes *lanes, int *accepted, eqt_mask suspected)
+{
+    eqt_mask at_end = eqt_any_wrong(lanes, lanes->width), crosses = suspected | at_end;
+    eqt_real marked = eqt_select(crosses, eqt_constant(1.0), eqt_constant(0.0)), theta;
+    int lane, any = 0;
+    for (lane = 0; lane < EQT_LANES; lane++)
+        any |= accepted[lane] && !lanes->pinned[lane] && EQT_LANE(marked, lane) > 0.0;
+    if (!any)
+        return;
+    eqt_prepare_dense(lanes);
+    theta = eqt_crossing(lanes, at_end);
+    for (lane = 0; lane < EQT_LANES; lane++)
+        if (accepted[lane] && !lanes->pinned[lane] && EQT_LANE(marked, lane) > 0.0
+            && EQT_LANE(theta, lane) <= 1.0) {
+            EQT_LANE(lanes->h, lane) = EQT_LANE(theta, lane) * EQT_LANE(lanes->h, lane);
+            lanes->pinned[lane] = 1;
+            lanes->last[lane] = lanes->last[lane] && EQT_LANE(theta, lane) == 1.0;
+            accepted[lane] = 0;
+        }
+}
+
+/* Changes the sides of comparisons that lanes have come to. */
+static void eqt_cross(eqt_lanes *lanes, const int *crossing)
+{
+    eqt_mask kept[EQT_COMPARISONS + 1], where = eqt_lanes_where(crossing);
+    eqt_real turned = eqt_constant(0.0);
+    int j, lane;
+    eqt_derivative(lanes, lanes->t, lanes->y, lanes->at);
+    for (j = 0; j < EQT_COMPARISONS; j++) {
+        kept[j] = where & eqt_wrong(lanes, j, eqt_constant(0.0));
+        turned = eqt_select(kept[j], eqt_constant(1.0), turned);
+        lanes->sides[j] = eqt_select(kept[j], -lanes->sides[j], lanes->sides[j]);
+    }
+    eqt_settle_sides(lanes, where, kept);
+    for (lane = 0; lane < EQT_LANES; lane++)
+        if (crossing[lane] && EQT_LANE(turned, lane) > 0.0) {
+            double since = EQT_LANE(lanes->t, lane) - EQT_LANE(lanes->crossed_at, lane);
+            lanes->returns[lane] = since < EQT_AT_ONCE ? lanes->returns[lane] + 1 : 0;
+            EQT_LANE(lanes->crossed_at, lane) = EQT_LANE(lanes->t, lane);
+            EQT_LANE(lanes->width, lane) =
+                EQT_WIDTH * (double)(INT64_C(1) << (lanes->returns[lane] & 31));
+            if (lanes->returns[lane] > EQT_MOST_RETURNS + EQT_COMPARISONS)
+                eqt_leave(lanes, lane, EQT_SWITCHING);
+        }
+}
+
+void eqt_advance(const eqt_span *span)
+{
+    eqt_lanes lanes;
+    int64_t next_run = 0;
+    int lane, i;
+    __builtin_memset(&lanes, 0, sizeof lanes);
+    lanes.span = span;
+    for (i = 0; i < EQT_HELD; i++)
+        lanes.held[i] = eqt_constant(span->held[i]);
+    for (lane = 0; lane < EQT_LANES; lane++)
+        lanes.run[lane] = -1;
+    for (;;) {
+        int accepted[EQT_LANES], crossing[EQT_LANES], active = 0, slopes = EQT_COMPARISONS;
+        eqt_real error, factor;
+        eqt_mask suspected, taken;
+        for (lane = 0; lane < EQT_LANES; lane++) {
+            while (lanes.run[lane] < 0 && next_run < span->runs) {
+                int64_t run = next_run++;
+                if (span->ends[run] == EQT_THROUGH)
+                    eqt_take(&lanes, lane, run);
+            }
+            active |= lanes.run[lane] >= 0;
+        }
+        if (!active)
+            return;
+        if (eqt_any(lanes.fresh))
+            eqt_begin(&lanes);
+        eqt_choose_lengths(&lanes);
+        error = eqt_try_step(&lanes, &suspected);
+        factor = eqt_least(eqt_most(0.9 / eqt_eighth_root(error), eqt_constant(EQT_SHRINK)),
+                           eqt_constant(EQT_GROW));
+        for (lane = 0; lane < EQT_LANES; lane++) {
+            int64_t sample = lanes.sample[lane];
+            accepted[lane] = lanes.run[lane] >= 0 && EQT_LANE(error, lane) <= 1.0;
+            slopes |= accepted[lane]
+                      && (!lanes.last[lane]
+                          || (sample < span->later && span->grid[sample] < span->stop));
+        }
+        /* Not needed at the end of a span where no sample lies in the last step. */
+        if (slopes)
+            eqt_derivative(&lanes, lanes.t + lanes.h, lanes.next, lanes.k[12]);
+        for (lane = 0; lane < EQT_LANES; lane++) {
+            double t = EQT_LANE(lanes.t, lane), h = EQT_LANE(lanes.h, lane);
+            int64_t run = lanes.run[lane];
+            if (run < 0)
+                continue;
+            span->counts[run]++;
+            if (accepted[lane])
+                continue;
+            lanes.pinned[lane] = 0;
+            lanes.rejected[lane] = 1;
+            EQT_LANE(lanes.step, lane) =
+                h * (EQT_LANE(error, lane) < EQT_INFINITY ? EQT_LANE(factor, lane) : 0.1);
+            if (t + EQT_LANE(lanes.step, lane) == t)
+                eqt_leave(&lanes, lane,
+                          EQT_LANE(error, lane) < EQT_INFINITY ? EQT_STEP_TOO_SHORT : EQT_NOT_FINITE);
+            else if (span->counts[run] >= span->most_steps)
+                eqt_leave(&lanes, lane, EQT_STEP_LIMIT);
+        }
+        if (EQT_COMPARISONS)
+            eqt_pin_crossings(&lanes, accepted, suspected);
+        if (span->later)
+            eqt_store_samples(&lanes, accepted);
+        taken = eqt_lanes_where(accepted);
+        for (i = 0; i < EQT_STATES; i++) {
+            lanes.y[i] = eqt_select(taken, lanes.next[i], lanes.y[i]);
+            lanes.k[0][i] = eqt_select(taken, lanes.k[12][i], lanes.k[0][i]);
+        }
+        for (lane = 0; lane < EQT_LANES; lane++) {
+            double h = EQT_LANE(lanes.h, lane), grown = h * EQT_LANE(factor, lane);
+            int cut = lanes.last[lane] || lanes.pinned[lane];
+            crossing[lane] = 0;
+            if (!accepted[lane])
+                continue;
+            if (lanes.rejected[lane] && grown > h)
+                grown = h;
+            /* Of a step that was cut short, the error tells no more than that it may grow. */
+            if (!(cut && EQT_LANE(factor, lane) == EQT_GROW && grown < EQT_LANE(lanes.step, lane)))
+                EQT_LANE(lanes.step, lane) = grown;
+            lanes.rejected[lane] = 0;
+            crossing[lane] = lanes.fresh[lane] = 0;
+            if (lanes.pinned[lane]) {
+                crossing[lane] = 1;
+                lanes.fresh[lane] = 2;
+                lanes.pinned[lane] = 0;
+            }
+            if (lanes.last[lane]) {
+                EQT_LANE(lanes.t, lane) = span->stop;
+                crossing[lane] = lanes.fresh[lane] = 0;
+                eqt_leave(&lanes, lane, EQT_THROUGH);
+            } else {
+                EQT_LANE(lanes.t, lane) = EQT_LANE(lanes.t, lane) + h;
+                if (span->counts[lanes.run[lane]] >= span->most_steps)
+                    eqt_leave(&lanes, lane, EQT_STEP_LIMIT);
+            }
+        }
+        if (EQT_COMPARISONS && eqt_any(crossing))
+            eqt_cross(&lanes, crossing);
+    }
+}
+
+#endif

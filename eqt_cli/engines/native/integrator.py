@@ -1,0 +1,109 @@
+"""Integrates runs through a span by compiled DOP853; each run has steps of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
+from eqt_cli.engines.native import library
+from eqt_cli.engines.native.library import Rows
+from eqt_cli.engines.problem import Problem, Span, Status
+from eqt_cli.engines.traced_loop import LoopPrograms, held_rows, parameter_rows
+
+
+class Lanes(Integrator):
+    """Integrates a group of runs, as many side by side as there are lanes.
+
+    Parameters
+    ----------
+    law
+        The programs of the loop.
+    rtol, atol
+        Tolerances of a step.
+    most_steps
+        That a run may take.
+    """
+
+    def __init__(
+        self, problem: Problem, law: LoopPrograms, rtol: float, atol: float, most_steps: int
+    ) -> None:
+        super().__init__(problem)
+        self._law, self._function = law, library.integration(law.field)
+        self._settings = {"rtol": rtol, "atol": atol, "most_steps": most_steps}
+        self._all_parameters = parameter_rows(problem)
+
+    def begin(self, runs: Array) -> None:
+        """With no step taken, and the length of the first one not known."""
+        count = len(runs)
+        self._parameters = self._all_parameters[runs]
+        self._steps, self._times = np.zeros(count), np.zeros(count)
+        self._counts, self._ends = np.zeros((2, count), dtype=np.int64)
+
+    def hold(self, span: Span) -> None:
+        """As numbers of all runs."""
+        self._held = held_rows(self.problem.loop, np.array([span.start]))[0]
+
+    def at_instant(self, t: float, states: Array, errors: tuple[Array, Array] | None) -> Array:
+        """By compiled code."""
+        runs, program = len(states), self._law.after_instant
+        assert program is not None
+        given = [
+            Rows(states, by_run=True),
+            Rows(np.array([t])),
+            Rows(self._parameters, by_run=True),
+            Rows(self._held),
+            *(Rows(part.reshape(runs, -1), by_run=True) for part in errors or ()),
+        ]
+        after: Array = library.evaluate(program, runs, 1, given)["state"][:, 0]
+        return after
+
+    def advance(self, span: Span, states: Array) -> SpanResult:
+        """All runs that have not failed; the others stay where they are."""
+        runs = len(states)
+        ended, before = np.array(states, order="C"), self._counts.copy()
+        samples = self.room(span)
+        was = self._ends.copy()
+        library.advance(
+            self._function,
+            runs=runs,
+            later=span.later,
+            to_next_run=samples.strides[0] // samples.itemsize,
+            start=span.start,
+            stop=span.stop,
+            first_inside=span.within[0],
+            last_inside=span.within[1],
+            grid=span.grid[1 : 1 + span.later].copy(),
+            held=self._held,
+            parameters=self._parameters,
+            states=ended,
+            samples=samples,
+            steps=self._steps,
+            counts=self._counts,
+            ends=self._ends,
+            times=self._times,
+            **self._settings,
+        )
+        failed: dict[int, Failure | None] = {}
+        if self._ends.any():
+            for run in np.flatnonzero(self._ends):
+                known = 0 if was[run] else np.searchsorted(span.grid[1:], self._times[run], "right")
+                samples[run, known:] = np.nan
+                failed[int(run)] = self._failure(run)
+        return SpanResult(ended, samples, self._counts - before, failed)
+
+    def _failure(self, run: Any) -> Failure:
+        """How a run has ended, and when."""
+        end, t = self._ends[run], float(self._times[run])
+        if end == library.STEP_LIMIT:
+            reason = f"step limit: {self._settings['most_steps']} steps (solver.max_steps)"
+            return Failure(Status.STEP_LIMIT, reason, t)
+        if end == library.NOT_FINITE:
+            return Failure(t=t)
+        if end == library.STEP_TOO_SHORT:
+            reason = "the step has become too short to go on; the motion is stiff or singular there"
+            return Failure(Status.SOLVER_FAILED, reason, t)
+        reason = "the law switches back and forth without end; smooth it, as with tanh"
+        return Failure(Status.SOLVER_FAILED, reason, t)

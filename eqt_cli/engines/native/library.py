@@ -1,0 +1,119 @@
+"""Compiled loops as Python calls them: arrays in, arrays out, through ctypes.
+
+A call releases the interpreter's lock, so that threads integrate side by side.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.engines.native import compiler, source
+from eqt_cli.program import Program
+
+import os
+LANES = int(os.environ.get("L","8"))
+"""Runs side by side: a compiler splits them where the processor's vectors are shorter."""
+
+THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING = range(5)
+"""How a run ends, as in advance.h."""
+
+_INTEGERS = ("runs", "later", "most_steps", "to_next_run")
+_NUMBERS = ("start", "stop", "first_inside", "last_inside", "rtol", "atol")
+_ARRAYS = ("grid", "held", "parameters", "states", "samples", "steps", "counts", "ends", "times")
+
+
+class _Span(ctypes.Structure):
+    _fields_ = [
+        *((name, ctypes.c_int64) for name in _INTEGERS),
+        *((name, ctypes.c_double) for name in _NUMBERS),
+        *((name, ctypes.c_void_p) for name in _ARRAYS),
+    ]
+
+
+class _Source(ctypes.Structure):
+    _fields_ = [
+        ("from", ctypes.c_void_p),
+        ("to_next_run", ctypes.c_int64),
+        ("to_next_sample", ctypes.c_int64),
+    ]
+
+
+class _Evaluations(ctypes.Structure):
+    _fields_ = [
+        ("runs", ctypes.c_int64),
+        ("samples", ctypes.c_int64),
+        ("sources", ctypes.POINTER(_Source)),
+        ("found", ctypes.POINTER(ctypes.c_void_p)),
+    ]
+
+
+@lru_cache(maxsize=32)
+def integration(field: Program, lanes: int = LANES) -> Any:
+    """``eqt_advance`` of a field."""
+    return compiler.library(source.integration(field, lanes)).eqt_advance
+
+
+def advance(function: Any, **values: Any) -> None:
+    """Call ``eqt_advance`` with the members of ``eqt_span``; arrays are C-contiguous."""
+    span = _Span(
+        **{name: values[name] for name in (*_INTEGERS, *_NUMBERS)},
+        **{name: values[name].ctypes.data for name in _ARRAYS},
+    )
+    function(ctypes.byref(span))
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Numbers that a program takes, and along which axes they vary.
+
+    Attributes
+    ----------
+    values
+        ``(n,)``, and before that the axes runs and samples as far as they vary along them.
+    by_run, by_sample
+        Whether they do.
+    """
+
+    values: Array
+    by_run: bool = False
+    by_sample: bool = False
+
+    @property
+    def length(self) -> int:
+        """n."""
+        return int(self.values.shape[-1])
+
+
+def evaluate(
+    program: Program, runs: int, samples: int, given: Sequence[Rows], lanes: int = LANES
+) -> dict[str, Array]:
+    """The arrays of a program, ``(runs, samples, …)`` each, by name.
+
+    Parameters
+    ----------
+    given
+        The inputs of the program, one stretch behind the other.
+    """
+    function = _evaluation(program, tuple(rows.length for rows in given), lanes)
+    arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in given]
+    sources = (_Source * len(given))()
+    for place, (rows, array) in enumerate(zip(given, arrays, strict=True)):
+        along = rows.length if rows.by_sample else 0
+        per_run = (samples if rows.by_sample else 1) * rows.length if rows.by_run else 0
+        sources[place] = _Source(array.ctypes.data, per_run, along)
+    found = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
+    places = (ctypes.c_void_p * len(found))(*(array.ctypes.data for array in found.values()))
+    function(ctypes.byref(_Evaluations(runs, samples, sources, places)))
+    return found
+
+
+@lru_cache(maxsize=64)
+def _evaluation(program: Program, stretches: tuple[int, ...], lanes: int) -> Any:
+    return compiler.library(source.evaluation(program, stretches, lanes)).eqt_evaluate

@@ -1,0 +1,111 @@
+"""The C of a closed loop: emitted programs, and the templates that integrate and evaluate them.
+
+Nothing of a configuration's text is in it, but numbers; all names are eqt's.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import accumulate
+from pathlib import Path
+
+from eqt_cli.program import Constant, Input, Operation, Output, Program
+from eqt_cli.program.fusing import fused
+from eqt_cli.program.c_code import FUNCTIONS_HEADER, LANES_HEADER, c_function
+
+ADVANCE, EVALUATE = "advance.h", "evaluate.h"
+_TEMPLATES = Path(__file__).parent
+
+
+def integration(field: Program, lanes: int) -> str:
+    """The C of ``eqt_advance``, for a program of ``derivative``.
+
+    Parameters
+    ----------
+    lanes
+        Runs side by side; it changes no bit of a result.
+    """
+    kept, comparisons = with_kept_comparisons(field)
+    kept = fused(kept)
+    lengths = dict(kept.inputs)
+    sizes = {
+        "EQT_STATES": lengths["state"],
+        "EQT_PARAMETERS": lengths["parameters"],
+        "EQT_HELD": lengths["held"],
+        "EQT_COMPARISONS": comparisons,
+    }
+    defined = "".join(f"#define {name} {size}\n" for name, size in sizes.items())
+    emitted = f"static {c_function(kept, 'eqt_field')}"
+    return "\n".join([_head(lanes), defined, emitted, *map(_text, ("dop853.h", ADVANCE))])
+
+
+def evaluation(program: Program, stretches: Sequence[int], lanes: int) -> str:
+    """The C of ``eqt_evaluate``, for a program.
+
+    Parameters
+    ----------
+    stretches
+        The lengths of the stretches into which its inputs are cut, in their order.
+    """
+    # The names of arrays are not always names in C.
+    outputs = tuple(each._replace(name=f"{k}") for k, each in enumerate(program.outputs))
+    named = replace(
+        program, outputs=tuple(each._replace(name=f"array{each.name}") for each in outputs)
+    )
+    found = [len(output.entries) for output in program.outputs]
+    starts = [0, *accumulate(length for _, length in program.inputs)]
+    places = [0, *accumulate(found)]
+    given = [f"(in) + {start}" for start in starts[:-1]]
+    given += [f"(out) + {place}" for place in places[:-1]]
+    defined = (
+        f"#define EQT_SOURCES {len(stretches)}\n#define EQT_INPUTS {starts[-1]}\n"
+        f"#define EQT_ARRAYS {len(found)}\n#define EQT_OUTPUTS {places[-1]}\n"
+        f"static const int64_t eqt_lengths[] = {{{', '.join(map(str, stretches))}}};\n"
+        f"static const int64_t eqt_found_lengths[] = {{{', '.join(map(str, found))}}};\n"
+        f"#define EQT_CALL(in, out) eqt_program({', '.join(given)})\n"
+    )
+    emitted = f"static {c_function(named, 'eqt_program')}"
+    return "\n".join([_head(lanes), defined, emitted, _text(EVALUATE)])
+
+
+def with_kept_comparisons(program: Program) -> tuple[Program, int]:
+    """The program with the sides of its comparisons as inputs, and how many there are.
+
+    Every ``a < b`` becomes: ``sides[j]`` is negative. The outputs ``left`` and ``right`` are the a
+    and b of each. What only chooses between forms of one smooth function stays as it is.
+    """
+    values: list[Input | Constant | Operation] = []
+    places: list[int] = []
+    compared: list[tuple[int, int]] = []
+    zero = -1
+    for value in program.values:
+        if isinstance(value, Operation):
+            operands = tuple(places[operand] for operand in value.operands)
+            if value.name == "less":
+                if zero < 0:
+                    zero = len(values)
+                    values.append(Constant(0.0))
+                values.append(Input("sides", len(compared)))
+                compared.append((operands[0], operands[1]))
+                operands = len(values) - 1, zero
+            value = Operation(value.name, operands)
+        places.append(len(values))
+        values.append(value)
+    outputs = [
+        Output(each.name, each.shape, tuple(places[entry] for entry in each.entries))
+        for each in program.outputs
+    ]
+    for side, name in enumerate(("left", "right")):
+        outputs.append(Output(name, (len(compared),), tuple(pair[side] for pair in compared)))
+    inputs = (*program.inputs, ("sides", len(compared)))
+    return Program(inputs, tuple(values), tuple(outputs)), len(compared)
+
+
+def _head(lanes: int) -> str:
+    texts = [path.read_text(encoding="utf-8") for path in (LANES_HEADER, FUNCTIONS_HEADER)]
+    return "\n".join([f"#define EQT_LANES {lanes}", *texts])
+
+
+def _text(name: str) -> str:
+    return (_TEMPLATES / name).read_text(encoding="utf-8")
