@@ -1,0 +1,92 @@
+/* The types of emitted programs: eqt_real is one double, or a vector of EQT_LANES doubles. Lanes
+   never meet. A number is one bit pattern whatever the lanes are. */
+#ifndef EQT_LANES_H
+#define EQT_LANES_H
+
+#include <stdint.h>
+#include <string.h>
+
+#ifndef EQT_LANES
+#define EQT_LANES 1
+#endif
+
+#if defined(__CUDACC__)
+#define EQT_INLINE static inline __host__ __device__
+#elif defined(__GNUC__)
+#define EQT_INLINE static inline __attribute__((always_inline))
+#else
+#define EQT_INLINE static inline
+#endif
+
+#if EQT_LANES == 1
+
+typedef double eqt_real;
+typedef uint64_t eqt_bits;
+typedef int eqt_mask;
+
+EQT_INLINE eqt_real eqt_constant(double number) { return number; }
+EQT_INLINE eqt_bits eqt_bits_constant(uint64_t bits) { return bits; }
+EQT_INLINE eqt_real eqt_select(eqt_mask holds, eqt_real a, eqt_real b) { return holds ? a : b; }
+EQT_INLINE eqt_real eqt_sqrt(eqt_real x) { return __builtin_sqrt(x); }
+EQT_INLINE eqt_bits eqt_bits_of(eqt_real x)
+{
+    eqt_bits bits;
+    memcpy(&bits, &x, sizeof bits);
+    return bits;
+}
+EQT_INLINE eqt_real eqt_of_bits(eqt_bits bits)
+{
+    eqt_real x;
+    memcpy(&x, &bits, sizeof x);
+    return x;
+}
+
+#else
+
+typedef double eqt_real __attribute__((vector_size(8 * EQT_LANES)));
+typedef uint64_t eqt_bits __attribute__((vector_size(8 * EQT_LANES)));
+typedef int64_t eqt_mask __attribute__((vector_size(8 * EQT_LANES)));
+
+#if EQT_LANES == 2
+#define EQT_IN_ALL_LANES(x) {x, x}
+#elif EQT_LANES == 4
+#define EQT_IN_ALL_LANES(x) {x, x, x, x}
+#elif EQT_LANES == 8
+#define EQT_IN_ALL_LANES(x) {x, x, x, x, x, x, x, x}
+#endif
+
+EQT_INLINE eqt_real eqt_constant(double number)
+{
+    eqt_real all = EQT_IN_ALL_LANES(number);
+    return all;
+}
+EQT_INLINE eqt_bits eqt_bits_constant(uint64_t bits)
+{
+    eqt_bits all = EQT_IN_ALL_LANES(bits);
+    return all;
+}
+EQT_INLINE eqt_bits eqt_bits_of(eqt_real x) { return (eqt_bits)x; }
+EQT_INLINE eqt_real eqt_of_bits(eqt_bits bits) { return (eqt_real)bits; }
+EQT_INLINE eqt_real eqt_select(eqt_mask holds, eqt_real a, eqt_real b)
+{
+    return (eqt_real)(((eqt_bits)holds & (eqt_bits)a) | (~(eqt_bits)holds & (eqt_bits)b));
+}
+EQT_INLINE eqt_real eqt_sqrt(eqt_real x)
+{
+    eqt_real root;
+    int lane;
+    for (lane = 0; lane < EQT_LANES; lane++)
+        root[lane] = __builtin_sqrt(x[lane]);
+    return root;
+}
+
+#endif
+
+EQT_INLINE eqt_mask eqt_less(eqt_real a, eqt_real b) { return (eqt_mask)(a < b); }
+EQT_INLINE eqt_mask eqt_equal(eqt_real a, eqt_real b) { return (eqt_mask)(a == b); }
+EQT_INLINE eqt_mask eqt_any_bit(eqt_bits bits)
+{
+    return (eqt_mask)(bits != eqt_bits_constant(0));
+}
+
+#endif
