@@ -6,7 +6,7 @@
 
    Largest errors against mpmath, in units in the last place, for normal results:
        @ERRORS@
-   eqt_sin, eqt_cos and eqt_tan are NaN for |x| > 1647099, where their reduction ends.
+   eqt_sin, eqt_cos and eqt_tan are NaN for |x| >= 105414357, where their reduction ends.
 
    Coefficients and reductions of sin, cos, log, asin, acos, atan and the method of pow are those of
    fdlibm 5.3 (Sun Microsystems, 1993, freely granted); exp and the hyperbolic functions sum the
@@ -139,26 +139,28 @@ typedef struct {
     eqt_bits quadrant; /* how many right angles were subtracted, in the last two bits */
 } eqt_reduced;
 
-/* An angle less the nearest multiple of a right angle, which is 33 + 33 + 33 + 53 bits. */
+/* An angle less the nearest multiple of a right angle, which is 27 + 24 + 24 + 53 bits: products
+   with its first three parts are exact up to 2^26 right angles. */
 EQT_INLINE eqt_reduced eqt_reduce(eqt_real x)
 {
     const eqt_real shift = eqt_constant(6755399441055744.0); /* 1.5 2^52 */
     const eqt_real shifted = x * eqt_constant(6.36619772367581382433e-01) + shift;
     const eqt_real n = shifted - shift;
-    const eqt_real first = x - n * eqt_constant(1.57079632673412561417e+00);
-    const eqt_pair second = eqt_ordered_sum(first, -(n * eqt_constant(6.07710050630396597660e-11)));
+    const eqt_real first = x - n * eqt_constant(1.57079632580280303955e+00);
+    const eqt_pair second = eqt_ordered_sum(first, -(n * eqt_constant(9.92093573959351715530e-10)));
     const eqt_pair third =
-        eqt_ordered_sum(second.high, -(n * eqt_constant(2.02226624871116645580e-21)));
+        eqt_ordered_sum(second.high, -(n * eqt_constant(5.72118870966357490380e-18)));
     eqt_reduced reduced;
-    reduced.angle = eqt_ordered_sum(
-        third.high, (second.low + third.low) - n * eqt_constant(8.47842766036889956997e-32));
+    reduced.angle.high = third.high;
+    reduced.angle.low =
+        (second.low + third.low) - n * eqt_constant(1.64462569363242576015e-26);
     reduced.quadrant = eqt_bits_of(shifted);
     return reduced;
 }
 
 EQT_INLINE eqt_mask eqt_can_reduce(eqt_real x)
 {
-    return eqt_less(eqt_abs(x), eqt_constant(1647099.0));
+    return eqt_less(eqt_abs(x), eqt_constant(105414357.0));
 }
 
 /* The sine of a reduced angle. */
@@ -608,7 +610,7 @@ EQT_INLINE eqt_real eqt_pow(eqt_real x, eqt_real y)
     const eqt_real limit = eqt_select(eqt_less(size, one), grows, shrinks);
     const eqt_real positive = eqt_select(proper, usual, limit);
     const eqt_real fraction = eqt_select(proper, eqt_nan(), positive);
-    const eqt_real negative = eqt_select(even, positive, eqt_select(whole, -positive, fraction));
+    const eqt_real negative = eqt_select(whole, eqt_select(even, positive, -positive), fraction);
     eqt_real power = eqt_select(minus, negative, positive);
     power = eqt_select(eqt_equal(x, x) & eqt_equal(y, y), power, eqt_nan());
     return eqt_select(eqt_equal(y, zero), one, eqt_select(eqt_equal(x, one), one, eqt_canonical(power)));
