@@ -29,7 +29,7 @@ from hypothesis import strategies as st
 from eqt_cli.cli import main
 from eqt_cli.config.source import read_config
 from eqt_cli.controllers import Controller, controllers
-from eqt_cli.core.arrays import FUNCTIONS, Array, transpose
+from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.core.interruptions import ASKED_BY
 from eqt_cli.core.problems import Problems
 from eqt_cli.execution.run_study import Execution, execute
@@ -37,7 +37,7 @@ from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.read_study import study
 from eqt_cli.groups import MatrixLieGroup, group_named, groups
 from eqt_cli.program import Program
-from eqt_cli.program.c_code import HEADER, c_function
+from eqt_cli.program.c_code import FUNCTIONS_HEADER, LANES_HEADER, c_function
 from eqt_cli.results.result import open_result
 from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
@@ -571,11 +571,6 @@ def noted() -> Callable[..., list[tuple[str, str]]]:
 # Programs in C ------------------------------------------------------------------------------------
 
 C_COMPILERS = {"cc": ["-std=c99"], "c++": ["-x", "c++", "-std=c++98", "-Wno-long-long"]}
-C_LIBRARY = "".join(
-    f"static inline double eqt_{name}(double x) {{ return {name}(x); }}\n"
-    for name in FUNCTIONS
-    if name not in ("sqrt", "abs")
-)
 
 
 @cache
@@ -587,8 +582,8 @@ def _compiled(program: Program, compiler: str) -> ctypes.CDLL | None:
         function = f'extern "C" {function}'
     with tempfile.TemporaryDirectory() as folder:
         source, library = Path(folder, "program.c"), Path(folder, "program.so")
-        power = "static inline double eqt_pow(double x, double y) { return pow(x, y); }\n"
-        source.write_text(f'#include "{HEADER}"\n{C_LIBRARY}{power}{function}')
+        headers = [f'#include "{path}"' for path in (LANES_HEADER, FUNCTIONS_HEADER)]
+        source.write_text("\n".join([*headers, function]))
         strict = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-function"]
         flags = [*C_COMPILERS[compiler], *strict, "-O0", "-ffp-contract=off", "-fPIC", "-shared"]
         command = [compiler, *flags, str(source), "-o", str(library), "-lm"]

@@ -6,7 +6,6 @@
 
    Largest errors against mpmath, in units in the last place, for normal results:
        @ERRORS@
-   eqt_sin, eqt_cos and eqt_tan are NaN for |x| > 1647099, where their reduction ends.
 
    Coefficients and reductions of sin, cos, log, asin, acos, atan and the method of pow are those of
    fdlibm 5.3 (Sun Microsystems, 1993, freely granted); exp and the hyperbolic functions sum the
@@ -138,26 +137,116 @@ typedef struct {
     eqt_bits quadrant; /* how many right angles were subtracted, in the last two bits */
 } eqt_reduced;
 
-/* An angle less the nearest multiple of a right angle, which is 33 + 33 + 33 + 53 bits. */
+/* An angle less the nearest multiple of a right angle, which is 27 + 24 + 24 + 53 bits: products
+   with its first three parts are exact up to 2^26 right angles. */
 EQT_INLINE eqt_reduced eqt_reduce(eqt_real x)
 {
     const eqt_real shift = eqt_constant(6755399441055744.0); /* 1.5 2^52 */
     const eqt_real shifted = x * eqt_constant(6.36619772367581382433e-01) + shift;
     const eqt_real n = shifted - shift;
-    const eqt_real first = x - n * eqt_constant(1.57079632673412561417e+00);
-    const eqt_pair second = eqt_ordered_sum(first, -(n * eqt_constant(6.07710050630396597660e-11)));
+    const eqt_real first = x - n * eqt_constant(1.57079632580280303955e+00);
+    const eqt_pair second = eqt_ordered_sum(first, -(n * eqt_constant(9.92093573959351715530e-10)));
     const eqt_pair third =
-        eqt_ordered_sum(second.high, -(n * eqt_constant(2.02226624871116645580e-21)));
+        eqt_ordered_sum(second.high, -(n * eqt_constant(5.72118870966357490380e-18)));
     eqt_reduced reduced;
-    reduced.angle = eqt_ordered_sum(
-        third.high, (second.low + third.low) - n * eqt_constant(8.47842766036889956997e-32));
+    reduced.angle.high = third.high;
+    reduced.angle.low =
+        (second.low + third.low) - n * eqt_constant(1.64462569363242576015e-26);
     reduced.quadrant = eqt_bits_of(shifted);
     return reduced;
 }
 
-EQT_INLINE eqt_mask eqt_can_reduce(eqt_real x)
+/* 0, and 2 / pi in words of 32 bits. */
+static const uint32_t eqt_2_over_pi[39] = {
+    0x00000000u, 0xa2f9836eu, 0x4e441529u, 0xfc2757d1u, 0xf534ddc0u, 0xdb629599u, 0x3c439041u,
+    0xfe5163abu, 0xdebbc561u, 0xb7246e3au, 0x424dd2e0u, 0x06492eeau, 0x09d1921cu, 0xfe1deb1cu,
+    0xb129a73eu, 0xe88235f5u, 0x2ebb4484u, 0xe99c7026u, 0xb45f7e41u, 0x3991d639u, 0x835339f4u,
+    0x9c845f8bu, 0xbdf9283bu, 0x1ff897ffu, 0xde05980fu, 0xef2f118bu, 0x5a0a6d1fu, 0x6d367ecfu,
+    0x27cb09b7u, 0x4f463f66u, 0x9e5fea2du, 0x7527bac7u, 0xebe5f17bu, 0x3d0739f7u, 0x8a5292eau,
+    0x6bfb5fb1u, 0x1f8d5d08u, 0x56033046u, 0xfc7b6babu
+};
+
+/* A finite number above 2^26 over a right angle, by whole numbers: x = whole 2^shift, and bits of
+   2 / pi that only give multiples of four right angles are left out. */
+EQT_RARE void eqt_far_turn(double x, double fraction[3], uint64_t *quadrant)
 {
-    return eqt_less(eqt_abs(x), eqt_constant(1647099.0));
+    uint32_t product[6], window[7];
+    uint64_t bits, whole, sum, carry = 0;
+    int shift, place, word, negative;
+    const double two_to_48 = 281474976710656.0;
+    __builtin_memcpy(&bits, &x, sizeof bits);
+    whole = (bits & 0x000fffffffffffffULL) | 0x0010000000000000ULL;
+    shift = (int)((bits >> 52) & 0x7ff) - 1075;
+    place = shift + 30; /* of the first bit that counts */
+    for (word = 0; word < 6; word++) {
+        const int from = place / 32 + word;
+        sum = ((uint64_t)eqt_2_over_pi[from] << 32) | eqt_2_over_pi[from + 1];
+        window[word] = (uint32_t)(sum >> (32 - place % 32));
+    }
+    for (word = 5; word >= 0; word--) {
+        sum = window[word] * (whole & 0xffffffffu) + carry;
+        product[word] = (uint32_t)sum;
+        carry = sum >> 32;
+    }
+    carry = 0;
+    for (word = 5; word >= 1; word--) {
+        sum = window[word] * (whole >> 32) + product[word - 1] + carry;
+        product[word - 1] = (uint32_t)sum;
+        carry = sum >> 32;
+    }
+    /* Its first two bits are the quadrant; what follows is a fraction, which is rounded. */
+    *quadrant = product[0] >> 30;
+    for (word = 0; word < 5; word++)
+        product[word] = (product[word] << 2) | (product[word + 1] >> 30);
+    negative = product[0] >> 31;
+    if (negative) {
+        *quadrant += 1;
+        for (word = 0; word < 5; word++)
+            product[word] = ~product[word];
+    }
+    fraction[0] = (double)(((uint64_t)product[0] << 16) | (product[1] >> 16)) / two_to_48;
+    fraction[1] = (double)(((uint64_t)(product[1] & 0xffffu) << 32) | product[2]) / two_to_48;
+    fraction[2] = (double)(((uint64_t)product[3] << 16) | (product[4] >> 16)) / two_to_48;
+    fraction[1] /= two_to_48;
+    fraction[2] /= two_to_48 * two_to_48;
+    for (word = 0; word < 3; word++)
+        fraction[word] = negative != (int)(bits >> 63) ? -fraction[word] : fraction[word];
+    if (bits >> 63)
+        *quadrant = 0 - *quadrant;
+    if (shift > 971) /* infinite, or no number */
+        fraction[0] = x - x;
+}
+
+EQT_INLINE eqt_mask eqt_is_far(eqt_real x)
+{
+    return eqt_less(eqt_constant(105414356.0), eqt_abs(x));
+}
+
+EQT_INLINE eqt_reduced eqt_reduce_far(eqt_real x)
+{
+    double given[EQT_LANES], fraction[3], parts[3][EQT_LANES];
+    uint64_t quadrant[EQT_LANES];
+    eqt_real high, middle, low;
+    eqt_pair turn, right;
+    eqt_reduced reduced;
+    int lane, part;
+    __builtin_memcpy(given, &x, sizeof given);
+    for (lane = 0; lane < EQT_LANES; lane++) {
+        const double size = given[lane] < 0.0 ? -given[lane] : given[lane];
+        eqt_far_turn(size < 1e8 ? 1e8 : given[lane], fraction, &quadrant[lane]);
+        for (part = 0; part < 3; part++)
+            parts[part][lane] = fraction[part];
+    }
+    __builtin_memcpy(&high, parts[0], sizeof high);
+    __builtin_memcpy(&middle, parts[1], sizeof middle);
+    __builtin_memcpy(&low, parts[2], sizeof low);
+    __builtin_memcpy(&reduced.quadrant, quadrant, sizeof quadrant);
+    turn = eqt_ordered_sum(high, middle);
+    turn = eqt_ordered_sum(turn.high, turn.low + low);
+    right.high = eqt_constant(1.57079632679489655800e+00);
+    right.low = eqt_constant(6.12323399573676603587e-17);
+    reduced.angle = eqt_pair_product(turn, right);
+    return reduced;
 }
 
 /* The sine of a reduced angle. */
@@ -194,25 +283,55 @@ typedef struct {
     eqt_real sine, cosine;
 } eqt_sine_and_cosine;
 
-/* Both at once. After inlining, compilers also find what eqt_sin(x) and eqt_cos(x) share. */
-EQT_INLINE eqt_sine_and_cosine eqt_sincos(eqt_real x)
+EQT_INLINE eqt_sine_and_cosine eqt_sincos_of(eqt_reduced reduced)
 {
-    const eqt_reduced reduced = eqt_reduce(x);
     const eqt_real sine = eqt_sine_part(reduced.angle).high;
     const eqt_real cosine = eqt_cosine_part(reduced.angle).high;
     const eqt_mask odd = eqt_any_bit(reduced.quadrant & eqt_bits_constant(1));
-    const eqt_bits sine_sign = reduced.quadrant << eqt_bits_constant(62);
-    const eqt_bits cosine_sign =
-        (reduced.quadrant + eqt_bits_constant(1)) << eqt_bits_constant(62);
-    const eqt_bits sign = eqt_bits_constant(EQT_SIGN_BIT);
-    const eqt_mask reducible = eqt_can_reduce(x);
+    const eqt_bits next = reduced.quadrant + eqt_bits_constant(1);
+    const eqt_bits sign = eqt_bits_constant(EQT_SIGN_BIT), left = eqt_bits_constant(62);
+    const eqt_bits s = eqt_bits_of(eqt_select(odd, cosine, sine));
+    const eqt_bits c = eqt_bits_of(eqt_select(odd, sine, cosine));
     eqt_sine_and_cosine both;
-    both.sine =
-        eqt_of_bits(eqt_bits_of(eqt_select(odd, cosine, sine)) ^ (sine_sign & sign));
-    both.cosine =
-        eqt_of_bits(eqt_bits_of(eqt_select(odd, sine, cosine)) ^ (cosine_sign & sign));
-    both.sine = eqt_select(reducible, both.sine, eqt_nan());
-    both.cosine = eqt_select(reducible, both.cosine, eqt_nan());
+    both.sine = eqt_canonical(eqt_of_bits(s ^ ((reduced.quadrant << left) & sign)));
+    both.cosine = eqt_canonical(eqt_of_bits(c ^ ((next << left) & sign)));
+    return both;
+}
+
+EQT_INLINE eqt_real eqt_tan_of(eqt_reduced reduced)
+{
+    const eqt_pair sine = eqt_sine_part(reduced.angle), cosine = eqt_cosine_part(reduced.angle);
+    const eqt_mask odd = eqt_any_bit(reduced.quadrant & eqt_bits_constant(1));
+    eqt_pair above, below;
+    above.high = eqt_select(odd, -cosine.high, sine.high);
+    above.low = eqt_select(odd, -cosine.low, sine.low);
+    below.high = eqt_select(odd, sine.high, cosine.high);
+    below.low = eqt_select(odd, sine.low, cosine.low);
+    return eqt_canonical(eqt_pair_quotient(above, below).high);
+}
+
+EQT_RARE void eqt_far_sincos(const eqt_real *x, eqt_sine_and_cosine *both)
+{
+    *both = eqt_sincos_of(eqt_reduce_far(*x));
+}
+
+EQT_RARE void eqt_far_tan(const eqt_real *x, eqt_real *tangent)
+{
+    *tangent = eqt_tan_of(eqt_reduce_far(*x));
+}
+
+/* Both at once. After inlining, compilers also find what eqt_sin(x) and eqt_cos(x) share. */
+EQT_INLINE eqt_sine_and_cosine eqt_sincos(eqt_real x)
+{
+    const eqt_mask is_far = eqt_is_far(x);
+    eqt_sine_and_cosine both = eqt_sincos_of(eqt_reduce(x));
+    if (eqt_any(is_far)) {
+        const eqt_real copy = x;
+        eqt_sine_and_cosine far;
+        eqt_far_sincos(&copy, &far);
+        both.sine = eqt_select(is_far, far.sine, both.sine);
+        both.cosine = eqt_select(is_far, far.cosine, both.cosine);
+    }
     return both;
 }
 
@@ -221,18 +340,15 @@ EQT_INLINE eqt_real eqt_cos(eqt_real x) { return eqt_sincos(x).cosine; }
 
 EQT_INLINE eqt_real eqt_tan(eqt_real x)
 {
-    const eqt_reduced reduced = eqt_reduce(x);
-    const eqt_pair sine = eqt_sine_part(reduced.angle), cosine = eqt_cosine_part(reduced.angle);
-    const eqt_mask odd = eqt_any_bit(reduced.quadrant & eqt_bits_constant(1));
-    const eqt_mask tiny = eqt_less(eqt_abs(x), eqt_constant(1e-8));
-    eqt_pair above, below;
-    eqt_real tangent;
-    above.high = eqt_select(odd, -cosine.high, sine.high);
-    above.low = eqt_select(odd, -cosine.low, sine.low);
-    below.high = eqt_select(odd, sine.high, cosine.high);
-    below.low = eqt_select(odd, sine.low, cosine.low);
-    tangent = eqt_select(tiny, x, eqt_pair_quotient(above, below).high);
-    return eqt_select(eqt_can_reduce(x), tangent, eqt_nan());
+    const eqt_mask is_far = eqt_is_far(x);
+    eqt_real tangent = eqt_tan_of(eqt_reduce(x));
+    if (eqt_any(is_far)) {
+        const eqt_real copy = x;
+        eqt_real far;
+        eqt_far_tan(&copy, &far);
+        tangent = eqt_select(is_far, far, tangent);
+    }
+    return eqt_select(eqt_less(eqt_abs(x), eqt_constant(1e-8)), x, tangent);
 }
 
 /* exp and the hyperbolic functions ------------------------------------------------------------- */
@@ -296,7 +412,7 @@ EQT_INLINE eqt_real eqt_exp(eqt_real x)
 }
 
 typedef struct {
-    eqt_pair sine, cosine;
+    eqt_real sine, cosine;
 } eqt_sinh_and_cosh;
 
 /* sinh and cosh of a number from 0 to 711, times 2^-512 above 600. */
@@ -307,15 +423,15 @@ EQT_INLINE eqt_sinh_and_cosh eqt_sinhcosh(eqt_real x)
                                             eqt_constant(0.0));
     const eqt_real up = eqt_power_of_2(n - eqt_constant(1.0));
     const eqt_real down = eqt_power_of_2(eqt_constant(-1.0) - n);
-    const eqt_real plus = up + down, minus = up - down;
+    const eqt_pair plus = eqt_ordered_sum(up, down), minus = eqt_ordered_sum(up, -down);
     const eqt_real rising = up * parts.x.high, falling = down * parts.x.high;
-    const eqt_pair s1 = eqt_ordered_sum(minus, rising), s2 = eqt_ordered_sum(s1.high, falling);
-    const eqt_pair c1 = eqt_ordered_sum(plus, rising), c2 = eqt_ordered_sum(c1.high, -falling);
+    const eqt_pair s1 = eqt_ordered_sum(minus.high, rising), s2 = eqt_ordered_sum(s1.high, falling);
+    const eqt_pair c1 = eqt_ordered_sum(plus.high, rising), c2 = eqt_ordered_sum(c1.high, -falling);
     eqt_sinh_and_cosh both;
-    both.sine = eqt_ordered_sum(
-        s2.high, (s1.low + s2.low) + (parts.cosine * minus + parts.sine * plus));
-    both.cosine = eqt_ordered_sum(
-        c2.high, (c1.low + c2.low) + (parts.cosine * plus + parts.sine * minus));
+    both.sine = s2.high + ((s1.low + s2.low + minus.low) +
+                           (parts.cosine * minus.high + parts.sine * plus.high));
+    both.cosine = c2.high + ((c1.low + c2.low + plus.low) +
+                             (parts.cosine * plus.high + parts.sine * minus.high));
     return both;
 }
 
@@ -330,7 +446,7 @@ EQT_INLINE eqt_real eqt_sinh(eqt_real x)
 {
     const eqt_real size = eqt_abs(x);
     const eqt_real near = eqt_select(eqt_less(eqt_constant(711.0), size), eqt_constant(711.0), size);
-    const eqt_real sine = eqt_unscaled(eqt_sinhcosh(near).sine.high, near);
+    const eqt_real sine = eqt_unscaled(eqt_sinhcosh(near).sine, near);
     const eqt_mask tiny = eqt_less(size, eqt_constant(1e-8));
     return eqt_canonical(eqt_with_sign(eqt_select(tiny, size, sine), x));
 }
@@ -339,7 +455,7 @@ EQT_INLINE eqt_real eqt_cosh(eqt_real x)
 {
     const eqt_real size = eqt_abs(x);
     const eqt_real near = eqt_select(eqt_less(eqt_constant(711.0), size), eqt_constant(711.0), size);
-    return eqt_canonical(eqt_unscaled(eqt_sinhcosh(near).cosine.high, near));
+    return eqt_canonical(eqt_unscaled(eqt_sinhcosh(near).cosine, near));
 }
 
 EQT_INLINE eqt_real eqt_tanh(eqt_real x)
@@ -607,7 +723,7 @@ EQT_INLINE eqt_real eqt_pow(eqt_real x, eqt_real y)
     const eqt_real limit = eqt_select(eqt_less(size, one), grows, shrinks);
     const eqt_real positive = eqt_select(proper, usual, limit);
     const eqt_real fraction = eqt_select(proper, eqt_nan(), positive);
-    const eqt_real negative = eqt_select(even, positive, eqt_select(whole, -positive, fraction));
+    const eqt_real negative = eqt_select(whole, eqt_select(even, positive, -positive), fraction);
     eqt_real power = eqt_select(minus, negative, positive);
     power = eqt_select(eqt_equal(x, x) & eqt_equal(y, y), power, eqt_nan());
     return eqt_select(eqt_equal(y, zero), one, eqt_select(eqt_equal(x, one), one, eqt_canonical(power)));

@@ -20,6 +20,15 @@
 #define EQT_INLINE static inline
 #endif
 
+/* A function that is called so rarely that it is not worth its place in others. */
+#if defined(__CUDACC__)
+#define EQT_RARE static __host__ __device__ __noinline__
+#elif defined(__GNUC__)
+#define EQT_RARE __attribute__((noinline, cold, unused)) static
+#else
+#define EQT_RARE static
+#endif
+
 #if EQT_LANES == 1
 
 typedef double eqt_real;
@@ -88,13 +97,45 @@ EQT_INLINE eqt_real eqt_sqrt(eqt_real x)
 
 #endif
 
+/* Whether a mask holds in any lane: only to leave out what no lane needs. The instructions of x86
+   are named because GCC takes a vector apart through memory. */
+EQT_INLINE int eqt_any(eqt_mask mask)
+{
+#if EQT_LANES == 1
+    return mask;
+#elif EQT_LANES == 8 && defined(__AVX512DQ__)
+    typedef long long lanes __attribute__((vector_size(64)));
+    return __builtin_ia32_cvtq2mask512((lanes)mask) != 0;
+#elif EQT_LANES >= 4 && defined(__AVX__)
+    typedef double part __attribute__((vector_size(32)));
+    part parts[EQT_LANES / 4];
+    __builtin_memcpy(parts, &mask, sizeof parts);
+#if EQT_LANES == 8
+    return (__builtin_ia32_movmskpd256(parts[0]) | __builtin_ia32_movmskpd256(parts[1])) != 0;
+#else
+    return __builtin_ia32_movmskpd256(parts[0]) != 0;
+#endif
+#else
+    int64_t lanes[EQT_LANES], any = 0;
+    int lane;
+    __builtin_memcpy(lanes, &mask, sizeof lanes);
+    for (lane = 0; lane < EQT_LANES; lane++)
+        any |= lanes[lane];
+    return any != 0;
+#endif
+}
+
+EQT_INLINE eqt_mask eqt_less(eqt_real a, eqt_real b) { return EQT_MASK(a < b); }
+EQT_INLINE eqt_mask eqt_equal(eqt_real a, eqt_real b) { return EQT_MASK(a == b); }
+EQT_INLINE eqt_mask eqt_any_bit(eqt_bits bits) { return EQT_MASK(bits != eqt_bits_constant(0)); }
+
 /* a b + c, rounded once: the one operation beside + - * / and the root that IEEE 754 fixes. */
 EQT_INLINE eqt_real eqt_fma(eqt_real a, eqt_real b, eqt_real c)
 {
 #if EQT_LANES == 1
     return __builtin_fma(a, b, c);
 #elif EQT_LANES == 8 && defined(__AVX512F__) && !defined(__clang__)
-    /* gcc makes two halves of the loop below. */
+    /* GCC makes two halves of the loop below. */
     return (eqt_real)__builtin_ia32_vfmaddpd512_mask(a, b, c, -1, 4);
 #else
     eqt_real found;
@@ -104,9 +145,5 @@ EQT_INLINE eqt_real eqt_fma(eqt_real a, eqt_real b, eqt_real c)
     return found;
 #endif
 }
-
-EQT_INLINE eqt_mask eqt_less(eqt_real a, eqt_real b) { return EQT_MASK(a < b); }
-EQT_INLINE eqt_mask eqt_equal(eqt_real a, eqt_real b) { return EQT_MASK(a == b); }
-EQT_INLINE eqt_mask eqt_any_bit(eqt_bits bits) { return EQT_MASK(bits != eqt_bits_constant(0)); }
 
 #endif

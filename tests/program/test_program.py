@@ -209,6 +209,8 @@ def test_numbers_in_c_are_exact(in_c):
 
 def test_names_that_are_none_in_c():
     program = program_of(lambda x: x)
-    assert "void law(const eqt_real *in_x, eqt_real *out_y)" in c_function(program, "law")
+    assert "void law(const eqt_real *__restrict in_x, eqt_real *__restrict out_y)" in c_function(
+        program, "law"
+    )
     with pytest.raises(ValueError, match=re.escape("'a); evil(' is no identifier of C")):
         c_function(program, "a); evil(")

@@ -71,7 +71,7 @@ EQT_INLINE eqt_mask eqt_lanes_where(const int *holds)
     return eqt_less(eqt_constant(0.0), found);
 }
 
-EQT_INLINE int eqt_any(const int *holds)
+EQT_INLINE int eqt_any_of(const int *holds)
 {
     int lane, any = 0;
     for (lane = 0; lane < EQT_LANES; lane++)
@@ -134,7 +134,7 @@ EQT_INLINE eqt_mask eqt_wrong(const eqt_lanes *lanes, int j, eqt_real width)
 }
 
 /* Which lanes have a comparison on the wrong side, for the derivative that was evaluated last. */
-EQT_INLINE eqt_mask eqt_any_wrong(const eqt_lanes *lanes, eqt_real width)
+EQT_INLINE eqt_mask eqt_wrong_somewhere(const eqt_lanes *lanes, eqt_real width)
 {
     eqt_mask any = eqt_less(eqt_constant(0.0), eqt_constant(0.0));
     int j;
@@ -222,7 +222,7 @@ static eqt_real eqt_try_step(eqt_lanes *lanes, eqt_mask *suspected)
     }                                                                                              \
     eqt_derivative(lanes, lanes->t + where * h, lanes->at, k[number]);                             \
     if (EQT_COMPARISONS)                                                                           \
-        wrong |= eqt_any_wrong(lanes, lanes->width);
+        wrong |= eqt_wrong_somewhere(lanes, lanes->width);
     EQT_STAGES(STAGE)
 #undef STAGE
     for (i = 0; i < EQT_STATES; i++) {
@@ -257,7 +257,7 @@ static eqt_real eqt_crossing(eqt_lanes *lanes, eqt_mask crosses_at_end)
         eqt_mask wrong;
         eqt_at(lanes, theta, lanes->at);
         eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[15]);
-        wrong = eqt_any_wrong(lanes, lanes->width) & ~found;
+        wrong = eqt_wrong_somewhere(lanes, lanes->width) & ~found;
         if (look == LOOKS)
             wrong |= crosses_at_end & ~found;
         behind = eqt_select(wrong, theta, behind);
@@ -269,7 +269,7 @@ static eqt_real eqt_crossing(eqt_lanes *lanes, eqt_mask crosses_at_end)
         eqt_mask wrong;
         eqt_at(lanes, theta, lanes->at);
         eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[15]);
-        wrong = eqt_any_wrong(lanes, eqt_constant(0.0));
+        wrong = eqt_wrong_somewhere(lanes, eqt_constant(0.0));
         behind = eqt_select(found & wrong, theta, behind);
         before = eqt_select(found & ~wrong, theta, before);
     }
@@ -322,7 +322,7 @@ static void eqt_begin(eqt_lanes *lanes)
             starts[i] = lanes->fresh[i] == 1;
         for (i = 0; i < EQT_COMPARISONS; i++)
             kept[i] = eqt_less(eqt_constant(1.0), eqt_constant(0.0));
-        if (eqt_any(starts))
+        if (eqt_any_of(starts))
             eqt_settle_sides(lanes, eqt_lanes_where(starts), kept);
     }
     eqt_derivative(lanes, lanes->t, lanes->y, lanes->at);
@@ -390,7 +390,7 @@ static void eqt_store_samples(eqt_lanes *lanes, const int *accepted)
    and are accepted no longer. */
 static void eqt_pin_crossings(eqt_lanes *lanes, int *accepted, eqt_mask suspected)
 {
-    eqt_mask at_end = eqt_any_wrong(lanes, lanes->width), crosses = suspected | at_end;
+    eqt_mask at_end = eqt_wrong_somewhere(lanes, lanes->width), crosses = suspected | at_end;
     eqt_real marked = eqt_select(crosses, eqt_constant(1.0), eqt_constant(0.0)), theta;
     int lane, any = 0;
     for (lane = 0; lane < EQT_LANES; lane++)
@@ -459,7 +459,7 @@ void eqt_advance(const eqt_span *span)
         }
         if (!active)
             return;
-        if (eqt_any(lanes.fresh))
+        if (eqt_any_of(lanes.fresh))
             eqt_begin(&lanes);
         eqt_choose_lengths(&lanes);
         error = eqt_try_step(&lanes, &suspected);
@@ -530,7 +530,7 @@ void eqt_advance(const eqt_span *span)
                     eqt_leave(&lanes, lane, EQT_STEP_LIMIT);
             }
         }
-        if (EQT_COMPARISONS && eqt_any(crossing))
+        if (EQT_COMPARISONS && eqt_any_of(crossing))
             eqt_cross(&lanes, crossing);
     }
 }
