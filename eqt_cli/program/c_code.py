@@ -1,7 +1,7 @@
 """A program as a function in C: one line for each value, with no memory, branch or loop.
 
-It is written in the common subset of C99 and C++, in the types and functions of two headers. Where the
-compiler may not contract operations (``-ffp-contract=off``), they round as IEEE 754 says.
+It is written in the common subset of C99 and C++, in the types and functions of two headers. Where
+the compiler may not contract operations (``-ffp-contract=off``), they round as IEEE 754 says.
 """
 
 from __future__ import annotations

@@ -3,8 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
+from typing import NamedTuple
 
 from eqt_cli.program.program import Operation, Output, Program, Value
+
+
+class _Fused(NamedTuple):
+    """A sum or difference with a product in it: ± product ± other."""
+
+    product: int
+    other: int
+    minus_product: bool
+    minus_other: bool
 
 
 def fused(program: Program) -> Program:
@@ -13,28 +23,8 @@ def fused(program: Program) -> Program:
     Fused are products that one sum or difference needs and nothing else; of two in a sum, the one
     that is computed later.
     """
-    used = Counter(place for output in program.outputs for place in output.entries)
-    for value in program.values:
-        if isinstance(value, Operation):
-            used.update(value.operands)
-
-    def product(place: int) -> tuple[int, ...] | None:
-        value = program.values[place]
-        alone = isinstance(value, Operation) and value.name == "multiply" and used[place] == 1
-        return value.operands if alone else None
-
-    taken: dict[int, tuple[int, int, bool, bool]] = {}
-    for place, value in enumerate(program.values):
-        if not isinstance(value, Operation) or value.name not in ("add", "subtract"):
-            continue
-        first, second = value.operands
-        minus = value.name == "subtract"
-        if product(second) and (second > first or not product(first)):
-            taken[place] = second, first, minus, False
-        elif product(first):
-            taken[place] = first, second, False, minus
-    absorbed = {chosen for chosen, _, _, _ in taken.values()}
-
+    chosen = _chosen(program)
+    left_out = {each.product for each in chosen.values()}
     values: list[Value] = []
     places: dict[int, int] = {}
 
@@ -42,17 +32,17 @@ def fused(program: Program) -> Program:
         values.append(value)
         return len(values) - 1
 
+    def signed(place: int, minus: bool) -> int:
+        return add(Operation("negative", (places[place],))) if minus else places[place]
+
     for place, value in enumerate(program.values):
-        if place in absorbed:
+        if place in left_out:
             continue
-        if place in taken:
-            chosen, other, minus_product, minus_other = taken[place]
-            factors = product(chosen)
-            assert factors is not None
-            a, b, c = (places[each] for each in (*factors, other))
-            a = add(Operation("negative", (a,))) if minus_product else a
-            c = add(Operation("negative", (c,))) if minus_other else c
-            value = Operation("fma", (a, b, c))
+        if place in chosen:
+            sum_ = chosen[place]
+            a, b = _operands(program, sum_.product)
+            c = signed(sum_.other, sum_.minus_other)
+            value = Operation("fma", (signed(a, sum_.minus_product), places[b], c))
         elif isinstance(value, Operation):
             value = Operation(value.name, tuple(places[each] for each in value.operands))
         places[place] = add(value)
@@ -61,3 +51,31 @@ def fused(program: Program) -> Program:
         for each in program.outputs
     )
     return Program(program.inputs, tuple(values), outputs)
+
+
+def _chosen(program: Program) -> dict[int, _Fused]:
+    """The sums and differences that are to be fused, by their places."""
+    used = Counter(place for output in program.outputs for place in output.entries)
+    for value in program.values:
+        if isinstance(value, Operation):
+            used.update(value.operands)
+    products = {
+        place
+        for place, value in enumerate(program.values)
+        if isinstance(value, Operation) and value.name == "multiply" and used[place] == 1
+    }
+    found = {}
+    for place, value in enumerate(program.values):
+        if isinstance(value, Operation) and value.name in ("add", "subtract"):
+            (first, second), minus = value.operands, value.name == "subtract"
+            if second in products and (first not in products or second > first):
+                found[place] = _Fused(second, first, minus, False)
+            elif first in products:
+                found[place] = _Fused(first, second, False, minus)
+    return found
+
+
+def _operands(program: Program, place: int) -> tuple[int, ...]:
+    value = program.values[place]
+    assert isinstance(value, Operation)
+    return value.operands

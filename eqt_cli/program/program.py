@@ -25,7 +25,8 @@ class Operation(NamedTuple):
 
     Its name is ``add``, ``subtract``, ``multiply``, ``divide``, ``negative`` or ``pow``, that of an
     elementary function such as ``sin``, one of `COMPARISONS`, or ``select``: its second operand
-    where the comparison that is its first holds, else its third.
+    where the comparison that is its first holds, else its third. Where products are fused, it may
+    be ``fma``, a b + c.
     """
 
     name: str

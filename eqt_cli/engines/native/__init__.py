@@ -1,8 +1,8 @@
 """DOP853 in C, compiled on this machine from the very laws that run on arrays.
 
-The closed loop is traced once; its program is emitted as C, and templates beside this file integrate
-and evaluate it. Each run has its own steps. All operations are fixed by IEEE 754, so that a run has
-the same bits beside any others, in any thread, by any compiler and on any machine.
+The closed loop is traced once; its program is emitted as C, and templates beside this file
+integrate and evaluate it. Each run has its own steps. All operations are fixed by IEEE 754, so that
+a run has the same bits beside any others, in any thread and by any compiler.
 """
 
 from __future__ import annotations

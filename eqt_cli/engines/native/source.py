@@ -11,8 +11,8 @@ from itertools import accumulate
 from pathlib import Path
 
 from eqt_cli.program import Constant, Input, Operation, Output, Program
-from eqt_cli.program.fusing import fused
 from eqt_cli.program.c_code import FUNCTIONS_HEADER, LANES_HEADER, c_function
+from eqt_cli.program.fusing import fused
 
 ADVANCE, EVALUATE = "advance.h", "evaluate.h"
 _TEMPLATES = Path(__file__).parent
@@ -27,7 +27,6 @@ def integration(field: Program, lanes: int) -> str:
         Runs side by side; it changes no bit of a result.
     """
     kept, comparisons = with_kept_comparisons(field)
-    kept = fused(kept)
     lengths = dict(kept.inputs)
     sizes = {
         "EQT_STATES": lengths["state"],
@@ -36,7 +35,7 @@ def integration(field: Program, lanes: int) -> str:
         "EQT_COMPARISONS": comparisons,
     }
     defined = "".join(f"#define {name} {size}\n" for name, size in sizes.items())
-    emitted = f"static {c_function(kept, 'eqt_field')}"
+    emitted = f"static {c_function(fused(kept), 'eqt_field')}"
     return "\n".join([_head(lanes), defined, emitted, *map(_text, ("dop853.h", ADVANCE))])
 
 
@@ -49,10 +48,8 @@ def evaluation(program: Program, stretches: Sequence[int], lanes: int) -> str:
         The lengths of the stretches into which its inputs are cut, in their order.
     """
     # The names of arrays are not always names in C.
-    outputs = tuple(each._replace(name=f"{k}") for k, each in enumerate(program.outputs))
-    named = replace(
-        program, outputs=tuple(each._replace(name=f"array{each.name}") for each in outputs)
-    )
+    outputs = [each._replace(name=f"array{k}") for k, each in enumerate(program.outputs)]
+    named = replace(program, outputs=tuple(outputs))
     found = [len(output.entries) for output in program.outputs]
     starts = [0, *accumulate(length for _, length in program.inputs)]
     places = [0, *accumulate(found)]
