@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import re
 import sys
+import threading
+import time
 from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
@@ -12,6 +14,7 @@ from typing import Any
 import pytest
 
 from eqt_cli.cli.shared import output, progress
+from eqt_cli.core.activity import activity
 
 Eqt = Callable[..., Any]
 
@@ -147,3 +150,27 @@ def test_a_step_that_begins_counts_anew(clock: Clock, capsys: pytest.CaptureFixt
 def test_a_quiet_run_tells_nothing(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(progress, "SHOW_AFTER", 0.0)
     assert eqt("run", "c.yaml", "--quiet").err == ""
+
+
+def test_what_takes_long_and_cannot_be_counted_is_named(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "SHOW_AFTER", 0.01)
+    told = threading.Event()
+    monkeypatch.setattr(progress, "say", lambda text: (output.say(text), told.set()))
+    with progress.progress(8), activity("compiling the laws"):
+        assert told.wait(10)
+    assert capsys.readouterr().err == "compiling the laws\n"
+
+
+def test_what_is_soon_done_is_not_named(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress, "SHOW_AFTER", 0.2)
+    with progress.progress(8):
+        with activity("compiling the laws"):
+            pass
+        time.sleep(0.3)
+    with activity("compiling the laws"):  # which nobody watches
+        pass
+    assert capsys.readouterr().err == ""

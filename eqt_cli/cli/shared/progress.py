@@ -2,11 +2,13 @@
 
 import os
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from eqt_cli.cli.shared.output import duration, is_quiet, say
+from eqt_cli.core.activity import watched
 
 SHOW_AFTER = 1.0
 """s; shorter work shows nothing."""
@@ -25,7 +27,12 @@ class Meter:
     ----------
     note
         What else is told beside the numbers, such as the best that was found so far.
+    under_way
+        What cannot be counted.
     """
+
+    under_way = ""
+    _reminder: threading.Timer | None = None
 
     def __init__(self, total: int, what: str = "runs") -> None:
         self.begin(what, total)
@@ -68,6 +75,20 @@ class Meter:
     def show(self) -> None:
         """Show how far it is, if it is time."""
 
+    def meanwhile(self, words: str) -> None:
+        """Tell what is under way that cannot be counted, if it takes long; no words: nothing."""
+        if self._reminder:
+            self._reminder.cancel()
+        self._reminder = None
+        self.under_way = words
+        if words:
+            self._reminder = threading.Timer(SHOW_AFTER, self.remind)
+            self._reminder.daemon = True
+            self._reminder.start()
+
+    def remind(self) -> None:
+        """Show what is under way, though nothing has been counted."""
+
 
 @contextmanager
 def progress(total: int, what: str = "runs") -> Iterator[Meter]:
@@ -80,11 +101,14 @@ def progress(total: int, what: str = "runs") -> Iterator[Meter]:
     elif sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
         bar = _Bar(total, what)
         try:
-            yield bar
+            with watched(bar.meanwhile):
+                yield bar
         finally:
             bar.bar.stop()
     else:
-        yield _Lines(total, what)
+        lines = _Lines(total, what)
+        with watched(lines.meanwhile):
+            yield lines
 
 
 class _Bar(Meter):
@@ -112,14 +136,17 @@ class _Bar(Meter):
             self.task, total=total, completed=0, description=what, rate="", left="", note=""
         )
 
+    def remind(self) -> None:
+        """Show the bar."""
+        self.show()
+
     def show(self) -> None:
         """Move the bar."""
         if not self.shown and time.monotonic() > self.started + SHOW_AFTER:
             self.bar.start()
             self.shown = True
-        self.bar.update(
-            self.task, completed=self.done, rate=self.speed, left=self.left, note=self.note
-        )
+        note = self.under_way or self.note
+        self.bar.update(self.task, completed=self.done, rate=self.speed, left=self.left, note=note)
 
 
 class _Lines(Meter):
@@ -127,6 +154,10 @@ class _Lines(Meter):
         """Count anew."""
         super().begin(what, total)
         self.next_line = self.started + SHOW_AFTER
+
+    def remind(self) -> None:
+        """Print what is under way."""
+        say(self.under_way)
 
     def show(self) -> None:
         """Print a line now and then."""

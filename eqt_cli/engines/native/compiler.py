@@ -1,40 +1,71 @@
-"""Compiles C into a library that this process loads, and keeps it in the user's cache.
+"""The C compiler of this machine, and the libraries that it makes of laws.
 
-No shell is asked, and nothing of the user's text is in the source. What is in the cache is loaded
-as code: only from a folder that belongs to the user and that no one else can write to.
+No shell is asked, and nothing of the user's text is in the source.
 """
 
 from __future__ import annotations
 
 import ctypes
-import hashlib
+import json
 import os
 import platform
+import re
 import shlex
 import shutil
-import stat
+import signal
 import subprocess
 import sys
 import tempfile
 import threading
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
+from eqt_cli.core.activity import activity
 from eqt_cli.core.errors import EqtError, Remedy
+from eqt_cli.engines.native.cache import digest, own_cache
+
+WINDOWS = os.name == "nt"
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math")
 """They let no compiler change a rounding. The last two have to do with errno and signals only."""
 
-LIBRARY = (*FLAGS, "-w", "-shared", "-fPIC")
+LIBRARY = (*FLAGS, "-w", "-shared", *(() if WINDOWS else ("-fPIC",)))
+ENDING = ".dll" if WINDOWS else ".so"
+MATHEMATICS = () if WINDOWS else ("-lm",)
 OWN_MACHINE = "-march=native"
-SECONDS = 600
+
+SECONDS = 600.0
 """After which a compiler is ended."""
 
-KEPT = 200
-"""Compiled laws in the cache, of some 50 kB each; the oldest go."""
+TOLD_LINES = 5
+"""Of what a compiler says."""
+
+FEATURES = {
+    "__AVX512F__": "AVX-512",
+    "__AVX2__": "AVX2",
+    "__AVX__": "AVX",
+    "__FMA__": "FMA",
+    "__ARM_NEON": "NEON",
+    "__ARM_FEATURE_SVE": "SVE",
+    "__riscv_v": "V",
+}
+"""What a processor can do that makes it fast, by the macro that says so."""
+
+INEXACT = {
+    "__FAST_MATH__": "1",
+    "__FINITE_MATH_ONLY__": "1",
+    "__RECIPROCAL_MATH__": "1",
+    "__ASSOCIATIVE_MATH__": "1",
+    "__NO_SIGNED_ZEROS__": "1",
+    "__FLT_EVAL_METHOD__": "2",
+}
+"""Macros of compilers that do not round as IEEE 754 says, and their values there."""
+
+CHOOSE = Remedy("set the variable CC to a C compiler, or remove it")
 
 
 @dataclass(frozen=True)
@@ -47,12 +78,18 @@ class Compiler:
         How it is called.
     flags
         Beside those of every compiler.
+    version
+        As it says: ``gcc 12.2.0``.
+    features
+        What it knows of the processor for which it compiles.
     identity
-        What it says of itself and of the processor for which it compiles.
+        The digest of all that it says of itself and of the processor.
     """
 
     command: tuple[str, ...]
     flags: tuple[str, ...]
+    version: str
+    features: tuple[str, ...]
     identity: str
 
     @property
@@ -60,133 +97,263 @@ class Compiler:
         """The command and its flags, as in a shell."""
         return shlex.join([*self.command, *LIBRARY, *self.flags])
 
+    @property
+    def described(self) -> str:
+        """Version, command and processor in a line."""
+        known = f"; {', '.join(self.features)}" if self.features else ""
+        return f"{self.version}: {self.words}{known}"
 
-def command() -> tuple[str, ...] | None:
-    """How the C compiler of this machine is called; None where there is none.
 
-    The variable CC rules; then come cc, clang and gcc, and clang as the package ziglang has it.
+# The compiler of this machine ---------------------------------------------------------------------
+
+
+def commands() -> list[tuple[str, ...]]:
+    """How the C compilers of this machine are called, the best first.
+
+    The variable CC rules; else there are cc, clang, gcc, and the clang of the package ziglang.
     """
-    if chosen := shlex.split(os.environ.get("CC", "")):
-        return tuple(chosen)
-    for name in ("cc", "clang", "gcc"):
-        if found := shutil.which(name):
-            return (found,)
-    return (sys.executable, "-m", "ziglang", "cc") if find_spec("ziglang") else None
+    if chosen := _words(os.environ.get("CC", "")):
+        return [chosen]
+    found = [(path,) for name in ("cc", "clang", "gcc") if (path := shutil.which(name))]
+    zig = [(sys.executable, "-m", "ziglang", "cc")] if find_spec("ziglang") else []
+    # Others on Windows may be for another system than Python's.
+    return [*zig, *found] if WINDOWS else [*found, *zig]
+
+
+def _words(called: str) -> tuple[str, ...]:
+    try:
+        words = shlex.split(called, posix=not WINDOWS)
+    except ValueError as error:
+        said = str(error).rstrip(".").lower()
+        raise EqtError(f"the variable CC is no command: {called}: {said}", CHOOSE) from error
+    return tuple(word.strip('"') for word in words) if WINDOWS else tuple(words)
 
 
 def missing() -> str | None:
     """Where there is no compiler: how to get one."""
-    if command():
+    if os.environ.get("CC", "").strip() or commands():
         return None
     return (
-        "engine native needs a C compiler: install gcc or clang, or 'pip install eqt[native]' for "
-        f"one in a wheel (this is {platform.system()} on {platform.machine()}); or use engine "
-        "solve_ivp"
-    )
-
-
-@lru_cache(maxsize=4)
-def compiler(called: tuple[str, ...]) -> Compiler:
-    """The compiler that a command calls."""
-    refused = ""
-    for flags in ((OWN_MACHINE,), ()):
-        try:
-            # All macros that it defines: its version, and what the processor can do.
-            asked = [*called, *flags, "-dM", "-E", "-x", "c", os.devnull]
-            answer = _run(asked)
-        except OSError as error:
-            raise EqtError(
-                f"the C compiler {shlex.join(called)} cannot be started: {error.strerror}",
-                Remedy("set the variable CC to a C compiler, or remove it"),
-            ) from error
-        if answer.returncode == 0:
-            return Compiler(called, flags, answer.stdout)
-        refused = answer.stderr
-    raise EqtError(
-        f"the C compiler {shlex.join(called)} does not work:\n{_end(refused)}",
-        Remedy("set the variable CC to a C compiler, or remove it"),
+        "engine native needs a C compiler: install gcc or clang, or 'pip install ziglang', a clang "
+        f"in a wheel (this is {platform.system()} on {platform.machine()}); or use engine solve_ivp"
     )
 
 
 _lock = threading.Lock()
 
 
-def library(source: str) -> ctypes.CDLL:
-    """The library of a C source: compiled, or from the cache."""
-    found = command()
-    if found is None:
-        raise EqtError(missing() or "there is no C compiler")
-    with _lock:  # who asks while another thread compiles it waits for that
-        return _library(source, compiler(found))
+def compiler() -> Compiler:
+    """The first compiler of this machine that works.
+
+    Raises
+    ------
+    EqtError
+        If there is none.
+    """
+    with _lock:
+        return _first(tuple(commands()))
 
 
-@lru_cache(maxsize=64)
-def _library(source: str, compiled_by: Compiler) -> ctypes.CDLL:
-    key = "\0".join([source, compiled_by.words, compiled_by.identity])
-    name = f"{hashlib.sha256(key.encode()).hexdigest()}.so"
-    folder = _cache()
-    if folder is not None:
-        with suppress(OSError):
-            loaded = ctypes.CDLL(str(folder / name))
-            with suppress(OSError):
-                os.utime(folder / name)
-            return loaded
-    with tempfile.TemporaryDirectory(dir=folder, prefix="making-") as own:
-        text, made = Path(own, "law.c"), Path(own, name)
-        text.write_text(source, encoding="utf-8")
-        flags = [*LIBRARY, *compiled_by.flags]
-        answer = _run([*compiled_by.command, *flags, "-o", str(made), str(text), "-lm"])
-        if answer.returncode:
-            raise EqtError(
-                f"the C compiler {shlex.join(compiled_by.command)} refuses a law:\n"
-                f"{_end(answer.stderr)}",
-                Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
-            )
-        loaded = ctypes.CDLL(str(made))
-        if folder is not None:
-            made.replace(folder / name)
-            _forget_the_oldest(folder)
-        return loaded
+@lru_cache(maxsize=8)
+def _first(called: tuple[tuple[str, ...], ...]) -> Compiler:
+    errors: list[EqtError] = []
+    for command in called:
+        try:
+            return _known(command) or _asked(command)
+        except EqtError as error:
+            errors.append(error)
+    raise errors[0] if errors else EqtError(missing() or "there is no C compiler")
 
 
-def _run(command: list[str]) -> subprocess.CompletedProcess[str]:
-    """A program without a shell, a terminal or an end that it does not find."""
-    return subprocess.run(
+def _asked(command: tuple[str, ...]) -> Compiler:
+    """What a compiler says of itself: all macros that it defines."""
+    said = ""
+    for flags in ((OWN_MACHINE,), ()):
+        answer = _run([*command, *flags, "-dM", "-E", "-x", "c", "-"])
+        if answer.returncode == 0 and "#define" in answer.stdout:
+            return _remembered(_read(command, flags, answer.stdout))
+        said = answer.stderr or answer.stdout
+    raise EqtError(f"the C compiler {shlex.join(command)} does not work", CHOOSE, lines=_told(said))
+
+
+def _read(command: tuple[str, ...], flags: tuple[str, ...], told: str) -> Compiler:
+    macros = dict(re.findall(r"^#define (\w+) (.*)$", told, re.MULTILINE))
+    if wrong := [name for name, value in INEXACT.items() if macros.get(name) == value]:
+        raise EqtError(
+            f"the C compiler {shlex.join(command)} does not round as IEEE 754 says "
+            f"({wrong[0]} is {macros[wrong[0]]})",
+            Remedy("remove options such as -ffast-math from the variable CC"),
+        )
+    name = "clang" if "__clang__" in macros else "gcc" if "__GNUC__" in macros else "C compiler"
+    version = macros.get("__clang_version__") or macros.get("__VERSION__", "")
+    return Compiler(
         command,
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        errors="replace",
-        timeout=SECONDS,
-        check=False,
+        flags,
+        f"{name} {version.strip(chr(34)).strip()}",
+        tuple(words for macro, words in FEATURES.items() if macro in macros),
+        digest(told),
     )
 
 
-def _end(text: str) -> str:
-    """The last lines of what a compiler says."""
-    return "\n".join(text.strip().splitlines()[-5:])
+# To ask a compiler takes 50 to 200 ms, longer than to load what it has compiled before.
 
 
-def _cache() -> Path | None:
-    """The folder of compiled laws, if one can be had that is the user's alone."""
-    if os.name == "nt":
-        base = os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local"
-    else:
-        base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(base, "eqt", "native")
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        found = folder.lstat()
-    except OSError:
+def _known(command: tuple[str, ...]) -> Compiler | None:
+    """What a compiler said of itself before, on a processor like this."""
+    cache, key = own_cache(), _state(command)
+    if cache is None or key is None:
         return None
-    if os.name == "nt":
-        return folder
-    private = stat.S_ISDIR(found.st_mode) and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
-    return folder if private and found.st_uid == os.getuid() else None
+    with suppress(OSError, ValueError, TypeError):
+        if path := cache.find(key, ".json"):
+            entries = json.loads(path.read_bytes())
+            tuples = {name: tuple(entries[name]) for name in ("command", "flags", "features")}
+            return Compiler(**{**entries, **tuples})
+    return None
 
 
-def _forget_the_oldest(folder: Path) -> None:
+def _remembered(found: Compiler) -> Compiler:
+    cache, key = own_cache(), _state(found.command)
+    if cache is not None and key is not None:
+        with suppress(OSError):
+            cache.keep(key, ".json", json.dumps(asdict(found)).encode())
+    return found
+
+
+def _state(command: tuple[str, ...]) -> str | None:
+    """A digest that changes with the compiler and with the processor; None where none is known."""
+    processor = _processor()
+    if not processor:
+        return None
+    files = [
+        (str(path), found.st_mtime_ns, found.st_size)
+        for path in _files(command)
+        for found in [path.stat()]
+    ]
+    return digest(repr((command, files, processor)))
+
+
+def _files(command: Sequence[str]) -> Iterator[Path]:
+    """The files that are named in a command, links followed."""
+    for word in command:
+        if path := shutil.which(word):
+            yield Path(path).resolve()
+        elif word == "ziglang" and (package := find_spec(word)) and package.origin:
+            yield from sorted(Path(package.origin).parent.glob("zig*"))
+
+
+def _processor() -> list[str]:
+    """What Linux says of the first processor, but for numbers that vary; else nothing."""
+    varies = ("processor", "cpu MHz", "bogomips", "BogoMIPS", "core id", "apicid", "initial apicid")
+    try:
+        with Path("/proc/cpuinfo").open(encoding="utf-8", errors="replace") as stream:
+            text = stream.read(2**14).split("\n\n")[0]
+    except OSError:
+        return []
+    return [line for line in text.splitlines() if line.partition("\t")[0].strip() not in varies]
+
+
+# What it makes ------------------------------------------------------------------------------------
+
+
+def library(source: str) -> ctypes.CDLL:
+    """The library of a C source: compiled, or from the cache.
+
+    Raises
+    ------
+    EqtError
+        If there is no compiler, or it fails.
+    """
+    by = compiler()
+    with _lock:  # who asks while another thread compiles it waits for that
+        return _library(source, by)
+
+
+@lru_cache(maxsize=64)
+def _library(source: str, by: Compiler) -> ctypes.CDLL:
+    cache, key = own_cache(), digest("\0".join([source, by.words, by.identity]))
+    if cache is not None and (found := cache.find(key, ENDING)):
+        with suppress(OSError):
+            return ctypes.CDLL(str(found))
+    try:
+        # What is loaded cannot be removed on Windows.
+        folder = tempfile.TemporaryDirectory(prefix="eqt-", ignore_cleanup_errors=True)
+    except OSError as error:
+        raise EqtError(
+            f"a law cannot be compiled: there is no folder for temporary files: {error.strerror}",
+            Remedy("set the variable TMPDIR to a folder that you can write to"),
+        ) from error
+    with folder, activity("compiling the laws"):
+        made = Path(folder.name, f"law{ENDING}")
+        _compile(source, by, made)
+        if cache is not None:
+            with suppress(OSError):
+                return ctypes.CDLL(str(cache.keep(key, ENDING, made.read_bytes())))
+        return _loaded(made, by)
+
+
+def _compile(source: str, by: Compiler, made: Path) -> None:
+    flags = [*LIBRARY, *by.flags]
+    answer = _run([*by.command, *flags, "-o", str(made), "-x", "c", "-", *MATHEMATICS], source)
+    if answer.returncode or not made.exists():
+        raise EqtError(
+            f"the C compiler {shlex.join(by.command)} cannot compile a law",
+            Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
+            lines=_told(answer.stderr or answer.stdout),
+        )
+
+
+def _loaded(made: Path, by: Compiler) -> ctypes.CDLL:
+    try:
+        return ctypes.CDLL(str(made))
+    except OSError as error:
+        raise EqtError(
+            f"what the C compiler {shlex.join(by.command)} makes cannot be loaded",
+            Remedy("set the variable CC to a compiler for this machine, or use engine solve_ivp"),
+            lines=_told(str(error)),
+        ) from error
+
+
+def _run(command: Sequence[str], text: str = "") -> subprocess.CompletedProcess[str]:
+    """A program without a shell or a terminal, which is ended with all that it has started."""
+    called = shlex.join(command)
+    try:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            encoding="utf-8",
+            errors="replace",
+            start_new_session=True,
+        )
+    except OSError as error:
+        said = f"the C compiler {command[0]} cannot be started: {error.strerror}"
+        raise EqtError(said, CHOOSE) from error
+    with process:
+        try:
+            out, err = process.communicate(text, timeout=SECONDS)
+        except subprocess.TimeoutExpired:
+            _end(process)
+            raise EqtError(
+                f"the C compiler {command[0]} did not end within {SECONDS:g} s: {called}",
+                Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
+            ) from None
+        except BaseException:
+            _end(process)
+            raise
+    return subprocess.CompletedProcess(command, process.returncode, out, err)
+
+
+def _end(process: subprocess.Popen[str]) -> None:
     with suppress(OSError):
-        kept = sorted(folder.glob("*.so"), key=lambda path: path.stat().st_mtime)
-        for path in kept[:-KEPT]:
-            path.unlink()
+        if WINDOWS:
+            process.kill()
+        else:
+            os.killpg(process.pid, signal.SIGKILL)
+
+
+def _told(text: str) -> list[str]:
+    """The lines with errors in what a compiler says, else its last lines."""
+    lines = text.strip().splitlines()
+    return [line for line in lines if "error" in line][:TOLD_LINES] or lines[-TOLD_LINES:]

@@ -6,7 +6,6 @@ A call releases the interpreter's lock, so that threads integrate side by side.
 from __future__ import annotations
 
 import ctypes
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -18,7 +17,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.engines.native import compiler, source
 from eqt_cli.program import Program
 
-LANES = int(os.environ.get("L", "8"))
+LANES = 8
 """Runs side by side: a compiler splits them where the processor's vectors are shorter."""
 
 THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING = range(5)

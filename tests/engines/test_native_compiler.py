@@ -1,0 +1,405 @@
+"""Which C compiler the engine native calls, what it says where it cannot, and what it keeps."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shlex
+import shutil
+import stat
+import subprocess
+import sys
+import threading
+from pathlib import Path
+
+import pytest
+
+from eqt_cli.core.activity import watched
+from eqt_cli.core.errors import EqtError
+from eqt_cli.engines.native import cache, compiler
+
+SOURCE = "double f(double x) { return x + 1.0; }"
+ZIG = (sys.executable, "-m", "ziglang", "cc")
+CHOOSE = "set the variable CC to a C compiler, or remove it"
+
+
+@pytest.fixture(autouse=True)
+def fresh(tmp_path, monkeypatch):
+    """Nothing is known of compilers, nothing is cached, and CC says nothing."""
+    monkeypatch.delenv("CC", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setattr(compiler, "WINDOWS", False)
+    forget()
+    yield
+    forget()
+
+
+def forget():
+    """As in another process."""
+    compiler._first.cache_clear()
+    compiler._library.cache_clear()
+
+
+@pytest.fixture
+def on_path(tmp_path, monkeypatch):
+    """A PATH with nothing but these programs, which are scripts."""
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    monkeypatch.setenv("PATH", str(folder))
+
+    def put(name, script="exit 1"):
+        path = folder / name
+        path.write_text(f"#!/bin/sh\n{script}\n")
+        path.chmod(0o755)
+        return (str(path),)
+
+    return put
+
+
+@pytest.fixture
+def without_zig(monkeypatch):
+    monkeypatch.setattr(compiler, "find_spec", lambda name: None)
+
+
+@pytest.fixture
+def with_zig(monkeypatch):
+    monkeypatch.setattr(compiler, "find_spec", lambda name: name == "ziglang")
+
+
+@pytest.fixture
+def cc(monkeypatch):
+    """A compiler that counts how often it is called: as ``calls()``."""
+    found = shutil.which("cc") or pytest.skip("needs a C compiler (cc)")
+    calls = []
+    run = compiler._run
+
+    def counted(command, text=""):
+        calls.append("-dM" not in command)
+        return run(command, text)
+
+    monkeypatch.setattr(compiler, "_run", counted)
+    monkeypatch.setenv("CC", found)
+    return lambda: (calls.count(True), calls.count(False))
+
+
+def kept():
+    return sorted((cache.own_cache() or pytest.fail("no cache")).folder.glob("*.so"))
+
+
+def works():
+    f = compiler.library(SOURCE).f
+    f.restype, f.argtypes = ctypes.c_double, [ctypes.c_double]
+    return f(1.0) == 2.0
+
+
+# Which ------------------------------------------------------------------------------------------
+
+
+def test_cc_comes_before_clang_and_gcc_and_the_package_last(on_path, with_zig):
+    gcc, clang, first = on_path("gcc"), on_path("clang"), on_path("cc")
+    assert compiler.commands() == [first, clang, gcc, ZIG]
+
+
+def test_on_windows_the_package_comes_first(on_path, with_zig, monkeypatch):
+    monkeypatch.setattr(compiler, "WINDOWS", True)
+    found = on_path("gcc")
+    assert compiler.commands() == [ZIG, found]
+
+
+def test_the_variable_cc_rules_with_its_arguments(on_path, with_zig, monkeypatch):
+    on_path("cc")
+    monkeypatch.setenv("CC", "ccache 'my gcc' -m64")
+    assert compiler.commands() == [("ccache", "my gcc", "-m64")]
+
+
+def test_a_blank_variable_cc_says_nothing(on_path, without_zig, monkeypatch):
+    monkeypatch.setenv("CC", " ")
+    found = on_path("cc")
+    assert compiler.commands() == [found]
+
+
+def test_without_a_compiler_a_message_says_how_to_get_one(on_path, without_zig, monkeypatch):
+    monkeypatch.setattr(compiler.platform, "system", lambda: "Linux")
+    monkeypatch.setattr(compiler.platform, "machine", lambda: "x86_64")
+    expected = (
+        "engine native needs a C compiler: install gcc or clang, or 'pip install ziglang', a clang "
+        "in a wheel (this is Linux on x86_64); or use engine solve_ivp"
+    )
+    assert compiler.missing() == expected
+    with pytest.raises(EqtError) as raised:
+        compiler.library(SOURCE)
+    assert str(raised.value) == expected
+
+
+def test_with_a_compiler_nothing_is_missing(on_path, with_zig):
+    assert compiler.missing() is None
+
+
+def test_a_compiler_that_does_not_work_gives_way_to_the_next(on_path, without_zig):
+    on_path("cc", "echo 'error: no developer tools were found' >&2; exit 1")
+    gcc = on_path("gcc", 'echo "#define __GNUC__ 12"; echo "#define __VERSION__ \\"12.2.0\\""')
+    found = compiler.compiler()
+    assert (found.command, found.version) == (gcc, "gcc 12.2.0")
+
+
+def test_a_compiler_that_does_not_know_this_machine_compiles_for_any_like_it(on_path, without_zig):
+    script = 'case "$*" in *native*) exit 1;; esac; echo "#define __clang__ 1"'
+    on_path("cc", script)
+    assert compiler.compiler().flags == ()
+
+
+def test_a_result_can_tell_version_flags_and_processor(on_path, without_zig):
+    said = ("__clang__ 1", '__clang_version__ "19.1.0 "', "__AVX2__ 1", "__FMA__ 1")
+    (path,) = on_path("cc", "".join(f"echo '#define {each}'\n" for each in said))
+    assert compiler.compiler().described == (
+        f"clang 19.1.0: {path} -std=c99 -O2 -ffp-contract=off -fno-math-errno -fno-trapping-math "
+        "-w -shared -fPIC -march=native; AVX2, FMA"
+    )
+
+
+# What it says where it cannot ---------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("called", "message"),
+    [
+        ("nowhere-cc", "the C compiler nowhere-cc cannot be started: No such file or directory"),
+        ("false", "the C compiler false does not work"),
+        ("'gcc", "the variable CC is no command: 'gcc: no closing quotation"),
+    ],
+)
+def test_a_variable_cc_that_will_not_do_is_refused(called, message, monkeypatch):
+    monkeypatch.setenv("CC", called)
+    with pytest.raises(EqtError) as raised:
+        compiler.compiler()
+    assert str(raised.value) == f"{message}; {CHOOSE}"
+
+
+def test_what_a_compiler_complains_of_is_told_in_lines(on_path, without_zig):
+    (path,) = on_path("cc", "echo one >&2; echo 'x: error: bad option' >&2; echo two >&2; exit 1")
+    with pytest.raises(EqtError) as raised:
+        compiler.compiler()
+    assert str(raised.value).splitlines() == [
+        f"the C compiler {path} does not work",
+        "x: error: bad option",
+        CHOOSE,
+    ]
+
+
+def test_a_compiler_that_rounds_otherwise_is_refused(cc, monkeypatch):
+    called = f"{os.environ['CC']} -ffast-math"
+    monkeypatch.setenv("CC", called)
+    with pytest.raises(EqtError) as raised:
+        compiler.compiler()
+    assert str(raised.value) == (
+        f"the C compiler {called} does not round as IEEE 754 says (__FAST_MATH__ is 1); remove "
+        "options such as -ffast-math from the variable CC"
+    )
+
+
+def test_a_source_that_does_not_compile_is_told_in_short(cc):
+    with pytest.raises(EqtError) as raised:
+        compiler.library("int f(void) { return nothing; }")
+    first, error, *_, last = str(raised.value).splitlines()
+    assert first == f"the C compiler {os.environ['CC']} cannot compile a law"
+    assert "nothing" in error
+    assert last == "set the variable CC to another C compiler, or use engine solve_ivp"
+
+
+def test_what_cannot_be_loaded_is_told(on_path, without_zig, monkeypatch):
+    script = """case "$*" in *-dM*) echo '#define __GNUC__ 12'; exit;; esac
+        while [ "$1" != -o ]; do shift; done; echo nothing > "$2" """
+    (path,) = on_path("cc", script)
+    with pytest.raises(EqtError) as raised:
+        compiler.library(SOURCE)
+    first, _, last = str(raised.value).splitlines()
+    assert first == f"what the C compiler {path} makes cannot be loaded"
+    assert last == "set the variable CC to a compiler for this machine, or use engine solve_ivp"
+
+
+def test_a_compiler_that_hangs_is_ended_with_what_it_started(on_path, without_zig, monkeypatch):
+    monkeypatch.setattr(compiler, "SECONDS", 0.2)
+    # The pipe stays open as long as the inner one lives.
+    (path,) = on_path("cc", "/bin/sh -c '/bin/sleep 60'; exit 1")
+    with pytest.raises(EqtError) as raised:
+        compiler.compiler()
+    assert str(raised.value) == (
+        f"the C compiler {path} did not end within 0.2 s: {path} -march=native -dM -E -x c -; "
+        "set the variable CC to another C compiler, or use engine solve_ivp"
+    )
+
+
+def test_without_a_folder_for_temporary_files_it_says_so(cc, monkeypatch):
+    compiler.compiler()
+    missing = "the place for temporary files"
+    monkeypatch.setattr(compiler.tempfile, "tempdir", missing)
+    with pytest.raises(EqtError) as raised:
+        compiler.library(SOURCE)
+    assert str(raised.value) == (
+        "a law cannot be compiled: there is no folder for temporary files: No such file or "
+        "directory; set the variable TMPDIR to a folder that you can write to"
+    )
+
+
+# What it keeps ------------------------------------------------------------------------------------
+
+
+def test_another_process_finds_what_was_compiled_and_who_compiled_it(cc):
+    assert works() and cc() == (1, 1)
+    forget()
+    assert works() and cc() == (1, 1)
+
+
+def test_compiling_is_told_and_loading_is_not(cc):
+    told = []
+    with watched(told.append):
+        compiler.library(SOURCE)
+        forget()
+        compiler.library(SOURCE)
+    assert told == ["compiling the laws", ""]
+
+
+def test_the_folder_is_the_users_alone(cc, tmp_path):
+    old = os.umask(0o002)
+    try:
+        works()
+    finally:
+        os.umask(old)
+    folder = tmp_path / "cache" / "eqt" / "native"
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+    assert kept()[0].parent == folder
+
+
+@pytest.mark.parametrize("damage", ["truncated", "changed", "empty"])
+def test_a_damaged_file_is_not_loaded_but_built_anew(cc, damage):
+    works()
+    (path,) = kept()
+    whole = path.read_bytes()
+    changed = bytearray(whole)
+    changed[len(changed) // 2] ^= 1
+    damaged = {"truncated": whole[: len(whole) // 2], "changed": bytes(changed), "empty": b""}
+    path.unlink()  # this process has it in memory
+    path.write_bytes(damaged[damage])
+    forget()
+    assert works() and cc() == (2, 1)
+    assert [each.read_bytes() for each in kept()] == [whole]
+
+
+def test_a_damaged_record_of_a_compiler_is_asked_for_anew(cc):
+    found = compiler.compiler()
+    folder = cache.own_cache().folder
+    (record,) = folder.glob("*.json")
+    record.write_text("{")
+    forget()
+    assert compiler.compiler() == found and cc() == (0, 2)
+
+
+def test_another_compiler_in_its_place_is_asked(cc, tmp_path, monkeypatch):
+    mine = tmp_path / "mine"
+    mine.write_text(f'#!/bin/sh\nexec {shlex.quote(os.environ["CC"])} "$@"\n')
+    mine.chmod(0o755)
+    monkeypatch.setenv("CC", str(mine))
+    compiler.compiler()
+    mine.write_text(mine.read_text() + "# newer\n")
+    forget()
+    compiler.compiler()
+    assert cc() == (0, 2)
+
+
+def test_another_processor_is_asked_of(cc, monkeypatch):
+    compiler.compiler()
+    monkeypatch.setattr(compiler, "_processor", lambda: ["flags\t\t: fma"])
+    forget()
+    compiler.compiler()
+    assert cc() == (0, 2)
+
+
+def blocked_by_a_file(folder):
+    folder.parent.mkdir(parents=True)
+    folder.write_text("")
+
+
+def others_can_write(folder):
+    folder.mkdir(parents=True)
+    folder.chmod(0o770)
+
+
+def a_link(folder):
+    elsewhere = folder.parent / "elsewhere"
+    elsewhere.mkdir(parents=True)
+    folder.symlink_to(elsewhere)
+
+
+@pytest.mark.parametrize("put", [blocked_by_a_file, others_can_write, a_link])
+def test_a_folder_that_is_not_the_users_alone_is_not_used(cc, put, tmp_path):
+    folder = tmp_path / "cache" / "eqt" / "native"
+    put(folder)
+    assert cache.own_cache() is None
+    assert works() and cc() == (1, 1)
+    assert not folder.is_dir() or not list(folder.iterdir())
+
+
+def test_a_folder_of_another_user_is_not_used(cc, monkeypatch):
+    cache.own_cache()
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    assert cache.own_cache() is None
+
+
+def test_without_a_home_nothing_is_kept(cc, monkeypatch):
+    def none():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setattr(Path, "home", none)
+    assert cache.own_cache() is None
+    assert works()
+
+
+def test_a_relative_folder_for_caches_is_not_used(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", "here")
+    monkeypatch.setattr(Path, "home", lambda: tmp_path / "home")
+    assert cache.own_cache().folder == tmp_path / "home" / ".cache" / "eqt" / "native"
+
+
+def test_a_full_disk_keeps_nothing_and_stops_nothing(cc, monkeypatch):
+    def full(path, content):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(cache, "replace_file", full)
+    assert works()
+    assert kept() == []
+
+
+def test_the_files_that_were_not_used_for_longest_go(monkeypatch):
+    monkeypatch.setattr(cache, "KEPT", 3)
+    own = cache.own_cache()
+    unfinished = own.folder / f"x.so.{'0' * 16}.tmp"
+    unfinished.touch()
+    os.utime(unfinished, (0, 0))
+    for age in range(3):
+        path = own.keep(cache.digest(f"{age}"), ".so", b"%d" % age)
+        os.utime(path, (100 + age, 100 + age))
+    own.find(cache.digest("0"), ".so")
+    last = own.keep(cache.digest("3"), ".so", b"3")
+    found = {own.find(cache.digest(f"{age}"), ".so") for age in (0, 2, 3)}
+    assert len(found) == 3 and last in found
+    assert set(own.folder.iterdir()) == found
+
+
+def test_two_processes_that_compile_the_same_both_have_it(cc, tmp_path):
+    """Each replaces the file of the other by an equal one while it may be loaded."""
+    done = []
+
+    def another():
+        code = f"from eqt_cli.engines.native import compiler; compiler.library({SOURCE!r})"
+        done.append(subprocess.run([sys.executable, "-c", code], check=False).returncode)
+
+    processes = [threading.Thread(target=another) for _ in range(2)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+    assert done == [0, 0]
+    assert kept()
+    forget()
+    assert works() and cc() == (0, 0)
