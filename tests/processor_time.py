@@ -105,9 +105,18 @@ class ProcessorTime:
             self.elsewhere += spent() - start
 
     def watch_compilers(self) -> None:
-        """Count what heyoka compiles apart: the first test that needs a law pays for all."""
+        """Count what compiled engines compile apart: the first test that needs a law pays for all."""
         from eqt_cli.engines import taylor
+        from eqt_cli.engines.native import compiler
         from eqt_cli.engines.taylor import compiling, evaluation
+
+        library = compiler.library
+
+        def built(source: str) -> Any:
+            with self.counted_apart():
+                return library(source)
+
+        compiler.library = built
 
         def once(*law: Any) -> Any:
             with self.counted_apart():

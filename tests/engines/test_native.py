@@ -1,0 +1,275 @@
+"""The same bits: by any number of lanes, compiler, processor, thread and group of runs."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import shutil
+import subprocess
+import sys
+from functools import partial
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import eqt_cli
+from eqt_cli.engines import native, traced_loop
+from eqt_cli.engines.native import compiler, library
+from eqt_cli.engines.native.source import evaluation, integration
+from eqt_cli.execution.batches import batches
+from eqt_cli.execution.compute_part import compute_part, shared_reference
+from eqt_cli.execution.executors import TaskContext
+
+pytestmark = pytest.mark.skipif(
+    native.Native.unavailable() is not None, reason="needs a C compiler"
+)
+
+RUNS = 5
+"""No multiple of the lanes."""
+
+FLIES = {
+    "plant": {
+        "inertia": {"relative": {"uniform": [-0.1, 0.1]}},
+        "forces": [{"kind": "gust", "std": 0.1, "time_constant": 1}],
+    },
+    "actuators": [{"kind": "limit", "limit": 0.9}, {"kind": "lag", "time_constant": 0.1}],
+    "control": {"period": 0.1, "delay": 1},
+    "sensors": {
+        "pose": [{"kind": "noise", "std": 0.01}],
+        "velocity": [{"kind": "bias", "value": {"normal": [0, 0.1]}, "walk": 0.01}],
+    },
+}
+"""A sampled, noisy loop, with limits that are reached."""
+
+LOOPS = {"paper": ("paper", {}), "SE3": ("se3", {}), "flies": ("paper", FLIES)}
+
+
+@pytest.fixture(scope="module", params=LOOPS)
+def loop(request):
+    """The study of a few short runs, by the name of the loop."""
+    name, changes = LOOPS[request.param]
+    few = {"ensemble.runs": RUNS, "time.duration": 1.5, "time.samples": 16, "controllers": ["eqt"]}
+    return study_of(name, {"solver": {"engine": "native", "cross_check": 0}, **few, **changes})
+
+
+def study_of(name, changes):
+    path = Path(__file__).parents[2] / "configs" / f"{name}.yaml"
+    return eqt_cli.load_experiment(path, changes).study
+
+
+@pytest.fixture(scope="module")
+def batch(loop):
+    (found,) = batches(loop, "eqt", np.arange(RUNS))
+    return found
+
+
+@pytest.fixture(scope="module")
+def expected(batch):
+    return solved(batch)
+
+
+def quiet(runs):
+    """Report to nobody."""
+
+
+def solved(batch, workers=1):
+    """The digest of a whole solution."""
+    found = batch.engine.solve(batch.problem, quiet, workers)
+    assert not found.status.any()
+    return digest(found.states, found.steps)
+
+
+def digest(*arrays):
+    """The SHA-256 of the bits of some arrays."""
+    return hashlib.sha256(b"".join(each.tobytes() for each in arrays)).hexdigest()
+
+
+@pytest.fixture
+def built(monkeypatch):
+    """Lets all laws be compiled anew, in another way."""
+
+    def by(lanes=library.LANES, **compiled_by):
+        chosen = dataclasses.replace(compiler.compiler(), **compiled_by)
+        monkeypatch.setattr(compiler, "compiler", lambda: chosen)
+        for name, emit, function in (
+            ("integration", integration, "eqt_advance"),
+            ("_evaluation", evaluation, "eqt_evaluate"),
+        ):
+            monkeypatch.setattr(library, name, partial(compiled, emit, function, lanes))
+
+    return by
+
+
+def compiled(emit, function, lanes, program, *rest):
+    stretches = rest[:1] if emit is evaluation else ()
+    return getattr(compiler.library(emit(program, *stretches, lanes)), function)
+
+
+@pytest.mark.parametrize("lanes", [1, 2, 4])
+def test_lanes_change_no_bit(batch, expected, built, lanes):
+    built(lanes)
+    assert solved(batch) == expected
+
+
+@pytest.mark.parametrize("called", ["gcc", "clang"])
+def test_compilers_change_no_bit(batch, expected, built, called):
+    if not (found := shutil.which(called)):
+        pytest.skip(f"needs {called}")
+    built(command=(found,))
+    assert solved(batch) == expected
+
+
+@pytest.mark.slow("ziglang first compiles a part of itself")
+def test_the_compiler_in_a_wheel_changes_no_bit(batch, expected, built):
+    if not find_spec("ziglang"):
+        pytest.skip("needs ziglang")
+    built(command=(sys.executable, "-m", "ziglang", "cc"))
+    assert solved(batch) == expected
+
+
+# On x86-64, the first has vectors of two numbers, and fused products in a function of libm only.
+@pytest.mark.parametrize("flags", [(), ("-O0",), ("-O3", "-march=native")])
+def test_processors_and_optimisation_change_no_bit(batch, expected, built, flags):
+    built(lanes=1 if "-O3" not in flags else 8, flags=flags)
+    assert solved(batch) == expected
+
+
+def test_threads_and_groups_change_no_bit(batch, expected, monkeypatch):
+    for size in (1, 2, 3):
+        monkeypatch.setattr(native, "GROUP_RUNS", size)
+        assert solved(batch, workers=1 + size % 2) == expected
+
+
+def test_other_runs_change_no_bit(batch):
+    together = batch.engine.solve(batch.problem, quiet)
+    for run in range(RUNS):
+        alone = batch.engine.solve(batch.problem.select(np.array([run])), quiet)
+        assert alone.states.tobytes() == together.states[[run]].tobytes()
+        assert alone.steps == together.steps[run]
+    backwards = batch.engine.solve(batch.problem.select(np.arange(RUNS)[::-1]), quiet)
+    assert backwards.states[::-1].tobytes() == together.states.tobytes()
+
+
+@pytest.mark.parametrize("lanes", [1, 2, 4])
+def test_lanes_change_no_bit_of_what_is_stored(loop, built, lanes):
+    """Signals and metrics, too."""
+    names, numbers = stored(loop)
+    built(lanes)
+    others = stored(loop)[1]
+    assert {name for name in names if digest(numbers[name]) != digest(others[name])} == set()
+
+
+def stored(study):
+    table = compute_part(study, study.plan.part(0), shared_reference(study), TaskContext())
+    numbers = {name: each.data for name, each in table.variables.items() if name != "message"}
+    return list(numbers), numbers
+
+
+# Elsewhere ----------------------------------------------------------------------------------------
+
+DRIVER = Path(__file__).with_name("native_driver.c")
+
+
+@pytest.fixture(scope="module")
+def alone(batch, tmp_path_factory):
+    """Solves the problem by the C alone: a compiler, and what starts what it makes."""
+    folder = tmp_path_factory.mktemp("alone")
+
+    def found(command, lanes, *start):
+        program = folder / "program"
+        text = c_of(batch, lanes) + DRIVER.read_text(encoding="utf-8")
+        flags = [*compiler.FLAGS, "-w", "-o", str(program), "-x", "c", "-", "-lm"]
+        subprocess.run([*command, *flags], input=text, text=True, check=True)
+        done = subprocess.run(
+            [*start, str(program)], input=numbers_of(batch), capture_output=True, check=True
+        )
+        return done.stdout
+
+    return found
+
+
+def c_of(batch, lanes):
+    """The C of a problem in one text."""
+    programs = traced_loop.programs(traced_loop.OneLoop(batch.problem.loop))
+    texts = [integration(programs.field, lanes)]
+    if after := programs.after_instant:
+        stretches = [length for name, length in after.inputs if name != "errors"]
+        stretches += [each.shape[1] for each in errors_of(batch.problem, 0)]
+        texts.append(evaluation(after, stretches, lanes))
+    return "\n".join(texts)
+
+
+def errors_of(problem, tick):
+    found = problem.errors_at(tick, np.arange(problem.runs))
+    return [each.reshape(problem.runs, -1) for each in found or ()]
+
+
+def numbers_of(batch):
+    """The numbers of a problem as the driver reads them."""
+    problem, engine = batch.problem, batch.engine
+    spans, runs = problem.spans, problem.runs
+    lengths = [each.shape[1] for each in errors_of(problem, 0)] if problem.errors else [0, 0]
+    tolerances = np.array([engine.rtol, engine.atol]) * native.STEP_SHARE
+    written = [
+        np.array([runs, len(spans), engine.max_steps, *lengths]),
+        tolerances,
+        problem.states,
+        traced_loop.parameter_rows(problem),
+    ]
+    for span in spans:
+        written += [
+            np.array([span.later, span.tick is not None]),
+            np.array([span.start, span.stop, *span.within]),
+            span.grid[1 : 1 + span.later],
+            traced_loop.held_rows(problem.loop, np.array([span.start]))[0],
+            *(errors_of(problem, span.tick) if span.tick is not None else ()),
+        ]
+    return b"".join(np.ascontiguousarray(each).tobytes() for each in written)
+
+
+def samples_of(batch, output):
+    """The states at all samples, and the steps, of what the driver writes."""
+    problem, place = batch.problem, 0
+    runs, n = problem.states.shape
+    found = np.empty((runs, len(problem.times), n))
+
+    def read(samples):
+        nonlocal place
+        values = np.frombuffer(output, count=runs * samples * n, offset=8 * place)
+        place += len(values)
+        return values.reshape(runs, samples, n)
+
+    for span in problem.spans:
+        at_start = read(1)
+        if span.sampled_start:
+            found[:, [span.first - 1]] = at_start
+        found[:, span.first : span.first + span.later] = read(span.later)
+    read(1)
+    return found, np.frombuffer(output, np.int64, runs, 8 * place)
+
+
+@pytest.fixture(scope="module")
+def here(alone):
+    return alone(compiler.compiler().command, 1)
+
+
+def test_the_c_alone_finds_what_the_engine_finds(batch, here):
+    samples, steps = samples_of(batch, here)
+    solution = batch.engine.solve(batch.problem, quiet)
+    assert samples.tobytes() == solution.states.tobytes()
+    assert (steps == solution.steps).all()
+
+
+@pytest.mark.slow("ziglang compiles a C library, and an emulator runs the program")
+@pytest.mark.parametrize(("processor", "lanes"), [("aarch64", 2), ("riscv64", 1)])
+def test_another_processor_finds_the_same_bits(alone, here, processor, lanes):
+    emulator = shutil.which(f"qemu-{processor}") or shutil.which(f"qemu-{processor}-static")
+    if not find_spec("ziglang"):
+        pytest.skip("needs ziglang, which compiles for other processors")
+    if not emulator:
+        pytest.skip(f"needs qemu-{processor} (the package qemu-user)")
+    command = [sys.executable, "-m", "ziglang", "cc", "-static", "-target"]
+    found = alone([*command, f"{processor}-linux-musl"], lanes, emulator)
+    assert hashlib.sha256(found).hexdigest() == hashlib.sha256(here).hexdigest()
