@@ -127,7 +127,7 @@ $(VENV)/.stamp-base: pyproject.toml
 
 $(VENV)/.stamp-dev: $(VENV)/.stamp-base
 	@echo "Installing the development tools into $(VENV)"
-	@$(BIN)/$(PIP) install --group dev --editable '.[dask]'
+	@$(BIN)/$(PIP) install --group dev --editable '.[dask,native]'
 	@touch $@
 
 $(VENV)/.stamp-docs: $(VENV)/.stamp-base
@@ -138,5 +138,5 @@ $(VENV)/.stamp-docs: $(VENV)/.stamp-base
 $(LOWEST)/.stamp: pyproject.toml tests/lowest.txt
 	$(call venv,$(LOWEST),$(or $(PYTHON),python3.11))
 	@echo "Installing the oldest supported versions into $(LOWEST)"
-	@$(LOWEST)/bin/$(PIP) install --constraint tests/lowest.txt --group test --editable '.[all]'
+	@$(LOWEST)/bin/$(PIP) install --constraint tests/lowest.txt --group test --editable '.[all,native]'
 	@touch $@

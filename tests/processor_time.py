@@ -105,7 +105,7 @@ class ProcessorTime:
             self.elsewhere += spent() - start
 
     def watch_compilers(self) -> None:
-        """Count what compiled engines compile apart: the first test that needs a law pays for all."""
+        """Count what engines compile apart: the first test that needs a law pays for all."""
         from eqt_cli.engines import taylor
         from eqt_cli.engines.native import compiler
         from eqt_cli.engines.taylor import compiling, evaluation

@@ -112,6 +112,10 @@ class Engine(Component):
     def tightened(self, factor: float) -> Engine:
         """The same engine with its tolerances multiplied by `factor` < 1."""
 
+    def provenance(self) -> dict[str, str]:
+        """What it uses of this machine, by name, such as a compiler; it affects no result."""
+        return {}
+
     def sized(self, runs: int, state_length: int) -> Engine:
         """The engine for work of this size; settings that parts must agree on are fixed here."""
         return self

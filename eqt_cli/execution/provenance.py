@@ -1,15 +1,20 @@
 """Where a result comes from: versions, machine, state of the code; nothing that affects numbers."""
 
+from __future__ import annotations
+
 import os
 import platform
 import sys
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from eqt_cli.core.version import __version__
 from eqt_cli.execution.repository import commit_of
+
+if TYPE_CHECKING:
+    from eqt_cli.engines import Engine
 
 PACKAGES = ("numpy", "scipy", "h5py", "heyoka")
 
@@ -20,7 +25,7 @@ OTHERS = "other_sessions"
 """Sessions that have computed a share of the runs and differ from the one described in these."""
 
 
-def provenance(folder: Path) -> dict[str, Any]:
+def provenance(folder: Path, engine: Engine) -> dict[str, Any]:
     """What is worth knowing of this machine and moment; `folder` is where the config lies."""
     return {
         "eqt": __version__,
@@ -28,6 +33,7 @@ def provenance(folder: Path) -> dict[str, Any]:
         **{name: found for name in PACKAGES if (found := _version(name))},
         "platform": platform.platform(),
         "machine": platform.machine(),
+        **engine.provenance(),
         "cpu_count": os.cpu_count(),
         "command": " ".join(["eqt", *sys.argv[1:]]),
         "started": now(),

@@ -274,7 +274,7 @@ class _Session:
         place.mkdir(exist_ok=True)
         again = rerun_of(self.study, self.folder.results, place)
         manifest = self.folder.manifest or {}
-        here = provenance(self.study.source.folder)
+        here = provenance(self.study.source.folder, self.study.base.engine)
         earlier = manifest.get("provenance", here)
         self._tell_versions([earlier], here)
         origin = together(earlier, here)
@@ -325,7 +325,7 @@ class _Session:
     def _manifest(self, earlier: dict[str, Any], afresh: bool) -> dict[str, Any]:
         study = self.study
         same = earlier.get("digest") == study.digest
-        origin = provenance(study.source.folder)
+        origin = provenance(study.source.folder, study.base.engine)
         if same and not afresh and "provenance" in earlier:
             origin = together(origin, earlier["provenance"])
             self._tell_versions(origin.get(OTHERS, []), origin)

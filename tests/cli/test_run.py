@@ -11,6 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from eqt_cli.engines import Engine
+from eqt_cli.engines.native import Native
+from eqt_cli.engines.taylor import Taylor
 from eqt_cli.store.reader import open_results
 
 Eqt = Callable[..., Any]
@@ -162,10 +165,12 @@ def test_engine_is_short_for_a_key(eqt: Eqt) -> None:
     assert "engine: taylor" in Path("results/c/config.yaml").read_text(encoding="utf-8")
 
 
-def test_workers_change_no_number(eqt: Eqt) -> None:
-    pytest.importorskip("heyoka")
+@pytest.mark.parametrize("engine", [Taylor, Native])
+def test_workers_change_no_number(eqt: Eqt, engine: type[Engine]) -> None:
+    if missing := engine.unavailable():
+        pytest.skip(missing)
     for workers in (1, 2):
-        eqt("run", "c.yaml", "--engine", "taylor", "--workers", workers, "--out", workers)
+        eqt("run", "c.yaml", "--engine", engine.name, "--workers", workers, "--out", workers)
     assert_equal_datasets("1", "2")
 
 

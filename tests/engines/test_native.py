@@ -21,6 +21,7 @@ from eqt_cli.engines.native.source import evaluation, integration
 from eqt_cli.execution.batches import batches
 from eqt_cli.execution.compute_part import compute_part, shared_reference
 from eqt_cli.execution.executors import TaskContext
+from eqt_cli.results.result import open_result
 
 pytestmark = pytest.mark.skipif(
     native.Native.unavailable() is not None, reason="needs a C compiler"
@@ -155,16 +156,38 @@ def test_other_runs_change_no_bit(batch):
 @pytest.mark.parametrize("lanes", [1, 2, 4])
 def test_lanes_change_no_bit_of_what_is_stored(loop, built, lanes):
     """Signals and metrics, too."""
-    names, numbers = stored(loop)
+    expected = stored(loop)
     built(lanes)
-    others = stored(loop)[1]
-    assert {name for name in names if digest(numbers[name]) != digest(others[name])} == set()
+    assert stored(loop) == expected
 
 
 def stored(study):
+    """The digest of every variable of a part."""
     table = compute_part(study, study.plan.part(0), shared_reference(study), TaskContext())
     numbers = {name: each.data for name, each in table.variables.items() if name != "message"}
-    return list(numbers), numbers
+    return {name: digest(values) for name, values in numbers.items()}
+
+
+@pytest.mark.parametrize("executor", ["serial", "threads"])
+def test_results_say_how_they_were_compiled_and_depend_on_it_in_no_number(
+    run, invoke, monkeypatch, executor
+):
+    if not (other := shutil.which("clang") or shutil.which("gcc")):
+        pytest.skip("needs clang or gcc beside cc")
+    run("solver.engine=native", out="one")
+    monkeypatch.setenv("CC", other)
+    words = ("--executor", executor, "--workers", 2)
+    invoke("run", "c.yaml", "--set=solver.engine=native", "--out", "other", *words)
+    with open_result("one") as a, open_result("other") as b:
+        assert b.provenance["compiler"] == compiler.compiler().described
+        assert (a.provenance["lanes"], b.provenance["lanes"]) == ("8", "8")
+        assert a.provenance["compiler"] != b.provenance["compiler"]
+        assert {name for name in a.names if digest(a[name]) != digest(b[name])} == set()
+
+
+def test_without_a_compiler_a_result_says_nothing_of_one(monkeypatch):
+    monkeypatch.setattr(compiler, "commands", list)
+    assert native.Native().provenance() == {}
 
 
 # Elsewhere ----------------------------------------------------------------------------------------

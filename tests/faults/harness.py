@@ -48,6 +48,7 @@ sensors:
 """
 FLYING = RUN + FLIGHT
 FLYING_COMPILED = FLYING.replace("rtol: 1.0e-6, block: 2", "engine: taylor, rtol: 1.0e-6")
+FLYING_NATIVE = FLYING_COMPILED.replace("taylor", "native")
 SWEEP = (
     CONFIG
     + "ensemble: {runs: 15, seed: 1}\n"

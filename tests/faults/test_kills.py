@@ -16,6 +16,7 @@ import pytest
 from faults_harness import (
     FLYING,
     FLYING_COMPILED,
+    FLYING_NATIVE,
     RAGGED,
     RUN,
     SWEEP,
@@ -29,6 +30,8 @@ from faults_harness import (
     parts,
 )
 
+from eqt_cli.engines.native import Native
+
 SHARE = {"full": 1.0, "tenth": 0.1}.get(os.environ.get("EQT_FAULTS", ""))
 """Of all kills, of which each scenario has one at least; None elsewhere, where it has one."""
 
@@ -41,6 +44,7 @@ CONFIGURATIONS = {
     "sweep": SWEEP,
     "flight": FLYING,
     "compiled flight": FLYING_COMPILED,
+    "native flight": FLYING_NATIVE,
     "compiled sweep": SWEEP_COMPILED,
     "ragged sweep": RAGGED,
 }
@@ -54,8 +58,11 @@ CLUSTER = ["--scheduler", "a scheduler and two workers on loopback"]
 SCENARIOS = [
     ("flight", SERIAL, "coordinator", 30),
     ("flight", LOCAL, "worker", 30),
-    ("compiled flight", LOCAL, "coordinator", 30),
-    ("compiled flight", THREADS, "coordinator", 30),
+    ("compiled flight", LOCAL, "coordinator", 15),
+    ("compiled flight", THREADS, "coordinator", 15),
+    ("native flight", THREADS, "coordinator", 10),
+    ("native flight", LOCAL, "coordinator", 10),
+    ("native flight", DASK, "worker", 10),
     ("run", SERIAL, "coordinator", 30),
     ("run", LOCAL, "coordinator", 30),
     ("run", LOCAL, "worker", 30),
@@ -78,6 +85,9 @@ ALWAYS = {
     ("run", CLUSTER[1], "worker"),
     ("sweep", "serial", "coordinator"),
     ("compiled flight", "threads", "coordinator"),
+    ("native flight", "threads", "coordinator"),
+    ("native flight", "local", "coordinator"),
+    ("native flight", "dask", "worker"),
     ("ragged sweep", "local", "worker"),
 }
 """Otherwise, every way of computing, engine and kind of study once; `make faults` has them all."""
@@ -145,6 +155,8 @@ def test_kills_lose_nothing_and_change_nothing(
         pytest.skip("needs the extra dask")
     if "compiled" in which:
         pytest.importorskip("heyoka")
+    if "native" in which and (missing := Native.unavailable()):
+        pytest.skip(missing)
     config, expected, duration = reference(which)
     command, rng = _command(which), random.Random(f"{which} {options} {victim}")
     workers = None

@@ -8,12 +8,14 @@ a run has the same bits beside any others, in any thread and by any compiler.
 from __future__ import annotations
 
 import dataclasses
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError
 from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
@@ -84,6 +86,12 @@ class Native(Engine):
         from scipy.integrate import DOP853
 
         return stability.steps(stability.runge_kutta(DOP853.A, DOP853.B), rates, duration)
+
+    def provenance(self) -> dict[str, str]:
+        """The compiler, where there is one: shards are packed without."""
+        with suppress(EqtError):
+            return {"compiler": compiler.compiler().described, "lanes": str(library.LANES)}
+        return {}
 
     def integrator(self, problem: Problem) -> Lanes:
         """That of lanes, whose steps depend on their own run only."""

@@ -185,11 +185,11 @@ def _read(command: tuple[str, ...], flags: tuple[str, ...], told: str) -> Compil
             Remedy("remove options such as -ffast-math from the variable CC"),
         )
     name = "clang" if "__clang__" in macros else "gcc" if "__GNUC__" in macros else "C compiler"
-    version = macros.get("__clang_version__") or macros.get("__VERSION__", "")
+    said = (macros.get("__clang_version__") or macros.get("__VERSION__", "")).strip('"').split()
     return Compiler(
         command,
         flags,
-        f"{name} {version.strip(chr(34)).strip()}",
+        " ".join([name, *said[:1]]),
         tuple(words for macro, words in FEATURES.items() if macro in macros),
         digest(told),
     )
