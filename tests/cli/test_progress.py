@@ -163,6 +163,17 @@ def test_what_takes_long_and_cannot_be_counted_is_named(
     assert capsys.readouterr().err == "compiling the laws\n"
 
 
+def test_what_cannot_be_counted_says_nothing_of_the_rate(
+    clock: Clock, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with progress.progress(800) as advance:
+        with activity("compiling the laws"):
+            clock.now += 30.0
+        clock.now += 2.0
+        advance(100)
+    assert capsys.readouterr().err == "100/800 runs, 50 runs/s, 14 s left\n"
+
+
 def test_what_is_soon_done_is_not_named(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -32,6 +32,7 @@ class Meter:
     """
 
     under_way = ""
+    _since = 0.0
     _reminder: threading.Timer | None = None
 
     def __init__(self, total: int, what: str = "runs") -> None:
@@ -80,7 +81,10 @@ class Meter:
         if self._reminder:
             self._reminder.cancel()
         self._reminder = None
-        self.under_way = words
+        now = time.monotonic()
+        if self.under_way:  # which says nothing of the rate
+            self.started += now - self._since
+        self.under_way, self._since = words, now
         if words:
             self._reminder = threading.Timer(SHOW_AFTER, self.remind)
             self._reminder.daemon = True
