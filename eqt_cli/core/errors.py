@@ -93,7 +93,7 @@ class ComponentError(InputError):
 
 
 class TraceError(EqtError):
-    """A law that uses an operation which an engine cannot compile."""
+    """A law that an engine cannot compile: for an operation in it, or for lack of a compiler."""
 
 
 class ResultError(EqtError):

@@ -18,6 +18,7 @@ import eqt_cli
 from eqt_cli.engines import native, traced_loop
 from eqt_cli.engines.native import compiler, library
 from eqt_cli.engines.native.source import evaluation, integration
+from eqt_cli.engines.taylor import Taylor
 from eqt_cli.execution.batches import batches
 from eqt_cli.execution.compute_part import compute_part, shared_reference
 from eqt_cli.execution.executors import TaskContext
@@ -183,6 +184,14 @@ def test_results_say_how_they_were_compiled_and_depend_on_it_in_no_number(
         assert (a.provenance["lanes"], b.provenance["lanes"]) == ("8", "8")
         assert a.provenance["compiler"] != b.provenance["compiler"]
         assert {name for name in a.names if digest(a[name]) != digest(b[name])} == set()
+
+
+def test_a_compiler_that_does_not_work_stops_no_run_that_the_engine_would_check(run, monkeypatch):
+    monkeypatch.setattr(Taylor, "unavailable", classmethod(lambda engine: "not installed"))
+    monkeypatch.setenv("CC", "false")
+    run("solver.cross_check=1")
+    with open_result("out") as result:
+        assert result.cross_check.method == "engine solve_ivp, tolerances / 100"
 
 
 def test_without_a_compiler_a_result_says_nothing_of_one(monkeypatch):

@@ -25,7 +25,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from eqt_cli.core.activity import activity
-from eqt_cli.core.errors import EqtError, Remedy
+from eqt_cli.core.errors import Remedy, TraceError
 from eqt_cli.engines.native.cache import digest, own_cache
 
 WINDOWS = os.name == "nt"
@@ -125,7 +125,7 @@ def _words(called: str) -> tuple[str, ...]:
         words = shlex.split(called, posix=not WINDOWS)
     except ValueError as error:
         said = str(error).rstrip(".").lower()
-        raise EqtError(f"the variable CC is no command: {called}: {said}", CHOOSE) from error
+        raise TraceError(f"the variable CC is no command: {called}: {said}", CHOOSE) from error
     return tuple(word.strip('"') for word in words) if WINDOWS else tuple(words)
 
 
@@ -147,7 +147,7 @@ def compiler() -> Compiler:
 
     Raises
     ------
-    EqtError
+    TraceError
         If there is none.
     """
     with _lock:
@@ -156,13 +156,13 @@ def compiler() -> Compiler:
 
 @lru_cache(maxsize=8)
 def _first(called: tuple[tuple[str, ...], ...]) -> Compiler:
-    errors: list[EqtError] = []
+    errors: list[TraceError] = []
     for command in called:
         try:
             return _known(command) or _asked(command)
-        except EqtError as error:
+        except TraceError as error:
             errors.append(error)
-    raise errors[0] if errors else EqtError(missing() or "there is no C compiler")
+    raise errors[0] if errors else TraceError(missing() or "there is no C compiler")
 
 
 def _asked(command: tuple[str, ...]) -> Compiler:
@@ -173,13 +173,15 @@ def _asked(command: tuple[str, ...]) -> Compiler:
         if answer.returncode == 0 and "#define" in answer.stdout:
             return _remembered(_read(command, flags, answer.stdout))
         said = answer.stderr or answer.stdout
-    raise EqtError(f"the C compiler {shlex.join(command)} does not work", CHOOSE, lines=_told(said))
+    raise TraceError(
+        f"the C compiler {shlex.join(command)} does not work", CHOOSE, lines=_told(said)
+    )
 
 
 def _read(command: tuple[str, ...], flags: tuple[str, ...], told: str) -> Compiler:
     macros = dict(re.findall(r"^#define (\w+) (.*)$", told, re.MULTILINE))
     if wrong := [name for name, value in INEXACT.items() if macros.get(name) == value]:
-        raise EqtError(
+        raise TraceError(
             f"the C compiler {shlex.join(command)} does not round as IEEE 754 says "
             f"({wrong[0]} is {macros[wrong[0]]})",
             Remedy("remove options such as -ffast-math from the variable CC"),
@@ -260,7 +262,7 @@ def library(source: str) -> ctypes.CDLL:
 
     Raises
     ------
-    EqtError
+    TraceError
         If there is no compiler, or it fails.
     """
     by = compiler()
@@ -278,7 +280,7 @@ def _library(source: str, by: Compiler) -> ctypes.CDLL:
         # What is loaded cannot be removed on Windows.
         folder = tempfile.TemporaryDirectory(prefix="eqt-", ignore_cleanup_errors=True)
     except OSError as error:
-        raise EqtError(
+        raise TraceError(
             f"a law cannot be compiled: there is no folder for temporary files: {error.strerror}",
             Remedy("set the variable TMPDIR to a folder that you can write to"),
         ) from error
@@ -295,7 +297,7 @@ def _compile(source: str, by: Compiler, made: Path) -> None:
     flags = [*LIBRARY, *by.flags]
     answer = _run([*by.command, *flags, "-o", str(made), "-x", "c", "-", *MATHEMATICS], source)
     if answer.returncode or not made.exists():
-        raise EqtError(
+        raise TraceError(
             f"the C compiler {shlex.join(by.command)} cannot compile a law",
             Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
             lines=_told(answer.stderr or answer.stdout),
@@ -306,7 +308,7 @@ def _loaded(made: Path, by: Compiler) -> ctypes.CDLL:
     try:
         return ctypes.CDLL(str(made))
     except OSError as error:
-        raise EqtError(
+        raise TraceError(
             f"what the C compiler {shlex.join(by.command)} makes cannot be loaded",
             Remedy("set the variable CC to a compiler for this machine, or use engine solve_ivp"),
             lines=_told(str(error)),
@@ -329,13 +331,13 @@ def _run(command: Sequence[str], text: str = "") -> subprocess.CompletedProcess[
         )
     except OSError as error:
         said = f"the C compiler {command[0]} cannot be started: {error.strerror}"
-        raise EqtError(said, CHOOSE) from error
+        raise TraceError(said, CHOOSE) from error
     with process:
         try:
             out, err = process.communicate(text, timeout=SECONDS)
         except subprocess.TimeoutExpired:
             _end(process)
-            raise EqtError(
+            raise TraceError(
                 f"the C compiler {command[0]} did not end within {SECONDS:g} s: {called}",
                 Remedy("set the variable CC to another C compiler, or use engine solve_ivp"),
             ) from None
