@@ -173,11 +173,12 @@ def test_a_key_of_any_controller(eqt: Eqt) -> None:
     }
 
 
-def test_every_key_has_a_meaning_and_both_engines_theirs(eqt: Eqt) -> None:
+def test_every_key_has_a_meaning_and_all_engines_theirs(eqt: Eqt) -> None:
     found = {each["key"]: each for each in json.loads(eqt("config", "keys", "--json").out)}
     assert [key for key, each in found.items() if not each["meaning"]] == []
     assert found["solver.tol"]["meaning"] == "taylor: Tolerance of a step. Default: rtol / 10."
     assert found["solver.max_steps"]["meaning"] == (
+        "native: Most steps that a run may take. Default: 1000000. "
         "solve_ivp: Most evaluations of the vector field that a block may take. "
         "Default: 1000000. taylor: Most steps that a run may take. Default: 100000."
     )
