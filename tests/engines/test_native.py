@@ -169,6 +169,12 @@ def stored(study):
     return {name: digest(values) for name, values in numbers.items()}
 
 
+def forget():
+    """Let all laws be compiled, or loaded, as in another process."""
+    library.integration.cache_clear()
+    library._evaluation.cache_clear()
+
+
 @pytest.mark.parametrize("executor", ["serial", "threads"])
 def test_results_say_how_they_were_compiled_and_depend_on_it_in_no_number(
     run, invoke, monkeypatch, executor
@@ -176,6 +182,7 @@ def test_results_say_how_they_were_compiled_and_depend_on_it_in_no_number(
     if not (other := shutil.which("clang") or shutil.which("gcc")):
         pytest.skip("needs clang or gcc beside cc")
     run("solver.engine=native", out="one")
+    forget()
     monkeypatch.setenv("CC", other)
     words = ("--executor", executor, "--workers", 2)
     invoke("run", "c.yaml", "--set=solver.engine=native", "--out", "other", *words)
@@ -189,6 +196,7 @@ def test_results_say_how_they_were_compiled_and_depend_on_it_in_no_number(
 def test_a_compiler_that_does_not_work_stops_no_run_that_the_engine_would_check(run, monkeypatch):
     monkeypatch.setattr(Taylor, "unavailable", classmethod(lambda engine: "not installed"))
     monkeypatch.setenv("CC", "false")
+    forget()
     run("solver.cross_check=1")
     with open_result("out") as result:
         assert result.cross_check.method == "engine solve_ivp, tolerances / 100"
