@@ -186,8 +186,8 @@ def _type(place: Place | None) -> str | None:
     if place is None:
         return None
     result, name = place
-    kind = result.read(name, **dict.fromkeys(result.dims(name), slice(0))).dtype
-    return "text" if kind == object else str(kind)
+    none = result.read(name, **dict.fromkeys(result.dims(name), slice(0)))
+    return "text" if none.dtype == object else str(none.dtype)
 
 
 def _read(place: Place, block: tuple[slice, ...]) -> Array:

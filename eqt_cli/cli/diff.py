@@ -14,7 +14,7 @@ from eqt_cli.cli.shared.output import count_of, print_json, print_text, table
 if TYPE_CHECKING:
     from eqt_cli.analysis.differences import Change, Dataset, Differences
 
-LONGEST = 60
+LONGEST = 120
 """Characters of a value in a table."""
 
 
