@@ -136,13 +136,14 @@ def test_datasets_that_one_result_lacks(eqt: Any) -> None:
     assert "only in the second" in back
 
 
-def test_points_of_several_shapes(eqt: Any) -> None:
-    for name, kp in (("one", 1), ("two", 2)):
-        words = ["--grid", "time.duration=0.5,1", "--grid", "time.samples=3,6"]
-        eqt("sweep", "c.yaml", *words, "--set", f"gains.kp={kp}", "--out", name, "--quiet")
-    names = [each.name for each in eqt_cli.diff("one", "two").datasets]
-    assert {"effort", "point 0: pose", "point 3: pose"} <= set(names)
-    assert eqt_cli.diff("one", "one").equal
+def test_points_of_several_shapes(eqt: Any, second: Any) -> None:
+    words = ["--grid", "time.samples=3,6", "--set", "controllers=[eqt]", "--set", "ensemble.runs=1"]
+    eqt("sweep", "c.yaml", *words, "--out", "one", "--quiet")
+    shutil.copytree("one", "two")
+    assert eqt_cli.diff("one", "two").equal
+    second("point_1/pose", (0, 0, 2, 1, 1), 0.5, of="two")
+    (found,) = eqt_cli.diff("one", "two").datasets
+    assert (found.name, found.place) == ("point 1: pose", (0, 0, 2, 1, 1))
 
 
 def test_large_datasets_are_read_in_parts(eqt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
