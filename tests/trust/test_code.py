@@ -74,6 +74,7 @@ COMMANDS = {
     "config check": "config check c.yaml",
     "show": "show own",
     "compare": "compare own",
+    "diff": "diff own own",
     "verify": "verify own",
     "plot": "plot own --figure torque --format svg --out ../out",
 }
@@ -304,6 +305,7 @@ RESULT_COMMANDS = {
     "report": "report shards --out ../out.html",
     "show": "show shards --plugins",
     "compare": "compare shards",
+    "diff": "diff shards shards",
 }
 
 

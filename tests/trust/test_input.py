@@ -220,6 +220,7 @@ LONG = "n" * 300
         f"pack {LONG}",
         f"show {LONG}",
         f"compare {LONG}",
+        f"diff {LONG} {LONG}",
         f"verify {LONG}",
         f"plot {LONG}",
         f"plot {LONG} {LONG}",
