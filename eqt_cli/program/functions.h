@@ -28,9 +28,9 @@
    Microsystems, 1993, "freely granted"). exp, sinh, cosh and tanh sum the series of sinh and cosh,
    and pow that of atanh, whose coefficients need no source. Sums and products with their errors
    are Dekker's (1971); angles beyond 1e8 are reduced after Payne and Hanek (1983). */
+/* It is included behind lanes.h. */
 #ifndef EQT_FUNCTIONS_H
 #define EQT_FUNCTIONS_H
-
 
 /* Signs, special values, exact operations ------------------------------------------------------ */
 

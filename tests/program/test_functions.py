@@ -38,7 +38,7 @@ def compilers():
 
 def source(language=C99):
     """A function `all_NAME` for each, which goes over arrays of lanes."""
-    lines = ['#include "functions.h"', "#define EXPORTED"]
+    lines = ['#include "lanes.h"', '#include "functions.h"', "#define EXPORTED"]
     if language is CPP:
         lines[1] = '#define EXPORTED extern "C"'
     for name in NAMES:
