@@ -38,9 +38,8 @@ def compilers():
 
 def source(language=C99):
     """A function `all_NAME` for each, which goes over arrays of lanes."""
-    lines = ['#include "lanes.h"', '#include "functions.h"', "#define EXPORTED"]
-    if language is CPP:
-        lines[1] = '#define EXPORTED extern "C"'
+    exported = 'extern "C"' if language is CPP else ""
+    lines = ['#include "lanes.h"', '#include "functions.h"', f"#define EXPORTED {exported}"]
     for name in NAMES:
         second, given = (", const eqt_real *z", ", z[i]") if name == "pow" else ("", "")
         lines.append(
