@@ -14,7 +14,11 @@ from eqt_cli.plots.drawing.style import WIDTHS, house_style, line_style
 CASE = "paper"
 """The runs of which the figure of rates tells."""
 
-SAME = {"eqt taylor, full code": "eqt taylor", "eqt blocks (default)": "eqt solve_ivp"}
+SAME = {
+    "eqt taylor, full code": "eqt taylor",
+    "eqt native": "eqt native",
+    "eqt blocks (default)": "eqt solve_ivp",
+}
 """The contenders that the sampled loops call otherwise; no other of eqt's is in the figure."""
 
 
