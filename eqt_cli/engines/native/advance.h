@@ -487,7 +487,8 @@ void eqt_advance(const eqt_span *span)
             lanes.rejected[lane] = 1;
             EQT_LANE(lanes.step, lane) =
                 h * (EQT_LANE(error, lane) < EQT_INFINITY ? EQT_LANE(factor, lane) : 0.1);
-            if (t + EQT_LANE(lanes.step, lane) == t)
+            if (t + EQT_LANE(lanes.step, lane) == t
+                || EQT_LANE(lanes.step, lane) < 1e-16 * (span->stop - span->start))
                 eqt_leave(&lanes, lane,
                           EQT_LANE(error, lane) < EQT_INFINITY ? EQT_STEP_TOO_SHORT : EQT_NOT_FINITE);
             else if (span->counts[run] >= span->most_steps)
