@@ -15,6 +15,7 @@ from eqt_cli import api
 from eqt_cli.config import shipped
 from eqt_cli.core.errors import EqtError
 from eqt_cli.results.result import Result, open_result
+from eqt_cli.tuning.record_shape import fits
 from eqt_cli.tuning.scores import scores
 from eqt_cli.tuning.search import Constraint
 from eqt_cli.tuning.tables import tuning_tables
@@ -210,3 +211,23 @@ def test_the_luck_of_the_searches_is_in_the_tables(
     )
     ends = [f"{end:.3g}" for end in (two[0] - two[1], two[1] - two[0])]
     assert luck.blocks[0].rows == [["EqT − family", *ends, "no"]]
+
+
+@pytest.mark.parametrize(
+    "searches",
+    [
+        [],
+        [{"seed": 0, "label": "nobody", "objectives": []}],
+        [{"seed": 0, "label": None, "objectives": [[1.0, 2.0]]}],
+        [{"seed": 0, "label": None, "objectives": [["x"]]}],
+        [{"seed": 0, "label": None}],
+    ],
+)
+def test_a_record_with_other_searches_is_none(
+    searched_twice: tuple[Path, dict[str, Any]], searches: list[dict[str, Any]]
+) -> None:
+    folder, record = searched_twice
+    laws = [law | {"searches": searches} for law in record["laws"]]
+    with open_result(folder) as result:
+        assert fits(record, result)
+        assert not fits(record | {"laws": laws}, result)
