@@ -32,7 +32,8 @@ def write(results: Results, folder: Path) -> None:
             drawings["growth"] = growth(results)
     for name, drawing in drawings.items():
         for format in ("png", "svg"):
-            save.write({folder / f"{name}.{format}": save.encode(drawing, format, name)})
+            file = folder / f"{name}.{format}"
+            save.write({file: save.encode(drawing, format, name)}, folder)
 
 
 def work_precision(results: Results) -> Figure:

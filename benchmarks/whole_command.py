@@ -138,6 +138,6 @@ def _plain_per_run() -> float:
     from benchmarks.contenders.plain_loop import CONTENDERS, RUNS_PER_CONTROLLER
     from benchmarks.measure import fastest
 
-    case, (plain,) = load("paper"), CONTENDERS
+    case, (plain, *_) = load("paper"), CONTENDERS
     _, wall, _, _ = fastest(plain.prepare(case, plain.headline), 3)
     return wall / (RUNS_PER_CONTROLLER * len(case.problems))

@@ -109,6 +109,17 @@ class Result(StoredRuns):
         end = np.nan if self.horizon is None else self.horizon
         return np.where(self.censored(name), end, self.metric(name))
 
+    @property
+    def settles(self) -> Array | None:
+        """Which good runs end within the settling threshold, ``(controllers, runs)``.
+
+        The points of a sweep stand in front. None where nothing that is stored tells.
+        """
+        if not {"settled", self.quantity("settled").told_by} & set(self.metrics):
+            return None
+        found: Array = self.metric("settled") > 0  # NaN, of a run that failed, is not
+        return found
+
     def means(self, name: str) -> Array:
         """The mean of a number over all runs, ``(controllers,)``, at the points of a sweep before.
 

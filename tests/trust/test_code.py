@@ -22,6 +22,7 @@ tune:
   objective: mean_pose_error
   budget: 2
   population: 5
+  seeds: 1
   confirm: {runs: 2}
 """
 LAW = """\
