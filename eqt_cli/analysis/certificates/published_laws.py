@@ -276,9 +276,9 @@ class SmallErrors(Identity):
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
         """The rates of the torque as the pose, and as the velocity, leaves the desired one.
 
-        With τ = A x + B v + C z and ż = D x + E v + F z, the law is A x + B v + C (s − F)⁻¹(D + E s)
-        x. In powers of 1/s that is A + C E, then C Fᵏ(D + F E), which is 0 for all k if it is for
-        as many as z has entries.
+        With τ = A x + B v + C z and ż = D x + E v + F z, the memory adds C (s − F)⁻¹(D + E s) to A.
+        In powers of 1/s that is C E, then C Fᵏ(D + F E), which is 0 for all k if it is for as many
+        as z has entries.
         """
         s, law, x = sample.resting, sample.loop.controller, sample.drawn[1]
         still = sample.lifted(0 * x)
