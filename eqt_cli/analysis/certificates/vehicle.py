@@ -18,6 +18,7 @@ from eqt_cli.analysis.evidence.runs import Runs
 from eqt_cli.analysis.evidence.second_vehicle import SecondVehicle, second_vehicles
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.mechanics.tracking import Tracking
 
 SAMPLES = 20
 """Samples of a run at which its rates are looked at: a wrong formula shows at any one of them."""
@@ -27,6 +28,9 @@ COMMANDS = 40
 
 SIZES = -3.0, 3.0
 """Powers of ten: far below and far above what actuators let through."""
+
+OFF_GROUP = 10.0
+"""Q⁻¹ by a formula of the group and by elimination differ by a few drifts of the pose."""
 
 Difference = tuple[float, float, str]
 """How far two sides differ, by how much rounding lets them, and where that is."""
@@ -93,7 +97,7 @@ class ForcesAgain(VehicleCheck):
                 place, acting = list(again.forces())[k]
                 assert acting is not None
                 expected = acting(times, s.Q[again.index], s.V[again.index])
-                yield _difference(found[again.index], expected, place)
+                yield _difference(found[again.index], expected, place, off_group=_drift(s))
 
 
 class PlantMoves(VehicleCheck):
@@ -134,7 +138,7 @@ class PlantMoves(VehicleCheck):
             # What an inverse loses, in units of what it is multiplied with.
             loss = float(np.linalg.cond(matrix).max())
             size = float(np.abs(inertial).max() + np.abs(right).max())
-            yield _difference(left, right, "", 1 + loss * size)
+            yield _difference(left, right, "", 1 + loss * size, _drift(s))
 
 
 class ActuatorsAgain(VehicleCheck):
@@ -171,6 +175,12 @@ class ActuatorsAgain(VehicleCheck):
         states = {name: drawn(length) for name, length in lengths.items()}
         torque, rates = vehicle.passed(G, command, states)
         limited = vehicle.at_limit(G, command, states)
+        alone = {}
+        for index, part in enumerate(vehicle.actuators):
+            x = states.get(f"actuators_{index}", command[..., :0])
+            here = part.at_limit(G, command, x, vehicle.numbers_of(f"actuators[{index}]"))
+            if here is not None:
+                alone[index] = here
         later = {} if vehicle.control is None else vehicle.after_instant(G, command, states)
         period = 1.0 if vehicle.control is None else min(1.0, vehicle.control.period)
         for again in seconds:
@@ -186,7 +196,11 @@ class ActuatorsAgain(VehicleCheck):
                 for name, values in again.after_instant(command[k], own).items():
                     yield _difference(later[name][k], values, name, scale)
             wrong = limited[k] != again.at_limit(command[k], own)
-            yield float(wrong.mean()), ROUNDING, "share of commands at a limit"
+            yield float(wrong.mean()), ROUNDING, "at a limit"
+            for index, here in alone.items():
+                passed, _ = again.chain(command[k], own, range(index, index + 1))
+                wrong = here[k] != again.at_limit_of(index, command[k], passed)
+                yield float(wrong.mean()), ROUNDING, f"at the limit of actuators[{index}]"
 
 
 class CommandArrives(VehicleCheck):
@@ -288,11 +302,18 @@ def _few(flight: Flight) -> Flight:
     )
 
 
-def _difference(found: Array, expected: Array, place: str, scale: float = 1.0) -> Difference:
+def _drift(s: Tracking) -> float:
+    """How far the poses are from the group, where a formula of the group may be off by as much."""
+    return OFF_GROUP * float(s.G.drift(s.Q).max())
+
+
+def _difference(
+    found: Array, expected: Array, place: str, scale: float = 1.0, off_group: float = 0.0
+) -> Difference:
     """The largest; relative to the largest entry, or 1."""
-    largest = float(np.abs(expected).max(initial=0.0))
+    largest = max(1.0, scale, float(np.abs(expected).max(initial=0.0)))
     measured = float(np.abs(found - expected).max(initial=0.0))
-    return measured, ROUNDING * max(1.0, scale, largest), place
+    return measured, (ROUNDING + off_group) * largest, place
 
 
 def _excess(found: Difference) -> float:

@@ -144,12 +144,17 @@ class SecondVehicle:
         if self.vehicle.control is not None:
             command = states["commands"][..., : self.m]
         found = np.zeros(command.shape[:-1], dtype=bool)
-        for k, part in enumerate(self.vehicle.actuators):
+        for k in range(len(self.actuators)):
             given = command
             command, _ = self.chain(given, states, range(k, k + 1))
-            if part.limits:
-                found |= (np.abs(given - command) > _SHORT * (1 + np.abs(given))).any(axis=-1)
+            found |= self.at_limit_of(k, given, command)
         return found
+
+    def at_limit_of(self, k: int, given: Array, passed: Array) -> Array:
+        """Where an actuator that has a limit lets less through than it is given."""
+        short = np.abs(given - passed) > _SHORT * (1 + np.abs(given))
+        here: Array = short.any(axis=-1) & self.vehicle.actuators[k].limits
+        return here
 
     def told(self) -> tuple[Array, Array] | None:
         """n and b of every instant; None where a sensor has no second form."""
