@@ -103,7 +103,7 @@ class OneStream(Noise):
     name: ClassVar[str] = "one stream"
 
     def errors(self, G, instants, period, random):
-        return super().errors(G, instants, period, np.random.default_rng(1))
+        return super().errors(G, instants, period, np.random.default_rng(2))
 
 
 @pytest.mark.parametrize(
