@@ -212,7 +212,7 @@ class Tracks(TrajectoryCheck):
     """
 
     name: ClassVar[str] = "tracks"
-    statement: ClassVar[str] = "rms error, last fifth over first fifth"
+    statement: ClassVar[str] = "measured on the runs"
     section: ClassVar[float] = 6.34
 
     def check(self, runs: Runs) -> Row:
