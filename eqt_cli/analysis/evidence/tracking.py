@@ -41,9 +41,9 @@ class Fifths:
         """The median over runs of the last by the first."""
         return _median_ratio(self.last, self.first)
 
-    def still_falls(self, least: float = 1 - STALLED) -> bool:
-        """Whether the last is less than the one in the middle, by this part, in the median."""
-        return _median_ratio(self.last, self.middle) < 1 - least
+    def still_falls(self) -> bool:
+        """Whether the last is less than the one in the middle, in the median over runs."""
+        return _median_ratio(self.last, self.middle) < STALLED
 
 
 _SLACK = 1e-9

@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 FAR_ABOVE = 1000.0
-"""Of the tolerance: a larger error estimate is warned of. As in the cross-check."""
+"""Of solver.rtol: a larger error estimate is warned of, as a difference of the cross-check is.
+
+In 13 shipped configurations it is 64 at most, and 433 where a limit or a jump of the law is in the
+way of `solve_ivp`."""
 
 MOST_FAILURES = 10
 """Different messages shown of failed runs."""
