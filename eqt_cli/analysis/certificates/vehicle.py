@@ -229,6 +229,7 @@ class CommandArrives(VehicleCheck):
         s = loop.tracking(times, flight.states)
         asked = loop.command(s)
         # The last sample is the state before its instant.
+        seconds = second_vehicles(flight)
         samples = dict(zip(flight.periods[:-1].tolist(), range(len(times) - 1), strict=True))
         for period, sample in samples.items():
             source = samples.get(period - control.delay)
@@ -237,19 +238,23 @@ class CommandArrives(VehicleCheck):
             first = asked[:, 0] * 0 if source is None else asked[:, source]
             queue = s.vehicle["commands"][:, sample]
             yield _difference(queue[..., :m], first, f"at t = {times[sample]:g} s")
-            yield from self._held(flight, s.vehicle, first, sample)
+            yield from self._held(seconds, s.vehicle, first, sample)
 
     def _held(
-        self, flight: Flight, states: Mapping[str, Array], arrived: Array, sample: int
+        self,
+        seconds: list[SecondVehicle],
+        states: Mapping[str, Array],
+        arrived: Array,
+        sample: int,
     ) -> Iterator[Difference]:
         """What the actuators at instants have made of it, where these have no states."""
-        for again in second_vehicles(flight):
+        for again in seconds:
             parts = range(again.at_instants)
             if not parts or any(f"actuators_{k}" in states for k in parts):
                 return
             held, _ = again.chain(arrived[again.index], {}, parts)
             found = states["held"][again.index, sample]
-            yield _difference(found, held, f"held at t = {flight.problem.times[sample]:g} s")
+            yield _difference(found, held, f"held at t = {again.time(sample):g} s")
 
 
 class TruthAndErrors(VehicleCheck):

@@ -45,6 +45,10 @@ class SecondVehicle:
         """The number of coordinates."""
         return self.flight.problem.loop.group.dimension
 
+    def time(self, sample: int) -> float:
+        """Of a sample, s."""
+        return float(self.flight.problem.times[sample])
+
     def random(self, place: str) -> np.random.Generator:
         """What the part at a place draws its numbers from."""
         run = int(self.flight.numbers[self.index])
