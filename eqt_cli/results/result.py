@@ -191,6 +191,8 @@ class Result(StoredRuns):
         -------
         list of dict
             ``controller``, ``runs``, ``failed`` and the numbers by name; NaN where no run is good.
+            How many runs have ``settled``, and their mean ``saturated_share``, as far as these are
+            in the result.
         """
         good = self.good
         return [
@@ -199,9 +201,21 @@ class Result(StoredRuns):
                 "runs": good[..., c, :].size,
                 "failed": self.failed[label],
                 **{name: self._over_good(name, c, of) for name, of in HEADLINE.items()},
+                **self._settled(c),
+                **self._saturated(c),
             }
             for c, label in enumerate(self.labels)
         ]
+
+    def _settled(self, controller: int) -> dict[str, int]:
+        if not self.has("settling_time"):
+            return {}
+        times = self.metric("settling_time", controller)[self.good[..., controller, :]]
+        return {"settled": int(np.count_nonzero(np.isfinite(times)))}
+
+    def _saturated(self, controller: int) -> dict[str, float]:
+        name = "saturated_share"
+        return {name: self._over_good(name, controller, np.mean)} if self.has(name) else {}
 
     def _over_good(self, name: str, controller: int, of: Callable[[Array], Any]) -> float:
         values = self.metric(name, controller)[self.good[..., controller, :]]

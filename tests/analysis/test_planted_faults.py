@@ -725,7 +725,7 @@ EXPECTED = {
     "critical points: half-turns about other axes": on("", CRITICAL),
 }
 
-SYMPTOMS = {"decrease of L", "Q → Q_d", "P → P_d"}
+SYMPTOMS = {"decrease of L", "Q → Q_d", "P → P_d", "tracks"}
 """What a run shows of a fault depends on where it starts; the cause does not."""
 
 
