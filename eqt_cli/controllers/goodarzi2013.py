@@ -43,7 +43,7 @@ class Goodarzi2013(Controller):
     title: ClassVar[str] = "Goodarzi 2013"
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + ½k_I|e_I|²"
     matched: ClassVar[bool | None] = False
-    theorem: ClassVar[str] = "Goodarzi, Lee, Lee (2013)"
+    theorem: ClassVar[str] = "after Goodarzi, Lee, Lee (2013)"
 
     ki: Positive = 0.2
     c2: Real = 0.5

@@ -627,9 +627,7 @@ FAULTS = {
     "at_once": (NotANumberAtOnce, Status.NON_FINITE, NO_LONGER_FINITE),
     "rattling": (Rattling, Status.STEP_LIMIT, "step limit: 500 steps (solver.max_steps)"),
 }
-NO_STEP_IS_SHORT_ENOUGH = (
-    "no step is short enough; the state grows without bound, or the law is singular"
-)
+NO_STEP_IS_SHORT_ENOUGH = "no step is short enough: the state has no bound, or the law is singular"
 OF_NATIVE = {
     "escape": (Status.SOLVER_FAILED, NO_STEP_IS_SHORT_ENOUGH),
     "pole": (Status.STEP_LIMIT, "step limit: 500 steps (solver.max_steps)"),

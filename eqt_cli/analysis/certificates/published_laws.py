@@ -56,7 +56,7 @@ class BulloMurrayForm(LiteralForm):
     """d(𝕀ξ)/dt + 𝕀∇_V ξ − K_d e − L*dΥ(Q_L), by the transported velocity ξ and the connection."""
 
     name: ClassVar[str] = "Bullo–Murray by the connection"
-    statement: ClassVar[str] = "Bullo, Murray (1999)"
+    statement: ClassVar[str] = "after Bullo, Murray (1999)"
     section: ClassVar[float] = 8.1
     law: ClassVar[str] = "bullo_murray"
 
@@ -71,7 +71,7 @@ class GoodarziForm(LiteralForm):
     """𝕀Ad_{Q_L⁻¹}V̇_d + 𝕀̇ξ − ad*_ξ 𝕀ξ − K_d e − L*dΥ(Q_L) − k_I b tanh(e_I/b)."""
 
     name: ClassVar[str] = "Goodarzi, Lee, Lee"
-    statement: ClassVar[str] = "Goodarzi, Lee, Lee (2013)"
+    statement: ClassVar[str] = "after Goodarzi, Lee, Lee (2013)"
     section: ClassVar[float] = 8.2
     law: ClassVar[str] = "goodarzi2013"
 
@@ -90,7 +90,7 @@ class GoodarziIntegral(Identity):
     """ė_I = e + c₂ e_R; where the law is sampled, e_I rises by a period of it at every instant."""
 
     name: ClassVar[str] = "integral of the errors"
-    statement: ClassVar[str] = "Goodarzi, Lee, Lee (2013)"
+    statement: ClassVar[str] = "after Goodarzi, Lee, Lee (2013)"
     section: ClassVar[float] = 8.21
     per_law: ClassVar[bool] = True
 
@@ -114,7 +114,7 @@ class MaithripalaForm(LiteralForm):
     """d(𝕀V_d)/dt + 𝕀∇_V V_d − Ad*_{Q_d}L*dΥ(Q_E) − k_d 𝕀Ṽ."""
 
     name: ClassVar[str] = "Maithripala, Berg, Dayawansa"
-    statement: ClassVar[str] = "Maithripala, Berg, Dayawansa (2006)"
+    statement: ClassVar[str] = "after Maithripala, Berg, Dayawansa (2006)"
     section: ClassVar[float] = 8.3
     law: ClassVar[str] = "maithripala2006"
 
@@ -146,7 +146,7 @@ class SlotineLiForm(SlidingVariableForm):
     """d(𝕀V_r)/dt − ad*_{V_r}𝕀V + Ṡ*S⁻*𝕀s − K_d s, V_r = ξ − slope L*dΥ(Q_L)."""
 
     name: ClassVar[str] = "Slotine–Li"
-    statement: ClassVar[str] = "Slotine, Li (1987)"
+    statement: ClassVar[str] = "after Slotine, Li (1987)"
     section: ClassVar[float] = 8.4
     law: ClassVar[str] = "slotine_li"
 
@@ -159,7 +159,7 @@ class SlidingForm(SlidingVariableForm):
     """d(𝕀V_r)/dt − ad*_{V_r}𝕀V + Ṡ*S⁻*𝕀s − gain tanh(s/layer), V_r = ξ − slope L*dΥ(Q_L)."""
 
     name: ClassVar[str] = "sliding mode"
-    statement: ClassVar[str] = "Slotine, Li (1991), section 7.2"
+    statement: ClassVar[str] = "after Slotine, Li (1991), section 7.2"
     section: ClassVar[float] = 8.5
     law: ClassVar[str] = "sliding"
 
@@ -172,7 +172,7 @@ class LogarithmicForm(LiteralForm):
     """d(𝕀ξ)/dt − ad*_V 𝕀V − K_d e − the differential of ½⟨H log Q_L, log Q_L⟩."""
 
     name: ClassVar[str] = "logarithmic"
-    statement: ClassVar[str] = "Johnson, Beard (2021), eq. (22), (32)"
+    statement: ClassVar[str] = "after Johnson, Beard (2021)"
     section: ClassVar[float] = 8.6
     law: ClassVar[str] = "logarithmic"
 
@@ -194,7 +194,7 @@ class QuaternionForm(LiteralForm):
     """Jξ̇ + ω × Jω − K_d e − 2Hq with q = vee(R_L − R_Lᵀ) / 4q₀ and q₀ = ½√(1 + tr R_L)."""
 
     name: ClassVar[str] = "quaternion feedback"
-    statement: ClassVar[str] = "Wie, Weiss, Arapostathis (1989)"
+    statement: ClassVar[str] = "after Wie, Weiss, Arapostathis (1989)"
     section: ClassVar[float] = 8.7
     law: ClassVar[str] = "quaternion"
 
@@ -233,7 +233,7 @@ class Lee2010OnSO3(LeeOnSO3):
     """−k_R e_R − k_Ω e_Ω + Ω × JΩ − J(Ω̂RᵀR_dΩ_d − RᵀR_dΩ̇_d)."""
 
     name: ClassVar[str] = "Lee 2010 on SO(3)"
-    statement: ClassVar[str] = "arXiv 1003.2005v3, eq. (6), (8), (9), (11)"
+    statement: ClassVar[str] = "arXiv 1003.2005v4, eq. (6), (8), (9), (11)"
     section: ClassVar[float] = 8.01
     law: ClassVar[str] = "lee2010"
 
@@ -247,7 +247,7 @@ class Lee2012OnSO3(LeeOnSO3):
     """−k_R e_R − k_Ω e_Ω + (RᵀR_dΩ_d) × J(RᵀR_dΩ_d) + JRᵀR_dΩ̇_d."""
 
     name: ClassVar[str] = "Lee 2012 on SO(3)"
-    statement: ClassVar[str] = "arXiv 1109.4457"
+    statement: ClassVar[str] = "after arXiv 1109.4457"
     section: ClassVar[float] = 8.02
     law: ClassVar[str] = "lee2012"
 
