@@ -30,6 +30,7 @@ from eqt_cli.vehicle.forces.gust import SINES, Gust
 from eqt_cli.vehicle.forces.restoring import Restoring
 from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia, VaryingInertia
 from eqt_cli.vehicle.numbers import Normal, Uniform, drawn, is_drawn, lowest
+from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors.bias import Bias
 from eqt_cli.vehicle.sensors.noise import Noise
 
@@ -242,6 +243,27 @@ def test_numbers_that_are_drawn_stand_for_their_means():
     assert [is_drawn(value) for value in (3.0, [1.0, [normal]], [1.0])] == [False, True, False]
     many = np.array([normal.draw(np.random.default_rng(k)) for k in range(400)])
     assert (many.mean(), many.std()) == (pytest.approx(2, abs=0.1), pytest.approx(0.5, abs=0.08))
+
+
+def test_a_normal_distribution_may_have_no_spread():
+    problems = Problems()
+    Normal([2.0, 0.0]).check(problems, positive=True)
+    assert list(problems) == []
+
+
+def test_only_what_remembers_has_states():
+    plain = Limit(1.0), Deadband(0.1), Quantisation(0.1)
+    assert Vehicle(actuators=(*plain, Lag(0.5), RateLimit(2.0))).states(SO3) == {
+        "actuators_3": 3,
+        "actuators_4": 3,
+    }
+
+
+def test_a_held_command_goes_to_the_first_actuator_that_moves():
+    limit, lag, clock = Limit(1.0), Lag(0.5), Sampling(0.1)
+    assert Vehicle(actuators=(limit, lag, limit), control=clock).first_moving is lag
+    assert Vehicle(actuators=(limit,), control=clock).first_moving is None
+    assert Vehicle(actuators=(limit, lag)).first_moving is None  # nothing is held
 
 
 def test_sensors_err_by_nothing_unless_told():
