@@ -147,7 +147,9 @@ def test_equal_styles_give_equal_files(style, so3, opened, tmp_path):
     mine = style("font.size: 9", "axes.grid: False").sheets
     results, found = [opened(so3)], []
     for folder in ("one", "two"):
-        files = render(results, "paper", tmp_path / folder, style=Style(("bmh", *mine)))
+        files = render(
+            results, "paper", tmp_path / folder, ["svg", "pdf"], style=Style(("bmh", *mine))
+        )
         found.append([file.read_bytes() for file in files])
     assert found[0] == found[1]
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 import pytest
+
+from eqt_cli import api
 
 SMALL: dict[str, Any] = {
     "name": "small",
@@ -25,6 +29,13 @@ SMALL: dict[str, Any] = {
         "confirm": {"runs": 6, "seed": 9},
     },
 }
+
+
+@pytest.fixture(scope="session")
+def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[api.Tuning, Path]:
+    """A search to its end, and its folder; to be read only."""
+    folder = tmp_path_factory.mktemp("searched") / "t"
+    return api.tune(deepcopy(SMALL), folder), folder
 
 
 @pytest.fixture
