@@ -161,6 +161,7 @@ def test_what_rounding_takes_from_a_command_is_no_limit():
     after = part.step(SO3, command, x, given, period=1.0)
     assert (after != command).any()
     assert not part.at_limit(SO3, command, after, given).any()
+    assert not part.at_limit(SO3, -command, -after, given).any()
     assert part.at_limit(SO3, command + 1e-6, after, given).all()
 
 
@@ -245,10 +246,19 @@ def test_numbers_that_are_drawn_stand_for_their_means():
     assert (many.mean(), many.std()) == (pytest.approx(2, abs=0.1), pytest.approx(0.5, abs=0.08))
 
 
-def test_a_normal_distribution_may_have_no_spread():
+@pytest.mark.parametrize(
+    ("mean", "positive", "expected"),
+    [
+        (0.5, True, []),
+        (0.0, False, []),
+        (0.0, True, [("normal", "expected a mean greater than 0, got 0")]),
+    ],
+)
+def test_a_normal_distribution_may_have_no_spread(mean, positive, expected):
+    """And where its numbers must be greater than 0, so must its mean."""
     problems = Problems()
-    Normal([2.0, 0.0]).check(problems, positive=True)
-    assert list(problems) == []
+    Normal([mean, 0.0]).check(problems, positive)
+    assert [(problem.path, problem.message) for problem in problems] == expected
 
 
 def test_only_what_remembers_has_states():
