@@ -88,13 +88,14 @@ def test_an_actuator_says_of_each_command_whether_it_is_beyond_its_limit(
     actuator_class, make, shape
 ):
     actuator = make(actuator_class, 6)
-    command = np.random.default_rng(2).standard_normal((*shape, 6)) * 1e3
+    command = 1e3 + np.random.default_rng(2).random((*shape, 6))
     x, given = np.zeros((*shape, actuator.states(G))), numbers(actuator)
     found = actuator.at_limit(G, command, x, given)
     assert (found is None) == (not actuator.limits)
     if found is not None:
         assert found.shape == shape
         assert found.all()
+        assert actuator.at_limit(G, -command, x, given).all()
         assert not actuator.at_limit(G, 0 * command, x, given).any()
 
 
