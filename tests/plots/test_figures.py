@@ -60,7 +60,12 @@ def drawn():
         listener = logging.StreamHandler(said)
         log.addHandler(listener)
         try:
-            with open_result(path) as results, redirect_stdout(said), redirect_stderr(said):
+            with (
+                sys.modules["processor_time"].for_others(),
+                open_result(path) as results,
+                redirect_stdout(said),
+                redirect_stderr(said),
+            ):
                 found = Drawn(figures.get(name)().draw([results], width))
                 for format in formats_of(name):
                     with recorded_texts() as found.texts:
