@@ -347,6 +347,9 @@ def test_spans_hold_every_sample_once():
             np.concatenate(firsts), np.concatenate([s.grid[1 : 1 + s.later] for s in spans])
         )
         assert [span.start for span in spans][1:] == [span.stop for span in spans][:-1]
+        # What is constant within a span is asked for inside of it, but at the ends of the horizon.
+        inside = [(span.start < span.within[0], span.within[1] < span.stop) for span in spans]
+        assert inside == [(span is not spans[0], span is not spans[-1]) for span in spans]
 
 
 def test_a_horizon_without_instants_is_one_span():
