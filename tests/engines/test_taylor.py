@@ -121,7 +121,10 @@ def assert_engines_agree(problem):
 
 
 def test_engines_agree_on_every_group_and_controller(law_on_group):
+    """Every law where it is cheap to compile: contracts/test_programs.py has all on a product."""
     G, controller = law_on_group
+    if controller.name != "eqt" and G.name == "SE3*SO2":
+        pytest.skip("the same law on SO3 is tried")
     driven = "track" in controller.tasks
     torque = TORQUE[: G.dimension] if driven else [0.0] * G.dimension
     assert_engines_agree(problem_of(loop_of(controller, G, TorqueReference(torque)), runs=3))
@@ -171,21 +174,19 @@ ARGUMENTS = {
 }
 
 
+TEXTS = [
+    *(f"{name}({argument})" for name, argument in ARGUMENTS.items()),
+    *("(1 + t)**t", "2**t", "t**7", "(1 + t)**-0.5", "-t**2", "t**3/(1 + t)", "3*pi"),
+]
+
+
 @pytest.mark.parametrize(
-    "text",
-    [
-        *(f"{name}({argument})" for name, argument in ARGUMENTS.items()),
-        "(1 + t)**t",
-        "2**t",
-        "t**7",
-        "(1 + t)**-0.5",
-        "-t**2",
-        "t**3/(1 + t)",
-        "3*pi",
-    ],
+    "first", range(0, len(TEXTS), 3), ids=lambda k: ", ".join(TEXTS[k : k + 3])
 )
-def test_expressions_of_the_grammar(text):
-    assert_engines_agree(problem_of(loop_of(EqT(), reference=TorqueReference([text, "0", "t"])), 2))
+def test_expressions_of_the_grammar(first):
+    """Three at a time, one for each axis."""
+    texts = [*TEXTS, "0", "t"][first : first + 3]
+    assert_engines_agree(problem_of(loop_of(EqT(), reference=TorqueReference(texts)), 2))
 
 
 class Limited(EqT):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,13 @@ SMALL: dict[str, Any] = {
         "confirm": {"runs": 6, "seed": 9},
     },
 }
+
+
+@pytest.fixture(scope="session")
+def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[api.Tuning, Path]:
+    """A search to its end, and its folder; to be read only."""
+    folder = tmp_path_factory.mktemp("searched") / "t"
+    return api.tune(deepcopy(SMALL), folder), folder
 
 
 @pytest.fixture

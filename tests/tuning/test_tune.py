@@ -43,16 +43,16 @@ def test_the_shipped_problem_is_solved_to_a_hundredth(tmp_path: Path) -> None:
 
 
 def test_a_search_leaves_winners_ready_to_run_and_held_out_runs(
-    small: dict[str, Any], tmp_path: Path
+    searched: tuple[api.Tuning, Path],
 ) -> None:
-    done = api.tune(small, tmp_path / "t")
+    done, folder = searched
     for law in done.record["laws"]:
         (winner,) = law["winners"]
-        loaded = api.load_experiment(tmp_path / "t" / winner["config"])
+        loaded = api.load_experiment(folder / winner["config"])
         assert loaded.controllers == [law["label"]]
         given = loaded.config["gains"]["kp"]
         assert given == winner["values"]["gains.kp"]
-    with open_result(tmp_path / "t") as result:
+    with open_result(folder) as result:
         assert result.labels == ["eqt", "family", "eqt, start", "family, start"]
         assert result.runs == 6
         assert result.source.data["ensemble"]["seed"] == 9
@@ -62,21 +62,21 @@ def test_a_search_leaves_winners_ready_to_run_and_held_out_runs(
 
 
 def test_a_winner_is_no_worse_than_the_start_on_the_runs_of_the_search(
-    small: dict[str, Any], tmp_path: Path
+    searched: tuple[api.Tuning, Path],
 ) -> None:
-    done = api.tune(small, tmp_path / "t")
+    done, folder = searched
     for found in done.laws:
-        with open_result(tmp_path / "t/generations" / found.law.slug / "seed-0/000") as first:
+        with open_result(folder / "generations" / found.law.slug / "seed-0/000") as first:
             start = first.metric("mean_pose_error")[0, 0].mean()
         assert found.population.scores.objectives[found.winners[0], 0] <= start
 
 
 def test_a_second_session_computes_nothing_and_finds_the_same(
-    small: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    small: dict[str, Any], searched: tuple[api.Tuning, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    done = api.tune(small, tmp_path / "t")
+    done, folder = searched
     monkeypatch.setattr("eqt_cli.execution.run_study._Session.run", None)
-    assert api.tune(small, tmp_path / "t").record == done.record
+    assert api.tune(small, folder).record == done.record
 
 
 @pytest.mark.slow("searches three times")
@@ -90,6 +90,7 @@ def test_more_generations_go_on_where_fewer_ended(small: dict[str, Any], tmp_pat
 
 
 def test_another_search_is_not_mixed_into_the_folder(small: dict[str, Any], tmp_path: Path) -> None:
+    small["tune"]["budget"] = 1
     api.tune(small, tmp_path / "t")
     small["tune"]["seed"] = 5
     with pytest.raises(EqtError, match="holds another tuning"):
@@ -163,7 +164,7 @@ def test_how_much_a_bound_is_violated(bound: Constraint, violation: list[float])
 
 
 def test_what_was_found_is_kept_when_the_search_is_interrupted(
-    small: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    small: dict[str, Any], tmp_path: Path, searched: tuple[api.Tuning, Path]
 ) -> None:
     def stopped(law: Any, generation: int, population: Any) -> None:
         if law.label == "family":
@@ -172,7 +173,7 @@ def test_what_was_found_is_kept_when_the_search_is_interrupted(
     with pytest.raises(KeyboardInterrupt):
         api.tune(small, tmp_path / "t", told=stopped)
     assert {path.stem for path in (tmp_path / "t/tuned").glob("*.yaml")} == {"eqt", "family"}
-    assert api.tune(small, tmp_path / "t").record == api.tune(small, tmp_path / "u").record
+    assert api.tune(small, tmp_path / "t").record == searched[0].record
 
 
 def test_the_winners_of_all_searches_stand_side_by_side_on_held_out_runs(
