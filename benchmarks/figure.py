@@ -14,7 +14,11 @@ from eqt_cli.plots.drawing.style import WIDTHS, house_style, line_style
 CASE = "paper"
 """The runs of which the figure of rates tells."""
 
-SAME = {"eqt taylor, full code": "eqt taylor", "eqt blocks (default)": "eqt solve_ivp"}
+SAME = {
+    "eqt taylor, full code": "eqt taylor",
+    "eqt native": "eqt native",
+    "eqt blocks (default)": "eqt solve_ivp",
+}
 """The contenders that the sampled loops call otherwise; no other of eqt's is in the figure."""
 
 
@@ -28,7 +32,8 @@ def write(results: Results, folder: Path) -> None:
             drawings["growth"] = growth(results)
     for name, drawing in drawings.items():
         for format in ("png", "svg"):
-            save.write({folder / f"{name}.{format}": save.encode(drawing, format, name)})
+            file = folder / f"{name}.{format}"
+            save.write({file: save.encode(drawing, format, name)}, folder)
 
 
 def work_precision(results: Results) -> Figure:

@@ -8,6 +8,7 @@ from tempfile import TemporaryDirectory
 from benchmarks.process import spent
 
 SIZES = {
+    "native": (100, 1_000, 10_000, 100_000, 1_000_000),
     "taylor": (100, 1_000, 10_000, 100_000),
     "solve_ivp": (100, 1_000),  # linear by then; 1e5 runs would take some ten minutes
 }
@@ -22,7 +23,7 @@ class Growth:
     runs
         Over all controllers.
     wall, cpu
-        Of the command with its start, all metrics and, by taylor, error estimates, s.
+        Of the command with its start, all metrics and, by compiled engines, error estimates, s.
     peak_memory
         Of its processes, bytes.
     show

@@ -16,6 +16,7 @@ from eqt_cli.analysis.oracles import MuJoCo
 from eqt_cli.analysis.oracles.base import RigidBody
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Engine
+from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.taylor import Taylor
 
@@ -74,10 +75,10 @@ def sampled(repeats: int = 3) -> Iterator[Sampled]:
                 partial(_plainly, case, period),
             ),
         ]
-        if Taylor.unavailable() is None:
-            engine = Taylor(code="full")
-            engine.solve(case.problems[0].select(slice(0, 1)), lambda done: None)  # compiles
-            ways.insert(0, ("eqt taylor", runs, _by(case, engine)))
+        for engine in (Native(), Taylor(code="full")):
+            if engine.unavailable() is None:
+                engine.solve(case.problems[0].select(slice(0, 1)), lambda done: None)  # compiles
+                ways.insert(0, (f"eqt {engine.name}", runs, _by(case, engine)))
         if MuJoCo.is_installed():
             stepped = partial(_stepped, case, period, _references(case, period))
             ways.append((f"MuJoCo, steps of {1000 * STEP:g} ms", runs[:1], stepped))

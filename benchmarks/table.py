@@ -129,11 +129,11 @@ def _headlines(results: Results, case: str) -> str:
         ),
     )
     some = [each for each in rows if each.timed_runs < each.runs]
-    notes = [
+    notes = dict.fromkeys(
         f"\\* timed on {each.timed_runs} of {each.runs} runs and extrapolated; its errors are over "
         "those runs."
         for each in some
-    ]
+    )
     return "\n\n".join([table, *notes])
 
 

@@ -87,13 +87,15 @@ def _plan(many: Sequence[int]) -> Iterator[tuple[str, list[str], int]]:
     paper = ["run", "configs/paper.yaml", "--engine"]
     yield "run se3 by taylor", ["run", "configs/se3.yaml", "--engine", "taylor"], 0
     yield "run paper by solve_ivp", [*paper, "solve_ivp"], PAPER
+    yield "run paper by native", [*paper, "native"], PAPER
     yield "run paper by taylor", [*paper, "taylor"], PAPER
     for command in ("show", "compare", "plot", "report"):  # of the result of the last
         yield f"{command} paper", [command], 0
     for runs in many:
         settings = ["--set", f"ensemble.runs={runs // 4}", "--set", "store.trajectories=none"]
-        name = f"run paper by taylor, {runs:,} runs, metrics only"
-        yield name, [*paper, "taylor", *settings], runs
+        for engine in ("native", "taylor"):
+            name = f"run paper by {engine}, {runs:,} runs, metrics only"
+            yield name, [*paper, engine, *settings], runs
 
 
 def _in_turn(
@@ -118,8 +120,8 @@ def _once(arguments: Sequence[str], tree: Path, folder: Path) -> Spent:
     if arguments[0] == "run":
         shutil.rmtree(result, ignore_errors=True)
         where = ["--quiet", "--out"]
-    command = ["-m", "eqt_cli", *arguments, *where, str(result)]
-    return spent(command, tree, {"HEYOKA_CACHE_DIR": str(folder / "cache")})
+    command, cache = ["-m", "eqt_cli", *arguments, *where, str(result)], str(folder / "cache")
+    return spent(command, tree, {"HEYOKA_CACHE_DIR": cache, "XDG_CACHE_HOME": cache})
 
 
 def _best(every: list[Spent]) -> Spent:
@@ -136,6 +138,6 @@ def _plain_per_run() -> float:
     from benchmarks.contenders.plain_loop import CONTENDERS, RUNS_PER_CONTROLLER
     from benchmarks.measure import fastest
 
-    case, (plain,) = load("paper"), CONTENDERS
+    case, (plain, *_) = load("paper"), CONTENDERS
     _, wall, _, _ = fastest(plain.prepare(case, plain.headline), 3)
     return wall / (RUNS_PER_CONTROLLER * len(case.problems))

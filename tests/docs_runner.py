@@ -38,7 +38,12 @@ CAPTION = re.compile(r"^:caption: (\S+)\n+", re.M)
 EXTRAS = ("xarray", "heyoka", "mujoco", "pinocchio")
 SMALL = ["--set=ensemble.runs=2", "--set=solver.cross_check=0"]
 COARSE = ["--set=solver.rtol=1e-6", "--set=solver.error_estimate=false"]
-FEW = ["--set=tune.budget=2", "--set=tune.population=5", "--set=tune.confirm.runs=5"]
+FEW = [
+    "--set=tune.budget=2",
+    "--set=tune.population=5",
+    "--set=tune.seeds=1",
+    "--set=tune.confirm.runs=5",
+]
 SHORT = ["--set=time.duration=0.5", "--set=time.samples=11"]
 CHEAP = ("config", "list", "--version")
 """Commands that are carried out where a page is only read."""

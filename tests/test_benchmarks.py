@@ -8,14 +8,15 @@ import pytest
 
 from benchmarks import profile, sampled, whole_command
 from benchmarks.cases import errors, load
-from benchmarks.contenders.plain_loop import body, literal
+from benchmarks.contenders.plain_loop import WRITTEN_OUT, body, literal
 from benchmarks.process import spent
 from eqt_cli.engines.solve_ivp import SolveIvp
 
 
+@pytest.mark.parametrize("xp", [np, WRITTEN_OUT], ids=["numpy.cross", "written out"])
 @pytest.mark.parametrize("t", [0.0, 1.7])
 @pytest.mark.parametrize("name", ["paper", "se3"])
-def test_literal_equations_are_those_of_the_configuration(name, t):
+def test_literal_equations_are_those_of_the_configuration(name, t, xp):
     """Q̇ and V̇ of every law at a state and a reference state without any symmetry."""
     case = load(name, runs=1)
     random = np.random.default_rng(3)
@@ -25,7 +26,7 @@ def test_literal_equations_are_those_of_the_configuration(name, t):
         V, Vd = random.standard_normal((2, G.dimension))
         rate = loop.vector_field(t, loop.initial_state(Q, V, Qd, Vd))
         y = literal(case).start(Q, V, Qd, Vd)
-        Q_dot, V_dot = literal(case).motion(literal(case).field(np, t, y, law, body(case)))
+        Q_dot, V_dot = literal(case).motion(literal(case).field(xp, t, y, law, body(case)))
         q, m = G.pose_length, G.dimension
         # The same sums in another order; their terms are up to some 100.
         np.testing.assert_allclose(G.pack(Q_dot), rate[:q], rtol=0, atol=1e-13)

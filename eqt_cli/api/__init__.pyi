@@ -3,6 +3,7 @@
 from eqt_cli.api.animating import animate as animate
 from eqt_cli.api.comparing import compare as compare
 from eqt_cli.api.comparing import compare_sweep as compare_sweep
+from eqt_cli.api.differing import diff as diff
 from eqt_cli.api.drawing import Note as Note
 from eqt_cli.api.drawing import Shown as Shown
 from eqt_cli.api.drawing import check_figures as check_figures

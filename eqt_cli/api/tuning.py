@@ -42,7 +42,8 @@ def tune(
     force, workers, progress, executor, resumed, remark
         As of `run`.
     told
-        Called after every generation, with the law, the number of generations, and the points.
+        Called after every generation, with the law, the number of generations over all searches
+        for the law, and the points that are left of them.
 
     Returns
     -------

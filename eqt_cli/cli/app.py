@@ -11,6 +11,7 @@ from eqt_cli.cli import (
     animate,
     compare,
     config,
+    diff,
     docs,
     listing,
     pack,
@@ -90,6 +91,7 @@ _add("tune", tune.tune, COMPUTE)
 _add("pack", pack.pack, COMPUTE)
 _add("show", show.show, READ)
 _add("compare", compare.compare, READ)
+_add("diff", diff.diff, READ)
 _add("verify", verify.verify, READ)
 _add("plot", plot.plot, READ)
 _add("animate", animate.animate, READ)

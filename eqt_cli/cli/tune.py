@@ -53,7 +53,7 @@ def tune(
 
             def told(law: LawSearch, generation: int, population: Population) -> None:
                 best[law.label] = _best(search, law, population)
-                of = f"{law.label}, generation {generation} of {search.section.budget}"
+                of = f"{law.label}, generation {generation} of {search.all_generations}"
                 advance.note = f"{of}: {best[law.label]}"
 
             done = api.tune(

@@ -382,8 +382,11 @@ class TuneSection(Section):
         Generations; each law has the same number.
     population
         Points of a generation, each with `ensemble.runs` runs.
+    seeds
+        Searches for each law, with `seed` and the numbers after it: how far their winners differ is
+        the luck of a search.
     seed
-        Of the search.
+        Of the first search. The first generations of one seed are the same points for all laws.
     confirm
         The held-out runs on which the winners and the starting gains are compared.
     """
@@ -394,6 +397,7 @@ class TuneSection(Section):
     subject_to: dict[str, Bound] = Field(default_factory=dict)
     budget: Count = 40
     population: Annotated[int, Field(ge=5)] = 32
+    seeds: Count = 3
     seed: CountOrNone = 0
     confirm: ConfirmSection = Field(default_factory=ConfirmSection)
 

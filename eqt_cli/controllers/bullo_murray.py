@@ -1,4 +1,4 @@
-"""The tracking law of Bullo and Murray (1999), a point of the family in body errors."""
+"""A tracking law after Bullo and Murray (1999), a point of the family in body errors."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -8,15 +8,15 @@ from eqt_cli.controllers.family import Frame, Member
 
 @dataclass(frozen=True)
 class BulloMurray(Member):
-    """Bullo and Murray (1999), with the transport map of the body error, on every group.
+    """After Bullo and Murray (1999), with the transport map of the body error, on every group.
 
     τ = 𝕀(ξ̇ + ∇_V ξ) − K_d e − L*dΥ(Q_L), where ξ = Ad_{Q_L⁻¹}V_d is the desired velocity carried
-    to the body and ∇ the Levi-Civita connection of 𝕀. Automatica 35, 17-34; of the paper only the
-    abstract could be read where this was written.
+    to the body and ∇ the Levi-Civita connection of 𝕀. Automatica 35, 17-34, of which only the
+    abstract was read.
     """
 
     name: ClassVar[str] = "bullo_murray"
     title: ClassVar[str] = "Bullo–Murray"
-    theorem: ClassVar[str] = "Bullo, Murray (1999)"
+    theorem: ClassVar[str] = "after Bullo, Murray (1999)"
     weights: ClassVar[tuple[float, float, float, float]] = (0.5, 0.5, 0.5, 0.0)
     frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")

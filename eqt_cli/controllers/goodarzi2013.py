@@ -13,7 +13,7 @@ from eqt_cli.mechanics.tracking import Tracking
 
 @dataclass(frozen=True)
 class Goodarzi2013(Controller):
-    """Geometric PID after Goodarzi, Lee and Lee (2013), on every group.
+    """Geometric PID after Goodarzi, Lee and Lee (2013), on every group; stiffer, so not matched.
 
     τ = τ_ξ + 𝕀 ad_e ξ − L*dΥ(Q_L) − K_d e − k_I b tanh(e_I / b), ė_I = e + c₂ e_R, e_I(0) = 0.
     On SO(3): −k_R e_R − k_Ω e_Ω − k_I e_I + (RᵀR_dΩ_d) × J(RᵀR_dΩ_d) + JRᵀR_dΩ̇_d with
@@ -21,6 +21,9 @@ class Goodarzi2013(Controller):
     projection of Q_L onto the algebra. Geometric nonlinear PID control of a quadrotor UAV on SE(3),
     European Control Conference 2013; only the abstract could be read where this was written. The
     smooth bound b is eqt's; without it, the integral enters as it is.
+
+    The integral of e is the small error itself, so that k_I adds to the stiffness H of Υ: it is
+    2.2 and not 2.0 N m/rad on SO(3) with K = I and k_I = 0.2. So gains are not matched.
 
     L = ½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + k_I Σ b² log cosh(e_I/b), where there is no disturbance,
     falls near the reference if c₂ is small enough. The paper's bound on c₂ could not be read, and
@@ -39,8 +42,8 @@ class Goodarzi2013(Controller):
     name: ClassVar[str] = "goodarzi2013"
     title: ClassVar[str] = "Goodarzi 2013"
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + Υ(Q_L) + c₂⟨𝕀e, e_R⟩ + ½k_I|e_I|²"
-    matched: ClassVar[bool | None] = True
-    theorem: ClassVar[str] = "Goodarzi, Lee, Lee (2013)"
+    matched: ClassVar[bool | None] = False
+    theorem: ClassVar[str] = "after Goodarzi, Lee, Lee (2013)"
 
     ki: Positive = 0.2
     c2: Real = 0.5

@@ -11,8 +11,8 @@ class Lee2010(Member):
     """Lee, Leok and McClamroch (2010), the attitude part, on every group.
 
     On SO(3), τ = −k_R e_R − k_Ω e_Ω + Ω × JΩ − J(Ω̂RᵀR_dΩ_d − RᵀR_dΩ̇_d) with K = (k_R/2) I and
-    K_d = k_Ω I: arXiv 1003.2005v3, eq. (6), (8), (9), (11). The text of the paper could not be
-    opened where this was written; the equation numbers are those of the design of eqt.
+    K_d = k_Ω I: arXiv 1003.2005v4, eq. (8), (9) and (11), where Υ is k_R times the error function
+    of eq. (6). On other groups, the form is that of the design of eqt.
     """
 
     name: ClassVar[str] = "lee2010"

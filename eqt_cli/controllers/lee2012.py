@@ -1,4 +1,4 @@
-"""The attitude law of Lee, Leok and McClamroch (2012), a point of the family in body errors."""
+"""A law after Lee, Leok and McClamroch (2012), a point of the family in body errors."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -8,16 +8,16 @@ from eqt_cli.controllers.family import Frame, Member
 
 @dataclass(frozen=True)
 class Lee2012(Member):
-    """Lee, Leok and McClamroch (2012), the attitude part without its robust term, on every group.
+    """After Lee, Leok and McClamroch (2012): attitude part, no robust term, on every group.
 
     On SO(3), τ = −k_R e_R − k_Ω e_Ω + (RᵀR_dΩ_d) × J(RᵀR_dΩ_d) + JRᵀR_dΩ̇_d with K = (k_R/2) I and
     K_d = k_Ω I: Nonlinear robust tracking control of a quadrotor UAV on SE(3), arXiv 1109.4457, of
-    which only the abstract could be read where this was written. Goodarzi, Lee and Lee (2013)
+    which only the opening was read. Goodarzi, Lee and Lee (2013)
     without their integral is the same law.
     """
 
     name: ClassVar[str] = "lee2012"
     title: ClassVar[str] = "Lee 2012"
-    theorem: ClassVar[str] = "Lee, Leok, McClamroch (2012), attitude part"
+    theorem: ClassVar[str] = "after Lee, Leok, McClamroch (2012), attitude part"
     weights: ClassVar[tuple[float, float, float, float]] = (0.0, 0.0, 1.0, 0.0)
     frames: ClassVar[tuple[Frame, Frame]] = ("body", "body")

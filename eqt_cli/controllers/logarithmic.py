@@ -17,9 +17,8 @@ class Logarithmic(CancellingLaw):
     """Logarithmic PD after Johnson and Beard (2021), on every group.
 
     force = J_r⁻ᵀ(x) H x with x = log(Q_d⁻¹Q), J_r the right Jacobian and H the Hessian of Υ at I,
-    which gives it the stiffness of the other laws for small errors; the energy is ½⟨H x, x⟩. On
-    SO(3), arXiv 2109.07025, eq. (22) and (32); the text of the paper could not be opened where
-    this was written, the equation numbers are those of the design of eqt.
+    which gives it the stiffness of the other laws for small errors; the energy is ½⟨H x, x⟩. The
+    paper, arXiv 2109.07025, was not read; the form is that of the design of eqt.
 
     The torque does not vanish towards an error angle of π and changes its sign there: at π either
     of two opposite turns may be taken. The energy is continuous there, so that L falls through it,
@@ -29,7 +28,7 @@ class Logarithmic(CancellingLaw):
     name: ClassVar[str] = "logarithmic"
     title: ClassVar[str] = "logarithmic"
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + ½⟨H log Q_L, log Q_L⟩"
-    theorem: ClassVar[str] = "Johnson, Beard (2021)"
+    theorem: ClassVar[str] = "after Johnson, Beard (2021)"
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A group must give the derivative of its logarithm."""

@@ -1,4 +1,4 @@
-"""The state feedback of Maithripala, Berg and Dayawansa (2006), damped by the kinetic energy."""
+"""State feedback after Maithripala, Berg and Dayawansa (2006), damped by the kinetic energy."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -11,11 +11,11 @@ from eqt_cli.mechanics.tracking import Tracking
 
 @dataclass(frozen=True)
 class Maithripala2006(Controller):
-    """Intrinsic tracking by the Levi-Civita connection; damping of its own, not matched.
+    """After Maithripala, Berg and Dayawansa (2006); damping of its own, not matched.
 
     τ = 𝕀(V̇_d + ∇_V V_d) − Ad*_{Q_d} L*dΥ(Q_E) − k_d 𝕀Ṽ: the damping is proportional to the
-    momentum error. IEEE Trans. Automatic Control 51 (2), 216-225; only the abstract could be read
-    where this was written, the form is that of the design of eqt.
+    momentum error, ∇ the Levi-Civita connection of 𝕀. IEEE Trans. Automatic Control 51 (2),
+    216-225, of which only the abstract was read; the form is that of the design of eqt.
 
     Damping by k_d 𝕀 is not that by K_d: the stiffness is matched, the damping is not. `gains.kd` is
     not used.
@@ -28,7 +28,7 @@ class Maithripala2006(Controller):
 
     name: ClassVar[str] = "maithripala2006"
     title: ClassVar[str] = "Maithripala 2006"
-    theorem: ClassVar[str] = "Maithripala, Berg, Dayawansa (2006)"
+    theorem: ClassVar[str] = "after Maithripala, Berg, Dayawansa (2006)"
     matched: ClassVar[bool | None] = False
     claims_decrease: ClassVar[bool | None] = True
 

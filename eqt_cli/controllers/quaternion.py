@@ -20,7 +20,7 @@ class Quaternion(CancellingLaw):
     force = 2 H q with q = sin(θ/2) u the vector part of the unit quaternion of Q_d⁻¹Q whose scalar
     part is q₀ ≥ 0, and H the Hessian of Υ at I: the paper's D is K_d, its K is 2H. The paper turns
     to a pose at rest and cancels ω × Jω; the feedforward here does so for a moving reference. J.
-    Guidance, Control, and Dynamics 12, 375-380; it could not be opened where this was written.
+    Guidance, Control, and Dynamics 12, 375-380, which was not read.
 
     With H = h I, L = ½⟨𝕀e, e⟩ + 4h(1 − q₀) falls. With another H the force has no potential, and
     nothing is claimed. The choice q₀ ≥ 0 takes the shorter turn, so that nothing unwinds; the
@@ -30,7 +30,7 @@ class Quaternion(CancellingLaw):
     name: ClassVar[str] = "quaternion"
     title: ClassVar[str] = "quaternion"
     energy: ClassVar[str] = "½⟨𝕀e, e⟩ + 4h(1 − q₀)"
-    theorem: ClassVar[str] = "Wie, Weiss, Arapostathis (1989)"
+    theorem: ClassVar[str] = "after Wie, Weiss, Arapostathis (1989)"
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Only the rotations of space have quaternions."""

@@ -13,9 +13,9 @@ from eqt_cli.mechanics.tracking import Tracking
 class Sliding(SlidingVariable):
     """Sliding mode with a smooth boundary layer; gains of its own, not matched.
 
-    reaching = gain · tanh(s / layer), coordinate by coordinate: the saturation of Slotine and Li
-    (1991), section 7.2, with tanh in its place, which has its slope at 0 and its bounds, and no
-    corners. The book could not be opened where this was written. `gains.kd` is not used.
+    reaching = gain · tanh(s / layer), coordinate by coordinate: after Slotine and Li (1991), sec.
+    7.2, with tanh for their saturation, which has its slope at 0 and its bounds, and no corners.
+    The book was not read. `gains.kd` is not used.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class Sliding(SlidingVariable):
 
     name: ClassVar[str] = "sliding"
     title: ClassVar[str] = "sliding mode"
-    theorem: ClassVar[str] = "Slotine, Li (1991), section 7.2"
+    theorem: ClassVar[str] = "after Slotine, Li (1991), section 7.2"
 
     gain: Positive = 0.5
     layer: Positive = 0.5

@@ -69,7 +69,7 @@ class Range:
 
 @dataclass(frozen=True, kw_only=True)
 class Spaced(Range):
-    """So many numbers, evenly spread from `low` to `high`.
+    """So many numbers, evenly spread from `low` to `high`; each is computed when it is asked for.
 
     Attributes
     ----------
@@ -79,10 +79,11 @@ class Spaced(Range):
 
     points: Annotated[int, Field(ge=2, le=MOST_POINTS)]
 
-    @property
-    def values(self) -> list[Any]:
-        """The numbers."""
-        return [self.at(k / (self.points - 1)) for k in range(self.points)]
+    def __len__(self) -> int:
+        return self.points
+
+    def __getitem__(self, index: int) -> float | int:
+        return self.at(index / (self.points - 1))
 
 
 @dataclass(frozen=True, kw_only=True)

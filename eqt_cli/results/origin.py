@@ -207,6 +207,15 @@ class KnownResult(ResultFile):
         return build(self.source, trust_plugins=trust_plugins)
 
     @property
+    def rtol(self) -> float | None:
+        """The tolerance that all runs were asked for; None where it was swept, or is not known."""
+        config = self._config if isinstance(self._config, dict) else {}
+        solver = config.get("solver")
+        swept = any(name.startswith("solver") for name in self.coordinates)
+        rtol = solver.get("rtol") if isinstance(solver, dict) else None
+        return rtol if isinstance(rtol, float) and not swept else None
+
+    @property
     def provenance(self) -> dict[str, Any]:
         """Versions, machine and times, as the file has them; nothing where it has none."""
         return self._told("provenance")

@@ -109,6 +109,17 @@ class Result(StoredRuns):
         end = np.nan if self.horizon is None else self.horizon
         return np.where(self.censored(name), end, self.metric(name))
 
+    @property
+    def settles(self) -> Array | None:
+        """Which good runs end within the settling threshold, ``(controllers, runs)``.
+
+        The points of a sweep stand in front. None where nothing that is stored tells.
+        """
+        if not {"settled", self.quantity("settled").told_by} & set(self.metrics):
+            return None
+        found: Array = self.metric("settled") > 0  # NaN, of a run that failed, is not
+        return found
+
     def means(self, name: str) -> Array:
         """The mean of a number over all runs, ``(controllers,)``, at the points of a sweep before.
 
@@ -180,6 +191,8 @@ class Result(StoredRuns):
         -------
         list of dict
             ``controller``, ``runs``, ``failed`` and the numbers by name; NaN where no run is good.
+            How many runs have ``settled``, and their mean ``saturated_share``, as far as these are
+            in the result.
         """
         good = self.good
         return [
@@ -188,9 +201,21 @@ class Result(StoredRuns):
                 "runs": good[..., c, :].size,
                 "failed": self.failed[label],
                 **{name: self._over_good(name, c, of) for name, of in HEADLINE.items()},
+                **self._settled(c),
+                **self._saturated(c),
             }
             for c, label in enumerate(self.labels)
         ]
+
+    def _settled(self, controller: int) -> dict[str, int]:
+        if not self.has("settling_time"):
+            return {}
+        times = self.metric("settling_time", controller)[self.good[..., controller, :]]
+        return {"settled": int(np.count_nonzero(np.isfinite(times)))}
+
+    def _saturated(self, controller: int) -> dict[str, float]:
+        name = "saturated_share"
+        return {name: self._over_good(name, controller, np.mean)} if self.has(name) else {}
 
     def _over_good(self, name: str, controller: int, of: Callable[[Array], Any]) -> float:
         values = self.metric(name, controller)[self.good[..., controller, :]]

@@ -55,17 +55,21 @@ def generator(seed: int, name: str, generation: int) -> np.random.Generator:
 
 
 def first_points(
-    count: int, dimensions: int, start: Sequence[float] | None, random: np.random.Generator
+    count: int, keys: Sequence[str], start: Sequence[float] | None, seed: int
 ) -> Array:
     """A Latin hypercube; its first point makes room for where the search starts, if that is in it.
 
+    Each key has a random stream of its own, so that laws start from the same values of the keys
+    that they share.
+
     Returns
     -------
-    (count, dimensions)
+    (count, keys)
     """
     from scipy.stats import qmc
 
-    points: Array = qmc.LatinHypercube(dimensions, rng=random).random(count)
+    strata = [qmc.LatinHypercube(1, rng=generator(seed, key, 0)).random(count) for key in keys]
+    points: Array = np.concatenate(strata, axis=1)
     if start is not None:
         points[0] = start
     return points

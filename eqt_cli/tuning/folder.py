@@ -45,12 +45,13 @@ def _own(slug: str, *, marked: bool) -> dict[str, Own]:
         Whether a configuration is known by its mark, since others may have such a name.
     """
     generation = OwnFolder(r"\d{3,}", OWN_RESULT, MANIFEST)
+    one_search = OwnFolder(r"seed-\d+", (generation,))
     winners: tuple[Own, ...] = (*OWN_COPIES, OwnFile(_NUMBERED.name, marked))
     single = OwnFile(rf"({slug})\.yaml", marked)
     tuned: tuple[Own, ...] = (*OWN_COPIES, single, OwnFolder(slug, winners))
     return {
         TUNING: OwnFile(re.escape(TUNING)),
-        GENERATIONS: OwnFolder(GENERATIONS, (OwnFolder(slug, (generation,)),)),
+        GENERATIONS: OwnFolder(GENERATIONS, (OwnFolder(slug, (one_search,)),)),
         TUNED: OwnFolder(TUNED, tuned),
     }
 
@@ -81,9 +82,9 @@ class TuningFolder:
         with refusals(self.path, "used", OTHER_FOLDER):
             write_record(self.path / TUNING, record)
 
-    def generation(self, law: LawSearch, number: int) -> Path:
-        """The folder of one generation, an ordinary sweep."""
-        return self.path / GENERATIONS / law.slug / f"{number:03d}"
+    def generation(self, law: LawSearch, seed: int, number: int) -> Path:
+        """The folder of one generation of a search, an ordinary sweep."""
+        return self.path / GENERATIONS / law.slug / f"seed-{seed}" / f"{number:03d}"
 
     def write_winners(self, law: LawSearch, studies: Sequence[Study], numbered: bool) -> None:
         """Keep the complete configurations of a law's winners, and no earlier ones."""

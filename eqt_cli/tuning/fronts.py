@@ -1,5 +1,6 @@
 """Fronts on held-out runs, and what laws differ by where they cost the same."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
@@ -34,12 +35,15 @@ class Front:
         Of the winners, in the order of the search.
     cost, error : (winners, runs)
         Both objectives; NaN where a run failed.
+    searches : list of (winners, 2)
+        The means of both on the runs of the search, of the front of each search by itself.
     """
 
     law: str
     labels: list[str]
     cost: Array
     error: Array
+    searches: Sequence[Array] = ()
 
     @property
     def means(self) -> Array:
@@ -68,6 +72,11 @@ class Front:
         mixed = [weight * x[one] + (1 - weight) * x[other] for x in (self.cost, self.error)]
         return mixed[1] - slope * (mixed[0] - cost)
 
+    def of_searches(self, cost: float) -> Array:
+        """The mean error at this cost on the front of each search that reaches it."""
+        reach = [found.T for found in self.searches if len(found) > 1]
+        return np.array([np.interp(cost, *two) for two in reach if two[0, 0] <= cost <= two[0, -1]])
+
     @property
     def span(self) -> tuple[float, float]:
         """The least and the largest mean cost."""
@@ -89,6 +98,9 @@ class AtEqualCost:
         The mean errors of both.
     relative, low, high
         How much less the error of the better is, as a share of the other's, with an interval.
+    least, most
+        The same between the fronts of single searches on the runs of the search, any search of one
+        law with any of the other; NaN where none reaches this cost.
     """
 
     better: str
@@ -99,6 +111,16 @@ class AtEqualCost:
     relative: float
     low: float
     high: float
+    least: float
+    most: float
+
+    @property
+    def over_searches(self) -> str:
+        """By how much, from the least to the most of all pairs of searches."""
+        if math.isnan(self.least):
+            return "-"
+        ends = dict.fromkeys(f"{100 * end:.1f}" for end in (self.least, self.most))
+        return f"{' to '.join(ends)} %"
 
     @property
     def decided(self) -> bool:
@@ -118,7 +140,8 @@ def fronts(result: Result, record: Record) -> list[Front]:
     for law in record["laws"]:
         labels = [winner["label"] for winner in law["winners"]]
         rows = [result.labels.index(label) for label in labels]
-        front = Front(law["label"], labels, cost[rows], error[rows])
+        searches = [np.reshape(search["objectives"], (-1, 2)) for search in law["searches"]]
+        front = Front(law["label"], labels, cost[rows], error[rows], searches)
         if len(front.best) > 1:
             found.append(front)
     return found
@@ -146,7 +169,9 @@ def _compared(one: Front, other: Front, cost: float, confidence: float) -> AtEqu
     less, more = better.at(cost), worse.at(cost)
     saved = relative_difference(more - less, more, confidence)
     means = float(less.mean()), float(more.mean())
-    return AtEqualCost(better.law, worse.law, cost, *means, *saved)
+    own, others = better.of_searches(cost), worse.of_searches(cost)
+    shares = [1 - one / other for one in own for other in others] or [math.nan]
+    return AtEqualCost(better.law, worse.law, cost, *means, *saved, min(shares), max(shares))
 
 
 def sentences(result: Result, record: Record, how: Resampling) -> list[str]:
@@ -178,6 +203,7 @@ def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampli
             f"{abs(pair.cost):.4g}",
             *(f"{abs(x):.4g}" for x in (pair.error, pair.other_error)),
             write.text(pair.lead),
+            write.text(pair.over_searches),
         ]
         for pair in at_equal_cost(fronts(result, record), how)
     ]
@@ -188,8 +214,12 @@ def equal_cost_table(result: Result, record: Record, write: Plain, how: Resampli
     )
     note = (
         "Between two neighbours on a front, costs and errors are mixed. Intervals are of paired "
-        "differences and hold one by one; how near the search came to a front is not in them."
+        "differences and hold one by one; how near the search came to a front is not in them. Over "
+        "searches: the same between the fronts of single searches, on the runs of the search."
     )
-    header = ["laws, the better first", "cost", "error", "error of the other", "less by"]
+    header = [
+        *("laws, the better first", "cost", "error", "error of the other"),
+        *("less by", "over searches"),
+    ]
     notes = [write.text(text) for text in (*sentences(result, record, how), note)]
     return TextTable("fronts", caption, header, [Block("", rows)] if rows else [], notes)

@@ -13,6 +13,7 @@ _METRICS = {metric.name for metric in METRICS}
 def fits(record: dict[str, Any], result: Result) -> bool:
     """Whether it says what `tune` writes, of laws and metrics that the result has."""
     with suppress(TypeError, KeyError, AttributeError, ValueError):
+        searches = [found for law in record["laws"] for found in law["searches"]]
         winners = [winner for law in record["laws"] for winner in law["winners"]]
         labels = [*(law["start"] for law in record["laws"]), *(w["label"] for w in winners)]
         wanted = list(record["objectives"])
@@ -21,6 +22,7 @@ def fits(record: dict[str, Any], result: Result) -> bool:
             *(value for winner in winners for value in winner["values"].values()),
             *(bound["bound"] for bound in record["constraints"]),
             *(record[name] for name in ("generations", "population", "runs")),
+            *(number for found in searches for row in found["objectives"] for number in row),
         ]
         order = [
             (result.labels.index(winner["label"]), result.labels.index(law["start"]))
@@ -34,7 +36,9 @@ def fits(record: dict[str, Any], result: Result) -> bool:
             and len(set(wanted)) == len(wanted)
             and all(name in _METRICS and result.has(name) for name in metrics)
             and len(set(labels)) == len(labels)
-            and set(labels) <= set(result.labels)
+            and {*labels, *(found["label"] for found in searches)} - {None} <= set(result.labels)
+            and all(len(row) == len(wanted) for found in searches for row in found["objectives"])
+            and all(law["searches"] for law in record["laws"])
             and all(isinstance(law["label"], str) for law in record["laws"])
             and all(isinstance(number, int | float) for number in numbers)
             and all(isinstance(flag, bool) for flag in flags)

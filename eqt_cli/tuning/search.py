@@ -122,34 +122,43 @@ class Search:
         return len(self.objectives) > 1
 
     @property
+    def seeds(self) -> range:
+        """Of the searches for each law."""
+        return range(self.section.seed, self.section.seed + self.section.seeds)
+
+    @property
+    def all_generations(self) -> int:
+        """Of all searches for one law."""
+        return len(self.seeds) * self.section.budget
+
+    @property
     def all_runs(self) -> int:
         """Over all laws and generations, and those of the confirmation at the most."""
         section = self.section
-        each = section.budget * section.population * self.base.config.ensemble.runs
-        winners = section.population if self.seeks_front else 1
+        each = self.all_generations * section.population * self.base.config.ensemble.runs
+        winners = section.population if self.seeks_front else section.seeds
         return len(self.laws) * (each + (winners + 1) * section.confirm.runs)
 
     @cached_property
     def digest(self) -> str:
         """Hash of all that decides where a generation looks, but for how many there are."""
-        section = self.section.model_dump(exclude={"budget", "confirm"}, warnings="none")
+        others = {"budget", "seeds", "confirm"}
+        section = self.section.model_dump(exclude=others, warnings="none")
         text = json.dumps([self.base.numeric_config, section], sort_keys=True)
         return sha256(text.encode()).hexdigest()
 
-    def confirmation(self, chosen: dict[str, list[dict[str, float]]]) -> ConfigSource:
+    def confirmation(self, chosen: dict[str, dict[str, dict[str, float]]]) -> ConfigSource:
         """Winners and starting gains side by side, from initial states that no search has seen.
 
         Parameters
         ----------
         chosen
-            By law, the values of its winners by key.
+            By law and by the label in the confirmation, values by key.
         """
         tuned = [
             _entry(law.at(values).data, label)
             for law in self.laws
-            for values, label in zip(
-                chosen[law.label], self.labels(law, len(chosen[law.label])), strict=True
-            )
+            for label, values in chosen[law.label].items()
         ]
         starts = [_entry(law.source.data, started(law.label)) for law in self.laws]
         data = self.base.source.data
@@ -160,14 +169,15 @@ class Search:
         own = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
         return replace(self.base.source, data=_without_search(data) | own)
 
-    def labels(self, law: LawSearch, count: int) -> list[str]:
-        """The labels of a law's winners in the confirmation; those of a front are numbered."""
-        return [f"{law.label} {k + 1}" if self.seeks_front else law.label for k in range(count)]
-
 
 def started(label: str) -> str:
     """The label of a law at its starting gains."""
     return f"{label}, start"
+
+
+def seeded(label: str, seed: int) -> str:
+    """The label of a law as the search with a seed found it, where another one found better."""
+    return f"{label}, seed {seed}"
 
 
 def search_from(source: ConfigSource, *, trust_plugins: bool = False) -> Search:

@@ -1,7 +1,7 @@
 """What a tuning found, as tables of text: from its record and its held-out runs."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +9,8 @@ import numpy as np
 
 from eqt_cli.analysis.comparison import Comparison, compare
 from eqt_cli.analysis.comparison.bootstrap import Resampling, intervals_of_means
-from eqt_cli.analysis.comparison.notation import Plain, fixed
+from eqt_cli.analysis.comparison.findings import listed
+from eqt_cli.analysis.comparison.notation import Plain, decimals, fixed
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.analysis.comparison.ratios import relative_difference
 from eqt_cli.analysis.comparison.tables import text_tables
@@ -19,6 +20,7 @@ from eqt_cli.core.problems import parse_key
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result, mean_over_runs
 from eqt_cli.tuning.fronts import equal_cost_table
+from eqt_cli.tuning.luck import luck_table, seed_labels
 from eqt_cli.tuning.scores import excess
 from eqt_cli.tuning.search import Constraint
 
@@ -45,7 +47,8 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     tuned = {winner["label"] for law in record["laws"] for winner in law["winners"]}
     between = [pair for pair in comparison.pairs if {pair.first, pair.second} <= tuned]
     pairs = text_tables(replace(comparison, pairs=between, levels=[], judgements=[]), write)
-    made = [_winners(result, record, comparison, write), bounds, *pairs.values()]
+    luck = luck_table(result, record, write)
+    made = [_winners(result, record, comparison, write), bounds, *pairs.values(), luck]
     return [table for table in made if table.blocks]
 
 
@@ -96,9 +99,11 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
                 after = write.spread(found.mean, found.low, found.high)
                 change = _relative(values[winner["label"]], values[law["start"]])
                 named = result.titled[winner["label"]]
-                rows.append([named, values_text(winner["values"]), before, after, change])
+                means = [levels[label].mean for label in seed_labels(law)]
+                over = _range(means, (found.high - found.low) / 2)
+                rows.append([named, values_text(winner["values"]), before, after, over, change])
             if not law["winners"]:
-                rows.append([law_title(law["label"]), "no feasible point", before, "-", "-"])
+                rows.append([law_title(law["label"]), "no feasible point", before, "-", "-", "-"])
         measured = next(iter(levels.values())).measured
         unit = write.unit(measured.unit)
         title = write.name(measured.quantity) + (f" in {unit}" if unit else "")
@@ -107,7 +112,7 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
         "tuned",
         f"Tuned laws against their starting gains: means over {result.runs} held-out "
         f"run{'s' if result.runs > 1 else ''} ± half the 95 % interval",
-        ["law", "tuned", "start", "found", "change"],
+        ["law", "tuned", "start", "found", "over searches", "change"],
         blocks,
         list(_notes(result, record)),
     )
@@ -115,10 +120,13 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
 
 def _notes(result: Result, record: Record) -> Iterator[str]:
     """How long the search was, and runs that are not as they should be."""
+    generations = f"{record['generations']} generation{'s' if record['generations'] > 1 else ''}"
     each = f"{record['runs']} run{'s' if record['runs'] > 1 else ''}"
     yield (
-        f"Searched: {record['generations']} generations of {record['population']} points, each of "
-        f"{each}, for every law."
+        f"Searched: {generations} of {record['population']} points, each of "
+        f"{each}, for every law, with the seed{'s' if len(record['seeds']) > 1 else ''} "
+        f"{listed(list(map(str, record['seeds'])))}. The best of these searches is shown; over "
+        "searches: the smallest and the largest mean of their winners."
     )
     yield from _counted(result)
 
@@ -167,6 +175,13 @@ def _relative(found: Array, start: Array) -> str:
     shares = relative_difference(resolved_differences(found, start), start, Resampling.confidence)
     mean, low, high = (f"{100 * share:+.1f}" for share in shares)
     return f"{mean} % [{low}, {high}]" if all(map(math.isfinite, shares)) else f"{mean} %"
+
+
+def _range(means: Sequence[float], half: float) -> str:
+    """``0.1790 to 0.1812``; one number where there is one search, and - where there is none."""
+    digits = decimals(half, means[0] if means else 0.0)
+    ends = dict.fromkeys(fixed(end, digits) for end in (min(means), max(means)) if means)
+    return " to ".join(ends) or "-"
 
 
 def values_text(values: Mapping[str, float]) -> str:

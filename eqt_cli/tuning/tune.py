@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property, reduce
 from pathlib import Path
 from typing import Any
 
@@ -22,29 +23,45 @@ from eqt_cli.tuning.evolution import Population, first_points, generator, select
 from eqt_cli.tuning.folder import TuningFolder, winner_files
 from eqt_cli.tuning.ranking import Scores
 from eqt_cli.tuning.scores import scores
-from eqt_cli.tuning.search import LawSearch, Search, started
+from eqt_cli.tuning.search import LawSearch, Search, seeded, started
 
 Told = Callable[[LawSearch, int, Population], None]
-"""Told after every generation of a law: its number, and what is left of the points."""
+"""Told after every generation of a law: its number, counted over all searches for the law, and what
+is left of all points."""
 
 
 @dataclass(frozen=True)
 class Tuned:
-    """What a search found for a law.
+    """What the searches found for a law.
 
     Attributes
     ----------
     law
         Which, over which values.
-    population
-        The points of the last generation.
-    winners
-        Which of them are the best: one, or a front; none where no point is feasible.
+    searches
+        The points of the last generation of each search, by its seed.
+    seeks_front
+        Whether the winners are a front.
     """
 
     law: LawSearch
-    population: Population
-    winners: tuple[int, ...]
+    searches: dict[int, Population]
+    seeks_front: bool
+
+    @cached_property
+    def population(self) -> Population:
+        """The points that are left of all searches together; the best are among them."""
+        return reduce(selected, self.searches.values())
+
+    @cached_property
+    def winners(self) -> tuple[int, ...]:
+        """Which points are the best: one, or a front; none where no point is feasible."""
+        return _winners(self.population, self.seeks_front)
+
+    @cached_property
+    def by_seed(self) -> dict[int, tuple[int, ...]]:
+        """The winners of each search by itself, by its seed."""
+        return {seed: _winners(left, self.seeks_front) for seed, left in self.searches.items()}
 
     def values(self, point: int) -> dict[str, float]:
         """The values at a point, by key."""
@@ -54,6 +71,36 @@ class Tuned:
     def chosen(self) -> list[dict[str, float]]:
         """The values of the winners."""
         return [self.values(point) for point in self.winners]
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """Of the winners in the confirmation; those of a front are numbered."""
+        label = self.law.label
+        return [f"{label} {k + 1}" if self.seeks_front else label for k in range(len(self.winners))]
+
+    @cached_property
+    def seed_labels(self) -> dict[int, str]:
+        """Under which label the confirmation has the winner of each search, if it has one.
+
+        A front has many, and those of single searches are not confirmed.
+        """
+        found: dict[int, str] = {}
+        for seed, winners in self.by_seed.items():
+            if winners and not self.seeks_front:
+                best = self.searches[seed].shares[winners[0]]
+                same = np.array_equal(best, self.population.shares[self.winners[0]])
+                taken = self.law.label in found.values()
+                found[seed] = self.law.label if same and not taken else seeded(self.law.label, seed)
+        return found
+
+    @property
+    def confirmed(self) -> dict[str, dict[str, float]]:
+        """All that is run on held-out states, values by label: the winners first."""
+        found = dict(zip(self.labels, self.chosen, strict=True))
+        for seed, label in self.seed_labels.items():
+            shares = self.searches[seed].shares[self.by_seed[seed][0]]
+            found.setdefault(label, self.law.values(shares.tolist()))
+        return found
 
     @property
     def least_violation(self) -> float:
@@ -123,7 +170,7 @@ def tune(
         folder.claim(search, force)
         do = _Computing(search, folder, executor, progress, resumed, remark)
         found = [_tuned(search, law, do, folder, told) for law in search.laws]
-        confirmed = do.confirm({each.law.label: each.chosen for each in found})
+        confirmed = do.confirm({each.law.label: each.confirmed for each in found})
         record = _record(search, found)
         folder.write_record(record)
     return Tuning(search, found, confirmed, record)
@@ -132,25 +179,27 @@ def tune(
 def _tuned(
     search: Search, law: LawSearch, do: _Computing, folder: TuningFolder, told: Told
 ) -> Tuned:
-    """All generations of one law; the winners so far are kept after each."""
+    """All generations of all searches for one law; the winners so far are kept after each."""
     section = search.section
-    random = generator(section.seed, law.label, 0)
-    shares = first_points(section.population, len(law.axes), law.start, random)
-    population = Population(shares, do.generation(law, 0, shares))
-    for number in range(section.budget):
-        if number:
-            shares = trials(population, generator(section.seed, law.label, number))
-            tried = Population(shares, do.generation(law, number, shares))
-            population = selected(population, tried)
-        found = Tuned(law, population, _winners(search, population))
-        studies = [study(law.at(values), trust_plugins=True) for values in found.chosen]
-        folder.write_winners(law, studies, search.seeks_front)
-        told(law, number + 1, population)
-    return found
+    searches: dict[int, Population] = {}
+    for seed in search.seeds:
+        shares = first_points(section.population, list(law.axes), law.start, seed)
+        population = Population(shares, do.generation(law, seed, 0, shares))
+        for number in range(section.budget):
+            if number:
+                shares = trials(population, generator(seed, law.label, number))
+                tried = Population(shares, do.generation(law, seed, number, shares))
+                population = selected(population, tried)
+            found = Tuned(law, {**searches, seed: population}, search.seeks_front)
+            studies = [study(law.at(values), trust_plugins=True) for values in found.chosen]
+            folder.write_winners(law, studies, search.seeks_front)
+            told(law, len(searches) * section.budget + number + 1, found.population)
+        searches[seed] = population
+    return Tuned(law, searches, search.seeks_front)
 
 
-def _winners(search: Search, population: Population) -> tuple[int, ...]:
-    if search.seeks_front:
+def _winners(population: Population, seeks_front: bool) -> tuple[int, ...]:
+    if seeks_front:
         return tuple(population.front.tolist())
     best = population.best
     return (best,) if population.scores.feasible[best] else ()
@@ -167,11 +216,11 @@ class _Computing:
     resumed: Progress
     remark: Remark
 
-    def generation(self, law: LawSearch, number: int, shares: Array) -> Scores:
+    def generation(self, law: LawSearch, seed: int, number: int, shares: Array) -> Scores:
         """The scores of the points of a generation, which is an ordinary sweep."""
         points = [law.values(row) for row in shares.tolist()]
         columns = {key: [point[key] for point in points] for key in law.axes}
-        out = self.folder.generation(law, number)
+        out = self.folder.generation(law, seed, number)
         if _holds(out, columns):
             self.resumed(len(points) * self.search.base.config.ensemble.runs)
         else:
@@ -179,7 +228,7 @@ class _Computing:
         with open_result(out) as result:
             return scores(result, self.search.objectives, self.search.constraints)
 
-    def confirm(self, chosen: dict[str, list[dict[str, float]]]) -> Execution:
+    def confirm(self, chosen: dict[str, dict[str, dict[str, float]]]) -> Execution:
         """Winners and starting gains on held-out runs, in the folder itself."""
         return self._execute(self.search.confirmation(chosen), self.folder.path)
 
@@ -236,7 +285,7 @@ def _record(search: Search, found: Sequence[Tuned]) -> dict[str, Any]:
         "generations": section.budget,
         "population": section.population,
         "runs": search.base.config.ensemble.runs,
-        "seed": section.seed,
+        "seeds": list(search.seeds),
         "laws": [_law_record(search, each) for each in found],
     }
 
@@ -258,9 +307,17 @@ def _law_record(search: Search, found: Tuned) -> dict[str, Any]:
             }
             for point, label, name in zip(
                 found.winners,
-                search.labels(found.law, len(found.winners)),
+                found.labels,
                 winner_files(found.law, len(found.winners), search.seeks_front),
                 strict=True,
             )
+        ],
+        "searches": [
+            {
+                "seed": seed,
+                "label": found.seed_labels.get(seed),
+                "objectives": left.scores.objectives[list(found.by_seed[seed])].tolist(),
+            }
+            for seed, left in found.searches.items()
         ],
     }

@@ -111,6 +111,10 @@ class Vehicle:
             found[place][option] = values
         return dict(found)
 
+    def numbers_of(self, place: str) -> Given:
+        """The numbers of the part at a place."""
+        return self._given[place]
+
     # What the law is told.
 
     @property

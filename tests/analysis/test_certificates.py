@@ -26,6 +26,7 @@ from eqt_cli.closed_loop.layout import StateLayout
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.controllers.family import Family
+from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
 from eqt_cli.core.arrays import dot, tanh
 from eqt_cli.core.expressions import parse
 from eqt_cli.groups import group_named
@@ -33,6 +34,8 @@ from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInerti
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.references.torque import TorqueReference
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.sampling import Sampling
 
 WEIGHTS = "weights (g, c, n, q) of the law"
 SMALL = "stiffness and damping of small errors"
@@ -192,6 +195,68 @@ def test_every_shipped_law_has_its_rows_for_a_varying_inertia_too(name):
     for inertia in varying_inertias(G):
         loop = closed_loop(G, controllers.get(name)(), inertia=inertia)
         assert any(found().applies(loop) for found in asked)
+
+
+@dataclass(frozen=True)
+class SaidToBeMatched(Goodarzi2013):
+    """The law as it is; its integral of e is an angle, and adds k_I to the stiffness."""
+
+    name: ClassVar[str] = "goodarzi2013"
+    matched: ClassVar[bool | None] = True
+
+
+@dataclass(frozen=True)
+class SofterByItsIntegral(SaidToBeMatched):
+    """Less stiff by as much as the integral of e adds; with c₂ = 0 it is a matched law."""
+
+    name: ClassVar[str] = "softer"
+    matched: ClassVar[bool | None] = True
+
+    def torque(self, s):
+        return super().torque(s) + self.ki * self._e_R(s.relative)
+
+
+@pytest.mark.parametrize(
+    ("law", "verdict"),
+    [
+        (Goodarzi2013(), Verdict.UNCLAIMED),
+        (SaidToBeMatched(ki=0.2, c2=0.0), Verdict.FAILS),
+        (SaidToBeMatched(ki=0.2, c2=0.0, bound=0.5), Verdict.FAILS),
+        (SofterByItsIntegral(ki=0.2, c2=0.0), Verdict.HOLDS),
+        (SofterByItsIntegral(ki=0.2, c2=0.5), Verdict.FAILS),
+    ],
+    ids=lambda value: f"{type(value).__name__} {getattr(value, 'c2', '')}",
+)
+def test_a_memory_counts_as_stiffness(law, verdict):
+    """With c₂ it takes up more while the body stays away, so that no stiffness is that of Υ."""
+    rows = {row.name: row for row in identities(closed_loop(group_named("SO3"), law))}
+    assert rows[SMALL].verdict is verdict
+
+
+def test_what_the_integral_adds_to_the_stiffness_is_its_gain():
+    """2.2 instead of 2.0 N m/rad with K = I, the gains of the paper's experiment."""
+    G = group_named("SO3")
+    loop = closed_loop(G, SaidToBeMatched(ki=0.2, c2=0.0), gains=Gains(np.eye(3), np.eye(3)))
+    sample = sampled("law", loop, 5.0, np.random.default_rng(0))
+    (torque, stiffness), *_ = certificates.get(SMALL)().sides(sample)
+    np.testing.assert_allclose(value_of(torque / stiffness)[0], 1.1, rtol=1e-12)
+
+
+class TwiceAsFast(Goodarzi2013):
+    """A memory at twice its rate."""
+
+    def memory_rate(self, s):
+        return {name: 2 * rate for name, rate in super().memory_rate(s).items()}
+
+
+@pytest.mark.parametrize("control", [None, Sampling(0.1), Sampling(0.1, delay=2)])
+@pytest.mark.parametrize(
+    ("law", "verdict"), [(Goodarzi2013(), Verdict.HOLDS), (TwiceAsFast(), Verdict.FAILS)]
+)
+def test_the_integral_of_the_errors_of_a_continuous_and_of_a_sampled_law(law, verdict, control):
+    loop = closed_loop(group_named("SO3"), law, vehicle=Vehicle(control=control))
+    rows = {row.name: row for row in identities(loop)}
+    assert rows["integral of the errors"].verdict is verdict
 
 
 def changed(name, **numbers):

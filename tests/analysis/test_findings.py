@@ -1,5 +1,6 @@
 """The sentences that a report opens with."""
 
+import numpy as np
 import pytest
 
 from eqt_cli.analysis.comparison import compare
@@ -12,7 +13,7 @@ TITLES = {"eqt": "EqT", "gt": "GT", "nog": "nog", "asym": "asym", "a": "A", "b":
 def found(make_result):
     """The findings about runs with constant torque and pose error."""
 
-    def of(labels, torque, pose, kinds=None):
+    def of(labels, torque, pose, kinds=None, **more):
         constant = make_result.constant
         signals = {
             "torque_norm": constant(*torque),
@@ -20,7 +21,7 @@ def found(make_result):
             "velocity_error": constant(*pose),
             "lyapunov": constant(*pose),
         }
-        metrics = {"mean_pose_error": pose, "early_torque": torque}
+        metrics = {"mean_pose_error": pose, "early_torque": torque, **more}
         units = {"torque_norm": "N m", "early_torque": "N m"}
         result = make_result(labels, signals, metrics, units=units, kinds=kinds)
         made = findings(compare(result), TITLES)
@@ -48,9 +49,32 @@ def test_laws_that_a_claim_is_about_and_that_are_not_there_are_named(found):
 def test_runs_in_which_a_claim_held_are_counted(found):
     first = found(["eqt", "gt"], [LOW, HIGH], [HIGH, LOW])["All four of "]
     assert first.words == (
-        "L never rises in a run: 6 of 6 runs under EqT and GT, so it holds for at least 60.7 % of "
-        "all initial states (95 % confidence), and 95 % is needed."
+        "L does not rise between samples: 6 of 6 runs under EqT and GT, so it holds for at least "
+        "60.7 % of all initial states (95 % confidence), and 95 % is needed."
     )
+
+
+def test_a_claim_about_runs_that_do_not_settle_is_at_most_seen(found):
+    late = [[9.0] * 6, [9.0] * 4 + [np.nan] * 2]
+    claims = found(["eqt", "gt"], [LOW, HIGH], [HIGH, LOW], settling_time=late)
+    assert claims["the EqT cont"].verdict == "seen, not all settled"
+    assert claims["the EqT cont"].words.endswith(
+        "; settled at the end: 6 of 6 runs under EqT and 4 of 6 runs under GT."
+    )
+
+
+def test_a_claim_about_runs_that_all_settle_says_no_more(found):
+    claims = found(["eqt", "gt"], [LOW, HIGH], [HIGH, LOW], settling_time=[[9.0] * 6] * 2)
+    assert claims["the EqT cont"].verdict == "supported"
+    assert "settled" not in claims["the EqT cont"].words
+
+
+def test_a_claim_of_which_some_rows_are_seen_in_unsettled_runs(found):
+    late = [[9.0] * 6, [np.nan] * 6, [9.0] * 6]
+    torque, pose = [LOW, HIGH, HIGH], [HIGH, LOW, [3.5] * 6]
+    claims = found(["eqt", "nog", "asym"], torque, pose, settling_time=late)
+    assert claims["The EqT and "].verdict == "partly seen, not all settled"
+    assert claims["The EqT and "].words.startswith("3 of 4 comparisons agree with it; EqT has")
 
 
 def test_a_claim_that_the_runs_refute(found):
@@ -71,14 +95,14 @@ def test_of_several_comparisons_those_that_do_not_support_are_named(found):
     last = found(["eqt", "nog", "asym"], [LOW, HIGH, HIGH], [HIGH, LOW, [3.5] * 6])["The EqT and "]
     assert last.verdict == "partly supported"
     assert last.words.startswith(
-        "3 of 4 comparisons support it; EqT has 100.0 % more mean ‖I − Q_E‖"
+        "3 of 4 comparisons agree with it; EqT has 100.0 % more mean ‖I − Q_E‖"
     )
 
 
 def test_nothing_that_supports_a_claim_is_no_partial_support(found):
     last = found(["eqt", "nog"], [HIGH, LOW], [HIGH, HIGH])["The EqT and "]
     assert last.verdict == "not supported"
-    assert last.words.startswith("0 of 2 comparisons support it, 1 is undecided; EqT has")
+    assert last.words.startswith("0 of 2 comparisons agree with it, 1 is undecided; EqT has")
 
 
 def test_without_claims_laws_are_ranked(found):

@@ -12,11 +12,18 @@ from eqt_cli.analysis.certificates.flight import (
     Hold,
     NoiseCovariance,
     StreamsApart,
+    _off_identity,
 )
+from eqt_cli.analysis.certificates.vehicle import ActuatorsAgain, CommandArrives, PlantMoves
+from eqt_cli.analysis.evidence import second_actuators, second_forces, second_sensors
 from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.config.source import read_config
 from eqt_cli.execution.batches import batches
 from eqt_cli.experiment.read_study import study
+from eqt_cli.vehicle.actuators import actuators
+from eqt_cli.vehicle.actuators.limit import Limit
+from eqt_cli.vehicle.forces import forces
+from eqt_cli.vehicle.sensors import sensors
 from eqt_cli.vehicle.sensors.noise import Noise
 
 CONFIG = """group: SO3
@@ -86,6 +93,46 @@ def test_a_lag_that_is_elsewhere(flight):
     assert found == [Verdict.HOLDS, Verdict.FAILS, *[Verdict.HOLDS] * 2]
 
 
+@pytest.mark.parametrize(
+    ("registry", "forms"),
+    [
+        (forces, second_forces.FORMS),
+        (actuators, second_actuators.FORMS),
+        (sensors, second_sensors.FORMS),
+    ],
+    ids=["forces", "actuators", "sensors"],
+)
+def test_every_part_of_eqt_has_a_second_form(registry, forms):
+    assert set(forms) == {part.name for part in registry.all() if "eqt_cli" in part.__module__}
+
+
+@dataclass(frozen=True)
+class Mine(Limit):
+    """A part of a plugin, whose formula is known nowhere else."""
+
+    name: ClassVar[str] = "mine"
+
+
+def test_a_part_without_a_second_form_is_named(flight):
+    loop = flight.problem.loop
+    vehicle = replace(loop.vehicle, actuators=(Mine(1.0), *loop.vehicle.actuators[1:]))
+    flight = replace(flight, problem=replace(flight.problem, loop=replace(loop, vehicle=vehicle)))
+    none = np.zeros(4)
+    runs = Runs("eqt", None, 1e-9, 0.05, flight.problem.times, None, none, none, none, none, None,
+                flight=flight)  # fmt: skip
+    for check in (ActuatorsAgain, PlantMoves, CommandArrives):
+        row = check().check(runs)
+        assert (row.verdict, row.remark) == (Verdict.UNDECIDED, "mine has no second form")
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 1000])
+def test_noise_of_0_is_beyond_its_bound_however_few_there_are(count):
+    found = list(_off_identity(np.zeros((count, 2))))
+    assert [measured > bound for measured, bound in found[:2]] == [True, True]
+    normal = np.random.default_rng(3).standard_normal((count, 2))
+    assert all(measured <= bound for measured, bound in _off_identity(normal))
+
+
 @dataclass(frozen=True)
 class TooLoud(Noise):
     """Of a variance that is not the one it says."""
@@ -103,7 +150,7 @@ class OneStream(Noise):
     name: ClassVar[str] = "one stream"
 
     def errors(self, G, instants, period, random):
-        return super().errors(G, instants, period, np.random.default_rng(1))
+        return super().errors(G, instants, period, np.random.default_rng(2))
 
 
 @pytest.mark.parametrize(

@@ -31,16 +31,15 @@ class Stored(Result):
         self.labels = self.titles = [f"law {k}" for k in range(self.values.shape[1])]
         self.dimensions = {"run": self.values.shape[2], "point": len(self.values)}
 
-    settled: Any = None
-
     def has(self, name: str) -> bool:
-        return name == "settled" and self.settled is not None
+        return False
 
     def units(self, name: str) -> str:
         return ""
 
     def metric(self, name: str, controller: int | None = None) -> Any:
-        return self.settled if name == "settled" else np.where(self.good, self.values, np.nan)
+        values = np.isfinite(self.values) if name == "settled" else self.values
+        return np.where(self.good, values, np.nan)
 
 
 def compared(stored: Stored, confidence: float = 0.95, resamples: int = 999) -> Map:
@@ -98,11 +97,11 @@ def test_of_two_equal_best_laws_neither_wins_where_a_third_is_worse() -> None:
 
 
 def test_a_law_that_settles_in_no_run_does_not_win(random: np.random.Generator) -> None:
-    values = random.normal(0, 0.1, (2, 2, RUNS)) + np.array([[1], [2]])
-    stored = Stored(values)
-    stored.settled = np.zeros(values.shape)
-    stored.settled[1, 0, :3] = 1
-    found = compared(stored)
+    """That also where only settling times are stored, as of vehicles without limits and noise."""
+    values = random.normal(0, 0.1, (2, 2, RUNS)) + np.array([[1], [120]])
+    values[0, 0] = np.nan  # the horizon of 100 counts, less than 120
+    values[1, 0, 3:] = np.nan
+    found = compared(Stored(values, "settling_time"))
     assert [cell.winner for cell in found.cells] == [NOBODY, 0]
     assert [cell.settled for cell in found.cells] == [0, 3]
 

@@ -32,7 +32,7 @@ from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.references.base import MovingReference
 
-SHORT = ["time.duration=1", "time.samples=11", "ensemble.runs=2"]
+SHORT = ["time.duration=0.5", "time.samples=6", "ensemble.runs=2"]
 
 FACTOR = [["1 + t/8", "t/20", 0], [0, 1, 0], [0, 0, "exp(t/10)"]]
 FACTORED = f"inertia={{initial: [[2, 0, 0.1], [0, 3, 0], [0.1, 0, 4]], factor: {FACTOR}}}".replace(
@@ -725,7 +725,7 @@ EXPECTED = {
     "critical points: half-turns about other axes": on("", CRITICAL),
 }
 
-SYMPTOMS = {"decrease of L", "Q → Q_d", "P → P_d"}
+SYMPTOMS = {"decrease of L", "Q → Q_d", "P → P_d", "tracks"}
 """What a run shows of a fault depends on where it starts; the cause does not."""
 
 

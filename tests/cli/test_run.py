@@ -69,7 +69,7 @@ def assert_equal_datasets(one: str, other: str) -> None:
 
 def test_the_summary(eqt: Eqt) -> None:
     done = eqt("run", "c.yaml")
-    header, rule, eqt_row, gt_row, blank, runs, results, last = done.out.splitlines()
+    header, rule, eqt_row, gt_row, blank, settled, runs, results, last = done.out.splitlines()
     assert (done.code, done.err) == (0, "")
     assert header == (
         "law  runs  mean ‖τ‖, first 5 s  mean ‖I − Q_E‖  final ‖I − Q_E‖  final ‖V − V_d‖  "
@@ -79,6 +79,7 @@ def test_the_summary(eqt: Eqt) -> None:
     assert re.fullmatch(r"EqT +3 +(\d\.\d{3} +){4}\de-\d\d", eqt_row)
     assert gt_row.split()[:2] == ["GT", "3"]
     assert blank == ""
+    assert settled == "settled runs: EqT 0 of 3, GT 0 of 3"
     assert re.fullmatch(
         r"6 runs, simulation \d+\.\d s, cross-check \d+\.\d s, writing \d+\.\d s", runs
     )
@@ -96,6 +97,38 @@ def test_the_summary_tells_how_accurate_it_is(eqt: Eqt) -> None:
         done.out,
         re.M,
     )
+
+
+def test_the_summary_tells_who_settled_and_how_long_actuators_are_at_a_limit(eqt: Eqt) -> None:
+    limit = "actuators=[{kind: limit, limit: 0.5}]"
+    run = "run", "c.yaml", "--set", limit, "--set", "settling_threshold=2.5"
+    done = eqt(*run)
+    with open_results("results/c") as results:
+        settled = (results["final_pose_error"] < 2.5).sum(axis=1).tolist()
+        shares = results["saturated_share"].mean(axis=1)
+    assert 0 < min(shares) and 0 < sum(settled) < 6
+    assert done.out.splitlines()[5:7] == [
+        f"settled runs: EqT {settled[0]} of 3, GT {settled[1]} of 3",
+        f"time at a limit: EqT {shares[0]:.2%}, GT {shares[1]:.2%}",
+    ]
+    rows = json.loads(eqt(*run, "--json").out)["controllers"]
+    assert [row["settled"] for row in rows] == settled
+    assert [row["saturated_share"] for row in rows] == shares.tolist()
+
+
+def test_error_estimates_far_above_the_tolerance_are_warned_of(
+    eqt: Eqt, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    estimated = "--set", "solver.error_estimate=true", "--set", "solver.rtol=1.0e-6"
+    assert eqt("run", "c.yaml", *estimated).err == ""
+    monkeypatch.setattr("eqt_cli.cli.shared.result_tables.FAR_ABOVE", 1e-6)
+    done = eqt("show", "results/c")
+    with open_results("results/c") as results:
+        largest = results["error_estimate"].max()
+    assert done.err.splitlines() == [
+        "eqt: the error estimates of 6 runs exceed 1e-06 times solver.rtol = 1e-06; the largest is "
+        f"{largest:.2g}; tighten solver.rtol, or set solver.max_error to count such runs as failed"
+    ]
 
 
 def test_json_is_one_document(eqt: Eqt) -> None:

@@ -19,6 +19,7 @@ tune:
   subject_to: {effort: {max: %s}}
   budget: 2
   population: 5
+  seeds: 1
   confirm: {runs: 6}
 """
 
@@ -38,7 +39,7 @@ def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt: Eqt, config: P
     assert (done.code, done.err) == (0, "")
     for line in (
         "Tuned laws against their starting gains: means over 6 held-out runs ± half the 95 %",
-        "Searched: 2 generations of 5 points, each of 3 runs, for every law.",
+        "Searched: 2 generations of 5 points, each of 3 runs, for every law, with the seed 0.",
         "What was asked for, on the held-out runs",
         "Paired differences on the same initial states",
         "EqT − GT",

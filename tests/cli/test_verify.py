@@ -128,6 +128,7 @@ def test_quiet_prints_only_what_fails(eqt: Eqt) -> None:
     assert done.err.splitlines() == [
         "eqt: c.yaml: Theorems 3.2, 6.2: rate of L (Away) fails",
         "eqt: c.yaml: Theorems 3.2, 6.2: energy balance (Away) fails",
+        "eqt: c.yaml: measured on the runs: tracks (Away) fails",
     ]
 
 
@@ -218,13 +219,14 @@ def test_a_result_is_verified_as_it_is(eqt: Eqt, option: tuple[str, str]) -> Non
 def test_a_statement_that_does_not_hold_ends_with_4(eqt: Eqt) -> None:
     done = eqt("verify", "c.yaml", *AWAY)
     assert done.code == 4
-    assert done.out.splitlines()[-3:-1] == [
+    assert done.out.splitlines()[-4:-1] == [
         "Theorems 3.2, 6.2: rate of L (Away) fails",
         "Theorems 3.2, 6.2: energy balance (Away) fails",
+        "measured on the runs: tracks (Away) fails",
     ]
     document = json.loads(eqt("verify", "c.yaml", *AWAY, "--json").out)
     assert document["holds"] is False
-    assert len(document["causes"]) == 2
+    assert len(document["causes"]) == 3
 
 
 @pytest.mark.usefixtures("plugins")

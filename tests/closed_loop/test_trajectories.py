@@ -28,7 +28,7 @@ from eqt_cli.vehicle.sampling import Sampling
 
 RTOL = 1e-6
 TOLERANCE = 20 * RTOL
-TIMES = np.linspace(0.0, 5.0, 51)
+TIMES = np.linspace(0.0, 3.0, 31)
 RUNS = 3
 
 PAPER_TORQUE = ["cos(t)", "sin(t)", "cos(t)*sin(t)"] * 9

@@ -31,6 +31,7 @@ TUNE = {
         "objectives": ["effort", "mean_pose_error"],
         "budget": 2,
         "population": 5,
+        "seeds": 1,
         "confirm": {"runs": 5},
     }
 }

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.analysis.evidence.exact import Exact, free
+from eqt_cli.groups import MatrixLieGroup, group_named
 
 # Tens of last places, where SciPy's rigid motions leave their series; as in tests/groups.
 ROUNDING = 5e-13
@@ -78,6 +79,12 @@ def test_motion_along_an_element_is_its_exponential(elements):
         along, moved = (f(numbers, 0.7 * rates) for f in (G.along, G.exp_along))
         assert np.abs(G.Ad(frame, along) - 0.7 * V).max() < ROUNDING
         assert np.abs(frame @ moved @ G.inverse(frame) - G.exp(0.7 * V)).max() < ROUNDING
+
+
+def test_cayleys_transform_of_a_group_that_gives_none_of_its_own():
+    G, V = group_named("SO3"), np.array([[0.3, -0.5, 0.8], [1.0, 2.0, -0.1]])
+    expected = [np.linalg.solve(np.eye(3) - U, np.eye(3) + U) for U in G.hat(V)]
+    np.testing.assert_allclose(MatrixLieGroup.cayley(G, V), expected, rtol=0, atol=1e-14)
 
 
 def test_cayleys_transform_is_rational_and_stays_in_the_group(elements):

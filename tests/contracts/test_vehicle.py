@@ -83,6 +83,22 @@ def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbo
         np.testing.assert_allclose(back(traced), alone[:1], rtol=0, atol=ROUNDING)
 
 
+@pytest.mark.parametrize("shape", [(), (2,), (2, 3)])
+def test_an_actuator_says_of_each_command_whether_it_is_beyond_its_limit(
+    actuator_class, make, shape
+):
+    actuator = make(actuator_class, 6)
+    command = 1e3 + np.random.default_rng(2).random((*shape, 6))
+    x, given = np.zeros((*shape, actuator.states(G))), numbers(actuator)
+    found = actuator.at_limit(G, command, x, given)
+    assert (found is None) == (not actuator.limits)
+    if found is not None:
+        assert found.shape == shape
+        assert found.all()
+        assert actuator.at_limit(G, -command, x, given).all()
+        assert not actuator.at_limit(G, 0 * command, x, given).any()
+
+
 def test_a_sensor_errs_by_run_and_instant_alone(sensor_class, make):
     sensor, problems = make(sensor_class, 6), Problems()
     sensor.check(G, problems)

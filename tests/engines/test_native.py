@@ -95,18 +95,11 @@ def built(monkeypatch):
     def by(lanes=library.LANES, **compiled_by):
         chosen = dataclasses.replace(compiler.compiler(), **compiled_by)
         monkeypatch.setattr(compiler, "compiler", lambda: chosen)
-        for name, emit, function in (
-            ("integration", integration, "eqt_advance"),
-            ("_evaluation", evaluation, "eqt_evaluate"),
-        ):
-            monkeypatch.setattr(library, name, partial(compiled, emit, function, lanes))
+        for name in ("integration", "evaluation"):
+            anew = getattr(library, name).__wrapped__
+            monkeypatch.setattr(library, name, partial(anew, lanes=lanes))
 
     return by
-
-
-def compiled(emit, function, lanes, program, *rest):
-    stretches = rest[:1] if emit is evaluation else ()
-    return getattr(compiler.library(emit(program, *stretches, lanes)), function)
 
 
 @pytest.mark.parametrize("lanes", [1, 2, 4])
@@ -172,7 +165,7 @@ def stored(study):
 def forget():
     """Let all laws be compiled, or loaded, as in another process."""
     library.integration.cache_clear()
-    library._evaluation.cache_clear()
+    library.evaluation.cache_clear()
 
 
 @pytest.mark.parametrize("executor", ["serial", "threads"])

@@ -72,9 +72,9 @@ def errors(solution, reference):
 @pytest.mark.parametrize("rtol", [1e-5, 1e-8])
 def test_error_is_a_few_rtol(name, rtol):
     """One run per call, blocks that divide the runs or do not, and all runs in one block."""
-    problem = paper_problem(runs=8, duration=5.0, controller=controllers.get(name)())
+    problem = paper_problem(runs=4, duration=5.0, controller=controllers.get(name)())
     reference = exact(problem)
-    for block in (1, 3, 8):
+    for block in (1, 3, 4):
         solution = SolveIvp(rtol=rtol, atol=rtol * 1e-3, block=block).solve(problem, quiet)
         assert not solution.status.any()
         assert errors(solution, reference).max() < 30 * rtol
@@ -373,7 +373,13 @@ def assert_known_up_to_the_failure(states, times, message):
     ("fault", "method"),
     [
         pytest.param(
-            fault, method, marks=[LONG] * (fault == "escape" and method not in ("RK45", "BDF"))
+            fault,
+            method,
+            marks=[LONG]
+            * (
+                (fault == "escape" and method not in ("RK45", "BDF"))
+                or (fault == "nan_after_the_start" and method not in ("RK45", "LSODA"))
+            ),
         )
         for fault in FAULTS
         for method in METHODS
@@ -463,7 +469,9 @@ def test_message_of_the_step_limit(method):
     assert reason == "step limit: 200 evaluations (solver.max_steps)"
 
 
-@pytest.mark.parametrize("method", ["DOP853", "RK45", "RK23"])
+@pytest.mark.parametrize(
+    "method", ["RK45", pytest.param("DOP853", marks=LONG), pytest.param("RK23", marks=LONG)]
+)
 def test_refused_trial_steps_are_no_failure(method):
     """What fails is the escape, long after the last trial step that was not finite."""
     _, status, message = solve_one(NotANumberInTrialStepsThenEscaping, method=method)

@@ -1,5 +1,7 @@
 """The taylor engine: the same numbers as solve_ivp, for any law, any neighbours and any threads.
 
+Where engines are compared, or runs fail, native is looked at as well.
+
 All but one test use compact code, which compiles in a fraction of the time. Errors are measured
 at the sample points, against the same engine at the smallest tolerance of doubles or, where that
 would beg the question, against solve_ivp.
@@ -26,6 +28,7 @@ from eqt_cli.core.arrays import FUNCTIONS, clip
 from eqt_cli.core.errors import TraceError
 from eqt_cli.core.expressions import parse
 from eqt_cli.engines import Problem, Status, taylor, traced_loop
+from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.engines.taylor import EPSILON, SMALLEST_TOL, Taylor, integrator, library
 from eqt_cli.groups import group_named
@@ -106,18 +109,22 @@ def equal(one, other, runs=slice(None)):
 
 
 def assert_engines_agree(problem):
-    """To 1e-8: a thousand rtol of solve_ivp, near half-turns, where taylor errs far less."""
-    ours = Taylor(tol=1e-13).solve(problem, quiet)
+    """To 1e-8: a thousand rtol of solve_ivp, near half-turns, where the others err far less."""
     theirs = SolveIvp(rtol=1e-11, atol=1e-14, block=problem.runs).solve(problem, quiet)
-    assert not ours.status.any()
-    assert difference(ours, theirs).max() < 1e-8
+    for engine in (Taylor(tol=1e-13), Native(rtol=1e-11, atol=1e-11)):
+        ours = engine.solve(problem, quiet)
+        assert not ours.status.any()
+        assert difference(ours, theirs).max() < 1e-8, engine.name
 
 
 # Agreement with solve_ivp -------------------------------------------------------------------------
 
 
 def test_engines_agree_on_every_group_and_controller(law_on_group):
+    """Every law where it is cheap to compile: contracts/test_programs.py has all on a product."""
     G, controller = law_on_group
+    if controller.name != "eqt" and G.name == "SE3*SO2":
+        pytest.skip("the same law on SO3 is tried")
     driven = "track" in controller.tasks
     torque = TORQUE[: G.dimension] if driven else [0.0] * G.dimension
     assert_engines_agree(problem_of(loop_of(controller, G, TorqueReference(torque)), runs=3))
@@ -167,21 +174,19 @@ ARGUMENTS = {
 }
 
 
+TEXTS = [
+    *(f"{name}({argument})" for name, argument in ARGUMENTS.items()),
+    *("(1 + t)**t", "2**t", "t**7", "(1 + t)**-0.5", "-t**2", "t**3/(1 + t)", "3*pi"),
+]
+
+
 @pytest.mark.parametrize(
-    "text",
-    [
-        *(f"{name}({argument})" for name, argument in ARGUMENTS.items()),
-        "(1 + t)**t",
-        "2**t",
-        "t**7",
-        "(1 + t)**-0.5",
-        "-t**2",
-        "t**3/(1 + t)",
-        "3*pi",
-    ],
+    "first", range(0, len(TEXTS), 3), ids=lambda k: ", ".join(TEXTS[k : k + 3])
 )
-def test_expressions_of_the_grammar(text):
-    assert_engines_agree(problem_of(loop_of(EqT(), reference=TorqueReference([text, "0", "t"])), 2))
+def test_expressions_of_the_grammar(first):
+    """Three at a time, one for each axis."""
+    texts = [*TEXTS, "0", "t"][first : first + 3]
+    assert_engines_agree(problem_of(loop_of(EqT(), reference=TorqueReference(texts)), 2))
 
 
 class Limited(EqT):
@@ -623,7 +628,18 @@ FAULTS = {
     "at_once": (NotANumberAtOnce, Status.NON_FINITE, NO_LONGER_FINITE),
     "rattling": (Rattling, Status.STEP_LIMIT, "step limit: 500 steps (solver.max_steps)"),
 }
-FAULT_ENGINE = Taylor(max_steps=500)
+NO_STEP_IS_SHORT_ENOUGH = "no step is short enough: the state has no bound, or the law is singular"
+OF_NATIVE = {
+    "escape": (Status.SOLVER_FAILED, NO_STEP_IS_SHORT_ENOUGH),
+    "pole": (Status.STEP_LIMIT, "step limit: 500 steps (solver.max_steps)"),
+}
+"""Where it ends otherwise: it comes closer to where the state has no bound."""
+
+
+@pytest.fixture(params=[Taylor(max_steps=500), Native(max_steps=500)], ids=lambda each: each.name)
+def fault_engine(request):
+    """One that gives up after 500 steps."""
+    return request.param
 
 
 def faulty_problem(controller, faults):
@@ -634,26 +650,29 @@ def faulty_problem(controller, faults):
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("workers", [1, 2])
-def test_failing_run_gets_a_status_and_harms_no_other(fault, workers):
+def test_failing_run_gets_a_status_and_harms_no_other(fault, workers, fault_engine):
     """The fourth of ten runs fails; the others are, bit for bit, what they are without it."""
     controller, status, reason = FAULTS[fault]
+    if fault_engine.name == "native":
+        status, reason = OF_NATIVE.get(fault, (status, reason))
     problem = faulty_problem(controller, np.arange(10) == 3)
-    solution = FAULT_ENGINE.solve(problem, quiet, workers)
+    solution = fault_engine.solve(problem, quiet, workers)
     assert solution.status[3] == status
     assert solution.messages[3].endswith(f" s: {reason}")
     others = np.delete(np.arange(10), 3)
-    healthy = FAULT_ENGINE.solve(problem.select(others), quiet)
+    healthy = fault_engine.solve(problem.select(others), quiet)
     assert not healthy.status.any()
     assert equal(healthy, solution, others)
 
 
 @pytest.mark.parametrize("fault", FAULTS)
-def test_failing_run_keeps_its_samples_up_to_the_failure(fault):
+def test_failing_run_keeps_its_samples_up_to_the_failure(fault, fault_engine):
     problem = faulty_problem(FAULTS[fault][0], [1])
-    solution = FAULT_ENGINE.solve(problem, quiet)
+    solution = fault_engine.solve(problem, quiet)
     at = float(re.search(r"t = (\S+) s", solution.messages[0]).group(1))
     known = np.isfinite(solution.states[0]).all(axis=1)
-    assert known.tolist() == (problem.times <= at).tolist()
+    # At a pole itself there is no state, but the message rounds to it.
+    assert known.tolist() in ((problem.times <= at).tolist(), (problem.times < at).tolist())
 
 
 def test_message_of_a_finite_time_escape():

@@ -443,11 +443,16 @@ def test_what_one_parser_lets_through_or_breaks_on_is_refused(text: str) -> None
     "of_bytes",
     [lambda size: b"#" * size, lambda size: "#" * size, lambda size: "#é" + "#" * (size - 3)],
 )
-def test_a_large_text_is_refused(of_bytes: Callable[[int], str | bytes]) -> None:
-    assert load(of_bytes(MAX_BYTES), "c.yaml").data == {}
+def test_a_large_text_is_refused(
+    of_bytes: Callable[[int], str | bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
     assert _message(of_bytes(MAX_BYTES + 1)) == (
         "c.yaml: expected at most 4000000 bytes, got 4000001"
     )
+    # Of what is not refused every character is read, so that few must do.
+    monkeypatch.setattr(yaml_source, "MAX_BYTES", 4000)
+    assert load(of_bytes(4000), "c.yaml").data == {}
+    assert _message(of_bytes(4001)) == "c.yaml: expected at most 4000 bytes, got 4001"
 
 
 def test_the_deepest_nesting() -> None:

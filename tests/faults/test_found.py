@@ -87,15 +87,7 @@ def written(**changes):
     )
 
 
-@pytest.mark.parametrize(
-    "case",
-    [
-        pytest.param(name, marks=pytest.mark.slow("makes axes of ten million values"))
-        if "10^14" in name
-        else name
-        for name in CONFIGURATIONS
-    ],
-)
+@pytest.mark.parametrize("case", CONFIGURATIONS)
 def test_a_configuration_is_refused(folder, invoke, case):
     changes, message = CONFIGURATIONS[case]
     written(**changes)

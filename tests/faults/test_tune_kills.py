@@ -13,7 +13,7 @@ TUNE = (
     CONFIG.replace("[eqt, gt]", "[eqt]")
     + "ensemble: {runs: 8, seed: 1}\n"
     + "tune: {over: {gains.kp: {log: [0.1, 10]}, gains.kd: {log: [0.1, 10]}},"
-    + " objective: mean_pose_error, budget: 5, population: 6, confirm: {runs: 8}}\n"
+    + " objective: mean_pose_error, budget: 3, population: 6, seeds: 2, confirm: {runs: 8}}\n"
 )
 KILLS = 2
 
@@ -24,7 +24,7 @@ pytestmark = [
 
 
 def generations(out: Path) -> int:
-    return len(list(out.glob("generations/eqt/*/results.h5")))
+    return len(list(out.glob("generations/eqt/*/*/results.h5")))
 
 
 def test_sigkills_change_no_bit_of_the_winners(tmp_path: Path) -> None:

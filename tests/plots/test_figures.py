@@ -1,8 +1,13 @@
 """What holds for every figure of the registry."""
 
+import logging
 import os
 import subprocess
 import sys
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass, field
+from functools import cache
+from io import StringIO
 from string import ascii_lowercase
 
 import matplotlib
@@ -18,8 +23,9 @@ from eqt_cli.plots.drawing.style import WIDTHS, house_style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
+from eqt_cli.results.result import open_result
 
-FORMATS = ("pdf", "svg", "png")
+FORMATS = ("pdf", "svg", "png")  # the pixels of the last one are looked at
 
 # Figures of sweeps and certificates are of something else: see test_sweep.py, test_certificates.py.
 NAMES = [
@@ -36,12 +42,70 @@ every_figure_over_time = pytest.mark.parametrize(
 )
 
 
+@dataclass
+class Drawn:
+    """A figure, drawn once for all tests that only look at it."""
+
+    drawing: Figure
+    files: dict[str, bytes] = field(default_factory=dict)
+    texts: list[tuple[str, Bbox]] = field(default_factory=list)  # and where they are, in pixels
+    said: str = ""  # on the way, on any stream or in a log
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    @cache
+    def draw(name, path, width="column"):
+        said, log = StringIO(), logging.getLogger()
+        listener = logging.StreamHandler(said)
+        log.addHandler(listener)
+        try:
+            with (
+                sys.modules["processor_time"].for_others(),
+                open_result(path) as results,
+                redirect_stdout(said),
+                redirect_stderr(said),
+            ):
+                found = Drawn(figures.get(name)().draw([results], width))
+                for format in formats_of(name):
+                    with recorded_texts() as found.texts:
+                        found.files[format] = encode(found.drawing, format)
+        finally:
+            log.removeHandler(listener)
+        found.said = said.getvalue()
+        return found
+
+    return draw
+
+
+def formats_of(name):
+    """All, of one figure; of others one, as they share what writes the formats."""
+    return FORMATS if name == "paper" else ("png",)
+
+
+@contextmanager
+def recorded_texts():
+    """Every text that is drawn meanwhile, and its box."""
+    found, draw = {}, Text.draw
+
+    def record(text, renderer):
+        if text.get_visible() and text.get_text().strip():
+            found[text] = (text.get_text(), text.get_window_extent(renderer))
+        draw(text, renderer)
+
+    boxes = []
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(Text, "draw", record)
+        yield boxes
+    boxes += found.values()
+
+
 @every_figure
 @pytest.mark.parametrize(
     ("result", "width"), [("so3", "page"), ("se3", "column"), ("odd_names", "column")]
 )
-def test_nothing_sticks_out_of_the_sheet(name, width, result, opened, request):
-    drawing = figures.get(name)().draw([opened(request.getfixturevalue(result))], width)
+def test_nothing_sticks_out_of_the_sheet(name, width, result, drawn, request):
+    drawing = drawn(name, request.getfixturevalue(result), width).drawing
     with house_style():
         inked = drawing.get_tightbbox()
     assert drawing.get_figwidth() == WIDTHS[width]
@@ -55,19 +119,8 @@ def test_nothing_sticks_out_of_the_sheet(name, width, result, opened, request):
 
 @every_figure
 @pytest.mark.parametrize("result", ["so3", "se3", "odd_names"])
-def test_texts_do_not_overlap(name, result, opened, request, monkeypatch):
-    drawing = figures.get(name)().draw([opened(request.getfixturevalue(result))])
-    found = {}
-    draw = Text.draw
-
-    def record(text, renderer):
-        if text.get_visible() and text.get_text().strip():
-            found[text] = (text.get_text(), text.get_window_extent(renderer))
-        draw(text, renderer)
-
-    monkeypatch.setattr(Text, "draw", record)
-    encode(drawing, "png")
-    boxes = list(found.values())
+def test_texts_do_not_overlap(name, result, drawn, request):
+    boxes = drawn(name, request.getfixturevalue(result)).texts
     assert len(boxes) > 10
     for index, (text, box) in enumerate(boxes):
         for other, other_box in boxes[:index]:
@@ -103,19 +156,12 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
             assert one.read_bytes() == two.read_bytes(), (name, format)
 
 
-def formats_of(name):
-    """All, of one figure; of others one, as they share what writes the formats."""
-    return FORMATS if name == "paper" else ("svg",)
-
-
 @every_figure
-def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened):
-    results, formats = opened(so3), formats_of(name)
-    drawing = figures.get(name)().draw([results])
-    expected = [encode(drawing, format) for format in formats]
+def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened, drawn):
+    expected = drawn(name, so3).files
     with matplotlib.rc_context({"axes.facecolor": "black", "font.size": 20, "savefig.dpi": 50}):
-        drawing = figures.get(name)().draw([results])
-        assert [encode(drawing, format) for format in formats] == expected
+        drawing = figures.get(name)().draw([opened(so3)])
+        assert {format: encode(drawing, format) for format in expected} == expected
         assert matplotlib.rcParams["font.size"] == 20
 
 
@@ -133,12 +179,8 @@ def test_every_format_is_drawn_once(so3, opened, monkeypatch):
 
 
 @every_figure
-def test_drawing_says_nothing(name, so3, opened, caplog, capfd):
-    drawing = figures.get(name)().draw([opened(so3)])
-    for format in formats_of(name):
-        encode(drawing, format)
-    assert not caplog.records
-    assert capfd.readouterr() == ("", "")
+def test_drawing_says_nothing(name, so3, drawn):
+    assert drawn(name, so3).said == ""
 
 
 @every_figure_over_time
@@ -177,22 +219,22 @@ def test_failed_runs_are_counted_below_the_panels(name, so3, altered, opened):
 
 
 @every_figure_over_time
-def test_the_number_of_stored_runs_is_said(name, odd_names, opened):
-    drawing = figures.get(name)().draw([opened(odd_names)])
+def test_the_number_of_stored_runs_is_said(name, odd_names, drawn):
+    drawing = drawn(name, odd_names).drawing
     assert drawing.get_supxlabel().splitlines()[0] == "Trajectories of the first 4 of 6 runs."
 
 
 @every_figure
-def test_a_complete_result_needs_no_remark_but_how_many_runs_are_averaged(name, so3, opened):
-    drawing = figures.get(name)().draw([opened(so3)])
+def test_a_complete_result_needs_no_remark_but_how_many_runs_are_averaged(name, so3, drawn):
+    drawing = drawn(name, so3).drawing
     averaged = name in ("paper", "runs", "torque", "distributions")
     assert ("n = 6" in drawing.get_supxlabel()) == averaged
     assert len(drawing.get_supxlabel().splitlines()) == averaged
 
 
 @every_figure
-def test_panels_of_several_are_lettered(name, se3, opened):
-    axes = figures.get(name)().draw([opened(se3)]).axes
+def test_panels_of_several_are_lettered(name, se3, drawn):
+    axes = drawn(name, se3).drawing.axes
     letters = [panel.get_title(loc="left") for panel in axes]
     assert letters == [f"({letter})" for letter in ascii_lowercase[: len(axes)]]
 

@@ -198,7 +198,7 @@ def test_a_gain_that_is_1_percent_larger_differs(gain, name, simulate, opened, k
 def test_both_engines_agree_to_the_tolerance(simulate, opened, tmp_path):
     pytest.importorskip("heyoka")
     solver = {"rtol": 1e-9, "atol": 1e-12}
-    time = {"duration": 4.0, "samples": 41}
+    time = {"duration": 2.0, "samples": 21}
     first = simulate(solver=solver | {"engine": "solve_ivp"}, time=time)
     render([opened(first)], "paper", tmp_path / "kept", ["json"])
     (tmp_path / "out").rename(tmp_path / "first")

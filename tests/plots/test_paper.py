@@ -30,7 +30,7 @@ def test_no_L_of_a_law_that_claims_none_and_a_note_of_laws_with_gains_of_their_o
     assert shown == [["eqt", "goodarzi2013", "slotine_li"]] * 3 + [["eqt", "slotine_li"]]
     assert curve_names(drawing) == ["EqT", "Goodarzi 2013", "Slotine–Li"]
     assert drawing.get_supxlabel().splitlines() == [
-        "Not matched, with gains of their own: Slotine–Li.",
+        "Not matched, with gains of their own: Goodarzi 2013, Slotine–Li.",
         "Without L, since the law does not claim that it falls: Goodarzi 2013.",
         "Curves: mean over runs, n = 6.",
     ]

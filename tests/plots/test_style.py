@@ -147,12 +147,26 @@ def test_equal_styles_give_equal_files(style, so3, opened, tmp_path):
     mine = style("font.size: 9", "axes.grid: False").sheets
     results, found = [opened(so3)], []
     for folder in ("one", "two"):
-        files = render(results, "paper", tmp_path / folder, style=Style(("bmh", *mine)))
+        files = render(
+            results, "paper", tmp_path / folder, ["svg", "pdf"], style=Style(("bmh", *mine))
+        )
         found.append([file.read_bytes() for file in files])
     assert found[0] == found[1]
 
 
-@pytest.mark.parametrize("name", matplotlib.style.available)
+# With frames, fonts and colours that differ most; the others are variations of them.
+DISTINCT = ("classic", "dark_background", "fivethirtyeight", "ggplot", "seaborn-v0_8-poster")
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name, marks=[pytest.mark.slow("draws two dozen figures")] * (name not in DISTINCT)
+        )
+        for name in matplotlib.style.available
+    ],
+)
 def test_figures_can_be_drawn_in_every_style_of_matplotlib(name, so3, opened, caplog):
     style = Style((name,))
     drawing = figures.get("paper")().draw([opened(so3)], style=style)

@@ -92,7 +92,10 @@ def test_means_have_their_units(text):
 
 def test_findings_come_first(text):
     opening = text[text.index("<main") : text.index("<svg")]
-    assert 'class="verdict supported">supported</span> “the EqT control requires' in opening
+    assert (
+        'class="verdict undecided">seen, not all settled</span> “the EqT control requires'
+        in opening
+    )
 
 
 def test_the_experiment_has_its_equations_and_values(text):
@@ -118,7 +121,7 @@ def test_author_and_notes_stand_at_the_top(make_result):
 
 def test_claims_have_their_verdicts(text):
     assert "slightly slower attitude tracking" in text
-    assert '<span class="verdict supported">supported</span>' in text
+    assert '<span class="verdict undecided">seen, not all settled</span>' in text
 
 
 def test_texts_of_a_stranger_stay_texts(make_result):

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
@@ -57,6 +57,7 @@ DATA = hnp.arrays(
     st.dictionaries(NAMES, TEXT | st.integers(-(2**63), 2**63 - 1) | st.floats(allow_nan=False)),
     st.sampled_from([None, "gzip"]),
 )
+@settings(max_examples=40)
 def test_any_table_comes_back(tmp_path_factory, columns, attributes, compression):
     variables = {
         # Names that end in a hyphen are the dimensions', which depend on the length alone.

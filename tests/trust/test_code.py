@@ -22,6 +22,7 @@ tune:
   objective: mean_pose_error
   budget: 2
   population: 5
+  seeds: 1
   confirm: {runs: 2}
 """
 LAW = """\
@@ -74,6 +75,7 @@ COMMANDS = {
     "config check": "config check c.yaml",
     "show": "show own",
     "compare": "compare own",
+    "diff": "diff own own",
     "verify": "verify own",
     "plot": "plot own --figure torque --format svg --out ../out",
 }
@@ -304,6 +306,7 @@ RESULT_COMMANDS = {
     "report": "report shards --out ../out.html",
     "show": "show shards --plugins",
     "compare": "compare shards",
+    "diff": "diff shards shards",
 }
 
 

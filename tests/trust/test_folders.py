@@ -63,7 +63,7 @@ solver: {rtol: 1.0e-3, cross_check: 0, error_estimate: false}
 """
 ONE = "tune: {over: {gains.kp: [0.1, 10]}, objective: mean_pose_error"
 MANY = "tune: {over: {gains.kp: [0.1, 10]}, objectives: [mean_pose_error, effort]"
-BUDGET = ", budget: 1, population: 5, confirm: {runs: 2}}\n"
+BUDGET = ", budget: 1, population: 5, seeds: 1, confirm: {runs: 2}}\n"
 
 # What the commands write, recorded while they do -------------------------------------------------
 
@@ -394,7 +394,7 @@ def test_only_own_names_are_deleted(lay: Callable[[str], Path], command: str) ->
     slug = "tuned/eqt.yaml" if base == "tuned" else "tuned/notes.yaml"
     kept = {
         f"{folder}/{name}"
-        for folder in (PARTS, RERUN, FIGURES, PLUGINS, FILES, "generations/eqt")
+        for folder in (PARTS, RERUN, FIGURES, PLUGINS, FILES, "generations/eqt/seed-0")
         for name in ("notes.txt", "x.tmp", "mine/000000.h5", f"notes.{'0' * 16}.tmp")
     }
     kept |= {"x.tmp", "results.h5.tmp", "notes.txt", f"{FIGURES}/mine/torque.json"}

@@ -220,6 +220,7 @@ LONG = "n" * 300
         f"pack {LONG}",
         f"show {LONG}",
         f"compare {LONG}",
+        f"diff {LONG} {LONG}",
         f"verify {LONG}",
         f"plot {LONG}",
         f"plot {LONG} {LONG}",
@@ -263,6 +264,8 @@ def test_a_plan_of_another_shape_is_none(sent, plan):
 
 
 WINNER = {"label": "eqt", "values": {}, "config": "x"}
+SEARCH = {"seed": 0, "label": None, "objectives": [[1.0]]}
+LAW = {"label": "eqt", "start": "eqt", "winners": [], "searches": [SEARCH]}
 RECORDS = [
     {"laws": 3},
     {"laws": {}},
@@ -271,15 +274,15 @@ RECORDS = [
     {"laws": [{"winners": [{}]}]},
     {"laws": [{"start": [], "winners": [{"label": []}]}]},
     {"laws": [{"start": "eqt", "winners": []}]},
-    {"laws": [{"label": "eqt", "start": "eqt", "winners": []}], "objectives": ["nope"]},
-    {"laws": [{"label": "eqt", "start": "eqt", "winners": [WINNER]}], "objectives": ["effort"]},
+    {"laws": [LAW], "objectives": ["nope"]},
+    {"laws": [LAW | {"winners": [WINNER]}], "objectives": ["effort"]},
     {
-        "laws": [{"label": "eqt", "start": "eqt", "winners": []}],
+        "laws": [LAW],
         "objectives": ["effort"],
         "constraints": [{"metric": "effort"}],
     },
     {
-        "laws": [{"label": "eqt", "start": "eqt", "winners": []}],
+        "laws": [LAW],
         "objectives": ["effort", "effort", "effort"],
         "constraints": [],
     },

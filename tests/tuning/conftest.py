@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
+from pathlib import Path
 from typing import Any
 
 import pytest
+
+from eqt_cli import api
 
 SMALL: dict[str, Any] = {
     "name": "small",
@@ -22,12 +26,34 @@ SMALL: dict[str, Any] = {
         "objective": "mean_pose_error",
         "budget": 2,
         "population": 5,
+        "seeds": 1,
         "confirm": {"runs": 6, "seed": 9},
     },
 }
+
+
+@pytest.fixture(scope="session")
+def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[api.Tuning, Path]:
+    """A search to its end, and its folder; to be read only."""
+    folder = tmp_path_factory.mktemp("searched") / "t"
+    return api.tune(deepcopy(SMALL), folder), folder
 
 
 @pytest.fixture
 def small() -> dict[str, Any]:
     """The configuration, to be changed."""
     return {**SMALL, "tune": dict(SMALL["tune"])}
+
+
+@pytest.fixture(scope="module")
+def searched_twice(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """A tuning of two laws with two search seeds, after one with the first of them."""
+    folder = tmp_path_factory.mktemp("twice") / "t"
+    few = {"budget": 1, "confirm": {"runs": 3, "seed": 9}, "over": {"gains.kp": [0.5, 5]}}
+    tune: dict[str, Any] = SMALL["tune"] | few
+    api.tune(SMALL | {"tune": tune}, folder)
+    first = folder / "generations/eqt/seed-0/000/results.h5"
+    before = first.stat().st_mtime_ns
+    record = api.tune(SMALL | {"tune": tune | {"seeds": 2}}, folder).record
+    assert first.stat().st_mtime_ns == before  # a further search computes no earlier one anew
+    return folder, record

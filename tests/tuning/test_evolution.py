@@ -12,6 +12,8 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.tuning.evolution import Population, first_points, generator, selected, trials
 from eqt_cli.tuning.ranking import Scores
 
+KEYS = ["gains.kp", "gains.kd"]
+
 Judged = Callable[[Array], Scores]
 
 
@@ -21,7 +23,7 @@ def scored(objectives: Array, violation: Array | None = None) -> Scores:
 
 
 def searched(judge: Judged, dimensions: int, generations: int, count: int = 32) -> Population:
-    shares = first_points(count, dimensions, None, generator(3, "f", 0))
+    shares = first_points(count, KEYS[:dimensions], None, 3)
     population = Population(shares, judge(shares))
     for number in range(1, generations):
         shares = trials(population, generator(3, "f", number))
@@ -39,7 +41,7 @@ def test_it_comes_as_close_as_the_search_of_scipy() -> None:
     def batch(shares: Array) -> Array:
         return rosenbrock(shares.T)
 
-    start = first_points(32, 2, None, generator(3, "f", 0))
+    start = first_points(32, KEYS, None, 3)
     theirs = differential_evolution(
         batch,
         [(0, 1)] * 2,
@@ -83,7 +85,7 @@ def test_a_front_is_found_as_a_whole() -> None:
 
 
 def test_a_generation_depends_on_seed_name_and_number_only() -> None:
-    shares = first_points(8, 2, None, generator(1, "eqt", 0))
+    shares = first_points(8, KEYS, None, 1)
     population = Population(shares, scored(rosenbrock(shares)[:, None]))
     again = trials(population, generator(1, "eqt", 5))
     assert np.array_equal(trials(population, generator(1, "eqt", 5)), again)
@@ -92,6 +94,15 @@ def test_a_generation_depends_on_seed_name_and_number_only() -> None:
 
 
 def test_the_start_is_among_the_first_points() -> None:
-    shares = first_points(8, 2, (0.25, 0.5), generator(1, "eqt", 0))
+    shares = first_points(8, KEYS, (0.25, 0.5), 1)
     assert shares[0].tolist() == [0.25, 0.5]
     assert ((shares >= 0) & (shares <= 1)).all()
+
+
+def test_laws_start_from_the_same_values_of_the_keys_that_they_share() -> None:
+    shares = first_points(8, KEYS, None, 1)
+    more = first_points(8, ["controllers[0].slope", *KEYS], None, 1)
+    assert np.array_equal(more[:, 1:], shares)
+    for column in more.T:  # a Latin hypercube: one value in each eighth
+        assert sorted((8 * column).astype(int)) == list(range(8))
+    assert not np.array_equal(first_points(8, KEYS, None, 2), shares)

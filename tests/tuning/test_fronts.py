@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,3 +76,20 @@ def test_a_winner_with_a_failed_run_is_not_on_the_front() -> None:
     cost = found.cost.copy()
     cost[1, 7] = np.nan
     assert Front("a", found.labels, cost, found.error).best.tolist() == [0, 2]
+
+
+def test_the_fronts_of_single_searches_show_the_luck_of_the_search() -> None:
+    """At a cost of 2, searches found errors of 0.8 and 1 of one law, 1.25 and 1.6 of the other."""
+    laws = (("a", 1.0, [0.8, 1.0]), ("b", 1.25, [1.25, 1.6]))
+    one, other = (
+        replace(
+            front(law, fine(1, 4), scale),
+            searches=[np.array([[1, 2 * e], [2, e], [4, e / 2]]) for e in errors],
+        )
+        for law, scale, errors in laws
+    )
+    (pair,) = at_equal_cost([one, other], HOW, (0.5,))
+    assert (pair.least, pair.most) == pytest.approx((0.2, 0.5))
+    assert pair.over_searches == "20.0 to 50.0 %"
+    short = replace(one, searches=[np.array([[3.0, 1.0], [4.0, 0.5]])])  # does not reach 2
+    assert at_equal_cost([short, other], HOW, (0.5,))[0].over_searches == "-"

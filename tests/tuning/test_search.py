@@ -46,9 +46,11 @@ def test_whole_numbers_are_tuned_as_such(small: dict[str, Any]) -> None:
     assert law.values(law.start)["gains.kp"] == 1
 
 
-def test_only_the_number_of_generations_may_change_between_sessions(small: dict[str, Any]) -> None:
+def test_only_the_numbers_of_generations_and_searches_may_change_between_sessions(
+    small: dict[str, Any],
+) -> None:
     digest = read(small).digest
-    small["tune"]["budget"] = 7
+    small["tune"] |= {"budget": 7, "seeds": 4}
     assert read(small).digest == digest
     small["tune"]["seed"] = 7
     assert read(small).digest != digest
@@ -107,6 +109,8 @@ def test_no_other_command_minds_the_section(small: dict[str, Any]) -> None:
             {"subject_to": {"effort": {}}},
             "tune.subject_to.effort: expected `max` or `min`, got neither",
         ),
+        ({"seeds": 0}, "tune.seeds: expected a whole number of at least 1, got 0"),
+        ({"seeds": [1, 2]}, "tune.seeds: expected a whole number, got [1, 2]"),
         (
             {"confirm": {"seed": 1}},
             "tune.confirm.seed: expected another seed than ensemble.seed, got 1; winners are "

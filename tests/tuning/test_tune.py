@@ -15,8 +15,10 @@ from eqt_cli import api
 from eqt_cli.config import shipped
 from eqt_cli.core.errors import EqtError
 from eqt_cli.results.result import Result, open_result
+from eqt_cli.tuning.record_shape import fits
 from eqt_cli.tuning.scores import scores
 from eqt_cli.tuning.search import Constraint
+from eqt_cli.tuning.tables import tuning_tables
 
 
 def read(folder: Path) -> dict[str, Any]:
@@ -29,6 +31,7 @@ def test_the_shipped_problem_is_solved_to_a_hundredth(tmp_path: Path) -> None:
     config = yaml.safe_load(shipped.text("tune_so2"))
     config["time"] = {"duration": 8.0, "samples": 801}
     config["solver"] = {"rtol": 1e-8, "method": "DOP853"}
+    config["tune"]["seeds"] = 1
     (winner,) = api.tune(config, tmp_path / "so2").record["laws"][0]["winners"]
     zeta = math.log(20) / math.hypot(math.pi, math.log(20))
     assert winner["values"]["gains.kp"] == pytest.approx(0.5, rel=0.01)
@@ -40,16 +43,16 @@ def test_the_shipped_problem_is_solved_to_a_hundredth(tmp_path: Path) -> None:
 
 
 def test_a_search_leaves_winners_ready_to_run_and_held_out_runs(
-    small: dict[str, Any], tmp_path: Path
+    searched: tuple[api.Tuning, Path],
 ) -> None:
-    done = api.tune(small, tmp_path / "t")
+    done, folder = searched
     for law in done.record["laws"]:
         (winner,) = law["winners"]
-        loaded = api.load_experiment(tmp_path / "t" / winner["config"])
+        loaded = api.load_experiment(folder / winner["config"])
         assert loaded.controllers == [law["label"]]
         given = loaded.config["gains"]["kp"]
         assert given == winner["values"]["gains.kp"]
-    with open_result(tmp_path / "t") as result:
+    with open_result(folder) as result:
         assert result.labels == ["eqt", "family", "eqt, start", "family, start"]
         assert result.runs == 6
         assert result.source.data["ensemble"]["seed"] == 9
@@ -59,21 +62,21 @@ def test_a_search_leaves_winners_ready_to_run_and_held_out_runs(
 
 
 def test_a_winner_is_no_worse_than_the_start_on_the_runs_of_the_search(
-    small: dict[str, Any], tmp_path: Path
+    searched: tuple[api.Tuning, Path],
 ) -> None:
-    done = api.tune(small, tmp_path / "t")
+    done, folder = searched
     for found in done.laws:
-        with open_result(tmp_path / "t/generations" / found.law.slug / "000") as first:
+        with open_result(folder / "generations" / found.law.slug / "seed-0/000") as first:
             start = first.metric("mean_pose_error")[0, 0].mean()
         assert found.population.scores.objectives[found.winners[0], 0] <= start
 
 
 def test_a_second_session_computes_nothing_and_finds_the_same(
-    small: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    small: dict[str, Any], searched: tuple[api.Tuning, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    done = api.tune(small, tmp_path / "t")
+    done, folder = searched
     monkeypatch.setattr("eqt_cli.execution.run_study._Session.run", None)
-    assert api.tune(small, tmp_path / "t").record == done.record
+    assert api.tune(small, folder).record == done.record
 
 
 @pytest.mark.slow("searches three times")
@@ -87,11 +90,12 @@ def test_more_generations_go_on_where_fewer_ended(small: dict[str, Any], tmp_pat
 
 
 def test_another_search_is_not_mixed_into_the_folder(small: dict[str, Any], tmp_path: Path) -> None:
+    small["tune"]["budget"] = 1
     api.tune(small, tmp_path / "t")
     small["tune"]["seed"] = 5
     with pytest.raises(EqtError, match="holds another tuning"):
         api.tune(small, tmp_path / "t")
-    assert api.tune(small, tmp_path / "t", force=True).record["seed"] == 5
+    assert api.tune(small, tmp_path / "t", force=True).record["seeds"] == [5]
 
 
 def test_the_winners_of_a_front_are_numbered_and_none_betters_another(
@@ -160,7 +164,7 @@ def test_how_much_a_bound_is_violated(bound: Constraint, violation: list[float])
 
 
 def test_what_was_found_is_kept_when_the_search_is_interrupted(
-    small: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    small: dict[str, Any], tmp_path: Path, searched: tuple[api.Tuning, Path]
 ) -> None:
     def stopped(law: Any, generation: int, population: Any) -> None:
         if law.label == "family":
@@ -169,4 +173,62 @@ def test_what_was_found_is_kept_when_the_search_is_interrupted(
     with pytest.raises(KeyboardInterrupt):
         api.tune(small, tmp_path / "t", told=stopped)
     assert {path.stem for path in (tmp_path / "t/tuned").glob("*.yaml")} == {"eqt", "family"}
-    assert api.tune(small, tmp_path / "t").record == api.tune(small, tmp_path / "u").record
+    assert api.tune(small, tmp_path / "t").record == searched[0].record
+
+
+def test_the_winners_of_all_searches_stand_side_by_side_on_held_out_runs(
+    searched_twice: tuple[Path, dict[str, Any]],
+) -> None:
+    folder, record = searched_twice
+    assert record["seeds"] == [0, 1]
+    eqt, family = record["laws"]
+    assert family["searches"] == [
+        search | {"label": search["label"].replace("eqt", "family")} for search in eqt["searches"]
+    ]  # with g = 1, n = 0 and c = 0 this member of the family is EqT, and starts where EqT starts
+    scores = {search["label"]: search["objectives"][0][0] for search in eqt["searches"]}
+    assert len(scores) == 2
+    assert min(scores, key=lambda label: scores[label]) == "eqt"
+    assert eqt["winners"][0]["objectives"] == [scores["eqt"]]
+    with open_result(folder) as result:
+        assert set(scores) < set(result.labels)
+        assert len(result.labels) == 6
+
+
+def test_the_luck_of_the_searches_is_in_the_tables(
+    searched_twice: tuple[Path, dict[str, Any]],
+) -> None:
+    folder, record = searched_twice
+    with open_result(folder) as result:
+        tuned, *_, luck = tuning_tables(result, record)
+        means = dict(zip(result.labels, result.means("mean_pose_error").tolist(), strict=True))
+    two = sorted(means[search["label"]] for search in record["laws"][0]["searches"])
+    assert tuned.header == ["law", "tuned", "start", "found", "over searches", "change"]
+    low, _, high = tuned.blocks[0].rows[0][4].partition(" to ")
+    assert [float(low), float(high)] == pytest.approx(two, abs=0.05)
+    assert tuned.notes[0] == (
+        "Searched: 1 generation of 5 points, each of 2 runs, for every law, with the seeds 0 and "
+        "1. The best of these searches is shown; over searches: the smallest and the largest mean "
+        "of their winners."
+    )
+    ends = [f"{end:.3g}" for end in (two[0] - two[1], two[1] - two[0])]
+    assert luck.blocks[0].rows == [["EqT − family", *ends, "no"]]
+
+
+@pytest.mark.parametrize(
+    "searches",
+    [
+        [],
+        [{"seed": 0, "label": "nobody", "objectives": []}],
+        [{"seed": 0, "label": None, "objectives": [[1.0, 2.0]]}],
+        [{"seed": 0, "label": None, "objectives": [["x"]]}],
+        [{"seed": 0, "label": None}],
+    ],
+)
+def test_a_record_with_other_searches_is_none(
+    searched_twice: tuple[Path, dict[str, Any]], searches: list[dict[str, Any]]
+) -> None:
+    folder, record = searched_twice
+    laws = [law | {"searches": searches} for law in record["laws"]]
+    with open_result(folder) as result:
+        assert fits(record, result)
+        assert not fits(record | {"laws": laws}, result)

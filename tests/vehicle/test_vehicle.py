@@ -30,6 +30,7 @@ from eqt_cli.vehicle.forces.gust import SINES, Gust
 from eqt_cli.vehicle.forces.restoring import Restoring
 from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia, VaryingInertia
 from eqt_cli.vehicle.numbers import Normal, Uniform, drawn, is_drawn, lowest
+from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors.bias import Bias
 from eqt_cli.vehicle.sensors.noise import Noise
 
@@ -160,6 +161,7 @@ def test_what_rounding_takes_from_a_command_is_no_limit():
     after = part.step(SO3, command, x, given, period=1.0)
     assert (after != command).any()
     assert not part.at_limit(SO3, command, after, given).any()
+    assert not part.at_limit(SO3, -command, -after, given).any()
     assert part.at_limit(SO3, command + 1e-6, after, given).all()
 
 
@@ -242,6 +244,36 @@ def test_numbers_that_are_drawn_stand_for_their_means():
     assert [is_drawn(value) for value in (3.0, [1.0, [normal]], [1.0])] == [False, True, False]
     many = np.array([normal.draw(np.random.default_rng(k)) for k in range(400)])
     assert (many.mean(), many.std()) == (pytest.approx(2, abs=0.1), pytest.approx(0.5, abs=0.08))
+
+
+@pytest.mark.parametrize(
+    ("mean", "positive", "expected"),
+    [
+        (0.5, True, []),
+        (0.0, False, []),
+        (0.0, True, [("normal", "expected a mean greater than 0, got 0")]),
+    ],
+)
+def test_a_normal_distribution_may_have_no_spread(mean, positive, expected):
+    """And where its numbers must be greater than 0, so must its mean."""
+    problems = Problems()
+    Normal([mean, 0.0]).check(problems, positive)
+    assert [(problem.path, problem.message) for problem in problems] == expected
+
+
+def test_only_what_remembers_has_states():
+    plain = Limit(1.0), Deadband(0.1), Quantisation(0.1)
+    assert Vehicle(actuators=(*plain, Lag(0.5), RateLimit(2.0))).states(SO3) == {
+        "actuators_3": 3,
+        "actuators_4": 3,
+    }
+
+
+def test_a_held_command_goes_to_the_first_actuator_that_moves():
+    limit, lag, clock = Limit(1.0), Lag(0.5), Sampling(0.1)
+    assert Vehicle(actuators=(limit, lag, limit), control=clock).first_moving is lag
+    assert Vehicle(actuators=(limit,), control=clock).first_moving is None
+    assert Vehicle(actuators=(limit, lag)).first_moving is None  # nothing is held
 
 
 def test_sensors_err_by_nothing_unless_told():

@@ -1,6 +1,7 @@
 """What is between law and plant does what it says: the hold, actuators, noise."""
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
 from typing import ClassVar
@@ -17,6 +18,9 @@ ROUNDING = 1e-12
 
 DEVIATIONS = 5.0
 """So many standard errors a mean may be off: one in a million is."""
+
+RARE = 3e-7
+"""How often a normal is off by more than that to one side."""
 
 
 class FlightCheck(TrajectoryCheck):
@@ -37,6 +41,8 @@ class FlightCheck(TrajectoryCheck):
         if flight is None or not len(flight.states):
             return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=runs.label)
         found = self.measured(flight, runs.rtol)
+        if not found:
+            return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=runs.label)
         measured, bound = max(found, key=lambda pair: pair[0] / pair[1])
         return self.compared(float(measured), float(bound), runs.remark, runs.label)
 
@@ -120,12 +126,29 @@ class NoiseCovariance(FlightCheck):
         return any(True for _ in flight.white_noise())
 
     def measured(self, flight: Flight, rtol: float) -> list[tuple[float, float]]:
-        """The largest entry of covariance − I, of noise divided by its standard deviation."""
+        """The entries of covariance − I, of noise divided by its configured deviation."""
         return [
-            (np.abs(z.T @ z / len(z) - np.eye(z.shape[1])).max(), DEVIATIONS * np.sqrt(2 / len(z)))
+            pair
             for values in flight.white_noise()
-            for z in [values.reshape(-1, values.shape[-1])]
+            for pair in _off_identity(values.reshape(-1, values.shape[-1]))
         ]
+
+
+def _off_identity(z: Array) -> Iterator[tuple[float, float]]:
+    """How far the covariance of these rows is from I, and how far that of so many may be.
+
+    A variance is χ²/n, whose quantiles are above 0: noise of 0 is off by more than the lower one
+    allows, however few the rows are.
+    """
+    from scipy.special import gammaincinv  # slow to import
+
+    n, axes = z.shape
+    low, high = (2 * gammaincinv(n / 2, p) / n for p in (RARE, 1 - RARE))
+    covariance = z.T @ z / n
+    for variance in np.diag(covariance).tolist():
+        yield abs(variance - 1), 1 - low if variance < 1 else high - 1
+    for off in covariance[np.triu_indices(axes, 1)].tolist():
+        yield abs(off), DEVIATIONS * np.sqrt(2 / n)  # of few products, whose tails are long
 
 
 class StreamsApart(FlightCheck):
@@ -156,7 +179,8 @@ class StreamsApart(FlightCheck):
 
 
 def _correlation(one: Array, other: Array) -> Array:
-    """Along every axis, over runs and instants."""
+    """Along every axis, over runs and instants; none of what is 0 throughout."""
     a, b = one.reshape(-1, one.shape[-1]), other.reshape(-1, other.shape[-1])
     sizes: Array = np.sqrt((a * a).sum(axis=0) * (b * b).sum(axis=0))
-    return (a * b).sum(axis=0) / sizes
+    found: Array = (a * b).sum(axis=0) / np.where(sizes > 0, sizes, 1.0)
+    return found

@@ -4,7 +4,7 @@ Rates such as ξ̇ are those of the motion itself, so that no formula for them i
 """
 
 from abc import abstractmethod
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any, ClassVar
 
@@ -13,9 +13,10 @@ import numpy as np
 from eqt_cli.analysis.certificates.base import Identity, LiteralForm, Row, Verdict
 from eqt_cli.analysis.certificates.stabilisation import RigidBodyForm, is_rotations_of_space, vee
 from eqt_cli.analysis.certificates.tracking_laws import bracket, coadjoint, transported
-from eqt_cli.analysis.evidence.numbers import rate_of, with_rate
+from eqt_cli.analysis.evidence.numbers import floats, rate_of, with_rate
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array, apply_matrix, cross, dot, sqrt, stack, tanh, transpose
 from eqt_cli.mechanics.navigation import gradient
 from eqt_cli.mechanics.tracking import Tracking
@@ -55,7 +56,7 @@ class BulloMurrayForm(LiteralForm):
     """d(𝕀ξ)/dt + 𝕀∇_V ξ − K_d e − L*dΥ(Q_L), by the transported velocity ξ and the connection."""
 
     name: ClassVar[str] = "Bullo–Murray by the connection"
-    statement: ClassVar[str] = "Bullo, Murray (1999)"
+    statement: ClassVar[str] = "after Bullo, Murray (1999)"
     section: ClassVar[float] = 8.1
     law: ClassVar[str] = "bullo_murray"
 
@@ -70,7 +71,7 @@ class GoodarziForm(LiteralForm):
     """𝕀Ad_{Q_L⁻¹}V̇_d + 𝕀̇ξ − ad*_ξ 𝕀ξ − K_d e − L*dΥ(Q_L) − k_I b tanh(e_I/b)."""
 
     name: ClassVar[str] = "Goodarzi, Lee, Lee"
-    statement: ClassVar[str] = "Goodarzi, Lee, Lee (2013)"
+    statement: ClassVar[str] = "after Goodarzi, Lee, Lee (2013)"
     section: ClassVar[float] = 8.2
     law: ClassVar[str] = "goodarzi2013"
 
@@ -86,10 +87,10 @@ class GoodarziForm(LiteralForm):
 
 
 class GoodarziIntegral(Identity):
-    """ė_I = e + c₂ e_R."""
+    """ė_I = e + c₂ e_R; where the law is sampled, e_I rises by a period of it at every instant."""
 
     name: ClassVar[str] = "integral of the errors"
-    statement: ClassVar[str] = "Goodarzi, Lee, Lee (2013)"
+    statement: ClassVar[str] = "after Goodarzi, Lee, Lee (2013)"
     section: ClassVar[float] = 8.21
     per_law: ClassVar[bool] = True
 
@@ -98,17 +99,22 @@ class GoodarziIntegral(Identity):
         return GoodarziForm().applies(loop)
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The rate of the memory against the formula."""
-        b, law = Body(sample.s), sample.loop.controller
-        c2 = getattr(law, "c2", None)
-        yield rate_of(sample.s.memory["integral"]), b.e + c2 * b.e_R
+        """The rate of the memory, or its rise, against the formula."""
+        s, loop = sample.s, sample.loop
+        b, control = Body(s), loop.vehicle.control
+        rate = b.e + getattr(loop.controller, "c2", None) * b.e_R
+        if control is None:
+            yield rate_of(s.memory["integral"]), rate
+        else:
+            later = loop.tracking(sample.times, loop.after_instant(sample.times, sample.flat))
+            yield later.memory["integral"], s.memory["integral"] + control.period * rate
 
 
 class MaithripalaForm(LiteralForm):
     """d(𝕀V_d)/dt + 𝕀∇_V V_d − Ad*_{Q_d}L*dΥ(Q_E) − k_d 𝕀Ṽ."""
 
     name: ClassVar[str] = "Maithripala, Berg, Dayawansa"
-    statement: ClassVar[str] = "Maithripala, Berg, Dayawansa (2006)"
+    statement: ClassVar[str] = "after Maithripala, Berg, Dayawansa (2006)"
     section: ClassVar[float] = 8.3
     law: ClassVar[str] = "maithripala2006"
 
@@ -140,7 +146,7 @@ class SlotineLiForm(SlidingVariableForm):
     """d(𝕀V_r)/dt − ad*_{V_r}𝕀V + Ṡ*S⁻*𝕀s − K_d s, V_r = ξ − slope L*dΥ(Q_L)."""
 
     name: ClassVar[str] = "Slotine–Li"
-    statement: ClassVar[str] = "Slotine, Li (1987)"
+    statement: ClassVar[str] = "after Slotine, Li (1987)"
     section: ClassVar[float] = 8.4
     law: ClassVar[str] = "slotine_li"
 
@@ -153,7 +159,7 @@ class SlidingForm(SlidingVariableForm):
     """d(𝕀V_r)/dt − ad*_{V_r}𝕀V + Ṡ*S⁻*𝕀s − gain tanh(s/layer), V_r = ξ − slope L*dΥ(Q_L)."""
 
     name: ClassVar[str] = "sliding mode"
-    statement: ClassVar[str] = "Slotine, Li (1991), section 7.2"
+    statement: ClassVar[str] = "after Slotine, Li (1991), section 7.2"
     section: ClassVar[float] = 8.5
     law: ClassVar[str] = "sliding"
 
@@ -166,7 +172,7 @@ class LogarithmicForm(LiteralForm):
     """d(𝕀ξ)/dt − ad*_V 𝕀V − K_d e − the differential of ½⟨H log Q_L, log Q_L⟩."""
 
     name: ClassVar[str] = "logarithmic"
-    statement: ClassVar[str] = "Johnson, Beard (2021), eq. (22), (32)"
+    statement: ClassVar[str] = "after Johnson, Beard (2021)"
     section: ClassVar[float] = 8.6
     law: ClassVar[str] = "logarithmic"
 
@@ -188,7 +194,7 @@ class QuaternionForm(LiteralForm):
     """Jξ̇ + ω × Jω − K_d e − 2Hq with q = vee(R_L − R_Lᵀ) / 4q₀ and q₀ = ½√(1 + tr R_L)."""
 
     name: ClassVar[str] = "quaternion feedback"
-    statement: ClassVar[str] = "Wie, Weiss, Arapostathis (1989)"
+    statement: ClassVar[str] = "after Wie, Weiss, Arapostathis (1989)"
     section: ClassVar[float] = 8.7
     law: ClassVar[str] = "quaternion"
 
@@ -227,7 +233,7 @@ class Lee2010OnSO3(LeeOnSO3):
     """−k_R e_R − k_Ω e_Ω + Ω × JΩ − J(Ω̂RᵀR_dΩ_d − RᵀR_dΩ̇_d)."""
 
     name: ClassVar[str] = "Lee 2010 on SO(3)"
-    statement: ClassVar[str] = "arXiv 1003.2005v3, eq. (6), (8), (9), (11)"
+    statement: ClassVar[str] = "arXiv 1003.2005v4, eq. (6), (8), (9), (11)"
     section: ClassVar[float] = 8.01
     law: ClassVar[str] = "lee2010"
 
@@ -241,7 +247,7 @@ class Lee2012OnSO3(LeeOnSO3):
     """−k_R e_R − k_Ω e_Ω + (RᵀR_dΩ_d) × J(RᵀR_dΩ_d) + JRᵀR_dΩ̇_d."""
 
     name: ClassVar[str] = "Lee 2012 on SO(3)"
-    statement: ClassVar[str] = "arXiv 1109.4457"
+    statement: ClassVar[str] = "after arXiv 1109.4457"
     section: ClassVar[float] = 8.02
     law: ClassVar[str] = "lee2012"
 
@@ -253,7 +259,9 @@ class Lee2012OnSO3(LeeOnSO3):
 class SmallErrors(Identity):
     """Near a pose at rest the torque is −H x − K_d v: H the Hessian of Υ at I, v the velocity.
 
-    The inertia is held, so that what makes up for its change does not count as damping.
+    The inertia is held, so that what makes up for its change does not count as damping. A memory is
+    part of the law: what it has taken up on the way to x counts as stiffness, and what it takes up
+    while the body stays at x must not reach the torque.
     """
 
     name: ClassVar[str] = "stiffness and damping of small errors"
@@ -266,10 +274,15 @@ class SmallErrors(Identity):
         return loop.controller.matched is not None
 
     def sides(self, sample: Sample) -> Iterator[tuple[Array, Array]]:
-        """The rates of the torque as the pose, and as the velocity, leaves the desired one."""
-        s, G = sample.resting, sample.G
-        still = sample.lifted(0 * sample.drawn[1])
-        identity = sample.lifted(0 * sample.drawn[0] + G.identity)
+        """The rates of the torque as the pose, and as the velocity, leaves the desired one.
+
+        With τ = A x + B v + C z and ż = D x + E v + F z, the memory adds C (s − F)⁻¹(D + E s) to A.
+        In powers of 1/s that is C E, then C Fᵏ(D + F E), which is 0 for all k if it is for as many
+        as z has entries.
+        """
+        s, law, x = sample.resting, sample.loop.controller, sample.drawn[1]
+        still = sample.lifted(0 * x)
+        identity = sample.lifted(0 * sample.drawn[0] + sample.G.identity)
         at_rest = replace(
             s,
             t=sample.times,
@@ -279,13 +292,19 @@ class SmallErrors(Identity):
             Qd=identity,
             Pd=still,
             tau_d=still,
-            memory=dict.fromkeys(s.memory, still),
+            memory={name: sample.lifted(0 * floats(z)) for name, z in s.memory.items()},
         )
-        x, command = sample.drawn[1], sample.loop.controller.torque
-        turned = replace(at_rest, Q=with_rate(identity, G.hat(x)))
-        yield rate_of(command(turned)), -apply_matrix(stiffness(s), x)
+        turned = replace(at_rest, Q=with_rate(identity, sample.G.hat(x)))
         moved = replace(at_rest, P=with_rate(still, at_rest.inertia.momentum(x)))
-        yield rate_of(command(moved)), -apply_matrix(s.gains.K_d, x)
+        taken_up = _memory_rates(law, moved)
+        there = _with_memory_rates(turned, taken_up)
+        yield rate_of(law.torque(there)), -apply_matrix(stiffness(s), x)
+        yield rate_of(law.torque(moved)), -apply_matrix(s.gains.K_d, x)
+        taken_up = _memory_rates(law, there)
+        for _ in range(sum(sample.loop.controller.memory(sample.G).values())):
+            staying = _with_memory_rates(at_rest, taken_up)
+            yield rate_of(law.torque(staying) + still), still
+            taken_up = _memory_rates(law, staying)
 
     def check(self, sample: Sample) -> list[Row]:
         """Whether they are those of the gains; a law with gains of its own is not matched."""
@@ -293,6 +312,16 @@ class SmallErrors(Identity):
             return super().check(sample)
         remark = "not matched: the law has gains of its own"
         return [self.row(Verdict.UNCLAIMED, remark=remark, controller=sample.label)]
+
+
+def _memory_rates(law: Controller, s: Tracking) -> dict[str, Array]:
+    """How fast the rates of a law's memory change."""
+    rates = law.memory_rate(s)
+    return {name: rate_of(rates[name] + 0 * z) for name, z in s.memory.items()}
+
+
+def _with_memory_rates(s: Tracking, rates: Mapping[str, Array]) -> Tracking:
+    return replace(s, memory={name: with_rate(z, rates[name]) for name, z in s.memory.items()})
 
 
 def stiffness(s: Tracking) -> Array:

@@ -1,19 +1,29 @@
-"""What theorems say of solutions: drift, energy, decrease of L, the error system, convergence."""
+"""What theorems say of solutions, and what solutions do: energy, decrease of L, tracking."""
 
 from abc import abstractmethod
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
-from eqt_cli.analysis.evidence.approach import LEFT, Approach, approach
+from eqt_cli.analysis.evidence.approach import LEFT, SMALLEST_SCALE, Approach, approach
 from eqt_cli.analysis.evidence.runs import ENERGY_PER_RTOL, STATES_PER_RTOL, Runs, largest
+from eqt_cli.analysis.evidence.tracking import Fifths
 from eqt_cli.core.arrays import Array
 from eqt_cli.results.metrics import ENERGY_SCALE
 
 GROWTH = 0.01
 """L that grows by this part over the second half of the horizon speaks against convergence."""
+
+
+TRACKED = 0.5
+"""Of the error over the first fifth, how much may be left over the last one. In the shipped
+configurations 0.16 is, at most, but for a sliding mode that is slow (0.71) and forces that no law
+knows of (0.58)."""
+
+GROWN = 1.0
+"""The same where forces act that no law knows of, noise or limits: they may hold any error up."""
 
 
 class LyapunovCheck(TrajectoryCheck):
@@ -183,6 +193,101 @@ class MomentumConvergence(Convergence):
             return self.arrived(runs, final, np.isfinite(final), None, None)
         found = approach(runs.times, errors, runs.rtol, runs.desired_speed, runs.lyapunov)
         return self.arrived(runs, found.left, found.arrived, found, LEFT)
+
+
+@dataclass(frozen=True)
+class _Left:
+    """How an error of the runs ends, and whether that fails."""
+
+    name: str
+    left: float
+    verdict: Verdict
+    reason: str
+
+
+class Tracks(TrajectoryCheck):
+    """The errors of pose and velocity over the last fifth of the horizon, relative to the first.
+
+    The median over runs. It asks for no theorem and no claim, so it is asked of every law.
+    """
+
+    name: ClassVar[str] = "tracks"
+    statement: ClassVar[str] = "measured on the runs"
+    section: ClassVar[float] = 6.34
+
+    def check(self, runs: Runs) -> Row:
+        """The worse of the two errors."""
+        given = (
+            ("pose", runs.pose_error, runs.threshold),
+            ("velocity", runs.velocity_error, LEFT * runs.desired_speed),
+        )
+        found = []
+        for name, errors, near in given:
+            if errors is None or not len(errors):
+                remark = runs.remark if errors is not None else "the result holds no trajectories"
+                return self.row(Verdict.UNDECIDED, remark=remark, controller=runs.label)
+            fifths = Fifths.of(runs.times, errors)
+            if fifths is None:
+                remark = f"{len(runs.times)} samples are too few"
+                return self.row(Verdict.UNDECIDED, remark=remark, controller=runs.label)
+            found.append(self._ended(runs, name, errors, near, fifths))
+        worst = max(found, key=lambda each: (_WORSE.index(each.verdict), each.left))
+        both = ", ".join(f"{each.name} {each.left:.2g}" for each in found)
+        doubts = dict.fromkeys(each.reason for each in found if each.verdict is worst.verdict)
+        remark = _joined(both, *doubts, runs.remark)
+        bound = GROWN if runs.departures else TRACKED
+        return self.row(worst.verdict, worst.left, bound, remark, runs.label)
+
+    def _ended(self, runs: Runs, name: str, errors: Array, near: float, fifths: Fifths) -> _Left:
+        """How an error ends, of which so much counts as none."""
+        left, closing = fifths.left, float(np.median(fifths.last))
+        size = max(float(np.median(errors.max(axis=1))), runs.desired_speed, SMALLEST_SCALE)
+        near = max(near, STATES_PER_RTOL * runs.rtol * size)
+        if left < TRACKED or closing < near:
+            return _Left(name, left, Verdict.HOLDS, "")
+        if fifths.still_falls() or _falls(runs):
+            return _Left(name, left, Verdict.UNDECIDED, "the error still falls")
+        if _begin_on_the_reference(runs):
+            return _Left(name, left, Verdict.UNDECIDED, "the runs begin on the reference")
+        if runs.departures and (left <= GROWN or not _has_grown(runs)):
+            return _Left(name, left, Verdict.UNDECIDED, runs.departures)
+        if runs.claims_decrease and not _has_grown(runs):
+            return _Left(name, left, Verdict.UNDECIDED, "L has not grown")
+        return _Left(name, left, Verdict.FAILS, "the error no longer falls")
+
+
+_WORSE = (Verdict.HOLDS, Verdict.UNDECIDED, Verdict.FAILS)
+
+
+def _falls(runs: Runs) -> bool:
+    """Whether L still falls: while it does, an error may pause, or grow on a short horizon."""
+    fifths = _root_of_L(runs)
+    return fifths is not None and fifths.still_falls()
+
+
+def _has_grown(runs: Runs) -> bool:
+    """Whether L is larger at the end than at the start, or is not known.
+
+    Runs that begin at rest near an unstable equilibrium need time: their velocity error grows at
+    first, and L is as it was.
+    """
+    fifths = _root_of_L(runs)
+    return fifths is None or fifths.left > 1 + ENERGY_PER_RTOL * runs.rtol
+
+
+def _root_of_L(runs: Runs) -> Fifths | None:
+    """√L has the size of the errors."""
+    L = runs.lyapunov
+    return None if L is None or not len(L) else Fifths.of(runs.times, np.sqrt(np.abs(L)))
+
+
+def _begin_on_the_reference(runs: Runs) -> bool:
+    """Whether both errors are none at the start."""
+    pose, velocity = runs.pose_error, runs.velocity_error
+    assert pose is not None and velocity is not None
+    small = LEFT * max(runs.desired_speed, SMALLEST_SCALE)
+    near = np.median(pose[:, 0]) <= runs.threshold and np.median(velocity[:, 0]) <= small
+    return bool(near)
 
 
 def _joined(*remarks: str) -> str:

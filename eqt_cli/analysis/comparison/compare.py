@@ -9,6 +9,7 @@ from eqt_cli.analysis.comparison.claims import AtMost, Less, claim_sets
 from eqt_cli.analysis.comparison.pairs import Level, Pair, statistics
 from eqt_cli.analysis.comparison.verdicts import (
     Judgement,
+    Settled,
     applicable,
     judge_at_most,
     judge_less,
@@ -208,6 +209,16 @@ def _judgements(
         found = by_names.get((key, first, second))
         return found or by_names[(key, second, first)].turned()
 
+    settles = result.settles
+
+    def settled(judged: Judgement, *labels: str) -> Judgement:
+        if settles is None:
+            return judged
+        rows = [(label, result.labels.index(label)) for label in labels]
+        return judged.with_settled(
+            [Settled(label, int(settles[k].sum()), int(result.good[k].sum())) for label, k in rows]
+        )
+
     rows = []
     for origin, claim in applicable(claim_sets.all(), list(kinds)):
         about = dict.fromkeys(kind for row in claim.rows for kind in row.kinds)
@@ -222,12 +233,13 @@ def _judgements(
                 some = samples[row.measure, WHOLE.within(result.times)]
                 index = result.labels.index(label)
                 judged = judge_at_most(origin, claim.says, row, some, index, label, confidence)
-                rows.append(replace(judged, absent=absent))
+                rows.append(settled(replace(judged, absent=absent), label))
                 continue
             for measure, window in measured_by(result, row):
                 key = measure.name, window.within(result.times)
                 pair = pair_of(key, kinds[row.lesser], kinds[row.greater])
-                rows.append(replace(judge_less(origin, claim.says, pair), absent=absent))
+                judged = replace(judge_less(origin, claim.says, pair), absent=absent)
+                rows.append(settled(judged, pair.first, pair.second))
     return rows
 
 

@@ -15,7 +15,10 @@ from eqt_cli.results.result import PerRun
 RANKED = ("mean_torque", "mean_pose_error", "settled")
 """Measures by which laws are ranked where no paper makes a claim about them."""
 
-PARTLY = "partly supported"
+PARTLY = "partly"
+"""Before a verdict that some of a claim's rows have."""
+
+_AGREES = (ClaimVerdict.SUPPORTED, ClaimVerdict.SEEN)
 
 _WRITE = Plain()
 
@@ -27,7 +30,8 @@ class Finding:
     Attributes
     ----------
     verdict
-        Of a claim: as of `ClaimVerdict`, or `PARTLY`; nothing where nothing was claimed.
+        Of a claim: as of `ClaimVerdict`, with `PARTLY` before it where other rows have another;
+        nothing where nothing was claimed.
     claim
         In the words of its source.
     words
@@ -59,24 +63,44 @@ def findings(comparison: Comparison, titles: Mapping[str, str]) -> list[Finding]
 def _of_claim(
     says: str, rows: Sequence[Judgement], titles: Mapping[str, str], level: str
 ) -> Finding:
-    verdicts = {row.verdict for row in rows}
-    mixed = PARTLY if ClaimVerdict.SUPPORTED in verdicts else str(ClaimVerdict.NOT_SUPPORTED)
-    verdict = str(verdicts.pop()) if len(verdicts) == 1 else mixed
+    verdict = _together({row.verdict for row in rows})
     in_every_run = [row for row in rows if row.pair is None]
     compared = [row for row in rows if row.pair is not None]
     words = [*_in_every_run(in_every_run, titles, level), *_compared(compared, titles)]
+    words += _unsettled(rows, titles)
     absent = [titles.get(kind, kind) for kind in rows[0].absent]
     return Finding(verdict, says, "; ".join(words) + ".", listed(absent) if absent else "")
+
+
+def _together(verdicts: set[ClaimVerdict]) -> str:
+    """The verdict of a claim, from those of its rows."""
+    agrees = [verdict for verdict in _AGREES if verdict in verdicts]
+    if verdicts <= set(_AGREES) or len(verdicts) == 1:
+        return str([*verdicts - set(agrees), *agrees][-1])
+    return f"{PARTLY} {agrees[-1]}" if agrees else str(ClaimVerdict.NOT_SUPPORTED)
+
+
+def _unsettled(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[str]:
+    """``settled at the end: 46 of 200 runs under EqT``, of all laws where not all runs did."""
+    if any(row.verdict is ClaimVerdict.SEEN for row in rows):
+        laws = dict.fromkeys(law for row in rows for law in row.settled)
+        yield "settled at the end: " + listed(
+            [f"{law.count} of {law.runs} runs under {titles[law.controller]}" for law in laws]
+        )
 
 
 def _in_every_run(
     rows: Sequence[Judgement], titles: Mapping[str, str], level: str
 ) -> Iterator[str]:
-    """``L never rises in a run: 200 of 200 runs under EqT``; laws with equal counts together."""
-    for (statement, held, runs, low, verdict), alike in groupby(
-        rows, key=lambda row: (row.statement, row.held, row.runs, row.low, row.verdict)
+    """The statement, and in how many runs it held; laws with equal counts together."""
+    for (statement, held, runs, low, open_), alike in groupby(
+        rows,
+        key=lambda row: (
+            *(row.statement, row.held, row.runs, row.low),
+            row.verdict is ClaimVerdict.UNDECIDED,
+        ),
     ):
-        more = f", and {100 * SHARE:g} % is needed" if verdict is ClaimVerdict.UNDECIDED else ""
+        more = f", and {100 * SHARE:g} % is needed" if open_ else ""
         laws = listed([titles[row.controller] for row in alike])
         yield (
             f"{statement}: {held} of {runs} runs under {laws}, so it holds for at least "
@@ -85,16 +109,17 @@ def _in_every_run(
 
 
 def _compared(rows: Sequence[Judgement], titles: Mapping[str, str]) -> Iterator[str]:
-    """The differences; of several, how many support the claim, and those that contradict it."""
+    """The differences; of several, how many agree with the claim, and those that contradict it."""
     if len(rows) < 2:
         yield from (_difference(row.pair, titles) for row in rows if row.pair)
         return
     counts = Counter(row.verdict for row in rows)
     against, open_ = counts[ClaimVerdict.NOT_SUPPORTED], counts[ClaimVerdict.UNDECIDED]
     others = f", {open_} {'is' if open_ == 1 else 'are'} undecided" if open_ else ""
-    yield f"{counts[ClaimVerdict.SUPPORTED]} of {len(rows)} comparisons support it{others}"
-    wanted = ClaimVerdict.NOT_SUPPORTED if against or open_ else ClaimVerdict.SUPPORTED
-    yield from (_difference(row.pair, titles) for row in rows if row.pair and row.verdict is wanted)
+    agree = sum(counts[verdict] for verdict in _AGREES)
+    yield f"{agree} of {len(rows)} comparisons agree with it{others}"
+    wanted = (ClaimVerdict.NOT_SUPPORTED,) if against or open_ else _AGREES
+    yield from (_difference(row.pair, titles) for row in rows if row.pair and row.verdict in wanted)
 
 
 def _difference(pair: Pair, titles: Mapping[str, str]) -> str:

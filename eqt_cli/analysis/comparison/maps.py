@@ -163,7 +163,8 @@ def compare_map(
     p_values = np.where(np.isfinite(costs[points, best]), p_values, np.nan)
     adjusted = _adjusted(p_values)
     ends = _intervals(differences[:, 0], how, steps)
-    settled = _settled(result, chosen)
+    settles = result.settles
+    settled = None if settles is None else np.count_nonzero(settles[:, chosen], axis=-1)
     cells = [
         Cell(
             point=point,
@@ -186,13 +187,6 @@ def compare_map(
     unit = result.units(metric)
     tested = int(np.isfinite(adjusted).sum())
     return Map(quantity, unit, labels, titles, result.runs, means, cells, tested, how.confidence)
-
-
-def _settled(result: Result, laws: Sequence[int]) -> Array | None:
-    """Runs that settled, by point and law; None where that was not stored."""
-    if not result.has("settled"):
-        return None
-    return np.count_nonzero(result.metric("settled")[:, laws] > 0, axis=-1)
 
 
 def _largest(p_values: Array, comparable: Array) -> Array:

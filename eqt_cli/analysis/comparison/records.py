@@ -63,7 +63,8 @@ def _judgement(judgement: Judgement) -> Record:
     if judgement.pair is not None:
         pair = _pair(judgement.pair)
         pair.pop("runs_to_decide")
-        return {**common, "statement": "first is less than second", **pair}
+        statement = "first is less than second"
+        return {**common, "statement": statement, **pair, **_settled(judgement)}
     assert judgement.measured is not None
     return {
         **common,
@@ -72,4 +73,11 @@ def _judgement(judgement: Judgement) -> Record:
         "first": judgement.controller,
         "pairs": judgement.runs,
         **_fields(judgement, "held", "low"),
+        **_settled(judgement),
     }
+
+
+def _settled(judgement: Judgement) -> Record:
+    """Runs that settled of the first and the second law."""
+    names = ("first_settled", "second_settled")
+    return {name: law.count for name, law in zip(names, judgement.settled, strict=False)}

@@ -203,6 +203,15 @@ def _claims(comparison: Comparison, write: Plain) -> TextTable:
         "supported only if no run violates it and the runs are enough to speak for 95 % of all "
         "initial states."
     ]
+    laws = dict.fromkeys(law for row in comparison.judgements for law in row.settled)
+    if any(law.count < law.runs for law in laws):
+        counts = ", ".join(
+            f"{comparison.titles[law.controller]} {law.count} of {law.runs}" for law in laws
+        )
+        notes.append(
+            f"Settled at {comparison.horizon:g} s: {counts}. A claim about laws of which not all "
+            "runs settled is at most seen, since these runs do not show where the others end."
+        )
     spare = ("runs to decide",)
     return TextTable("claims", caption, header, blocks, _plain(notes, write), spare)
 

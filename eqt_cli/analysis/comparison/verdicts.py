@@ -1,7 +1,9 @@
 """Claims against measurements; it knows no single claim and no table."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -18,8 +20,26 @@ class ClaimVerdict(StrEnum):
     """What the runs say of a claim."""
 
     SUPPORTED = "supported"
+    SEEN = "seen, not all settled"
     NOT_SUPPORTED = "not supported"
     UNDECIDED = "undecided"
+
+
+@dataclass(frozen=True)
+class Settled:
+    """How many runs of a law end within the settling threshold.
+
+    Attributes
+    ----------
+    controller
+        The label of the law.
+    count, runs
+        Runs that settled, of those that did not fail.
+    """
+
+    controller: str
+    count: int
+    runs: int
 
 
 @dataclass(frozen=True)
@@ -46,6 +66,8 @@ class Judgement:
         Runs that would decide, if all stays as measured; None where no number would.
     absent
         Kinds of controllers that the sentence is also about and that are not there.
+    settled
+        Runs that settled, of each law of the row; empty where nothing that is stored tells.
     """
 
     source: str
@@ -60,6 +82,18 @@ class Judgement:
     runs: int = 0
     low: float = float("nan")
     absent: tuple[str, ...] = ()
+    settled: tuple[Settled, ...] = ()
+
+    def with_settled(self, settled: Sequence[Settled]) -> Judgement:
+        """The same, and no longer supported where a run of its laws did not settle.
+
+        A claim about a controller is one about runs that arrive: of others, this horizon does not
+        show the end.
+        """
+        late = any(law.count < law.runs for law in settled)
+        seen = late and self.verdict is ClaimVerdict.SUPPORTED
+        verdict = ClaimVerdict.SEEN if seen else self.verdict
+        return replace(self, verdict=verdict, settled=tuple(settled))
 
 
 def applicable(sets: Sequence[type[ClaimSet]], kinds: Sequence[str]) -> Iterator[tuple[str, Claim]]:

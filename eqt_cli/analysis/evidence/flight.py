@@ -2,10 +2,11 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from eqt_cli.analysis.evidence.second_sensors import configured_deviation
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Problem
@@ -40,6 +41,11 @@ class Flight:
         """With the numbers of every run, for states ``(runs, samples, n)``."""
         return self.problem.batched_loop(extra_axes=1)
 
+    def at_samples(self, samples: Array) -> "Flight":
+        """The same at some of the samples."""
+        problem = replace(self.problem, times=self.problem.times[samples])
+        return replace(self, problem=problem, states=self.states[:, samples])
+
     @property
     def period(self) -> float:
         """Of control, s; infinite where the law acts continuously."""
@@ -60,7 +66,8 @@ class Flight:
     def white_noise(self) -> Iterator[Array]:
         """What each sensor of white noise tells each run, ``(runs, instants, m)``, of variance 1.
 
-        Along axes without noise it is left out.
+        That is its noise divided by the deviation that the configuration says. Along axes without
+        noise it is left out.
         """
         G, count = self.problem.loop.group, self.problem.control_instants
         for place, sensor in self.problem.loop.vehicle.sensors().items():
@@ -71,6 +78,10 @@ class Flight:
                 deviation = own.white_deviation(G, self.period)
                 if deviation is None:
                     break
+                again = generator_at(self.seed, Stream.VEHICLE, run, place)
+                configured = configured_deviation(sensor, G.dimension, self.period, again)
+                if configured is not None:  # else a plugin's, which alone knows it
+                    deviation = configured
                 errors = own.errors(G, count, self.period, random)[:, deviation > 0]
                 found.append(errors / deviation[deviation > 0])
             if len(found) == len(self.numbers) and found and found[0].size:

@@ -14,6 +14,12 @@ from eqt_cli.results.result import HEADLINE, Result
 if TYPE_CHECKING:
     from rich.text import Text
 
+FAR_ABOVE = 1000.0
+"""Of solver.rtol: a larger error estimate is warned of, as a difference of the cross-check is.
+
+In 13 shipped configurations it is 64 at most, and 433 where a limit or a jump of the law is in the
+way of `solve_ivp`."""
+
 MOST_FAILURES = 10
 """Different messages shown of failed runs."""
 
@@ -26,8 +32,18 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
 
     All of it is read before any of it is printed, so that a damaged file leaves nothing half said.
     """
-    lines: list[str | Text] = [*heading, _headline(result), "", *_accuracy(result)]
-    remarks = [*_disagreement(result), *(_failures(result) if result.status.any() else [])]
+    lines: list[str | Text] = [
+        *heading,
+        _headline(result),
+        "",
+        *_shares(result),
+        *_accuracy(result),
+    ]
+    remarks = [
+        *_disagreement(result),
+        *_inaccurate(result),
+        *(_failures(result) if result.status.any() else []),
+    ]
     print_text(*lines)
     for remark in remarks:
         complain(remark)
@@ -46,6 +62,17 @@ def _headline(result: Result) -> Text:
     spare = (measures[-1], "runs", *reversed(measures[1:-1]))
     header = ["law", "runs", *measures]
     return laid_out(TextTable("headline", "", header, [Block("", rows)], spare=spare))
+
+
+def _shares(result: Result) -> Iterator[str]:
+    """How many runs have settled, and how much of the time actuators are at a limit."""
+    rows = [(result.titled[row["controller"]], row) for row in result.headline()]
+    if all("settled" in row for _, row in rows):
+        counts = ", ".join(f"{title} {row['settled']} of {row['runs']}" for title, row in rows)
+        yield f"settled runs: {counts}"
+    if all("saturated_share" in row for _, row in rows):
+        shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
+        yield f"time at a limit: {shares}"
 
 
 def _accuracy(result: Result) -> Iterator[str]:
@@ -78,6 +105,20 @@ def _disagreement(result: Result) -> Iterator[str]:
         yield (
             f"eqt: poses leave the group by {drift:.2g}, more than the bound of the "
             f"cross-check, {check.bound:.1g}; tighten solver.rtol"
+        )
+
+
+def _inaccurate(result: Result) -> Iterator[str]:
+    """Error estimates that are far above what the tolerance lets expect."""
+    estimates, rtol = result["error_estimate"], result.rtol
+    if rtol is None or not np.isfinite(estimates).any():
+        return
+    above = int(np.count_nonzero(estimates > FAR_ABOVE * rtol))
+    if above:
+        yield (
+            f"eqt: the error estimates of {count_of(above, 'run')} exceed {FAR_ABOVE:g} times "
+            f"solver.rtol = {rtol:g}; the largest is {np.nanmax(estimates):.2g}; tighten "
+            "solver.rtol, or set solver.max_error to count such runs as failed"
         )
 
 

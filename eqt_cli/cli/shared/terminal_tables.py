@@ -34,7 +34,7 @@ _NUMBER = re.compile(r"[-+−±]?[\d.]+(e[-+]?\d+)?( ?%)?( ?± ?[\d.e+-]+| \[[^]
 _STYLES = {
     "green": ("holds", "supported", "agrees"),
     "bold red": ("FAILS", "not supported", "differs", "violated"),
-    "yellow": ("undecided", "growing", "unknown", "not covered"),
+    "yellow": ("undecided", "seen, not all settled", "growing", "unknown", "not covered"),
 }
 """Colours of verdicts; the word says the same without."""
 

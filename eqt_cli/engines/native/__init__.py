@@ -39,7 +39,10 @@ STEP_SHARE = 1 / 30
 SMALLEST_RTOL = 1000 * float(np.finfo(float).eps)
 """Of which a hundredth, and of that the share of a step, is still above rounding."""
 
-GROUP_RUNS = 64
+
+BLOCK_BYTES = 16 * 2**20
+
+GROUP_RUNS = 256
 """Runs that a thread has in hand: their states and samples fit its cache."""
 
 
@@ -108,6 +111,18 @@ class Native(Engine):
         """Trace the law, which is what can fail, without compiling it."""
         trace(problem.loop)
 
+    def blocks(self, problem: Problem) -> list[Array]:
+        """As many runs as fit a cache with all that follows from their states.
+
+        Of a law that waits for instants, all runs at once.
+        """
+        runs = np.arange(problem.runs)
+        if len(problem.spans) > 1:
+            return [runs]
+        fitting = BLOCK_BYTES // (8 * len(problem.times) * problem.loop.state_length)
+        size = library.LANES * max(1, fitting // library.LANES)
+        return [runs[start : start + size] for start in range(0, problem.runs, size)]
+
     def evaluate(
         self, function: SampledFunction, problem: Problem, *rows: Array
     ) -> dict[str, Array]:
@@ -122,4 +137,5 @@ class Native(Engine):
             Rows(parameter_rows(problem), by_run=True),
             Rows(held_rows(loop, times), by_sample=True),
         ]
-        return library.evaluate(program, problem.runs, len(times), given)
+        found = library.evaluation(program, tuple(each.length for each in given))
+        return found.at(problem.runs, len(times), given)

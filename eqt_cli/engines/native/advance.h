@@ -44,7 +44,6 @@ typedef struct {
     eqt_real sides[EQT_COMPARISONS + 1]; /* -1 where left < right, else 1 */
     eqt_real left[EQT_COMPARISONS + 1], right[EQT_COMPARISONS + 1];
     eqt_real y[EQT_STATES], k[16][EQT_STATES], next[EQT_STATES], at[EQT_STATES];
-    eqt_real dense[8][EQT_STATES];
     eqt_real t, h, step;         /* h is what is taken of the step that the tolerance allows */
     eqt_real crossed_at, width;  /* the last crossing, and the width of comparisons since then */
     int64_t run[EQT_LANES];      /* -1: idle */
@@ -157,7 +156,7 @@ static void eqt_settle_sides(eqt_lanes *lanes, eqt_mask where, const eqt_mask *k
     }
 }
 
-/* The polynomial of the step in hand: Q(theta), 0 <= theta <= 1. */
+/* The stages that the polynomial of the step in hand needs besides. */
 static void eqt_prepare_dense(eqt_lanes *lanes)
 {
     eqt_real(*k)[EQT_STATES] = lanes->k, *y = lanes->y, h = lanes->h;
@@ -171,37 +170,39 @@ static void eqt_prepare_dense(eqt_lanes *lanes)
     eqt_derivative(lanes, lanes->t + where * h, lanes->at, k[number]);
     EQT_DENSE_STAGES(STAGE)
 #undef STAGE
-    for (i = 0; i < EQT_STATES; i++) {
-        eqt_real change = lanes->next[i] - y[i];
-        lanes->dense[0][i] = change;
-        lanes->dense[1][i] = h * k[0][i] - change;
-        lanes->dense[2][i] = 2.0 * change - h * (k[12][i] + k[0][i]);
-#define DENSE(number)                                                                              \
-    {                                                                                              \
-        eqt_real sum = eqt_constant(0.0);                                                          \
-        EQT_DENSE_##number lanes->dense[number][i] = h * sum;                                      \
-    }
-        DENSE(3)
-        DENSE(4)
-        DENSE(5)
-        DENSE(6)
-#undef DENSE
-    }
 #undef ADD
 }
 
-static void eqt_at(const eqt_lanes *lanes, eqt_real theta, eqt_real *state)
+/* That polynomial at 0 <= theta < 1, by a weight for each stage: few samples lie in a step, so that
+   its coefficients would not pay. */
+static void eqt_in_step(const eqt_lanes *lanes, eqt_real theta, eqt_real *state)
 {
-    const eqt_real(*d)[EQT_STATES] = lanes->dense;
-    eqt_real rest = 1.0 - theta;
-    eqt_mask whole = ~eqt_less(theta, eqt_constant(1.0));
-    int i;
+    const eqt_real(*k)[EQT_STATES] = lanes->k, *y = lanes->y, h = lanes->h;
+    const eqt_real rest = 1.0 - theta, part = theta * rest, bend = theta * part;
+    const eqt_real change = theta - part + 2.0 * bend;
+    eqt_real weights[16] = {part - bend}, power = bend;
+    int i, j;
+    for (j = 1; j < 16; j++)
+        weights[j] = eqt_constant(0.0);
+    weights[12] = -bend;
+#define ADD(a, j) weights[j] = eqt_fma(eqt_constant(a), power, weights[j]);
+    power = power * rest;
+    EQT_DENSE_3
+    power = power * theta;
+    EQT_DENSE_4
+    power = power * rest;
+    EQT_DENSE_5
+    power = power * theta;
+    EQT_DENSE_6
+#undef ADD
+    for (j = 0; j < 16; j++)
+        weights[j] = h * weights[j];
     for (i = 0; i < EQT_STATES; i++) {
-        eqt_real found = eqt_fma(theta, d[6][i], d[5][i]);
-        found = eqt_fma(theta, eqt_fma(rest, found, d[4][i]), d[3][i]);
-        found = eqt_fma(theta, eqt_fma(rest, found, d[2][i]), d[1][i]);
-        found = eqt_fma(theta, eqt_fma(rest, found, d[0][i]), lanes->y[i]);
-        state[i] = eqt_select(whole, lanes->next[i], found);
+        eqt_real found = eqt_fma(change, lanes->next[i] - y[i], y[i]);
+#define ADD(j) found = eqt_fma(weights[j], k[j][i], found);
+        EQT_DENSE_USES(ADD)
+#undef ADD
+        state[i] = found;
     }
 }
 
@@ -255,8 +256,8 @@ static eqt_real eqt_crossing(eqt_lanes *lanes, eqt_mask crosses_at_end)
     for (look = 1; look <= LOOKS; look++) {
         eqt_real theta = eqt_constant((double)look / LOOKS);
         eqt_mask wrong;
-        eqt_at(lanes, theta, lanes->at);
-        eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[15]);
+        eqt_in_step(lanes, theta, lanes->at);
+        eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[1]);
         wrong = eqt_wrong_somewhere(lanes, lanes->width) & ~found;
         if (look == LOOKS)
             wrong |= crosses_at_end & ~found;
@@ -267,8 +268,8 @@ static eqt_real eqt_crossing(eqt_lanes *lanes, eqt_mask crosses_at_end)
     for (look = 0; look < HALVINGS; look++) {
         eqt_real theta = 0.5 * (before + behind);
         eqt_mask wrong;
-        eqt_at(lanes, theta, lanes->at);
-        eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[15]);
+        eqt_in_step(lanes, theta, lanes->at);
+        eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[1]);
         wrong = eqt_wrong_somewhere(lanes, eqt_constant(0.0));
         behind = eqt_select(found & wrong, theta, behind);
         before = eqt_select(found & ~wrong, theta, before);
@@ -358,7 +359,8 @@ static void eqt_store_samples(eqt_lanes *lanes, const int *accepted)
     int lane, i, prepared = 0;
     for (;;) {
         eqt_real theta = eqt_constant(0.0);
-        int due[EQT_LANES], any = 0;
+        int due[EQT_LANES], any = 0, inside = 0;
+        eqt_mask at_end;
         for (lane = 0; lane < EQT_LANES; lane++) {
             int64_t sample = lanes->sample[lane];
             double t = EQT_LANE(lanes->t, lane), h = EQT_LANE(lanes->h, lane);
@@ -366,16 +368,21 @@ static void eqt_store_samples(eqt_lanes *lanes, const int *accepted)
                         (lanes->last[lane] || span->grid[sample] <= t + h);
             if (due[lane]) {
                 any = 1;
-                EQT_LANE(theta, lane) = span->grid[sample] == span->stop ? 1.0
-                                                                         : (span->grid[sample] - t) / h;
+                EQT_LANE(theta, lane) =
+                    span->grid[sample] == span->stop ? 1.0 : (span->grid[sample] - t) / h;
+                inside |= EQT_LANE(theta, lane) < 1.0;
             }
         }
         if (!any)
             return;
-        if (!prepared)
+        if (inside && !prepared)
             eqt_prepare_dense(lanes);
-        prepared = 1;
-        eqt_at(lanes, theta, lanes->at);
+        prepared |= inside;
+        if (inside)
+            eqt_in_step(lanes, theta, lanes->at);
+        at_end = ~eqt_less(theta, eqt_constant(1.0));
+        for (i = 0; i < EQT_STATES; i++)
+            lanes->at[i] = eqt_select(at_end, lanes->next[i], lanes->at[i]);
         for (lane = 0; lane < EQT_LANES; lane++)
             if (due[lane]) {
                 double *row = span->samples + lanes->run[lane] * span->to_next_run
@@ -487,7 +494,8 @@ void eqt_advance(const eqt_span *span)
             lanes.rejected[lane] = 1;
             EQT_LANE(lanes.step, lane) =
                 h * (EQT_LANE(error, lane) < EQT_INFINITY ? EQT_LANE(factor, lane) : 0.1);
-            if (t + EQT_LANE(lanes.step, lane) == t)
+            if (t + EQT_LANE(lanes.step, lane) == t
+                || EQT_LANE(lanes.step, lane) < 1e-16 * (span->stop - span->start))
                 eqt_leave(&lanes, lane,
                           EQT_LANE(error, lane) < EQT_INFINITY ? EQT_STEP_TOO_SHORT : EQT_NOT_FINITE);
             else if (span->counts[run] >= span->most_steps)

@@ -32,6 +32,7 @@ class Lanes(Integrator):
     ) -> None:
         super().__init__(problem)
         self._law, self._function = law, library.integration(law.field)
+        self._instant: library.Evaluation | None = None
         self._settings = {"rtol": rtol, "atol": atol, "most_steps": most_steps}
         self._all_parameters = parameter_rows(problem)
 
@@ -48,8 +49,7 @@ class Lanes(Integrator):
 
     def at_instant(self, t: float, states: Array, errors: tuple[Array, Array] | None) -> Array:
         """By compiled code."""
-        runs, program = len(states), self._law.after_instant
-        assert program is not None
+        runs = len(states)
         given = [
             Rows(states, by_run=True),
             Rows(np.array([t])),
@@ -57,7 +57,11 @@ class Lanes(Integrator):
             Rows(self._held),
             *(Rows(part.reshape(runs, -1), by_run=True) for part in errors or ()),
         ]
-        after: Array = library.evaluate(program, runs, 1, given)["state"][:, 0]
+        if self._instant is None:
+            assert self._law.after_instant is not None
+            lengths = tuple(each.length for each in given)
+            self._instant = library.evaluation(self._law.after_instant, lengths)
+        after: Array = self._instant.at(runs, 1, given)["state"][:, 0]
         return after
 
     def advance(self, span: Span, states: Array) -> SpanResult:
@@ -103,7 +107,9 @@ class Lanes(Integrator):
         if end == library.NOT_FINITE:
             return Failure(t=t)
         if end == library.STEP_TOO_SHORT:
-            reason = "the step has become too short to go on; the motion is stiff or singular there"
+            reason = (
+                "no step is short enough; the state grows without bound, or the law is singular"
+            )
             return Failure(Status.SOLVER_FAILED, reason, t)
         reason = "the law switches back and forth without end; smooth it, as with tanh"
         return Failure(Status.SOLVER_FAILED, reason, t)

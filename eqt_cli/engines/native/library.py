@@ -90,29 +90,43 @@ class Rows:
         return int(self.values.shape[-1])
 
 
-def evaluate(
-    program: Program, runs: int, samples: int, given: Sequence[Rows], lanes: int = LANES
-) -> dict[str, Array]:
-    """The arrays of a program, ``(runs, samples, …)`` each, by name.
+@dataclass(frozen=True)
+class Evaluation:
+    """A compiled program that is evaluated for many runs at many samples.
 
-    Parameters
+    Attributes
     ----------
-    given
-        The inputs of the program, one stretch behind the other.
+    function
+        ``eqt_evaluate``.
+    shapes
+        The shape of each of its arrays, by name.
     """
-    function = _evaluation(program, tuple(rows.length for rows in given), lanes)
-    arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in given]
-    sources = (_Source * len(given))()
-    for place, (rows, array) in enumerate(zip(given, arrays, strict=True)):
-        along = rows.length if rows.by_sample else 0
-        per_run = (samples if rows.by_sample else 1) * rows.length if rows.by_run else 0
-        sources[place] = _Source(array.ctypes.data, per_run, along)
-    found = {each.name: np.empty((runs, samples, *each.shape)) for each in program.outputs}
-    places = (ctypes.c_void_p * len(found))(*(array.ctypes.data for array in found.values()))
-    function(ctypes.byref(_Evaluations(runs, samples, sources, places)))
-    return found
+
+    function: Any
+    shapes: dict[str, tuple[int, ...]]
+
+    def at(self, runs: int, samples: int, given: Sequence[Rows]) -> dict[str, Array]:
+        """The arrays of the program, ``(runs, samples, …)`` each, by name.
+
+        Parameters
+        ----------
+        given
+            The inputs of the program, one stretch behind the other.
+        """
+        arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in given]
+        sources = (_Source * len(given))()
+        for place, (rows, array) in enumerate(zip(given, arrays, strict=True)):
+            along = rows.length if rows.by_sample else 0
+            per_run = (samples if rows.by_sample else 1) * rows.length if rows.by_run else 0
+            sources[place] = _Source(array.ctypes.data, per_run, along)
+        found = {name: np.empty((runs, samples, *shape)) for name, shape in self.shapes.items()}
+        places = (ctypes.c_void_p * len(found))(*(array.ctypes.data for array in found.values()))
+        self.function(ctypes.byref(_Evaluations(runs, samples, sources, places)))
+        return found
 
 
 @lru_cache(maxsize=64)
-def _evaluation(program: Program, stretches: tuple[int, ...], lanes: int) -> Any:
-    return compiler.library(source.evaluation(program, stretches, lanes)).eqt_evaluate
+def evaluation(program: Program, stretches: tuple[int, ...], lanes: int = LANES) -> Evaluation:
+    """A program whose inputs are cut into stretches of these lengths."""
+    function = compiler.library(source.evaluation(program, stretches, lanes)).eqt_evaluate
+    return Evaluation(function, {each.name: each.shape for each in program.outputs})

@@ -24,19 +24,19 @@ class Grid(Listed):
                 problems.at(key, index).add(f"{already}; give each value once")
 
     def __len__(self) -> int:
-        return prod(len(values) for values in self.lists.values())
+        return prod(len(values) for values in self.axes.values())
 
     @cached_property
     def _steps(self) -> dict[str, int]:
         """How many points an axis keeps its value for."""
         steps, step = {}, 1
-        for key, values in reversed(self.lists.items()):
+        for key, values in reversed(self.axes.items()):
             steps[key] = step
             step *= len(values)
         return steps
 
     def index(self, point: int, key: str) -> int:
-        return point // self._steps[key] % len(self.lists[key])
+        return point // self._steps[key] % len(self.axes[key])
 
 
 def _repeated(values: list[Any]) -> int | None:

@@ -31,13 +31,6 @@ class Listed(Design):
         """The keys of the axes."""
         return tuple(self.axes)
 
-    @cached_property
-    def lists(self) -> dict[str, list[Any]]:
-        """The values of every axis."""
-        return {
-            k: axis.values if isinstance(axis, Spaced) else axis for k, axis in self.axes.items()
-        }
-
     def check(self, problems: Problems) -> None:
         """Note ranges that are none."""
         for key, axis in self.axes.items():
@@ -49,7 +42,7 @@ class Listed(Design):
         """Which value of an axis a point has."""
 
     def values(self, point: int) -> tuple[Any, ...]:
-        return tuple(values[self.index(point, key)] for key, values in self.lists.items())
+        return tuple(values[self.index(point, key)] for key, values in self.axes.items())
 
     def place(self, point: int, key: str) -> KeyPath:
         return (key,) if isinstance(self.axes[key], Spaced) else (key, self.index(point, key))

@@ -19,7 +19,7 @@ class Zip(Listed):
         if problems:
             return
         first = self.keys[0]
-        for key, values in self.lists.items():
+        for key, values in self.axes.items():
             if len(values) != len(self):
                 problems.at(key).add(
                     f"expected {len(self)} values, as many as {first} has, got {len(values)}"
@@ -27,7 +27,7 @@ class Zip(Listed):
                 return
 
     def __len__(self) -> int:
-        return len(self.lists[self.keys[0]])
+        return len(self.axes[self.keys[0]])
 
     def index(self, point: int, key: str) -> int:
         return point

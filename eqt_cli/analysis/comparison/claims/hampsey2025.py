@@ -18,7 +18,7 @@ class Hampsey2025(ClaimSet):
         Claim(
             "All four of these controls are stabilising",
             tuple(
-                AtMost(kind, "lyapunov_rise", NEVER_RISES, "L never rises in a run")
+                AtMost(kind, "lyapunov_rise", NEVER_RISES, "L does not rise between samples")
                 for kind in ("eqt", "gt", "nog", "asym")
             ),
         ),

@@ -1,0 +1,71 @@
+"""eqt's compiled engines: the same laws, as heyoka and as a C compiler make them."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from benchmarks.cases import Case, Motion
+from benchmarks.contenders.base import Contender, Solve
+from eqt_cli.engines import Engine, Problem, Solution
+from eqt_cli.engines.native import STEP_SHARE, Native
+from eqt_cli.engines.taylor import Taylor
+
+
+@dataclass(frozen=True)
+class Compiled(Contender):
+    """An engine on all cores.
+
+    Attributes
+    ----------
+    engine
+        The one with a tolerance of a step.
+    """
+
+    engine: Callable[[float], Engine]
+
+    def missing(self) -> str | None:
+        """What the engine needs."""
+        return self.engine(self.headline).unavailable()
+
+    def prepare(self, case: Case, tolerance: float) -> Solve:
+        """Compile for the first controller; the others are the same code, so all go together."""
+        engine = self.engine(tolerance)
+        engine.solve(case.problems[0].select(slice(0, 1)), lambda runs: None)
+        workers = os.cpu_count() or 1
+        together = Problem.joined(case.problems)
+        runs = case.problems[0].runs
+
+        def solve() -> list[Solution]:
+            found = engine.solve(together, lambda runs: None, workers)
+            parts = [slice(start, start + runs) for start in range(0, together.runs, runs)]
+            return [
+                Solution(found.states[p], found.status[p], found.steps[p], found.messages[p])
+                for p in parts
+            ]
+
+        return solve
+
+    def motion(self, case: Case, solution: list[Solution]) -> Motion:
+        """That of all runs."""
+        return case.motion(solution)
+
+
+def taylor(code: Literal["full", "compact"]) -> Callable[[float], Engine]:
+    """heyoka's Taylor method with one kind of generated code."""
+    return lambda tolerance: Taylor(tol=tolerance, code=code)
+
+
+def native(tolerance: float) -> Engine:
+    """DOP853 in C."""
+    return Native(rtol=tolerance / STEP_SHARE, atol=tolerance / STEP_SHARE)
+
+
+TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
+CONTENDERS = [
+    Compiled("eqt taylor, full code", TOLERANCES, 1e-10, taylor("full")),
+    Compiled("eqt taylor, compact code", TOLERANCES, 1e-10, taylor("compact")),
+    Compiled("eqt native", (1e-6, 1e-8, 1e-10, 5e-13, 1e-14), 5e-13, native),
+]

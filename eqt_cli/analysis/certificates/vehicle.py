@@ -1,0 +1,326 @@
+"""The vehicle does what the configuration says: each part is compared with a second writing of it.
+
+The second writing has its own numbers, drawn again from the configuration, and its own formulas. A
+part of a plugin has none, and is named in the remark.
+"""
+
+from abc import abstractmethod
+from collections.abc import Iterator, Mapping
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
+from eqt_cli.analysis.certificates.flight import ROUNDING
+from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.analysis.evidence.plain_algebra import ad_matrix, applied, exponential
+from eqt_cli.analysis.evidence.runs import Runs
+from eqt_cli.analysis.evidence.second_vehicle import SecondVehicle, second_vehicles
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.mechanics.tracking import Tracking
+
+SAMPLES = 20
+"""Samples of a run at which its rates are looked at: a wrong formula shows at any one of them."""
+
+COMMANDS = 40
+"""Random commands for every run, of sizes between `SIZES`."""
+
+SIZES = -3.0, 3.0
+"""Powers of ten: far below and far above what actuators let through."""
+
+OFF_GROUP = 10.0
+"""Q⁻¹ by a formula of the group and by elimination differ by a few drifts of the pose."""
+
+Difference = tuple[float, float, str]
+"""How far two sides differ, by how much rounding lets them, and where that is."""
+
+
+class VehicleCheck(TrajectoryCheck):
+    """A statement about what is between the law's command and the motion."""
+
+    def applies(self, runs: Runs) -> bool:
+        """To runs of a loop that has what this is about."""
+        return runs.flight is not None and self.is_about(runs.flight.problem.loop)
+
+    def is_about(self, loop: ClosedLoop) -> bool:
+        """Whether the loop has what this is about."""
+        return True
+
+    def check(self, runs: Runs) -> Row:
+        """The difference that is largest over its bound, and where it is."""
+        flight, label = runs.flight, runs.label
+        if flight is None or not len(flight.states):
+            return self.row(Verdict.UNDECIDED, remark=runs.remark, controller=label)
+        missing = "; ".join(dict.fromkeys(self.without_second_form(second_vehicles(flight)[0])))
+        with np.errstate(all="ignore"):  # a norm of 0, whose quotient is not chosen
+            found = [] if missing else list(self.differences(flight))
+        if not found:
+            return self.row(Verdict.UNDECIDED, remark=missing or runs.remark, controller=label)
+        measured, bound, place = max(found, key=_excess)
+        remark = place if measured > bound else ""
+        return self.compared(float(measured), float(bound), remark or runs.remark, label)
+
+    def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
+        """What of it cannot be compared, in words."""
+        yield from ()
+
+    @abstractmethod
+    def differences(self, flight: Flight) -> Iterator[Difference]:
+        """All of them."""
+
+
+class ForcesAgain(VehicleCheck):
+    """Every force at the states of the runs: the slope of a potential, or term by term."""
+
+    name: ClassVar[str] = "forces are those of the configuration"
+    statement: ClassVar[str] = "second form of each force"
+    section: ClassVar[float] = 9.01
+
+    def is_about(self, loop: ClosedLoop) -> bool:
+        """Where forces act."""
+        return bool(loop.vehicle.forces)
+
+    def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
+        """The forces of plugins."""
+        yield from _unknown_forces(again)
+
+    def differences(self, flight: Flight) -> Iterator[Difference]:
+        """Force by force, and run by run."""
+        few = _few(flight)
+        loop, times = few.loop, few.problem.times
+        s = loop.tracking(times, few.states)
+        for k, force in enumerate(loop.vehicle.forces):
+            given = loop.vehicle.numbers_of(f"plant.forces[{k}]")
+            found = force.in_body(s.G, times, s.Q, s.V, given) + 0 * s.V
+            for again in second_vehicles(few):
+                place, acting = list(again.forces())[k]
+                assert acting is not None
+                expected = acting(times, s.Q[again.index], s.V[again.index])
+                yield _difference(found[again.index], expected, place, off_group=_drift(s))
+
+
+class PlantMoves(VehicleCheck):
+    """d(𝕀V)/dt − ad*_V 𝕀V = τ + Σ f at the states of the runs, with the 𝕀 of the plant.
+
+    V̇ is that of the differential equation that was integrated; τ follows from the command.
+    """
+
+    name: ClassVar[str] = "plant moves by its forces"
+    statement: ClassVar[str] = "d(𝕀V)/dt − ad*_V 𝕀V = τ + forces"
+    section: ClassVar[float] = 9.02
+
+    def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
+        """The forces and actuators of plugins."""
+        yield from _unknown_forces(again)
+        yield from _unknown_actuators(again)
+
+    def differences(self, flight: Flight) -> Iterator[Difference]:
+        """Run by run."""
+        few = _few(flight)
+        loop, times = few.loop, few.problem.times
+        s = loop.tracking(times, few.states)
+        P_dot = loop.layout.split(loop.vector_field(times, few.states))["momentum"]
+        V_dot = s.inertia.velocity(P_dot - s.inertia.rate_force(s.V))
+        command = loop.controller.torque(s) + 0 * s.V
+        ad = ad_matrix(s.G, s.V)
+        for again in second_vehicles(few):
+            k = again.index
+            matrix, rate = again.inertia(times)
+            momentum = applied(matrix, s.V[k])
+            inertial = applied(matrix, V_dot[k]) + applied(rate, s.V[k])
+            left = inertial - applied(transpose(ad[k]), momentum)
+            states = {name: values[k] for name, values in s.vehicle.items()}
+            right, _ = again.torque(command[k], states)
+            for _, acting in again.forces():
+                assert acting is not None
+                right = right + acting(times, s.Q[k], s.V[k])
+            # What an inverse loses, in units of what it is multiplied with.
+            loss = float(np.linalg.cond(matrix).max())
+            size = float(np.abs(inertial).max() + np.abs(right).max())
+            yield _difference(left, right, "", 1 + loss * size, _drift(s))
+
+
+class ActuatorsAgain(VehicleCheck):
+    """What becomes of commands of all sizes: what comes out, the states, and where limits are."""
+
+    name: ClassVar[str] = "actuators are those of the configuration"
+    statement: ClassVar[str] = "second form of each actuator"
+    section: ClassVar[float] = 9.03
+
+    def is_about(self, loop: ClosedLoop) -> bool:
+        """Where there are actuators, or commands wait."""
+        return bool(loop.vehicle.actuators) or loop.vehicle.control is not None
+
+    def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
+        """The actuators of plugins."""
+        yield from _unknown_actuators(again)
+
+    def differences(self, flight: Flight) -> Iterator[Difference]:
+        """Of what they give, of what moves, of the states after an instant, and of the limits."""
+        loop, random = flight.loop, np.random.default_rng(flight.seed)
+        G, vehicle, runs = loop.group, loop.vehicle, len(flight.states)
+        lengths = vehicle.states(G)
+        seconds = second_vehicles(flight)
+        if lengths != seconds[0].lengths:
+            yield np.inf, ROUNDING, f"states {lengths} instead of {seconds[0].lengths}"
+            return
+        size = 10 ** random.uniform(*SIZES, (runs, COMMANDS, 1))
+
+        def drawn(length: int) -> Array:
+            found: Array = size * random.standard_normal((runs, COMMANDS, length))
+            return found
+
+        command = drawn(G.dimension)
+        states = {name: drawn(length) for name, length in lengths.items()}
+        torque, rates = vehicle.passed(G, command, states)
+        limited = vehicle.at_limit(G, command, states)
+        alone = {}
+        for index, part in enumerate(vehicle.actuators):
+            x = states.get(f"actuators_{index}", command[..., :0])
+            here = part.at_limit(G, command, x, vehicle.numbers_of(f"actuators[{index}]"))
+            if here is not None:
+                alone[index] = here
+        later = {} if vehicle.control is None else vehicle.after_instant(G, command, states)
+        period = 1.0 if vehicle.control is None else min(1.0, vehicle.control.period)
+        for again in seconds:
+            k = again.index
+            own = {name: values[k] for name, values in states.items()}
+            scale = float(size.max()) / period
+            expected, moving = again.torque(command[k], own)
+            yield _difference(torque[k], expected, "torque", scale)
+            for name, rate in moving.items():
+                rate_scale = scale + float(np.abs(rate).max())
+                yield _difference(rates[name][k], rate, f"rate of {name}", rate_scale)
+            if later:
+                for name, values in again.after_instant(command[k], own).items():
+                    yield _difference(later[name][k], values, name, scale)
+            wrong = limited[k] != again.at_limit(command[k], own)
+            yield float(wrong.mean()), ROUNDING, "at a limit"
+            for index, here in alone.items():
+                passed, _ = again.chain(command[k], own, range(index, index + 1))
+                wrong = here[k] != again.at_limit_of(index, command[k], passed)
+                yield float(wrong.mean()), ROUNDING, f"at the limit of actuators[{index}]"
+
+
+class CommandArrives(VehicleCheck):
+    """What acts in a period is what the law asked for `delay` periods earlier; before that, 0.
+
+    So it is in the stored states, wherever they hold both periods.
+    """
+
+    name: ClassVar[str] = "command arrives after its delay"
+    statement: ClassVar[str] = "zero-order hold, delay in periods"
+    section: ClassVar[float] = 9.11
+
+    def is_about(self, loop: ClosedLoop) -> bool:
+        """Where the law is sampled."""
+        return loop.vehicle.control is not None
+
+    def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
+        """The actuators of plugins."""
+        yield from _unknown_actuators(again)
+
+    def differences(self, flight: Flight) -> Iterator[Difference]:
+        """Period by period."""
+        loop, times = flight.loop, flight.problem.times
+        control, m = flight.problem.loop.vehicle.control, loop.group.dimension
+        assert control is not None
+        s = loop.tracking(times, flight.states)
+        asked = loop.command(s)
+        # The last sample is the state before its instant.
+        seconds = second_vehicles(flight)
+        samples = dict(zip(flight.periods[:-1].tolist(), range(len(times) - 1), strict=True))
+        for period, sample in samples.items():
+            source = samples.get(period - control.delay)
+            if source is None and period >= control.delay:
+                continue
+            first = asked[:, 0] * 0 if source is None else asked[:, source]
+            queue = s.vehicle["commands"][:, sample]
+            yield _difference(queue[..., :m], first, f"at t = {times[sample]:g} s")
+            yield from self._held(seconds, s.vehicle, first, sample)
+
+    def _held(
+        self,
+        seconds: list[SecondVehicle],
+        states: Mapping[str, Array],
+        arrived: Array,
+        sample: int,
+    ) -> Iterator[Difference]:
+        """What the actuators at instants have made of it, where these have no states."""
+        for again in seconds:
+            parts = range(again.at_instants)
+            if not parts or any(f"actuators_{k}" in states for k in parts):
+                return
+            held, _ = again.chain(arrived[again.index], {}, parts)
+            found = states["held"][again.index, sample]
+            yield _difference(found, held, f"held at t = {again.time(sample):g} s")
+
+
+class TruthAndErrors(VehicleCheck):
+    """What the law is told differs from the truth by the errors that the configuration asks for."""
+
+    name: ClassVar[str] = "measurements err as configured"
+    statement: ClassVar[str] = "second form of each sensor"
+    section: ClassVar[float] = 9.31
+
+    def is_about(self, loop: ClosedLoop) -> bool:
+        """Where measurements err."""
+        return loop.vehicle.measures
+
+    def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
+        """The sensors of plugins."""
+        if again.told() is None:
+            yield "a sensor has no second form"
+
+    def differences(self, flight: Flight) -> Iterator[Difference]:
+        """Run by run."""
+        errors, G = flight.problem.errors, flight.loop.group
+        if errors is None:
+            yield np.inf, ROUNDING, "the law is told the truth"
+            return
+        for again in second_vehicles(flight):
+            told = again.told()
+            assert told is not None
+            n, b = told
+            yield _difference(errors[0][again.index], exponential(G, n), "sensors.pose")
+            yield _difference(errors[1][again.index], b, "sensors.velocity")
+
+
+def _unknown_forces(again: SecondVehicle) -> Iterator[str]:
+    forces = again.vehicle.forces
+    for force, (_, acting) in zip(forces, again.forces(), strict=True):
+        if acting is None:
+            yield f"{force.name} has no second form"
+
+
+def _unknown_actuators(again: SecondVehicle) -> Iterator[str]:
+    for actuator, acts in zip(again.vehicle.actuators, again.actuators, strict=True):
+        if acts is None:
+            yield f"{actuator.name} has no second form"
+
+
+def _few(flight: Flight) -> Flight:
+    """The same runs at a few of their samples, the last of which is before its instant."""
+    return flight.at_samples(
+        np.unique(np.linspace(0, len(flight.problem.times) - 2, SAMPLES, dtype=int))
+    )
+
+
+def _drift(s: Tracking) -> float:
+    """How far the poses are from the group, where a formula of the group may be off by as much."""
+    return OFF_GROUP * float(s.G.drift(s.Q).max())
+
+
+def _difference(
+    found: Array, expected: Array, place: str, scale: float = 1.0, off_group: float = 0.0
+) -> Difference:
+    """The largest; relative to the largest entry, or 1."""
+    largest = max(1.0, scale, float(np.abs(expected).max(initial=0.0)))
+    measured = float(np.abs(found - expected).max(initial=0.0))
+    return measured, (ROUNDING + off_group) * largest, place
+
+
+def _excess(found: Difference) -> float:
+    measured, bound, _ = found
+    return measured / bound if np.isfinite(measured) else np.inf

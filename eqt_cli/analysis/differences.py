@@ -1,0 +1,253 @@
+"""What differs between two results: configuration, provenance and numbers, bit by bit.
+
+It must not know what the numbers mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from itertools import chain
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.config import yaml_source
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.problems import KeyPath, dotted
+from eqt_cli.results.origin import KnownResult
+
+MOST = 2**22
+"""Entries of a dataset that are read at once."""
+
+_APART = ("config", "provenance", "digest")
+"""Attributes that are compared by their keys, or follow from others."""
+
+
+class Absent(Enum):
+    """The value of a key that only the other result has."""
+
+    ABSENT = "not there"
+
+
+@dataclass(frozen=True)
+class Change:
+    """A key with another value in each result; `Absent.ABSENT` where there is none."""
+
+    key: str
+    first: Any
+    second: Any
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A dataset that is not the same in both results.
+
+    Attributes
+    ----------
+    name
+        Of the variable or coordinate; in a sweep whose points differ in shape, after its point.
+    shapes, types
+        In both results; None where it is not there. Numbers are compared where shapes are equal.
+    different
+        How many entries do not have the same bits.
+    nan_bits
+        How many of them are NaN in both results.
+    largest
+        The largest difference of two entries; inf where one is finite and the other is not. None
+        for text, and where shapes differ.
+    relative
+        The largest difference over the larger entry.
+    place
+        The position of the largest difference, or of the first one for text.
+    """
+
+    name: str
+    shapes: tuple[tuple[int, ...] | None, tuple[int, ...] | None]
+    types: tuple[str | None, str | None]
+    different: int = 0
+    nan_bits: int = 0
+    largest: float | None = None
+    relative: float | None = None
+    place: tuple[int, ...] | None = None
+
+
+@dataclass(frozen=True)
+class Differences:
+    """What differs between two results.
+
+    Attributes
+    ----------
+    configuration, attributes, provenance
+        Keys of the configuration, what else the files say of themselves, and versions, machine,
+        time and command.
+    datasets
+        Those that differ.
+    compared
+        How many datasets were compared.
+    """
+
+    configuration: list[Change]
+    attributes: list[Change]
+    provenance: list[Change]
+    datasets: list[Dataset]
+    compared: int
+
+    @property
+    def equal(self) -> bool:
+        """Whether the results are equal, whatever made them."""
+        return not (self.configuration or self.attributes or self.datasets)
+
+
+def differences(first: KnownResult, second: KnownResult) -> Differences:
+    """Compare two open results, all of their datasets entry by entry."""
+    both = first, second
+    arrays = [_datasets(each) for each in both]
+    names = list(dict.fromkeys(chain(*arrays)))
+    found = [_compared(name, arrays[0].get(name), arrays[1].get(name)) for name in names]
+    return Differences(
+        _changes(*(_configuration(each) for each in both)),
+        _changes(*({k: each.attributes[k] for k in _others(each)} for each in both)),
+        _changes(*(dict(_leaves(each.provenance)) for each in both)),
+        [each for each in found if each is not None],
+        len(names),
+    )
+
+
+# Keys ---------------------------------------------------------------------------------------------
+
+
+def _configuration(result: KnownResult) -> dict[str, Any]:
+    return dict(_leaves(yaml_source.load(str(result.attributes["config"]), "config").data))
+
+
+def _others(result: KnownResult) -> list[str]:
+    return [name for name in result.attributes if name not in _APART]
+
+
+def _leaves(data: Any, path: KeyPath = ()) -> Iterator[tuple[str, Any]]:
+    """The values of nested mappings and lists, by their keys as users write them."""
+    inner: Any = None
+    if isinstance(data, dict):
+        inner = data.items()
+    elif isinstance(data, list):
+        inner = enumerate(data)
+    if not inner or not data:
+        yield dotted(path), data
+        return
+    for key, value in inner:
+        yield from _leaves(value, (*path, key))
+
+
+def _changes(first: Mapping[str, Any], second: Mapping[str, Any]) -> list[Change]:
+    keys = dict.fromkeys(chain(first, second))
+    pairs = [(key, first.get(key, Absent.ABSENT), second.get(key, Absent.ABSENT)) for key in keys]
+    return [Change(*pair) for pair in pairs if repr(pair[1]) != repr(pair[2])]
+
+
+# Datasets -----------------------------------------------------------------------------------------
+
+Place = tuple[KnownResult, str]
+"""A dataset of a result, or of a point of one."""
+
+
+def _datasets(result: KnownResult) -> dict[str, Place]:
+    found = {name: (result, name) for name in (*result.coordinates, *result.names)}
+    for point in range(result.dimensions["point"]) if result.has_groups else ():
+        view = result.at(point)
+        for name in (*view.coordinates, *view.names):
+            found[f"point {point}: {name}"] = (view, name)
+    return found
+
+
+def _compared(name: str, first: Place | None, second: Place | None) -> Dataset | None:
+    """How a dataset differs; None where it does not."""
+    shapes, types = (_shape(first), _shape(second)), (_type(first), _type(second))
+    if first is None or second is None or shapes[0] is None or shapes[0] != shapes[1]:
+        return Dataset(name, shapes, types)
+    tally = _Tally()
+    for block in _blocks(shapes[0]):
+        tally.add(_read(first, block), _read(second, block), [each.start for each in block])
+    if not tally.different and types[0] == types[1]:
+        return None
+    return Dataset(name, shapes, types, **vars(tally))
+
+
+def _shape(place: Place | None) -> tuple[int, ...] | None:
+    if place is None:
+        return None
+    result, name = place
+    return tuple(result.dimensions[dim] for dim in result.dims(name))
+
+
+def _type(place: Place | None) -> str | None:
+    if place is None:
+        return None
+    result, name = place
+    none = result.read(name, **dict.fromkeys(result.dims(name), slice(0)))
+    return "text" if none.dtype == object else str(none.dtype)
+
+
+def _read(place: Place, block: tuple[slice, ...]) -> Array:
+    result, name = place
+    return np.asarray(result.read(name, **dict(zip(result.dims(name), block, strict=False))))
+
+
+def _blocks(shape: tuple[int, ...]) -> Iterator[tuple[slice, ...]]:
+    """Parts of an array that fit the memory, as slices of its first axes."""
+    if prod(shape) <= MOST:
+        yield ()
+        return
+    inner = prod(shape[1:])
+    step = max(1, MOST // inner)
+    for start in range(0, shape[0], step):
+        part = slice(start, start + step)
+        for rest in _blocks(shape[1:]) if inner > MOST else [()]:
+            yield part, *rest
+
+
+class _Tally:
+    """Counts differences over the parts of two arrays."""
+
+    def __init__(self) -> None:
+        self.different = self.nan_bits = 0
+        self.largest: float | None = None
+        self.relative: float | None = None
+        self.place: tuple[int, ...] | None = None
+
+    def add(self, first: Array, second: Array, start: list[int]) -> None:
+        """Take in a part that begins at `start` along the first axes."""
+        text = first.dtype == object or second.dtype == object
+        floats = first.dtype.kind == second.dtype.kind == "f"
+        differ = _bits(first) != _bits(second) if floats else first != second
+        where = np.flatnonzero(differ)
+        if not where.size:
+            return
+        self.different += where.size
+        worst = 0
+        if not text:
+            a, b = (np.ravel(each)[where].astype(float) for each in (first, second))
+            both_nan = np.isnan(a) & np.isnan(b)
+            self.nan_bits += int(both_nan.sum())
+            with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
+                gap = np.where(both_nan, 0.0, np.abs(a - b))
+                gap[np.isnan(gap)] = np.inf
+                ratio = np.where(gap > 0, gap / np.maximum(np.abs(a), np.abs(b)), 0.0)
+            ratio[np.isinf(gap)] = np.inf
+            worst = int(gap.argmax())
+            self.relative = max(self.relative or 0.0, float(ratio.max()))
+            if self.largest is not None and gap[worst] <= self.largest:
+                return
+            self.largest = float(gap[worst])
+        elif self.place is not None:
+            return
+        place = np.unravel_index(where[worst], first.shape)
+        offset = [*start, *[0] * (first.ndim - len(start))]
+        self.place = tuple(int(k) + begin for k, begin in zip(place, offset, strict=True))
+
+
+def _bits(array: Array) -> Array:
+    """The bits of numbers, so that NaN and zeros of either sign can be told apart."""
+    return np.asarray(array, dtype=float, order="C").view(np.uint64)

@@ -1,0 +1,219 @@
+"""The vehicle of every run written a second time, from what the configuration says of its parts."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.analysis.evidence import second_actuators, second_forces, second_sensors
+from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.analysis.evidence.numbers import floats, rate_of, with_rate
+from eqt_cli.analysis.evidence.redrawn import number, tensor
+from eqt_cli.analysis.evidence.running_error import lifted
+from eqt_cli.analysis.evidence.second_actuators import STATES, Acts
+from eqt_cli.core.arrays import Array
+from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.mechanics.inertia import InertiaLaw
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.inertia import RelativeInertia, TrueInertia, VaryingInertia
+
+
+@dataclass(frozen=True)
+class SecondVehicle:
+    """The vehicle of one run.
+
+    Attributes
+    ----------
+    flight
+        The runs.
+    index
+        Which of them it is, from 0.
+    """
+
+    flight: Flight
+    index: int
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The parts as they are configured."""
+        return self.flight.problem.loop.vehicle
+
+    @property
+    def m(self) -> int:
+        """The number of coordinates."""
+        return self.flight.problem.loop.group.dimension
+
+    def time(self, sample: int) -> float:
+        """Of a sample, s."""
+        return float(self.flight.problem.times[sample])
+
+    def random(self, place: str) -> np.random.Generator:
+        """What the part at a place draws its numbers from."""
+        run = int(self.flight.numbers[self.index])
+        return generator_at(self.flight.seed, Stream.VEHICLE, run, place)
+
+    def forces(self) -> Iterator[tuple[str, second_forces.Acting | None]]:
+        """Every force in the body frame, by place; None where it has no second form."""
+        G = self.flight.problem.loop.group
+        for k, force in enumerate(self.vehicle.forces):
+            place = f"plant.forces[{k}]"
+            yield place, second_forces.second_force(G, force, self.random(place))
+
+    def inertia(self, times: Array) -> tuple[Array, Array]:
+        """The tensor of the plant and its rate, ``(samples, m, m)`` each."""
+        model, true = self.flight.problem.loop.inertia, self.vehicle.inertia
+        if true is None:
+            return _moving(model, times)
+        random = self.random("plant.inertia")
+        if isinstance(true, VaryingInertia):
+            return _moving(true.law, times)
+        if isinstance(true, RelativeInertia):
+            factor = 1 + _until(lambda r: 1 + r > 0, true.relative, random)
+            matrix, rate = _moving(model, times)
+            return factor * matrix, factor * rate
+        return _constant(true, self.m, random, len(times))
+
+    @cached_property
+    def actuators(self) -> list[Acts | None]:
+        """In the order in which a command passes them; None where one has no second form."""
+        return [
+            second_actuators.second_actuator(part, self.m, self.random(f"actuators[{k}]"))
+            for k, part in enumerate(self.vehicle.actuators)
+        ]
+
+    @property
+    def at_instants(self) -> int:
+        """How many actuators act at control instants: those in front of the first lag."""
+        if self.vehicle.control is None:
+            return 0
+        names = [part.name for part in self.vehicle.actuators]
+        return names.index("lag") if "lag" in names else len(names)
+
+    @property
+    def is_known(self) -> bool:
+        """Whether all its actuators have second forms."""
+        return None not in self.actuators
+
+    @property
+    def lengths(self) -> dict[str, int]:
+        """How many entries every state of it has."""
+        found = {}
+        if self.vehicle.control is not None:
+            found["commands"] = (self.vehicle.control.delay + 1) * self.m
+            if self.at_instants:
+                found["held"] = self.m
+        for k, part in enumerate(self.vehicle.actuators):
+            if part.name in STATES:
+                found[f"actuators_{k}"] = STATES[part.name] * self.m
+        return found
+
+    def chain(
+        self, command: Array, states: dict[str, Array], parts: range, period: float | None = None
+    ) -> tuple[Array, dict[str, Array]]:
+        """What some actuators make of a command, and their states after it or their rates."""
+        found = {}
+        for k in parts:
+            acts, place = self.actuators[k], f"actuators_{k}"
+            assert acts is not None
+            x = states.get(place, command[..., :0])
+            later, command = acts(command, x, period)
+            if place in states:
+                found[place] = later
+        return command, found
+
+    def torque(self, command: Array, states: dict[str, Array]) -> tuple[Array, dict[str, Array]]:
+        """What comes out at any time, and the rates of what moves."""
+        first = self.at_instants
+        if self.vehicle.control is not None:
+            command = states["held"] if first else states["commands"][..., : self.m]
+        return self.chain(command, states, range(first, len(self.actuators)))
+
+    def after_instant(self, asked: Array, states: dict[str, Array]) -> dict[str, Array]:
+        """The states after an instant: the commands move up, and the first of them is held."""
+        control = self.vehicle.control
+        assert control is not None
+        waiting = np.concatenate([states["commands"], asked], axis=-1)[..., self.m :]
+        found = {**states, "commands": waiting}
+        if not self.at_instants:
+            return found
+        arrived = waiting[..., : self.m]
+        parts = range(self.at_instants)
+        held, moved = self.chain(arrived, states, parts, control.period)
+        return found | moved | {"held": held}
+
+    def at_limit(self, command: Array, states: dict[str, Array]) -> Array:
+        """Where a limit lets less through than it is given."""
+        if self.vehicle.control is not None:
+            command = states["commands"][..., : self.m]
+        found = np.zeros(command.shape[:-1], dtype=bool)
+        for k in range(len(self.actuators)):
+            given = command
+            command, _ = self.chain(given, states, range(k, k + 1))
+            found |= self.at_limit_of(k, given, command)
+        return found
+
+    def at_limit_of(self, k: int, given: Array, passed: Array) -> Array:
+        """Where an actuator that has a limit lets less through than it is given."""
+        short = np.abs(given - passed) > _SHORT * (1 + np.abs(given))
+        here: Array = short.any(axis=-1) & self.vehicle.actuators[k].limits
+        return here
+
+    def told(self) -> tuple[Array, Array] | None:
+        """n and b of every instant; None where a sensor has no second form."""
+        control, instants = self.vehicle.control, self.flight.problem.control_instants
+        assert control is not None
+        found = []
+        for name, sensors in (
+            ("sensors.pose", self.vehicle.pose_sensors),
+            ("sensors.velocity", self.vehicle.velocity_sensors),
+        ):
+            total = np.zeros((instants, self.m))
+            for k, sensor in enumerate(sensors):
+                errors = second_sensors.second_errors(
+                    sensor, self.m, instants, control.period, self.random(f"{name}[{k}]")
+                )
+                if errors is None:
+                    return None
+                total = total + errors
+            found.append(total)
+        return found[0], found[1]
+
+
+_SHORT = 1e-11
+"""Relative: less than that is rounding."""
+
+
+def second_vehicles(flight: Flight) -> list[SecondVehicle]:
+    """That of every run."""
+    return [SecondVehicle(flight, index) for index in range(len(flight.states))]
+
+
+def _moving(law: InertiaLaw, times: Array) -> tuple[Array, Array]:
+    """A tensor that is a function of time, and its exact derivative."""
+    matrix = law.at(with_rate(lifted(times), 1.0)).matrix
+    shape = len(times), *matrix.shape[-2:]
+    return np.broadcast_to(floats(matrix), shape), np.broadcast_to(floats(rate_of(matrix)), shape)
+
+
+def _constant(
+    true: TrueInertia, m: int, random: np.random.Generator, samples: int
+) -> tuple[Array, Array]:
+    """A tensor that is given, drawn until it is definite."""
+    given: Any = true
+    matrix = _until(_is_definite, given.matrix, random, lambda value: tensor(value, m))
+    return np.broadcast_to(matrix, (samples, m, m)), np.zeros((samples, m, m))
+
+
+def _is_definite(matrix: Array) -> bool:
+    return bool(np.linalg.eigvalsh(matrix).min() > 0)
+
+
+def _until(
+    fits: Any, value: Any, random: np.random.Generator, of: Any = lambda drawn: drawn
+) -> Any:
+    """What is drawn first that fits."""
+    while not fits(found := of(number(value, random))):
+        pass
+    return found

@@ -1,0 +1,527 @@
+"""Faults planted in the files of the vehicle: the rows of `eqt verify` that tell each of them.
+
+Every fault is a wrong sign, factor, frame, order or number, as a slip of the pen makes them.
+"""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from eqt_cli.analysis.certificates import Verdict
+from eqt_cli.analysis.verification import verify_experiment
+from eqt_cli.config.source import read_config
+from eqt_cli.core.arrays import absolute, apply_matrix, clip, cross, norm, stack, where
+from eqt_cli.experiment.build import build
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.actuators.deadband import Deadband
+from eqt_cli.vehicle.actuators.lag import Lag
+from eqt_cli.vehicle.actuators.limit import Limit
+from eqt_cli.vehicle.actuators.momentum_limit import MomentumLimit
+from eqt_cli.vehicle.actuators.quantisation import Quantisation
+from eqt_cli.vehicle.actuators.rate_limit import RateLimit
+from eqt_cli.vehicle.component import VehiclePart
+from eqt_cli.vehicle.forces.base import Force
+from eqt_cli.vehicle.forces.drag import Drag
+from eqt_cli.vehicle.forces.gravity_gradient import GravityGradient
+from eqt_cli.vehicle.forces.gust import SINES, Gust
+from eqt_cli.vehicle.forces.restoring import Restoring
+from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia, VaryingInertia
+from eqt_cli.vehicle.numbers import Normal, Uniform
+from eqt_cli.vehicle.sensors.bias import Bias
+from eqt_cli.vehicle.sensors.noise import Noise
+
+RUNNING = """group: SE3
+gains: {kp: [2, 2, 2, 3], kd: [1, 1, 1, 3, 3, 3]}
+reference: {torque: ["0.2*cos(t)", "0.1", 0, "0.1", "sin(t)", 0]}
+controllers: [eqt]
+initial: {pose: {kind: exp_normal, std: 0.5}, velocity: {kind: normal, std: 1.0}}
+ensemble: {runs: 3, seed: 4}
+time: {duration: 0.5, samples: 11}
+solver: {engine: solve_ivp, rtol: 1.0e-8}
+"""
+CONSTANT = "inertia: [1.0, 2.0, 2.5, 3.0, 4.0, 5.0]\n"
+ROWS = [[f"{2 + i} + t/{3 + i}" if i == j else 0 for j in range(6)] for i in range(6)]
+MOVING = f"inertia: {{matrix: {ROWS}}}\n"
+VARYING = f"plant: {{inertia: {{matrix: {ROWS}}}}}\n".replace("2 +", "3 +")
+
+FORCES = """plant:
+  inertia: {relative: {uniform: [-0.1, 0.1]}}
+  forces:
+    - {kind: constant, force: [0.02, 0, {normal: [0, 0.3]}, 0.1, 0, 0]}
+    - {kind: constant, force: [0.02, 0.1, 0, 0.1, 0, 0], frame: spatial}
+    - {kind: drag, linear: [0.1, 0.2, 0.3, 1, 2, 3], quadratic: [0.1, 0.2, 0.3, 1, 2, 3]}
+    - {kind: drag, linear: [0.1, 0.2, 0.3, 1, 2, 3], frame: spatial}
+    - {kind: gust, std: 0.1, time_constant: 2.0}
+    - kind: restoring
+      weight: 10
+      buoyancy: {uniform: [9, 11]}
+      centre_of_mass: [0.1, 0, -0.2]
+      centre_of_buoyancy: [0, 0.1, 0.3]
+      up: [0, 0.1, 2]
+    - {kind: gravity_gradient, rate: 0.3, inertia: [1, 2, 2.5]}
+"""
+ACTUATORS = """control: {period: 0.1, delay: 2}
+actuators:
+  - {kind: quantisation, resolution: 0.05}
+  - {kind: deadband, width: 0.07}
+  - {kind: momentum_limit, momentum: 5}
+  - {kind: rate_limit, rate: 20.0}
+  - {kind: limit, limit: [2, 2, 2, 8, 8, 8], norm: true}
+  - {kind: limit, limit: 5}
+  - {kind: lag, time_constant: {uniform: [0.1, 0.2]}}
+"""
+SENSORS = """control: {period: 0.05}
+sensors:
+  pose: [{kind: noise, std: 0.01}, {kind: bias, value: {normal: [0, 0.01]}, walk: 0.01}]
+  velocity: [{kind: noise, density: 0.01}, {kind: bias, value: 0.02}]
+"""
+
+EXPERIMENTS = {
+    "forces": RUNNING + CONSTANT + FORCES,
+    "actuators": RUNNING + CONSTANT + ACTUATORS,
+    "sensors": RUNNING + CONSTANT + SENSORS,
+    "true tensor": RUNNING + CONSTANT + "plant: {inertia: [2, 2, 2, 3, 4, {uniform: [5, 6]}]}\n",
+    "tensor in time": RUNNING + CONSTANT + VARYING,
+    "share of a tensor in time": RUNNING + MOVING + "plant: {inertia: {relative: 0.3}}\n",
+}
+
+
+# Where a fault is planted -------------------------------------------------------------------------
+
+
+def in_method(owner, name, fault):
+    """A fault in a method: `fault(original, self, *arguments)` takes its place."""
+
+    def plant(monkeypatch):
+        original = getattr(owner, name)
+        monkeypatch.setattr(owner, name, lambda self, *rest: fault(original, self, *rest))
+
+    return plant
+
+
+def in_numbers(owner, **changes):
+    """Numbers of a part that are others, by option: ``owner.numbers`` with a change of each."""
+
+    def numbers(exact, part, G, random):
+        found = exact(part, G, random)
+        return found | {name: change(found[name]) for name, change in changes.items()}
+
+    return in_method(owner, "numbers", numbers)
+
+
+def in_output(owner, fault):
+    """What an actuator makes of a command, of the command and its numbers."""
+    return in_method(owner, "output", lambda exact, part, G, u, x, given: fault(u, given))
+
+
+def dropping_rates(exact, vehicle, s, torque):
+    """𝕀̇ V of the plant left out."""
+    true = vehicle.inertia.at(s.inertia, s.t, vehicle.numbers_of("plant.inertia"))
+    V_dot = true.velocity(s.G.ad_star(s.V, true.momentum(s.V)) + torque)
+    return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - s.G.ad_star(s.V, s.P)
+
+
+def momentum_of_the_model(exact, vehicle, s, torque):
+    true = vehicle.inertia.at(s.inertia, s.t, vehicle.numbers_of("plant.inertia"))
+    V_dot = true.velocity(s.G.ad_star(s.V, s.P) + torque)
+    return s.inertia.momentum(V_dot) - s.G.ad_star(s.V, s.P)
+
+
+def forces_with_the_other_sign(exact, vehicle, s, torque):
+    for k, force in enumerate(vehicle.forces):
+        given = vehicle.numbers_of(f"plant.forces[{k}]")
+        torque = torque - 2 * force.in_body(s.G, s.t, s.Q, s.V, given)
+    return exact(vehicle, s, torque)
+
+
+def held_at_once(exact, vehicle, G, asked, states):
+    """The command does not wait."""
+    now = np.concatenate([asked] * (vehicle.control.delay + 1), axis=-1)
+    return exact(vehicle, G, asked, states) | {
+        "held": exact(vehicle, G, asked, {**states, "commands": now})["held"]
+    }
+
+
+def one_period_late(exact, vehicle, G):
+    found = exact(vehicle, G)
+    return found | {"commands": found["commands"] + G.dimension} if "commands" in found else found
+
+
+def backwards(exact, vehicle, start=0):
+    found = list(exact(vehicle, start))
+    return iter(found[::-1])
+
+
+def errors_with_the_other_sign(exact, vehicle, *rest):
+    pose, velocity = exact(vehicle, *rest)
+    return pose, -velocity
+
+
+def as_a_body_force(exact, force, G, t, Q, V, given):
+    return force.acting(G, t, Q, V, given)
+
+
+def of_the_inverse_pose(exact, force, G, t, Q, V, given):
+    if force.frame == "body":
+        return exact(force, G, t, Q, V, given)
+    return G.Ad_star(G.inverse(Q), force.acting(G, t, Q, G.Ad(Q, V), given) + 0 * V)
+
+
+def of_the_body_velocity(exact, force, G, t, Q, V, given):
+    if force.frame == "body":
+        return exact(force, G, t, Q, V, given)
+    return G.Ad_star(Q, force.acting(G, t, Q, V, given) + 0 * V)
+
+
+def quadratic_without_sign(exact, force, G, t, Q, V, given):
+    return -apply_matrix(given["linear"], V) - apply_matrix(given["quadratic"], V * V)
+
+
+def linear_in_the_square(exact, force, G, t, Q, V, given):
+    return -apply_matrix(given["linear"] + given["quadratic"], V)
+
+
+def buoyancy_turns_the_other_way(exact, force, G, t, Q, V, given):
+    up = (G.rotation(Q) * given["up"][..., :, None]).sum(axis=-2)
+    turn = cross(given["centre_of_buoyancy"], given["buoyancy"] * up)
+    zero = 0 * turn[..., 0]
+    return exact(force, G, t, Q, V, given) - 2 * stack(
+        [*(turn[..., k] for k in range(3)), zero, zero, zero]
+    )
+
+
+def up_in_the_body(exact, force, G, t, Q, V, given):
+    return exact(force, G, t, np.swapaxes(Q, -1, -2), V, given)
+
+
+def orbit_the_other_way(exact, force, G, t, Q, V, given):
+    return exact(force, G, -t, Q, V, given)
+
+
+def third_of_it(exact, force, G, t, Q, V, given):
+    return exact(force, G, t, Q, V, given) / 3
+
+
+def exchanged(u, given):
+    return clip(u, given["limit"], -given["limit"])
+
+
+def norm_along_each_axis(exact, part, G, u, x, given):
+    limit = given["limit"]
+    if not part.norm:
+        return exact(part, G, u, x, given)
+    return u / where(norm(u)[..., None] > limit, norm(u)[..., None] / limit, 1.0)
+
+
+def without_the_period(exact, part, G, u, x, given, period):
+    return exact(part, G, u, x, given, 1.0)
+
+
+def no_lower_end(exact, part, G, u, x, given, period):
+    h = x[..., G.dimension :]
+    torque = np.minimum(u, (given["momentum"] - h) / period)
+    return np.concatenate([torque, h + period * torque], axis=-1)
+
+
+def from_0(exact, part, G, u, x, given, period):
+    return exact(part, G, u, 0 * x, given, period)
+
+
+def rounded_down(u, given):
+    return given["resolution"] * np.floor(u / given["resolution"])
+
+
+def half_of_what_is_small(u, given):
+    return where(absolute(u) < given["width"], 0.5 * u, u)
+
+
+def less_by_the_width(u, given):
+    return u - clip(u, -given["width"], given["width"])
+
+
+def twice_as_slow(exact, part, G, u, x, given):
+    return exact(part, G, u, x, given) / 2
+
+
+def in_the_spread(exact, sensor, G, period):
+    return (
+        np.asarray(sensor.density or 0.0) * np.sqrt(period)
+        if sensor.std is None
+        else exact(sensor, G, period)
+    )
+
+
+PLANTS = {
+    # vehicle.py
+    "plant: rate of its inertia dropped": (
+        "tensor in time",
+        in_method(Vehicle, "acting", dropping_rates),
+    ),
+    "plant: momentum of the believed inertia": (
+        "true tensor",
+        in_method(Vehicle, "acting", momentum_of_the_model),
+    ),
+    "plant: sign of the forces": (
+        "forces",
+        in_method(Vehicle, "acting", forces_with_the_other_sign),
+    ),
+    "actuators: in the reverse order": ("actuators", in_method(Vehicle, "_chain", backwards)),
+    "delay: none": ("actuators", in_method(Vehicle, "after_instant", held_at_once)),
+    "delay: one period too long": ("actuators", in_method(Vehicle, "states", one_period_late)),
+    "measured velocity: sign of its errors": (
+        "sensors",
+        in_method(Vehicle, "measurement_errors", errors_with_the_other_sign),
+    ),
+    # inertia.py
+    "relative inertia: inverse unscaled": (
+        "forces",
+        in_method(
+            RelativeInertia,
+            "at",
+            lambda exact, part, model, t, given: dataclasses.replace(
+                exact(part, model, t, given), inverse=model.inverse
+            ),
+        ),
+    ),
+    "relative inertia: rate unscaled": (
+        "share of a tensor in time",
+        in_method(
+            RelativeInertia,
+            "at",
+            lambda exact, part, model, t, given: dataclasses.replace(
+                exact(part, model, t, given), change=model.change
+            ),
+        ),
+    ),
+    "relative inertia: 1 − r": ("forces", in_numbers(RelativeInertia, factor=lambda f: 2 - f)),
+    "true tensor: inverse of the diagonal's mean": (
+        "true tensor",
+        in_numbers(ConstantInertia, inverse=lambda A: np.eye(6) * np.trace(A) / 6),
+    ),
+    "true tensor in time: that of t = 0": (
+        "tensor in time",
+        in_method(
+            VaryingInertia,
+            "at",
+            lambda exact, part, model, t, given: exact(part, model, 0 * t, given),
+        ),
+    ),
+    # numbers.py, component.py
+    "uniform: its middle": (
+        "forces",
+        in_method(Uniform, "draw", lambda exact, drawn, random: drawn.mean + 0 * random.random()),
+    ),
+    "normal: variance for deviation": (
+        "forces",
+        in_method(
+            Normal,
+            "draw",
+            lambda exact, drawn, random: random.normal(drawn.normal[0], drawn.normal[1] ** 2),
+        ),
+    ),
+    "options: the first entry for all": (
+        "forces",
+        in_method(
+            VehiclePart,
+            "numbers",
+            lambda exact, part, G, random: {
+                name: 0 * value + value[:1] if name in part.vectors else value
+                for name, value in exact(part, G, random).items()
+            },
+        ),
+    ),
+    # actuators/
+    "deadband: half passes": ("actuators", in_output(Deadband, half_of_what_is_small)),
+    "deadband: less by the width": ("actuators", in_output(Deadband, less_by_the_width)),
+    "lag: twice the time constant": (
+        "actuators",
+        in_numbers(Lag, time_constant=lambda T: 2 * T),
+    ),
+    "lag: half the rate": ("actuators", in_method(Lag, "state_rate", twice_as_slow)),
+    "limit: low and high exchanged": ("actuators", in_output(Limit, exchanged)),
+    "limit: norm not in proportion": (
+        "actuators",
+        in_method(Limit, "output", norm_along_each_axis),
+    ),
+    "limit: at the limit where it is not": (
+        "actuators",
+        in_method(
+            Limit,
+            "at_limit",
+            lambda exact, part, G, u, x, given: ~exact(part, G, u, x, given),
+        ),
+    ),
+    "limit: most of another limit": (
+        "actuators",
+        in_method(
+            Limit,
+            "most",
+            lambda exact, part, G, torque, given: exact(part, G, torque, {"limit": torque}),
+        ),
+    ),
+    "momentum limit: without the period": (
+        "actuators",
+        in_method(MomentumLimit, "step", without_the_period),
+    ),
+    "momentum limit: no lower end": ("actuators", in_method(MomentumLimit, "step", no_lower_end)),
+    "quantisation: rounded down": ("actuators", in_output(Quantisation, rounded_down)),
+    "quantisation: half the step": (
+        "actuators",
+        in_numbers(Quantisation, resolution=lambda step: step / 2),
+    ),
+    "rate limit: without the period": (
+        "actuators",
+        in_method(RateLimit, "step", without_the_period),
+    ),
+    "rate limit: from 0": ("actuators", in_method(RateLimit, "step", from_0)),
+    # forces/
+    "frame: spatial as body": ("forces", in_method(Force, "in_body", as_a_body_force)),
+    "frame: of the inverse pose": ("forces", in_method(Force, "in_body", of_the_inverse_pose)),
+    "frame: velocity of the body": ("forces", in_method(Force, "in_body", of_the_body_velocity)),
+    "drag: square without its sign": ("forces", in_method(Drag, "acting", quadratic_without_sign)),
+    "drag: linear for quadratic": ("forces", in_method(Drag, "acting", linear_in_the_square)),
+    "restoring: sign of buoyancy's torque": (
+        "forces",
+        in_method(Restoring, "acting", buoyancy_turns_the_other_way),
+    ),
+    "restoring: pose transposed": ("forces", in_method(Restoring, "acting", up_in_the_body)),
+    "gravity gradient: factor 3": ("forces", in_method(GravityGradient, "acting", third_of_it)),
+    "gravity gradient: orbit the other way": (
+        "forces",
+        in_method(GravityGradient, "acting", orbit_the_other_way),
+    ),
+    "gust: half the variance": (
+        "forces",
+        in_numbers(Gust, amplitude=lambda a: a / np.sqrt(2)),
+    ),
+    "gust: time constant for frequency": (
+        "forces",
+        in_numbers(Gust, frequency=lambda w: 4 * w),
+    ),
+    "gust: one sine too few": (
+        "forces",
+        in_numbers(Gust, amplitude=lambda a: a * np.sqrt(SINES / (SINES - 1))),
+    ),
+    "departures: none": (
+        "forces",
+        lambda monkeypatch: monkeypatch.setattr(Vehicle, "departures", ""),
+    ),
+    # sensors/
+    "noise: none": (
+        "sensors",
+        in_method(Noise, "errors", lambda exact, part, *rest: 0 * exact(part, *rest)),
+    ),
+    "noise: doubled": (
+        "sensors",
+        in_method(Noise, "white_deviation", lambda exact, part, *rest: 2 * exact(part, *rest)),
+    ),
+    "noise: density times √period": (
+        "sensors",
+        in_method(Noise, "white_deviation", in_the_spread),
+    ),
+    "bias: dropped": (
+        "sensors",
+        in_method(
+            Bias,
+            "errors",
+            lambda exact, part, *rest: exact(dataclasses.replace(part, value=0.0), *rest),
+        ),
+    ),
+    "bias: walk grows with the time": (
+        "sensors",
+        in_method(
+            Bias,
+            "errors",
+            lambda exact, part, G, n, period, random: exact(part, G, n, period**2, random),
+        ),
+    ),
+}
+
+
+FORCE, PLANT = "forces are those of the configuration", "plant moves by its forces"
+ACTUATOR, ARRIVES = "actuators are those of the configuration", "command arrives after its delay"
+CLOSED_FORM = "actuator follows its closed form"
+TOLD, COVARIANCE = "measurements err as configured", "noise has its covariance"
+
+EXPECTED = {
+    **{fault: {FORCE, PLANT} for fault, (where, _) in PLANTS.items() if where == "forces"},
+    **{fault: {ACTUATOR} for fault, (where, _) in PLANTS.items() if where == "actuators"},
+    **{fault: {TOLD} for fault, (where, _) in PLANTS.items() if where == "sensors"},
+    **{fault: {PLANT} for fault in PLANTS if fault.split(":")[0] == "plant"},
+    **{fault: {PLANT} for fault in PLANTS if "relative" in fault or "true tensor" in fault},
+    "delay: one period too long": {ACTUATOR, ARRIVES},
+    "lag: half the rate": {ACTUATOR, CLOSED_FORM},
+    "limit: most of another limit": set(),  # of a hypothesis, which cannot fail
+    "departures: none": set(),  # words
+    "noise: none": {TOLD, COVARIANCE},
+    "noise: doubled": {TOLD, COVARIANCE},
+    "noise: density times √period": {TOLD, COVARIANCE},
+}
+
+SYMPTOMS = {"tracks", "energy balance", "error system by itself"}
+"""What a run shows of a fault depends on where it starts; the cause does not."""
+
+FAST = (
+    "plant: rate of its inertia dropped",
+    "relative inertia: rate unscaled",
+    "delay: one period too long",
+    "deadband: half passes",
+    "limit: low and high exchanged",
+    "restoring: sign of buoyancy's torque",
+    "frame: spatial as body",
+    "noise: none",
+    "bias: dropped",
+)
+"""One of every file, more or less; `make test-all` plants all of them."""
+
+
+def red_rows(experiment, tmp_path):
+    """The rows that fail."""
+    path = tmp_path / "c.yaml"
+    path.write_text(EXPERIMENTS[experiment], encoding="utf-8")
+    found = verify_experiment(build(read_config(path)))
+    return {row.name for row in found.rows if row.verdict is Verdict.FAILS}
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+def test_without_a_fault_nothing_is_red(experiment, tmp_path):
+    assert red_rows(experiment, tmp_path) == set()
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        pytest.param(fault, marks=[pytest.mark.slow("one of many faults")] * (fault not in FAST))
+        for fault in PLANTS
+    ],
+)
+def test_a_fault_turns_the_rows_red_that_are_about_it(fault, monkeypatch, tmp_path):
+    experiment, plant = PLANTS[fault]
+    plant(monkeypatch)
+    assert red_rows(experiment, tmp_path) - SYMPTOMS == EXPECTED[fault]
+
+
+# The table of all of them -------------------------------------------------------------------------
+
+PAGE = Path(__file__).parents[2] / "docs" / "explanation" / "planted_faults.md"
+
+
+def table():
+    """All planted faults, with the rows that they turn red, as it stands on the page."""
+    lines = ["| fault | rows of `eqt verify` that turn red |", "|---|---|"]
+    for fault in PLANTS:
+        lines.append(f"| {fault} | {'; '.join(sorted(EXPECTED[fault])) or 'none'} |")
+    return "\n".join(lines)
+
+
+def test_the_page_has_the_table_of_all_faults():
+    """To mend it, put there what `table()` gives."""
+    assert table() in PAGE.read_text(encoding="utf-8")
+
+
+def test_the_page_says_how_many_are_told():
+    told = sum(bool(rows) for rows in EXPECTED.values())
+    said = f"`eqt verify` tells {told} of these {len(PLANTS)} faults."
+    assert said in PAGE.read_text(encoding="utf-8")

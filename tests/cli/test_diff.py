@@ -1,0 +1,214 @@
+"""`eqt diff`: what differs between two results."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+import eqt_cli
+from eqt_cli.analysis import differences
+
+
+@pytest.fixture(autouse=True)
+def first(prepare: Any, folder: Path) -> str:
+    prepare(("run", "c.yaml", "--out", "first"))
+    return "first"
+
+
+@pytest.fixture
+def second(first: str) -> Any:
+    """A copy of the first result, with entries of a dataset changed."""
+
+    def changed(name: str, place: tuple[int, ...], value: Any, of: str = "second") -> None:
+        if not Path(of).exists():
+            shutil.copytree(first, of)
+        with h5py.File(Path(of, "results.h5"), "r+") as file:
+            file[name][place] = value
+
+    return changed
+
+
+def test_a_result_and_itself(eqt: Any) -> None:
+    done = eqt("diff", "first", "first/results.h5")
+    assert (done.code, done.err) == (0, "")
+    assert done.out == "equal: 33 datasets, configuration and provenance\n"
+
+
+def test_a_result_that_was_run_again(eqt: Any) -> None:
+    eqt("run", "first/results.h5", "--out", "second", "--quiet")
+    done = eqt("diff", "first", "second")
+    assert (done.code, done.err) == (0, "")
+    lines = done.out.splitlines()
+    assert lines[0].split() == ["provenance", "first", "second"]
+    assert lines[2].split()[:3] == ["command", "eqt", "run"]
+    assert lines[-1] == "equal: provenance differs, the 33 datasets do not"
+
+
+def test_another_configuration(eqt: Any) -> None:
+    eqt("run", "c.yaml", "--set", "gains.kp=2", "--out", "second", "--quiet")
+    done = eqt("diff", "first", "second")
+    assert (done.code, done.err) == (4, "")
+    lines = [line.split() for line in done.out.splitlines()]
+    assert lines[0] == ["configuration", "first", "second"]
+    assert lines[2] == ["gains.kp", "1.0", "2.0"]
+    assert done.out.splitlines()[-1] == ("different: 1 key of the configuration, 18 of 33 datasets")
+    with eqt_cli.open_results("first", "arrays") as one:
+        a = one["pose_error"]
+    with eqt_cli.open_results("second", "arrays") as other:
+        b = other["pose_error"]
+    gap = np.abs(a - b)
+    place = list(map(int, np.unravel_index(gap.argmax(), gap.shape)))
+    row = next(line for line in done.out.splitlines() if line.startswith("pose_error "))
+    relative = np.max(gap[gap > 0] / np.maximum(a, b)[gap > 0])
+    assert row.split()[:5] == [
+        *("pose_error", "2×3×11", str(np.count_nonzero(gap))),
+        *(f"{gap.max():.3g}", f"{relative:.3g}"),
+    ]
+    assert row.endswith(f"  {place}")
+
+
+def test_a_single_entry(eqt: Any, second: Any) -> None:
+    second("effort", (1, 2), 1e6)
+    second("effort", (1, 2), 1e6 + 0.5, of="third")
+    done = eqt("diff", "second", "third")
+    assert done.code == 4
+    assert [line.split() for line in done.out.splitlines()[2:]] == [
+        ["effort", "2×3", "1", "0.5", "5e-07", "[1,", "2]"],
+        [],
+        ["different:", "1", "of", "33", "datasets"],
+    ]
+
+
+def test_entries_that_are_not_finite(eqt: Any, second: Any) -> None:
+    second("effort", (0, 0), np.inf)
+    second("effort", (0, 1), np.nan)
+    (found,) = eqt_cli.diff("first", "second").datasets
+    assert (found.different, found.nan_bits) == (2, 0)
+    assert (found.largest, found.relative, found.place) == (np.inf, np.inf, (0, 0))
+
+
+def test_bits_of_nan(eqt: Any, second: Any) -> None:
+    for of, bits in (("second", 0x7FF8000000000000), ("third", 0xFFF8000000000000)):
+        second("effort", (1, 0), np.uint64(bits).view(float), of)
+    done = eqt("diff", "second", "third")
+    assert done.code == 4
+    row, _, verdict = done.out.splitlines()[2:]
+    assert row.split() == "effort 2×3 1 bits of NaN - [1, 0]".split()
+    assert verdict == "different: 1 of 33 datasets (only the bits of NaN)"
+
+
+def test_the_sign_of_zero(second: Any) -> None:
+    second("effort", (1, 0), 0.0)
+    second("effort", (1, 0), -0.0, of="third")
+    (found,) = eqt_cli.diff("second", "third").datasets
+    assert (found.different, found.largest, found.relative) == (1, 0.0, 0.0)
+
+
+def test_other_shapes_and_laws(eqt: Any) -> None:
+    more = ["--set", "time.samples=21", "--set", "controllers=[eqt, nog]"]
+    eqt("run", "c.yaml", *more, "--out", "second", "--quiet")
+    done = eqt("diff", "first", "second")
+    assert done.code == 4
+    rows = {line.split()[0]: line.split()[1:] for line in done.out.splitlines() if line}
+    assert rows["controllers[1].kind"] == ["gt", "nog"]
+    assert rows["controller"] == ["2", "1", "-", "-", "[1]"]
+    assert rows["pose"] == ["2×3×11×3×3,", "2×3×21×3×3", "-", "-", "-", "-"]
+    assert done.out.splitlines()[-1] == (
+        "different: 3 keys of the configuration, 1 attribute of the files, 22 of 33 datasets"
+    )
+
+
+def test_datasets_that_one_result_lacks(eqt: Any) -> None:
+    eqt("run", "c.yaml", "--set", "store.trajectories=none", "--out", "second", "--quiet")
+    rows = {
+        line.split()[0]: line.split()[1:]
+        for line in eqt("diff", "first", "second").out.splitlines()
+        if line
+    }
+    assert rows["pose"] == ["only", "in", "the", "first", "-", "-", "-", "-"]
+    back = eqt("diff", "second", "first").out
+    assert "only in the second" in back
+
+
+def test_points_of_several_shapes(eqt: Any, second: Any) -> None:
+    words = ["--grid", "time.samples=3,6", "--set", "controllers=[eqt]", "--set", "ensemble.runs=1"]
+    eqt("sweep", "c.yaml", *words, "--out", "one", "--quiet")
+    shutil.copytree("one", "two")
+    assert eqt_cli.diff("one", "two").equal
+    second("point_1/pose", (0, 0, 2, 1, 1), 0.5, of="two")
+    (found,) = eqt_cli.diff("one", "two").datasets
+    assert (found.name, found.place) == ("point 1: pose", (0, 0, 2, 1, 1))
+
+
+def test_large_datasets_are_read_in_parts(eqt: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    eqt("run", "c.yaml", "--set", "gains.kp=2", "--out", "second", "--quiet")
+    whole = eqt_cli.diff("first", "second")
+    monkeypatch.setattr(differences, "MOST", 7)
+    assert eqt_cli.diff("first", "second") == whole
+
+
+def test_one_document(eqt: Any, second: Any) -> None:
+    second("effort", (1, 2), 1e6)
+    second("effort", (1, 2), 1e6 + 0.5, of="third")
+    done = eqt("diff", "second", "third", "--json")
+    assert (done.code, done.err) == (4, "")
+    assert json.loads(done.out) == {
+        "first": "second",
+        "second": "third",
+        "equal": False,
+        "configuration": [],
+        "attributes": [],
+        "provenance": [],
+        "compared": 33,
+        "datasets": [
+            {
+                "name": "effort",
+                "shapes": [[2, 3], [2, 3]],
+                "types": ["float64", "float64"],
+                "different": 1,
+                "nan_bits": 0,
+                "largest": 0.5,
+                "relative": 0.5 / (1e6 + 0.5),
+                "place": [1, 2],
+                "only_nan_bits": False,
+            }
+        ],
+    }
+
+
+def test_a_key_that_one_result_lacks(eqt: Any) -> None:
+    turned = "reference.pose={rotvec: [0, 0, 0.5]}"
+    eqt("run", "c.yaml", "--set", turned, "--out", "second", "--quiet")
+    done = eqt("diff", "first", "second", "--json")
+    changes = json.loads(done.out)["configuration"]
+    assert changes[0] == {"key": "reference.pose", "first": "identity"}
+    assert changes[-1] == {"key": "reference.pose.rotvec[2]", "second": 0.5}
+
+
+def test_quiet_leaves_the_exit_code(eqt: Any, second: Any) -> None:
+    second("effort", (1, 2), 1e6)
+    done = eqt("diff", "first", "second", "--quiet")
+    assert (done.code, done.out, done.err) == (4, "", "")
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ("nowhere", "nowhere: not found; give a result folder or its results.h5"),
+        (
+            "c.yaml",
+            "c.yaml is a configuration, not a result; run it with `eqt run c.yaml`, then give the "
+            "result folder, such as results/c",
+        ),
+    ],
+)
+def test_what_is_no_result(eqt: Any, given: str, message: str) -> None:
+    for words in (("first", given), (given, "first")):
+        done = eqt("diff", *words)
+        assert (done.code, done.out, done.err) == (2, "", f"eqt: {message}\n")
