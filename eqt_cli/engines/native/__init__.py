@@ -93,7 +93,8 @@ class Native(Engine):
     def provenance(self) -> dict[str, str]:
         """The compiler, where there is one: shards are packed without."""
         with suppress(EqtError):
-            return {"compiler": compiler.compiler().described, "lanes": str(library.LANES)}
+            found = compiler.compiler()
+            return {"compiler": found.described, "lanes": str(found.lanes)}
         return {}
 
     def integrator(self, problem: Problem) -> Lanes:
@@ -120,7 +121,7 @@ class Native(Engine):
         if len(problem.spans) > 1:
             return [runs]
         fitting = BLOCK_BYTES // (8 * len(problem.times) * problem.loop.state_length)
-        size = library.LANES * max(1, fitting // library.LANES)
+        size = max(1, fitting)
         return [runs[start : start + size] for start in range(0, problem.runs, size)]
 
     def evaluate(

@@ -17,9 +17,6 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.engines.native import compiler, source
 from eqt_cli.program import Program
 
-LANES = 8
-"""Runs side by side: a compiler splits them where the processor's vectors are shorter."""
-
 THROUGH, STEP_LIMIT, NOT_FINITE, STEP_TOO_SHORT, SWITCHING = range(5)
 """How a run ends, as in advance.h."""
 
@@ -54,8 +51,9 @@ class _Evaluations(ctypes.Structure):
 
 
 @lru_cache(maxsize=32)
-def integration(field: Program, lanes: int = LANES) -> Any:
-    """``eqt_advance`` of a field."""
+def integration(field: Program, lanes: int | None = None) -> Any:
+    """``eqt_advance`` of a field, for the lanes of this machine by default."""
+    lanes = lanes or compiler.compiler().lanes
     return compiler.library(source.integration(field, lanes)).eqt_advance
 
 
@@ -126,7 +124,10 @@ class Evaluation:
 
 
 @lru_cache(maxsize=64)
-def evaluation(program: Program, stretches: tuple[int, ...], lanes: int = LANES) -> Evaluation:
+def evaluation(
+    program: Program, stretches: tuple[int, ...], lanes: int | None = None
+) -> Evaluation:
     """A program whose inputs are cut into stretches of these lengths."""
+    lanes = lanes or compiler.compiler().lanes
     function = compiler.library(source.evaluation(program, stretches, lanes)).eqt_evaluate
     return Evaluation(function, {each.name: each.shape for each in program.outputs})
