@@ -48,7 +48,7 @@ GROUP_RUNS = 256
 
 @dataclass(frozen=True)
 class Native(Engine):
-    """DOP853 in C, compiled on this machine: the same bits on every machine.
+    """DOP853 in C, compiled on this machine, in operations that IEEE 754 fixes to the bit.
 
     Attributes
     ----------
