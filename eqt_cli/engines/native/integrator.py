@@ -107,9 +107,7 @@ class Lanes(Integrator):
         if end == library.NOT_FINITE:
             return Failure(t=t)
         if end == library.STEP_TOO_SHORT:
-            reason = (
-                "no step is short enough; the state grows without bound, or the law is singular"
-            )
+            reason = "no step is short enough: the state has no bound, or the law is singular"
             return Failure(Status.SOLVER_FAILED, reason, t)
         reason = "the law switches back and forth without end; smooth it, as with tanh"
         return Failure(Status.SOLVER_FAILED, reason, t)
