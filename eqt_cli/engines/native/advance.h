@@ -156,20 +156,21 @@ static void eqt_settle_sides(eqt_lanes *lanes, eqt_mask where, const eqt_mask *k
     }
 }
 
+/* The slope of a stage, by the names y, k, h and i of the function around it. */
+#define EQT_STAGE(number, where, increment)                                                        \
+    for (i = 0; i < EQT_STATES; i++) {                                                             \
+        eqt_real sum = eqt_constant(0.0);                                                          \
+        increment lanes->at[i] = eqt_fma(h, sum, y[i]);                                            \
+    }                                                                                              \
+    eqt_derivative(lanes, lanes->t + where * h, lanes->at, k[number]);
+
 /* The stages that the polynomial of the step in hand needs besides. */
 static void eqt_prepare_dense(eqt_lanes *lanes)
 {
     eqt_real(*k)[EQT_STATES] = lanes->k, *y = lanes->y, h = lanes->h;
     int i;
 #define ADD(a, j) sum = eqt_fma(eqt_constant(a), k[j][i], sum);
-#define STAGE(number, where, increment)                                                            \
-    for (i = 0; i < EQT_STATES; i++) {                                                             \
-        eqt_real sum = eqt_constant(0.0);                                                          \
-        increment lanes->at[i] = eqt_fma(h, sum, y[i]);                                            \
-    }                                                                                              \
-    eqt_derivative(lanes, lanes->t + where * h, lanes->at, k[number]);
-    EQT_DENSE_STAGES(STAGE)
-#undef STAGE
+    EQT_DENSE_STAGES(EQT_STAGE)
 #undef ADD
 }
 
@@ -217,11 +218,7 @@ static eqt_real eqt_try_step(eqt_lanes *lanes, eqt_mask *suspected)
     int i;
 #define ADD(a, j) sum = eqt_fma(eqt_constant(a), k[j][i], sum);
 #define STAGE(number, where, increment)                                                            \
-    for (i = 0; i < EQT_STATES; i++) {                                                             \
-        eqt_real sum = eqt_constant(0.0);                                                          \
-        increment lanes->at[i] = eqt_fma(h, sum, y[i]);                                            \
-    }                                                                                              \
-    eqt_derivative(lanes, lanes->t + where * h, lanes->at, k[number]);                             \
+    EQT_STAGE(number, where, increment)                                                            \
     if (EQT_COMPARISONS)                                                                           \
         wrong |= eqt_wrong_somewhere(lanes, lanes->width);
     EQT_STAGES(STAGE)
@@ -246,7 +243,7 @@ static eqt_real eqt_try_step(eqt_lanes *lanes, eqt_mask *suspected)
 }
 
 /* How much of the step leads up to the first crossing of a comparison; more than 1: there is none.
-   The dense output is ready. */
+   The dense output is ready; it does not need stage 1, whose place takes slopes of no use. */
 static eqt_real eqt_crossing(eqt_lanes *lanes, eqt_mask crosses_at_end)
 {
     enum { LOOKS = 16, HALVINGS = 48 };
