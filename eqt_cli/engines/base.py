@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, final
+from typing import Any, ClassVar, final
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.component import Component
+from eqt_cli.core.over_time import OverTime, Samples
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines.integrator import Integrator
 from eqt_cli.engines.problem import Problem, Progress, Solution, Span
@@ -24,6 +25,31 @@ SampledFunction = Callable[..., dict[str, Array]]
 
 It is written in operations that laws may use; equal functions give the same arrays.
 """
+
+Reduction = Callable[[OverTime, Mapping[str, Any]], Mapping[str, Any]]
+"""Numbers of a run by name, from its samples and the arrays of a `SampledFunction`.
+
+Equal ones give the same numbers.
+"""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A solution, and what has been measured of it.
+
+    Attributes
+    ----------
+    solution
+        Its states may be left out where they are not asked for.
+    numbers : (runs,) each
+        By name.
+    arrays : (runs, samples, …) each
+        Those that are asked for, by name.
+    """
+
+    solution: Solution
+    numbers: dict[str, Array]
+    arrays: dict[str, Array]
 
 
 @dataclass(frozen=True)
@@ -89,7 +115,7 @@ class Engine(Component):
         Parameters
         ----------
         rows : (runs, samples, n) each
-            Flat states, and whatever else the function takes.
+            Flat states, and whatever else the function takes; (samples, n) where all runs share it.
 
         Returns
         -------
@@ -97,6 +123,31 @@ class Engine(Component):
             ``(runs, samples, …)`` each, by name.
         """
         return function(problem.batched_loop(extra_axes=1), problem.times, *rows)
+
+    def measured(
+        self,
+        function: SampledFunction,
+        reduction: Reduction,
+        problem: Problem,
+        rows: Sequence[Array],
+        kept: Sequence[str] | None,
+        progress: Progress,
+        workers: int = 1,
+    ) -> Measured:
+        """The solution, with numbers of each run that follow from arrays at every sample.
+
+        Parameters
+        ----------
+        rows : (runs, samples, n) or (samples, n) each
+            What the function takes behind the states.
+        kept
+            The arrays that are returned; None for all of them, and the states.
+        """
+        solution = self.solve(problem, progress, workers)
+        with np.errstate(all="ignore"):  # runs that failed are NaN, or large
+            found = self.evaluate(function, problem, solution.states, *rows)
+            numbers = dict(reduction(Samples(problem.times), found))
+        return Measured(solution, numbers, found)
 
     def work_for_stability(self, rates: Array, duration: float) -> float:
         """What it takes of `counted` so that no decaying error grows; 0 where it has no such limit.

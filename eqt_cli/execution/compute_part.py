@@ -1,7 +1,9 @@
 """Computes one part: integrates its runs, measures them, and hands over a table."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from eqt_cli.closed_loop import ClosedLoop, ReferenceSystem, StateLayout
 from eqt_cli.closed_loop.signals import at_state, knows_energy
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
+from eqt_cli.core.over_time import OverTime, Samples
 from eqt_cli.engines import Solution, Status
 from eqt_cli.execution.batches import Batch, batches, initial_states, reference_batches
 from eqt_cli.execution.cross_check import chosen_entries, largest, squares
@@ -19,7 +22,9 @@ from eqt_cli.execution.result_layout import Layout
 from eqt_cli.execution.steps import scaled
 from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
+from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import distance_to_unstable
+from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.results.quantity_table import DESIRED, MEASURED, with_keys_of
 from eqt_cli.store.reader import ResultFile
@@ -40,6 +45,7 @@ redone when the parts are packed."""
 
 POSE_ERROR, DRIFT = "pose error", "drift from the group"
 RESIDUAL, ERROR = "residual of the reference, squared", "error, squared"
+MOTION = "pose and velocity"
 """What metrics are made of at every sample and no signal, which has a name without spaces."""
 
 Desired = Mapping[str, Array]
@@ -106,7 +112,8 @@ def compute_part(study: Study, part: Part, shared: Desired | None, context: Task
                 where = np.searchsorted(gathered.points, block.points)
                 reference = {name: values[where] for name, values in own.items()}
             assert reference is not None
-            gathered.add(block, *_solved(block, reference, gathered.names(block), context))
+            names, whole = gathered.names(block), gathered.wants_states(block)
+            gathered.add(block, *_solved(block, reference, names, whole, context))
     return gathered.table()
 
 
@@ -171,6 +178,10 @@ class PartArrays:
         kept = {Per.RUN} if (self._kept[batch.rows] < 0).all() else {Per.RUN, Per.TRAJECTORY}
         return tuple(entry.name for entry in self.quantities if entry.per in kept)
 
+    def wants_states(self, batch: Batch) -> bool:
+        """Whether more is kept of some of these runs than numbers."""
+        return bool((np.maximum(self._kept, self._checked)[batch.rows] >= 0).any())
+
     def add(self, batch: Batch, solution: Solution, found: dict[str, Array]) -> None:
         """Keep what is asked for of some runs."""
         found = found | {
@@ -185,7 +196,8 @@ class PartArrays:
             elif quantity.per is Per.TRAJECTORY and (kept >= 0).any():
                 signal = found[quantity.name][kept >= 0]
                 self.data[quantity.name][kept[kept >= 0]] = signal[:, self.samples]
-        self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
+        if (checked >= 0).any():
+            self.check_states[checked[checked >= 0]] = solution.states[checked >= 0]
 
     def table(self) -> Table:
         """All of it; the numbers per run are rows of one array.
@@ -280,28 +292,28 @@ def read_part(results: StoredPart, quantities: Sequence[Quantity]) -> dict[str, 
 
 
 def _solved(
-    batch: Batch, reference: Desired, names: tuple[str, ...], context: TaskContext
+    batch: Batch, reference: Desired, names: Sequence[str], whole: bool, context: TaskContext
 ) -> tuple[Solution, dict[str, Array]]:
-    """The solution of a batch, with its signals and its metrics as far as they are wanted."""
-    engine, problem, solver = batch.engine, batch.problem, batch.experiment.solver
+    """The solution of a batch, with its metrics and, where `whole`, all signals."""
+    engine, solver = batch.engine, batch.experiment.solver
     # To estimate its error, a run is solved twice; it counts as done after both.
     progress = scaled(context.progress, 0.5) if solver.estimates_errors else context.progress
-    solution = engine.solve(problem, progress, context.threads)
-    tighter = None
+    kept = None if whole else (MOTION,)
+    rows, ways = [_in_rows(reference)], (progress, context.threads)
+    first = engine.measured(*_functions(batch, names), batch.problem, rows, kept, *ways)
+    estimate = np.full(batch.problem.runs, np.nan)
     if solver.estimates_errors:
-        tighter = engine.tightened(0.1).solve(problem, progress, context.threads)
-    with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-        found = measured(batch, solution, reference, names, tighter)
-    _judge(solution, found["error_estimate"], solver.judgement.max_error)
-    return solution, found
+        compared, motion = Difference(), [first.arrays[MOTION]]
+        second = engine.tightened(0.1).measured(
+            compared, Difference.largest, batch.problem, motion, (), *ways
+        )
+        estimate = second.numbers[ERROR]
+    _judge(first.solution, estimate, solver.judgement.max_error)
+    return first.solution, first.arrays | first.numbers | {"error_estimate": estimate}
 
 
 def measured(
-    batch: Batch,
-    solution: Solution,
-    reference: Desired,
-    names: tuple[str, ...],
-    tighter: Solution | None = None,
+    batch: Batch, solution: Solution, reference: Desired, names: Sequence[str]
 ) -> dict[str, Array]:
     """The signals of a solution, and what of its runs is one number each, by name.
 
@@ -311,49 +323,32 @@ def measured(
         By itself, which the reference of every run is compared with.
     names
         The signals and metrics that are wanted.
-    tighter
-        The solution at a tenth of the tolerance, from which errors are estimated.
     """
-    problem, times, states = batch.problem, batch.problem.times, solution.states
-    config = batch.experiment.config
-    rows = [with_keys_of(config, metric) for metric in MEASURED if metric.name in names]
-    wanted = {*names, *(name for metric in rows for name in metric.signals)}
-    given = [states, _in_rows(reference, states.shape[:2])]
-    if tighter is not None:
-        given.append(tighter.states)
-    found = batch.engine.evaluate(Sampled(tuple(sorted(wanted))), problem, *given)
-    loop = problem.batched_loop(extra_axes=1)
-    if not knows_energy(problem.loop, times, states[:1]):
-        found["energy_balance"] = np.full_like(found["energy_balance"], np.nan)
-    metrics = {
-        metric.name: metric.measure(
-            times,
-            found,
-            metric.window,
-            **{name: getattr(config, key) for name, key in metric.settings.items()},
-        )
-        for metric in rows
-    }
-    away = distance_to_unstable(loop.group, loop.gains.K, found[POSE_ERROR])
-    estimate = np.full(problem.runs, np.nan) if tighter is None else largest(found[ERROR])
-    return (
-        found
-        | metrics
-        | {
-            "group_drift": found[DRIFT].max(axis=-1),
-            "unstable_distance": away.min(axis=-1),
-            "reference_residual": largest(found[RESIDUAL]),
-            "error_estimate": estimate,
-        }
-    )
+    function, reduction = _functions(batch, names)
+    states, times = solution.states, batch.problem.times
+    with np.errstate(all="ignore"):  # runs that failed are NaN, or large
+        found = batch.engine.evaluate(function, batch.problem, states, _in_rows(reference))
+        return found | reduction(Samples(times), found)
 
 
-def _in_rows(reference: Desired, shape: tuple[int, ...]) -> Array:
-    """The desired pose and velocity of every run at every sample, ``(runs, samples, n)``."""
+def _in_rows(reference: Desired) -> Array:
+    """The desired pose and velocity at every sample: ``(samples, n)``, or of every run."""
     pose, velocity = reference["desired_pose"], reference["desired_velocity"]
-    flat = pose.reshape(*velocity.shape[:-1], -1)
-    rows = np.concatenate([flat, velocity], axis=-1)
-    return np.broadcast_to(rows, (*shape, rows.shape[-1]))
+    return np.concatenate([pose.reshape(*velocity.shape[:-1], -1), velocity], axis=-1)
+
+
+def _functions(batch: Batch, names: Sequence[str]) -> tuple[Sampled, Numbers]:
+    """What is measured of a batch: at every sample, and of each run."""
+    problem, config = batch.problem, batch.experiment.config
+    metrics = [with_keys_of(config, metric) for metric in MEASURED if metric.name in names]
+    wanted = {*names, *(name for metric in metrics for name in metric.signals)}
+    keys = {key for m in metrics for key in (*m.settings.values(), *m.choices.values())}
+    values = {key: getattr(config, key) for key in sorted(keys)}
+    K = problem.batched_loop(extra_axes=1).gains.K
+    balanced = knows_energy(problem.loop, problem.times, problem.states[:1, None])
+    key = tuple(m.name for m in metrics), tuple(values.items()), K.tobytes(), balanced
+    numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced)
+    return Sampled(tuple(sorted(wanted))), numbers
 
 
 @dataclass(frozen=True)
@@ -368,32 +363,101 @@ class Sampled:
 
     names: tuple[str, ...]
 
-    def __call__(
-        self, loop: ClosedLoop, t: Any, states: Array, desired: Array, tighter: Array | None = None
-    ) -> dict[str, Array]:
+    def __call__(self, loop: ClosedLoop, t: Any, states: Array, desired: Array) -> dict[str, Array]:
         """The signals, and what else metrics are made of, by name.
 
         Parameters
         ----------
         desired
             The desired pose, flat, and behind it the desired velocity.
-        tighter
-            The states of a more accurate solution.
         """
         s, G = loop.tracking(t, states), loop.group
         signals = at_state(loop, s, loop.work(states))
         found = {name: values for name, values in signals if name in self.names}
         pose, velocity = np.split(desired, [G.size**2], axis=-1)
         pose = pose.reshape(*pose.shape[:-1], G.size, G.size)
-        found |= {
+        return found | {
             POSE_ERROR: s.Q_E,
             DRIFT: G.drift(s.Q),
             RESIDUAL: squares(s.Qd - pose, s.Vd - velocity),
+            MOTION: _motion(s),
         }
-        if tighter is not None:
-            other = loop.tracking(t, tighter)
-            found[ERROR] = squares(s.Q - other.Q, s.V - other.V)
-        return found
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """What is one number of each run, of the signals that metrics are made of.
+
+    Attributes
+    ----------
+    key
+        What tells these numbers from others.
+    keys
+        The values of keys of the configuration, by name.
+    K
+        That of the runs.
+    balanced
+        Whether L + W is a balance.
+    """
+
+    key: Hashable
+    metrics: tuple[Quantity, ...] = field(compare=False)
+    keys: Mapping[str, float] = field(compare=False)
+    group: MatrixLieGroup = field(compare=False)
+    K: Array = field(compare=False)
+    balanced: bool = field(compare=False)
+
+    def __call__(self, over: OverTime, found: Mapping[str, Any]) -> dict[str, Any]:
+        """The metrics, and what tells whether they can be relied on, by name."""
+        signals = dict(found)
+        if not self.balanced:
+            signals["energy_balance"] = np.nan * signals["energy_balance"]
+        numbers = {
+            metric.name: metric.measure(
+                over,
+                signals,
+                metric.window,
+                **{name: self.keys[key] for name, key in metric.settings.items()},
+            )
+            for metric in self.metrics
+        }
+        away = distance_to_unstable(self.group, self.K, signals[POSE_ERROR])
+        return numbers | {
+            "group_drift": over.largest(signals[DRIFT]),
+            "unstable_distance": over.smallest(away),
+            "reference_residual": largest(over, signals[RESIDUAL]),
+        }
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How far a solution is from another at a sample, of floats or symbols."""
+
+    def __call__(self, loop: ClosedLoop, t: Any, states: Array, other: Array) -> dict[str, Array]:
+        """Its square, of the pose and of the velocity.
+
+        Parameters
+        ----------
+        other
+            The motion of the other solution.
+        """
+        difference = _motion(loop.tracking(t, states)) - other
+        pose, velocity = np.split(difference, [loop.group.size**2], axis=-1)
+        return {ERROR: squares(pose[..., None], velocity)}
+
+    @staticmethod
+    def largest(over: OverTime, found: Mapping[str, Any]) -> dict[str, Any]:
+        """The largest of both over all samples."""
+        return {ERROR: largest(over, found[ERROR])}
+
+
+def _motion(s: Tracking) -> Array:
+    """The pose, flat, and behind it the velocity."""
+    # One of them may be the same at every sample.
+    Q, V = s.Q.reshape(*s.Q.shape[:-2], -1), s.V
+    shape = np.broadcast_shapes(Q.shape[:-1], V.shape[:-1])
+    parts = [np.broadcast_to(part, (*shape, part.shape[-1])) for part in (Q, V)]
+    return np.concatenate(parts, axis=-1)
 
 
 def _judge(solution: Solution, estimate: Array, limit: float | None) -> None:

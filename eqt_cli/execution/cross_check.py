@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop, OwnStarts
 from eqt_cli.closed_loop.own_starts import STARTS
 from eqt_cli.config.schema import Judgement
-from eqt_cli.core.arrays import Array, stack
+from eqt_cli.core.arrays import Array, maximum, sqrt, stack
 from eqt_cli.core.errors import TraceError
+from eqt_cli.core.over_time import OverTime, Samples
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
@@ -281,7 +283,8 @@ def _by_kind(
 def distance(loop: ClosedLoop, times: Array, one: Array, other: Array) -> Array:
     """max over samples of max(‖ΔQ‖_F, ‖ΔV‖) between states, ``(runs, samples, n) -> (runs,)``."""
     a, b = loop.tracking(times, one), loop.tracking(times, other)
-    return largest(squares(a.Q - b.Q, a.V - b.V))
+    found: Array = largest(Samples(times), squares(a.Q - b.Q, a.V - b.V))
+    return found
 
 
 def squares(pose: Array, velocity: Array) -> Array:
@@ -289,10 +292,9 @@ def squares(pose: Array, velocity: Array) -> Array:
     return stack([(pose * pose).sum(axis=(-2, -1)), (velocity * velocity).sum(axis=-1)])
 
 
-def largest(squares: Array) -> Array:
-    """The root of the largest over all samples, ``(runs, samples, 2) -> (runs,)``."""
-    found: Array = np.sqrt(squares.max(axis=(-2, -1)))
-    return found
+def largest(over: OverTime, squares: Array) -> Any:
+    """The root of the largest over all samples."""
+    return sqrt(over.largest(maximum(squares[..., 0], squares[..., 1])))
 
 
 def _another_way(experiment: Experiment) -> tuple[Engine, str]:

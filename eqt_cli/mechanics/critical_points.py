@@ -13,7 +13,7 @@ from functools import lru_cache, reduce
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.core.arrays import Array, maximum, minimum, sqrt, transpose
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.groups.product import ProductGroup
@@ -89,7 +89,7 @@ class CriticalSet:
         constant = _square_norm(R) + size + 2 * trace + _square_norm(Y)
         if axes.shape[1] == size and not D.any():
             # A rotation leaves its own axis as it is: the largest eigenvalue of R + Rᵀ is 2.
-            return np.maximum(constant - 4, 0.0)
+            return maximum(constant - 4, 0.0)
         form = 2 * (R + transpose(R)) - 2 * (D @ transpose(Y) + Y @ D.T) - 4 * D @ D.T
         finite = np.isfinite(constant)  # runs that failed are NaN, which LAPACK does not take
         within = np.where(finite[..., None, None], axes.T @ form @ axes, 0.0)
@@ -128,7 +128,7 @@ def distance_to_unstable(G: MatrixLieGroup, K: Array, Q: Array) -> Array:
     if not unstable:
         return np.full(Q.shape[:-2], np.nan)
     squares = [each.squared_distance(Q) for each in unstable]
-    return np.sqrt(reduce(np.minimum, squares))
+    return sqrt(reduce(minimum, squares))
 
 
 @lru_cache(maxsize=64)

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, absolute, less, maximum, sqrt, where
+from eqt_cli.core.over_time import OverTime
 from eqt_cli.groups.angles import turn_of_distance
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.time_windows import WHOLE, Window
@@ -33,76 +34,71 @@ def _as_it_flies(vehicle: Vehicle) -> bool:
     return not vehicle.is_ideal
 
 
-# Formulas, (times, signals (runs, samples, …)) -> (runs,) ----------------------------------------
+# Formulas, (samples of runs, signals (runs, samples, …)) -> (runs,) ------------------------------
 
 
-def time_mean(times: Array, values: Array) -> Array:
-    """The mean over time of ``(…, samples)``, by the trapezoidal rule."""
-    return np.trapezoid(values, times, axis=-1) / (times[-1] - times[0])
+def time_mean(over: OverTime, values: Any) -> Any:
+    """The mean over time, by the trapezoidal rule."""
+    return over.mean(values)
 
 
-def effort(times: Array, torque_norm: Array) -> Array:
+def effort(over: OverTime, torque_norm: Any) -> Any:
     """∫‖τ‖² dt, by Simpson's rule on the samples."""
-    from scipy.integrate import simpson  # slow to import, and what reads results does without
-
-    return simpson(torque_norm**2, x=times, axis=-1)
+    return over.simpson(torque_norm * torque_norm)
 
 
-def peak(times: Array, values: Array) -> Array:
+def peak(over: OverTime, values: Any) -> Any:
     """The largest value at a sample; a larger one between two samples is missed."""
-    return values.max(axis=-1)
+    return over.largest(values)
 
 
-def final(times: Array, values: Array) -> Array:
+def final(over: OverTime, values: Any) -> Any:
     """The value at the last sample."""
-    return values[..., -1]
+    return over.final(values)
 
 
-def mean_turn(times: Array, distances: Array) -> Array:
+def mean_turn(over: OverTime, distances: Array) -> Any:
     """The mean angle over time, in degrees."""
-    return time_mean(times, np.degrees(turn_of_distance(distances)))
+    return over.mean(np.degrees(turn_of_distance(distances)))
 
 
-def final_turn(times: Array, distances: Array) -> Array:
+def final_turn(over: OverTime, distances: Array) -> Any:
     """The angle at the last sample, in degrees."""
-    return final(times, np.degrees(turn_of_distance(distances)))
+    return over.final(np.degrees(turn_of_distance(distances)))
 
 
-def integral_of_square(times: Array, values: Array) -> Array:
+def integral_of_square(over: OverTime, values: Any) -> Any:
     """∫x² dt, by the trapezoidal rule."""
-    return np.trapezoid(values**2, times, axis=-1)
+    return over.integral(values * values)
 
 
-def actuator_work(times: Array, torque: Array, velocity: Array) -> Array:
+def actuator_work(over: OverTime, torque: Any, velocity: Any) -> Any:
     """∫|⟨τ, V⟩| dt; a pairing is a power on every group, whatever the units of its coordinates."""
-    power = np.abs(np.sum(torque * velocity, axis=-1))
-    return np.trapezoid(power, times, axis=-1)
+    return over.integral(absolute((torque * velocity).sum(axis=-1)))
 
 
-def settling_time(times: Array, error: Array, threshold: float) -> Array:
+def settling_time(over: OverTime, error: Any, threshold: float) -> Any:
     """The last time the error comes down through the threshold; NaN if it ends above it.
 
     The crossing is interpolated linearly between samples. A run that is never above settles at 0.
     """
-    above = error > threshold
-    last = error.shape[-1] - 1 - above[..., ::-1].argmax(axis=-1)
-    after = np.minimum(last + 1, error.shape[-1] - 1)
-    e0 = np.take_along_axis(error, last[..., None], axis=-1)[..., 0]
-    e1 = np.take_along_axis(error, after[..., None], axis=-1)[..., 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing = times[last] + (e0 - threshold) / (e0 - e1) * (times[after] - times[last])
-    settled = np.where(above.any(axis=-1), crossing, 0.0)
-    settled[above[..., -1] | ~np.isfinite(error).all(axis=-1)] = np.nan
-    return settled
+    before, time, earlier = over.before(error), over.time, over.before(over.time)
+    below = where(less(threshold, error), 0.0, 1.0)
+    comes_down = less(0.0, where(less(threshold, before), below, 0.0))
+    fall = where(comes_down, before - error, 1.0)
+    crossing = earlier + (before - threshold) / fall * (time - earlier)
+    last = over.latest(crossing, comes_down)
+    within = where(less(threshold, over.final(error)), np.nan, last)
+    return where(less(over.largest(error), np.inf), within, np.nan)
 
 
-def decay_rate(times: Array, lyapunov: Array) -> Array:
+def decay_rate(over: OverTime, lyapunov: Array) -> Array:
     """λ of √L ~ e^{−λt}: half the least-squares slope of −log L; NaN where L has no slope.
 
     √L is the size of the error, for small ones. Only samples before L first comes below
     `SMALLEST_RATIO` of its initial value take part.
     """
-    start = lyapunov[:, :1]
+    start, times = over.initial(lyapunov), over.times
     usable = np.cumprod(lyapunov > SMALLEST_RATIO * start, axis=-1).astype(bool) & (start > 0)
     logs = np.log(np.where(usable, lyapunov, 1.0))
     count = usable.sum(axis=-1)
@@ -114,34 +110,32 @@ def decay_rate(times: Array, lyapunov: Array) -> Array:
     return np.where(count > 1, -slope / 2, np.nan)
 
 
-def largest_rise(times: Array, lyapunov: Array) -> Array:
+def largest_rise(over: OverTime, lyapunov: Array) -> Array:
     """The largest growth of L above an earlier value of it, relative to L(0)."""
-    rise = (lyapunov - np.minimum.accumulate(lyapunov, axis=-1)).max(axis=-1)
+    rise = over.largest(lyapunov - np.minimum.accumulate(lyapunov, axis=-1))
     with np.errstate(invalid="ignore", divide="ignore"):
         relative: Array = np.where(rise > 0, rise / lyapunov[:, 0], rise)
     return relative
 
 
-def energy_residual(times: Array, lyapunov: Array, balance: Array) -> Array:
+def energy_residual(over: OverTime, lyapunov: Any, balance: Any) -> Any:
     """max |L + W − L(0)| / max(L(0), 1 J), from L and L + W.
 
     W is 0 at the start, but for a law with memory that jumps there.
     """
-    residual: Array = np.abs(balance - balance[:, :1]).max(axis=-1)
-    return residual / np.maximum(lyapunov[:, 0], ENERGY_SCALE)
+    residual = over.largest(absolute(balance - over.initial(balance)))
+    return residual / over.final(maximum(over.initial(lyapunov), ENERGY_SCALE))
 
 
-def settled(times: Array, error: Array, threshold: float) -> Array:
+def settled(over: OverTime, error: Array, threshold: float) -> Array:
     """1 where the error ends within the threshold, else 0; the mean is the fraction settled."""
-    within = np.isfinite(settling_time(times, error, threshold)).astype(float)
+    within = np.isfinite(settling_time(over, error, threshold)).astype(float)
     return np.where(np.isfinite(error).all(axis=-1), within, np.nan)
 
 
-def closing_rms(times: Array, values: Array, share: float = CLOSING) -> Array:
+def closing_rms(over: OverTime, values: Any, share: float = CLOSING) -> Any:
     """The root of the mean square over the last part of the time, of offsets and of noise."""
-    late = times >= times[-1] - share * (times[-1] - times[0])
-    mean: Array = time_mean(times[late], values[..., late] ** 2)
-    return np.sqrt(mean)
+    return sqrt(over.closing_mean(values * values, share))
 
 
 # What keys of a configuration make of rows -------------------------------------------------------

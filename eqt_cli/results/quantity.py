@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from eqt_cli.closed_loop.signals import signal_of
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.over_time import OverTime
 from eqt_cli.results.time_windows import WHOLE, Window
 from eqt_cli.store.table import Attribute
 from eqt_cli.vehicle import Vehicle
@@ -119,7 +119,7 @@ class Quantity:
     dims: tuple[str, ...] = ()
     dtype: np.dtype[Any] | None = FLOAT
     stored: bool = True
-    of: Callable[..., Array] | None = None
+    of: Callable[..., Any] | None = None
     settings: Mapping[str, str] = field(default_factory=dict)
     choices: Mapping[str, str] = field(default_factory=dict)
     chosen: Callable[..., Mapping[str, Any]] = dict
@@ -215,15 +215,16 @@ class Quantity:
         )
 
     def measure(
-        self, times: Array, signals: Mapping[str, Array], window: Window, **settings: float
-    ) -> Array:
+        self, over: OverTime, signals: Mapping[str, Any], window: Window, **settings: float
+    ) -> Any:
         """Its value in every run over a window, ``(runs,)``.
 
         Parameters
         ----------
-        times : (samples,)
+        over
+            The samples.
         signals
-            Arrays ``(runs, samples, …)`` by name.
+            Arrays ``(runs, samples, …)`` by name, or what stands for one sample of them.
         settings
             What `settings` names.
 
@@ -234,11 +235,10 @@ class Quantity:
         """
         assert self.of is not None
         columns = [signals[name] for name in self.signals]
-        window = window.within(times)
-        if window != WHOLE.within(times):
-            cut = [window.cut(times, values) for values in columns]
-            times, columns = cut[0][0], [values for _, values in cut]
-        return self.of(times, *columns, **settings)
+        window = window.within(over.times)
+        if window != WHOLE.within(over.times):
+            over, columns = over.within(window.cut, columns)
+        return self.of(over, *columns, **settings)
 
     def is_same_as(self, other: Quantity) -> bool:
         """Whether both are one number wherever they are taken over one window."""

@@ -12,6 +12,7 @@ import numpy as np
 from eqt_cli.closed_loop.signals import signal_of
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, suggestion
+from eqt_cli.core.over_time import Samples
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.results.quantity_table import QUANTITIES, quantity_of
@@ -267,7 +268,7 @@ class Result(StoredRuns):
     def _computed(self, quantity: Quantity, window: Window, controller: int) -> Array:
         signals = {name: self.read(name, controller=controller) for name in quantity.signals}
         with np.errstate(all="ignore"):  # runs that failed hold NaN, and drop out
-            return quantity.measure(self.times, signals, window)
+            return quantity.measure(Samples(self.times), signals, window)
 
     def _metrics_like(self, quantity: Quantity) -> list[Quantity]:
         """The stored metrics that are this number over some window."""

@@ -40,14 +40,13 @@ COMPILED = pytest.mark.slow("compiles all signals of a large loop, as full code 
     ],
 )
 def solved(request):
-    """A batch of one controller, its solution, a tighter one and the reference."""
+    """A batch of one controller, its solution and the reference."""
     sizes = {"solver.engine": "taylor", "ensemble.runs": RUNS, "time.samples": 21}
     study = eqt_cli.load_experiment(f"configs/{request.param}.yaml", sizes).study
     label = list(study.base.loops)[-1]
     (batch,) = batches(study, label, np.arange(RUNS))
-    engines = batch.engine, batch.engine.tightened(0.1)
-    solution, tighter = (engine.solve(batch.problem, lambda runs: None) for engine in engines)
-    return batch, solution, tighter, shared_reference(study)
+    solution = batch.engine.solve(batch.problem, lambda runs: None)
+    return batch, solution, shared_reference(study)
 
 
 def with_code(batch, code):
@@ -55,8 +54,7 @@ def with_code(batch, code):
 
 
 def test_compiled_signals_equal_those_on_arrays(solved, monkeypatch):
-    batch, solution, tighter, reference = solved
-    given = solution, reference, ALL, tighter
+    batch, *given = *solved, ALL
     on_arrays = measured(with_code(batch, "compact"), *given)
     monkeypatch.delattr(Engine, "evaluate")  # which evaluates on arrays
     compiled = measured(with_code(batch, "full"), *given)
@@ -67,22 +65,21 @@ def test_compiled_signals_equal_those_on_arrays(solved, monkeypatch):
 
 
 def test_signals_of_a_run_do_not_depend_on_its_neighbours(solved):
-    batch, solution, tighter, reference = solved
-    whole = measured(with_code(batch, "full"), solution, reference, ALL, tighter)
+    batch, solution, reference = solved
+    whole = measured(with_code(batch, "full"), solution, reference, ALL)
     alone = with_code(batch, "full").select(np.array([4]))
-    one, other = (
-        dataclasses.replace(solved, states=solved.states[[4]]) for solved in (solution, tighter)
+    single = measured(
+        alone, dataclasses.replace(solution, states=solution.states[[4]]), reference, ALL
     )
-    single = measured(alone, one, reference, ALL, other)
     for name, values in whole.items():
         np.testing.assert_array_equal(single[name], values[[4]])
 
 
 def test_signals_do_not_depend_on_how_many_samples_are_evaluated_together(solved, monkeypatch):
-    batch, solution, tighter, reference = solved
-    whole = measured(with_code(batch, "full"), solution, reference, ALL, tighter)
+    batch, solution, reference = solved
+    whole = measured(with_code(batch, "full"), solution, reference, ALL)
     monkeypatch.setattr(evaluation, "AT_ONCE", 64)  # of 147
-    parts = measured(with_code(batch, "full"), solution, reference, ALL, tighter)
+    parts = measured(with_code(batch, "full"), solution, reference, ALL)
     for name, expected in whole.items():
         np.testing.assert_array_equal(parts[name], expected)
 

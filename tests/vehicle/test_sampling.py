@@ -10,6 +10,7 @@ from eqt_cli.api import open_results
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.over_time import Samples
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.experiment.build import build
 from eqt_cli.groups import group_named
@@ -323,4 +324,4 @@ def test_energy_balance_of_a_sampled_law_with_memory(solved, engine):
     L, balance = found["lyapunov"], found["energy_balance"]
     assert np.abs(L[:, -1] - L[:, 0]).min() > 1e-3
     # As the certificate allows: 100 rtol.
-    assert energy_residual(problem.times, L, balance).max() < 1e-7
+    assert energy_residual(Samples(problem.times), L, balance).max() < 1e-7

@@ -133,7 +133,7 @@ class Native(Engine):
         if program is None:
             return super().evaluate(function, problem, *rows)
         given = [
-            *(Rows(row, by_run=True, by_sample=True) for row in rows),
+            *(Rows(row, by_run=row.ndim == 3, by_sample=True) for row in rows),
             Rows(times[:, None], by_sample=True),
             Rows(parameter_rows(problem), by_run=True),
             Rows(held_rows(loop, times), by_sample=True),

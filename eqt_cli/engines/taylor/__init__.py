@@ -165,7 +165,8 @@ class Taylor(Engine):
             return super().evaluate(function, problem, *rows)
         found = compiled_function(program, threading.get_ident())
         held = held_rows(problem.loop, problem.times)
-        return found.at_samples(problem.times, rows, parameter_rows(problem), held)
+        every = [np.broadcast_to(row, (problem.runs, *row.shape[-2:])) for row in rows]
+        return found.at_samples(problem.times, every, parameter_rows(problem), held)
 
 
 def _by_speed(problem: Problem) -> Array:
