@@ -18,9 +18,13 @@ import numpy as np
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import TraceError
-from eqt_cli.engines.base import SampledFunction
+from eqt_cli.engines.base import Reduction, SampledFunction
 from eqt_cli.engines.problem import Problem
 from eqt_cli.program import Program, traced
+from eqt_cli.program.running import Memory, Running
+
+MOST_RUNNING = 512
+"""Numbers that a reduction may keep from sample to sample."""
 
 Given = Mapping[str, Array]
 """Symbols by the names of the groups of inputs: ``state``, ``time``, ``parameters``, ``held``, and
@@ -107,6 +111,79 @@ def sampled(function: SampledFunction, one: OneLoop, lengths: tuple[int, ...]) -
 
     try:
         return traced(arrays, _inputs(one.loop, sum(lengths)))
+    except Exception:
+        return None
+
+
+@dataclass(frozen=True)
+class RunningPrograms:
+    """What is measured of runs, sample by sample.
+
+    Attributes
+    ----------
+    at_sample
+        ``memory`` behind a sample and what is ``kept`` of it. Besides the inputs of the loop, with
+        the rows of `sampled`, it takes ``columns``, numbers that belong to the sample, and
+        ``memory``.
+    ended
+        The numbers of a run, from ``memory``.
+    starts
+        The memory before the first sample.
+    columns : (samples, n)
+    """
+
+    at_sample: Program
+    ended: Program
+    starts: Array
+    columns: Array
+
+
+@lru_cache(maxsize=64)
+def running(
+    function: SampledFunction,
+    reduction: Reduction,
+    one: OneLoop,
+    lengths: tuple[int, ...],
+    kept: tuple[str, ...],
+    times: tuple[float, ...],
+) -> RunningPrograms | None:
+    """The numbers of a reduction as they run along; None where it does what programs cannot.
+
+    Parameters
+    ----------
+    kept
+        The arrays of the function that are kept.
+    """
+    loop, shapes, memory = one.loop, {}, Memory(np.empty(0), np.empty(0))
+    over = np.array(times)
+
+    def at_sample(given: Given) -> Mapping[str, Array]:
+        nonlocal memory
+        rows = np.split(given["state"][None], np.cumsum(lengths)[:-1], axis=1)
+        found = function(_symbolic(loop, given), given["time"][0], *rows)
+        memory = Memory(given["memory"], given["columns"])
+        reduction(Running(over, memory), found)
+        shapes.update({name: np.shape(values) for name, values in found.items()})
+        stretches = [np.ravel(found[name]) for name in kept]
+        return {
+            "memory": np.array(memory.after, dtype=object),
+            "kept": np.concatenate([np.empty(0, dtype=object), *stretches]),
+        }
+
+    def ended(given: Given) -> Mapping[str, Array]:
+        found = {name: np.zeros(shape) for name, shape in shapes.items()}
+        behind = Memory(given["memory"], np.zeros(len(memory.columns)), ended=True)
+        numbers = reduction(Running(over, behind), found)
+        return {name: np.asarray(number)[0] for name, number in numbers.items()}
+
+    inputs = _inputs(loop, sum(lengths))
+    try:
+        traced(at_sample, inputs | {"columns": MOST_RUNNING, "memory": MOST_RUNNING})
+        columns = np.array(memory.columns).reshape(-1, len(times)).T.copy()
+        sizes = {"columns": columns.shape[1], "memory": len(memory.after)}
+        program = traced(at_sample, inputs | sizes)
+        last = traced(ended, {"memory": sizes["memory"]})
+        return RunningPrograms(program, last, np.array(memory.starts), columns)
     except Exception:
         return None
 

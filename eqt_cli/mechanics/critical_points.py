@@ -8,8 +8,11 @@ unit eigenvectors of that weight in space, all of an eigenspace where an eigenva
 
 from __future__ import annotations
 
+import operator
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache, reduce
+from typing import Any
 
 import numpy as np
 
@@ -85,7 +88,7 @@ class CriticalSet:
         size = axes.shape[0]
         D = np.zeros((size, 0)) if self.offset is None else self.offset
         R, Y = Q[..., :size, :size], Q[..., :size, size:] - 2 * D
-        trace = np.einsum("...ii->...", R)
+        trace = _sum(R[..., axis, axis] for axis in range(size))
         constant = _square_norm(R) + size + 2 * trace + _square_norm(Y)
         if axes.shape[1] == size and not D.any():
             # A rotation leaves its own axis as it is: the largest eigenvalue of R + Rᵀ is 2.
@@ -97,8 +100,15 @@ class CriticalSet:
 
 
 def _square_norm(matrices: Array) -> Array:
-    """‖A‖_F² of each, without an array of squares."""
-    return np.einsum("...ij,...ij->...", matrices, matrices)
+    """‖A‖_F² of each."""
+    rows, columns = matrices.shape[-2:]
+    entries = (matrices[..., i, j] for i in range(rows) for j in range(columns))
+    return _sum(entry * entry for entry in entries)
+
+
+def _sum(terms: Iterable[Array]) -> Any:
+    """Of floats or symbols, in the order of the terms, so that both round alike."""
+    return reduce(operator.add, terms, 0.0)
 
 
 def critical_sets(G: MatrixLieGroup, K: Array) -> list[CriticalSet] | None:

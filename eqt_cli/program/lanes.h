@@ -36,6 +36,7 @@ typedef uint64_t eqt_bits;
 typedef int eqt_mask; /* all bits, or none */
 #define EQT_MASK(condition) (-(condition))
 #define EQT_LANE(values, lane) (values)
+#define EQT_EACH_LANE(F) F(0)
 
 EQT_INLINE eqt_real eqt_constant(double number) { return number; }
 EQT_INLINE eqt_bits eqt_bits_constant(uint64_t bits) { return bits; }
@@ -64,10 +65,13 @@ typedef int64_t eqt_mask __attribute__((vector_size(8 * EQT_LANES))); /* all bit
 
 #if EQT_LANES == 2
 #define EQT_IN_ALL_LANES(x) {x, x}
+#define EQT_EACH_LANE(F) {F(0), F(1)}
 #elif EQT_LANES == 4
 #define EQT_IN_ALL_LANES(x) {x, x, x, x}
+#define EQT_EACH_LANE(F) {F(0), F(1), F(2), F(3)}
 #elif EQT_LANES == 8
 #define EQT_IN_ALL_LANES(x) {x, x, x, x, x, x, x, x}
+#define EQT_EACH_LANE(F) {F(0), F(1), F(2), F(3), F(4), F(5), F(6), F(7)}
 #endif
 
 EQT_INLINE eqt_real eqt_constant(double number)

@@ -8,6 +8,7 @@ a run has the same bits beside any others, in any thread and by any compiler.
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,19 +20,22 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
-from eqt_cli.engines.base import Engine, SampledFunction
+from eqt_cli.engines.base import Engine, Measured, Reduction, SampledFunction
 from eqt_cli.engines.native import compiler, library
-from eqt_cli.engines.native.integrator import Lanes
+from eqt_cli.engines.native.integrator import Lanes, MeasuringLanes
 from eqt_cli.engines.native.library import Rows
-from eqt_cli.engines.problem import Problem, Span
+from eqt_cli.engines.native.source import Looking
+from eqt_cli.engines.problem import Problem, Progress, Span
 from eqt_cli.engines.traced_loop import (
     OneLoop,
     held_rows,
     parameter_rows,
     programs,
+    running,
     sampled,
     trace,
 )
+from eqt_cli.engines.walk import walked
 
 STEP_SHARE = 1 / 30
 """The tolerance of a step, as a share of the accuracy that the results are judged by."""
@@ -140,3 +144,53 @@ class Native(Engine):
         ]
         found = library.evaluation(program, tuple(each.length for each in given))
         return found.at(problem.runs, len(times), given)
+
+    def measured(
+        self,
+        function: SampledFunction,
+        reduction: Reduction,
+        problem: Problem,
+        rows: Sequence[Array],
+        kept: Sequence[str] | None,
+        progress: Progress,
+        workers: int = 1,
+    ) -> Measured:
+        """Sample by sample while it integrates, where only numbers of runs are asked for.
+
+        Of a law that waits for instants, and of what cannot be compiled, from stored states.
+        """
+        times, one = problem.times, OneLoop(problem.loop)
+        lengths = (problem.loop.state_length, *(row.shape[-1] for row in rows))
+        found = None
+        if kept is not None and len(problem.spans) == 1 and problem.loop.vehicle.control is None:
+            grid = tuple(times.tolist())
+            found = running(function, reduction, one, lengths, tuple(kept), grid)
+        if found is None:
+            return super().measured(function, reduction, problem, rows, kept, progress, workers)
+        given = [
+            *(Rows(np.ascontiguousarray(row), row.ndim == 3, by_sample=True) for row in rows),
+            Rows(times[:, None].copy(), by_sample=True),
+            Rows(held_rows(problem.loop, times), by_sample=True),
+            Rows(found.columns, by_sample=True),
+        ]
+        ends = dataclasses.replace(problem, times=times[[0, -1]])
+        lanes = MeasuringLanes(
+            ends,
+            programs(one),
+            self.rtol * STEP_SHARE,
+            self.atol * STEP_SHARE,
+            self.max_steps,
+            Looking(found.at_sample, tuple(row.length for row in given)),
+            times,
+            given,
+            found.starts,
+        )
+        groups = self.groups(ends, ends.spans, workers)
+        solution = walked(lanes, ends.spans, groups, progress, workers)
+        last = library.evaluation(found.ended, (len(found.starts),))
+        numbers = last.at(problem.runs, 1, [Rows(lanes.memory, by_run=True)])
+        arrays: dict[str, Array] = {}
+        if kept:
+            (name,) = kept
+            arrays[name] = lanes.kept
+        return Measured(solution, {name: each[:, 0] for name, each in numbers.items()}, arrays)

@@ -5,7 +5,7 @@
      EQT_STATES, EQT_PARAMETERS, EQT_HELD, EQT_COMPARISONS   how many numbers there are
      eqt_field(state, time, parameters, held, sides, derivative, left, right)
 
-   Each lane has its own time, step and acceptance, and takes the next run when its own is through.
+   and before one of store.h and measure.h, which say what is done at samples. Each lane has its own time, step and acceptance, and takes the next run when its own is through.
    In a step every comparison of the law, left < right, keeps the side that it had at the start of
    the step, so that the field is smooth there. A step that crosses a comparison is taken again up to
    the crossing. */
@@ -25,11 +25,12 @@ typedef struct {
     const double *held;               /* (held) */
     const double *parameters;         /* (runs, parameters) */
     double *states;                   /* (runs, states): at the start, then where a run has ended */
-    double *samples;                  /* (later, states) of each run */
+    double *samples;                  /* store.h: (later, states) of each run */
     double *steps;                    /* (runs): length of the next step, s; 0: not known */
     int64_t *counts;                  /* (runs): steps taken so far */
     int64_t *ends;                    /* (runs): how it has ended; others than 0 are left alone */
     double *times;                    /* (runs): where it has ended, s */
+    const struct eqt_measuring *measuring; /* measure.h */
 } eqt_span;
 
 #define EQT_WIDTH 1e-12     /* how far a comparison passes 0, relative to its scale, to be crossed */
@@ -44,16 +45,25 @@ typedef struct {
     eqt_real sides[EQT_COMPARISONS + 1]; /* -1 where left < right, else 1 */
     eqt_real left[EQT_COMPARISONS + 1], right[EQT_COMPARISONS + 1];
     eqt_real y[EQT_STATES], k[16][EQT_STATES], next[EQT_STATES], at[EQT_STATES];
+    eqt_real memory[EQT_MEMORY + 1]; /* of a program that measures */
+    eqt_real due;                /* time of the next sample behind the start */
     eqt_real t, h, step;         /* h is what is taken of the step that the tolerance allows */
     eqt_real crossed_at, width;  /* the last crossing, and the width of comparisons since then */
     int64_t run[EQT_LANES];      /* -1: idle */
-    int64_t sample[EQT_LANES];   /* the next one */
+    int64_t sample[EQT_LANES];   /* its number; the first is 0 */
     int64_t returns[EQT_LANES];
     int fresh[EQT_LANES];        /* 1: at a new start; 2: behind a crossing */
     int last[EQT_LANES];         /* whether h ends the span */
     int pinned[EQT_LANES];       /* whether h ends at a crossing */
     int rejected[EQT_LANES];     /* whether the step before was */
 } eqt_lanes;
+
+/* What is done with the states `at` in the lanes that are due, at their sample. */
+static void eqt_at_samples(eqt_lanes *lanes, eqt_mask due);
+/* The same at the start, before the first sample. */
+static void eqt_at_start(eqt_lanes *lanes, eqt_mask starts);
+/* What is done when a run leaves its lane. */
+static void eqt_end_samples(eqt_lanes *lanes, int lane, int64_t end);
 
 EQT_INLINE eqt_real eqt_least(eqt_real a, eqt_real b) { return eqt_select(eqt_less(a, b), a, b); }
 EQT_INLINE eqt_real eqt_most(eqt_real a, eqt_real b) { return eqt_select(eqt_less(a, b), b, a); }
@@ -290,6 +300,7 @@ static void eqt_take(eqt_lanes *lanes, int lane, int64_t run)
     EQT_LANE(lanes->width, lane) = EQT_WIDTH;
     lanes->run[lane] = run;
     lanes->sample[lane] = 0;
+    EQT_LANE(lanes->due, lane) = span->later ? span->grid[0] : EQT_INFINITY;
     lanes->returns[lane] = 0;
     lanes->fresh[lane] = 1;
     lanes->pinned[lane] = lanes->rejected[lane] = 0;
@@ -300,6 +311,7 @@ static void eqt_leave(eqt_lanes *lanes, int lane, int64_t end)
     const eqt_span *span = lanes->span;
     int64_t run = lanes->run[lane];
     int i;
+    eqt_end_samples(lanes, lane, end);
     for (i = 0; i < EQT_STATES; i++)
         span->states[run * EQT_STATES + i] = EQT_LANE(lanes->y[i], lane);
     span->steps[run] = EQT_LANE(lanes->step, lane);
@@ -313,15 +325,16 @@ static void eqt_leave(eqt_lanes *lanes, int lane, int64_t end)
 static void eqt_begin(eqt_lanes *lanes)
 {
     eqt_mask kept[EQT_COMPARISONS + 1], fresh = eqt_lanes_where(lanes->fresh), unknown;
-    int i;
-    if (EQT_COMPARISONS) {
-        int starts[EQT_LANES];
-        for (i = 0; i < EQT_LANES; i++)
-            starts[i] = lanes->fresh[i] == 1;
-        for (i = 0; i < EQT_COMPARISONS; i++)
-            kept[i] = eqt_less(eqt_constant(1.0), eqt_constant(0.0));
-        if (eqt_any_of(starts))
+    int i, starts[EQT_LANES];
+    for (i = 0; i < EQT_LANES; i++)
+        starts[i] = lanes->fresh[i] == 1;
+    if (eqt_any_of(starts)) {
+        if (EQT_COMPARISONS) {
+            for (i = 0; i < EQT_COMPARISONS; i++)
+                kept[i] = eqt_less(eqt_constant(1.0), eqt_constant(0.0));
             eqt_settle_sides(lanes, eqt_lanes_where(starts), kept);
+        }
+        eqt_at_start(lanes, eqt_lanes_where(starts));
     }
     eqt_derivative(lanes, lanes->t, lanes->y, lanes->at);
     for (i = 0; i < EQT_STATES; i++)
@@ -350,42 +363,33 @@ static void eqt_choose_lengths(eqt_lanes *lanes)
 }
 
 /* The samples that lie in the steps of some lanes. */
-static void eqt_store_samples(eqt_lanes *lanes, const int *accepted)
+static void eqt_sample(eqt_lanes *lanes, eqt_mask accepted)
 {
     const eqt_span *span = lanes->span;
+    const eqt_real never = eqt_constant(EQT_INFINITY), one = eqt_constant(1.0);
+    const eqt_mask last = eqt_lanes_where(lanes->last);
+    eqt_real known = eqt_select(last, eqt_constant(span->stop), lanes->t + lanes->h);
     int lane, i, prepared = 0;
+    known = eqt_select(accepted, known, -never);
     for (;;) {
-        eqt_real theta = eqt_constant(0.0);
-        int due[EQT_LANES], any = 0, inside = 0;
-        eqt_mask at_end;
-        for (lane = 0; lane < EQT_LANES; lane++) {
-            int64_t sample = lanes->sample[lane];
-            double t = EQT_LANE(lanes->t, lane), h = EQT_LANE(lanes->h, lane);
-            due[lane] = accepted[lane] && sample < span->later &&
-                        (lanes->last[lane] || span->grid[sample] <= t + h);
-            if (due[lane]) {
-                any = 1;
-                EQT_LANE(theta, lane) =
-                    span->grid[sample] == span->stop ? 1.0 : (span->grid[sample] - t) / h;
-                inside |= EQT_LANE(theta, lane) < 1.0;
-            }
-        }
-        if (!any)
+        eqt_mask due = ~eqt_less(known, lanes->due) & eqt_less(lanes->due, never), inside;
+        eqt_real theta = (lanes->due - lanes->t) / lanes->h;
+        if (!eqt_any(due))
             return;
-        if (inside && !prepared)
-            eqt_prepare_dense(lanes);
-        prepared |= inside;
-        if (inside)
+        inside = due & eqt_less(lanes->due, eqt_constant(span->stop)) & eqt_less(theta, one);
+        if (eqt_any(inside)) {
+            if (!prepared)
+                eqt_prepare_dense(lanes);
+            prepared = 1;
             eqt_in_step(lanes, theta, lanes->at);
-        at_end = ~eqt_less(theta, eqt_constant(1.0));
+        }
         for (i = 0; i < EQT_STATES; i++)
-            lanes->at[i] = eqt_select(at_end, lanes->next[i], lanes->at[i]);
+            lanes->at[i] = eqt_select(inside, lanes->at[i], lanes->next[i]);
+        eqt_at_samples(lanes, due);
         for (lane = 0; lane < EQT_LANES; lane++)
-            if (due[lane]) {
-                double *row = span->samples + lanes->run[lane] * span->to_next_run
-                              + lanes->sample[lane]++ * EQT_STATES;
-                for (i = 0; i < EQT_STATES; i++)
-                    row[i] = EQT_LANE(lanes->at[i], lane);
+            if (EQT_LANE(due, lane)) {
+                int64_t next = ++lanes->sample[lane];
+                EQT_LANE(lanes->due, lane) = next < span->later ? span->grid[next] : EQT_INFINITY;
             }
     }
 }
@@ -500,9 +504,9 @@ void eqt_advance(const eqt_span *span)
         }
         if (EQT_COMPARISONS)
             eqt_pin_crossings(&lanes, accepted, suspected);
-        if (span->later)
-            eqt_store_samples(&lanes, accepted);
         taken = eqt_lanes_where(accepted);
+        if (span->later)
+            eqt_sample(&lanes, taken);
         for (i = 0; i < EQT_STATES; i++) {
             lanes.y[i] = eqt_select(taken, lanes.next[i], lanes.y[i]);
             lanes.k[0][i] = eqt_select(taken, lanes.k[12][i], lanes.k[0][i]);

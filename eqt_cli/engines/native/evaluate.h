@@ -1,6 +1,6 @@
 /* Evaluates an emitted program for many runs at many samples, EQT_LANES of them side by side.
 
-   It is included behind lanes.h and the emitted program, which defines
+   It is included behind lanes.h, rows.h and the emitted program, which defines
 
      EQT_SOURCES, EQT_INPUTS     stretches of its inputs, and how many numbers they have in all
      EQT_ARRAYS, EQT_OUTPUTS     the same of its outputs
@@ -9,31 +9,11 @@
 #ifndef EQT_EVALUATE_H
 #define EQT_EVALUATE_H
 
-/* Where a stretch of the inputs lies: its first number, and how far it is to the next run and to the
-   next sample. */
-typedef struct {
-    const double *from;
-    int64_t to_next_run, to_next_sample;
-} eqt_source;
-
 typedef struct {
     int64_t runs, samples;
     const eqt_source *sources;
     double *const *found; /* of each array (runs, samples, its length) */
 } eqt_evaluations;
-
-static void eqt_read(const eqt_source *source, int64_t length, const int64_t *run,
-                     const int64_t *sample, eqt_real *in)
-{
-    int64_t i;
-    int lane;
-    for (lane = 0; lane < EQT_LANES; lane++) {
-        const double *from = source->from + run[lane] * source->to_next_run
-                             + sample[lane] * source->to_next_sample;
-        for (i = 0; i < length; i++)
-            EQT_LANE(in[i], lane) = from[i];
-    }
-}
 
 void eqt_evaluate(const eqt_evaluations *asked)
 {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,8 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.native import library
-from eqt_cli.engines.native.library import Rows
+from eqt_cli.engines.native.library import Measuring, Rows
+from eqt_cli.engines.native.source import Looking
 from eqt_cli.engines.problem import Problem, Span, Status
 from eqt_cli.engines.traced_loop import LoopPrograms, held_rows, parameter_rows
 
@@ -28,10 +30,16 @@ class Lanes(Integrator):
     """
 
     def __init__(
-        self, problem: Problem, law: LoopPrograms, rtol: float, atol: float, most_steps: int
+        self,
+        problem: Problem,
+        law: LoopPrograms,
+        rtol: float,
+        atol: float,
+        most_steps: int,
+        looking: Looking | None = None,
     ) -> None:
         super().__init__(problem)
-        self._law, self._function = law, library.integration(law.field)
+        self._law, self._function = law, library.integration(law.field, looking=looking)
         self._instant: library.Evaluation | None = None
         self._settings = {"rtol": rtol, "atol": atol, "most_steps": most_steps}
         self._all_parameters = parameter_rows(problem)
@@ -66,20 +74,37 @@ class Lanes(Integrator):
 
     def advance(self, span: Span, states: Array) -> SpanResult:
         """All runs that have not failed; the others stay where they are."""
-        runs = len(states)
-        ended, before = np.array(states, order="C"), self._counts.copy()
-        samples = self.room(span)
-        was = self._ends.copy()
+        was, before, samples = self._ends.copy(), self._counts.copy(), self.room(span)
+        ended = self._advanced(span, states, span.grid[1 : 1 + span.later], samples)
+        failed: dict[int, Failure | None] = {}
+        if self._ends.any():
+            for run in np.flatnonzero(self._ends):
+                known = 0 if was[run] else np.searchsorted(span.grid[1:], self._times[run], "right")
+                samples[run, known:] = np.nan
+                failed[int(run)] = self._failure(run)
+        return SpanResult(ended, samples, self._counts - before, failed)
+
+    def _advanced(
+        self,
+        span: Span,
+        states: Array,
+        times: Array,
+        samples: Array,
+        measuring: Measuring | None = None,
+    ) -> Array:
+        """The states at the end of a span; those at sample times are stored or measured."""
+        ended = np.array(states, order="C")
         library.advance(
             self._function,
-            runs=runs,
-            later=span.later,
+            measuring,
+            runs=len(states),
+            later=len(times),
             to_next_run=samples.strides[0] // samples.itemsize,
             start=span.start,
             stop=span.stop,
             first_inside=span.within[0],
             last_inside=span.within[1],
-            grid=span.grid[1 : 1 + span.later].copy(),
+            grid=np.array(times),
             held=self._held,
             parameters=self._parameters,
             states=ended,
@@ -90,13 +115,7 @@ class Lanes(Integrator):
             times=self._times,
             **self._settings,
         )
-        failed: dict[int, Failure | None] = {}
-        if self._ends.any():
-            for run in np.flatnonzero(self._ends):
-                known = 0 if was[run] else np.searchsorted(span.grid[1:], self._times[run], "right")
-                samples[run, known:] = np.nan
-                failed[int(run)] = self._failure(run)
-        return SpanResult(ended, samples, self._counts - before, failed)
+        return ended
 
     def _failure(self, run: Any) -> Failure:
         """How a run has ended, and when."""
@@ -111,3 +130,50 @@ class Lanes(Integrator):
             return Failure(Status.SOLVER_FAILED, reason, t)
         reason = "the law switches back and forth without end; smooth it, as with tanh"
         return Failure(Status.SOLVER_FAILED, reason, t)
+
+
+class MeasuringLanes(Lanes):
+    """Integrates runs through the one span of a problem and measures them on the way.
+
+    Parameters
+    ----------
+    problem
+        With the first and the last sample time only.
+    times
+        All of them.
+    rows
+        What is given besides the states, time, held numbers and columns included.
+
+    Attributes
+    ----------
+    memory : (runs, memory)
+        Of the program that looks at samples, behind the last one.
+    kept : (runs, samples, kept)
+        What it keeps of each sample.
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        law: LoopPrograms,
+        rtol: float,
+        atol: float,
+        most_steps: int,
+        looking: Looking,
+        times: Array,
+        rows: Sequence[Rows],
+        starts: Array,
+    ) -> None:
+        super().__init__(problem, law, rtol, atol, most_steps, looking)
+        self._sample_times, self._rows, self._starts = times, rows, starts
+        self.memory = np.empty((problem.runs, len(starts)))
+        self.kept = np.empty((problem.runs, len(times), looking.kept))
+
+    def advance(self, span: Span, states: Array) -> SpanResult:
+        """All runs, which are neighbours."""
+        here = slice(int(self.runs[0]), int(self.runs[0]) + len(self.runs))
+        rows = [row.of(here) for row in self._rows]
+        measuring = Measuring(rows, self._starts, self.memory[here], self.kept[here])
+        ended = self._advanced(span, states, self._sample_times[1:], self.kept, measuring)
+        failed = {int(run): self._failure(run) for run in np.flatnonzero(self._ends)}
+        return SpanResult(ended, ended[:, None], self._counts, failed)

@@ -30,6 +30,7 @@ class _Span(ctypes.Structure):
         *((name, ctypes.c_int64) for name in _INTEGERS),
         *((name, ctypes.c_double) for name in _NUMBERS),
         *((name, ctypes.c_void_p) for name in _ARRAYS),
+        ("measuring", ctypes.c_void_p),
     ]
 
 
@@ -50,16 +51,27 @@ class _Evaluations(ctypes.Structure):
     ]
 
 
+class _Measuring(ctypes.Structure):
+    _fields_ = [
+        ("sources", ctypes.POINTER(_Source)),
+        *((name, ctypes.c_void_p) for name in ("starts", "memory", "kept")),
+    ]
+
+
 @lru_cache(maxsize=32)
-def integration(field: Program, lanes: int | None = None) -> Any:
+def integration(
+    field: Program, lanes: int | None = None, looking: source.Looking | None = None
+) -> Any:
     """``eqt_advance`` of a field, for the lanes of this machine by default."""
     lanes = lanes or compiler.compiler().lanes
-    return compiler.library(source.integration(field, lanes)).eqt_advance
+    return compiler.library(source.integration(field, lanes, looking)).eqt_advance
 
 
-def advance(function: Any, **values: Any) -> None:
+def advance(function: Any, measuring: Measuring | None = None, **values: Any) -> None:
     """Call ``eqt_advance`` with the members of ``eqt_span``; arrays are C-contiguous."""
+    looking = None if measuring is None else measuring.as_c()  # it has to live through the call
     span = _Span(
+        measuring=None if looking is None else ctypes.addressof(looking),
         **{name: values[name] for name in (*_INTEGERS, *_NUMBERS)},
         **{name: values[name].ctypes.data for name in _ARRAYS},
     )
@@ -87,6 +99,49 @@ class Rows:
         """n."""
         return int(self.values.shape[-1])
 
+    def of(self, runs: slice) -> Rows:
+        """Those of some runs."""
+        return Rows(self.values[runs], True, self.by_sample) if self.by_run else self
+
+
+@dataclass(frozen=True)
+class Measuring:
+    """What looks at runs sample by sample.
+
+    Attributes
+    ----------
+    rows
+        What its program takes besides the states, one stretch behind the other.
+    starts
+        Its memory before the first sample.
+    memory : (runs, memory)
+        Where its memory behind the last sample belongs.
+    kept : (runs, samples, kept)
+        Where what it keeps of each sample belongs.
+    """
+
+    rows: Sequence[Rows]
+    starts: Array
+    memory: Array
+    kept: Array
+
+    def as_c(self) -> _Measuring:
+        """As measure.h takes it, as long as this object is there."""
+        samples = self.kept.shape[1]
+        sources = _sources(self.rows, [rows.values for rows in self.rows], samples)
+        places = (each.ctypes.data for each in (self.starts, self.memory, self.kept))
+        return _Measuring(sources, *places)
+
+
+def _sources(given: Sequence[Rows], arrays: Sequence[Array], samples: int) -> Any:
+    """Where the numbers of some rows lie."""
+    found = (_Source * len(given))()
+    for place, (rows, array) in enumerate(zip(given, arrays, strict=True)):
+        along = rows.length if rows.by_sample else 0
+        per_run = (samples if rows.by_sample else 1) * rows.length if rows.by_run else 0
+        found[place] = _Source(array.ctypes.data, per_run, along)
+    return found
+
 
 @dataclass(frozen=True)
 class Evaluation:
@@ -112,11 +167,7 @@ class Evaluation:
             The inputs of the program, one stretch behind the other.
         """
         arrays = [np.ascontiguousarray(rows.values, dtype=float) for rows in given]
-        sources = (_Source * len(given))()
-        for place, (rows, array) in enumerate(zip(given, arrays, strict=True)):
-            along = rows.length if rows.by_sample else 0
-            per_run = (samples if rows.by_sample else 1) * rows.length if rows.by_run else 0
-            sources[place] = _Source(array.ctypes.data, per_run, along)
+        sources = _sources(given, arrays, samples)
         found = {name: np.empty((runs, samples, *shape)) for name, shape in self.shapes.items()}
         places = (ctypes.c_void_p * len(found))(*(array.ctypes.data for array in found.values()))
         self.function(ctypes.byref(_Evaluations(runs, samples, sources, places)))

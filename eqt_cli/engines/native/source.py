@@ -5,26 +5,30 @@ Nothing of a configuration's text is in it, but numbers; all names are eqt's.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
+from typing import NamedTuple
 
 from eqt_cli.program import Constant, Input, Operation, Output, Program
 from eqt_cli.program.c_code import FUNCTIONS_HEADER, LANES_HEADER, c_function
 from eqt_cli.program.fusing import fused
 
-ADVANCE, EVALUATE = "advance.h", "evaluate.h"
+ADVANCE, STORE, MEASURE, EVALUATE = "advance.h", "store.h", "measure.h", "evaluate.h"
+METHOD, ROWS = "dop853.h", "rows.h"
 _TEMPLATES = Path(__file__).parent
 
 
-def integration(field: Program, lanes: int) -> str:
+def integration(field: Program, lanes: int, looking: Looking | None = None) -> str:
     """The C of ``eqt_advance``, for a program of ``derivative``.
 
     Parameters
     ----------
     lanes
         Runs side by side; it changes no bit of a result.
+    looking
+        What looks at each sample; without it, states are stored.
     """
     kept, comparisons = with_kept_comparisons(field)
     lengths = dict(kept.inputs)
@@ -33,10 +37,59 @@ def integration(field: Program, lanes: int) -> str:
         "EQT_PARAMETERS": lengths["parameters"],
         "EQT_HELD": lengths["held"],
         "EQT_COMPARISONS": comparisons,
+        "EQT_MEMORY": 0 if looking is None else looking.memory,
     }
-    defined = "".join(f"#define {name} {size}\n" for name, size in sizes.items())
-    emitted = f"static {c_function(fused(kept), 'eqt_field')}"
-    return "\n".join([_head(lanes), defined, emitted, *map(_text, ("dop853.h", ADVANCE))])
+    emitted = [_defined(sizes), f"static {c_function(fused(kept), 'eqt_field')}"]
+    if looking is None:
+        return "\n".join([_head(lanes), *emitted, *map(_text, (METHOD, ADVANCE, STORE))])
+    texts = map(_text, (ROWS, METHOD, ADVANCE, MEASURE))
+    return "\n".join([_head(lanes), *emitted, _measuring(looking), *texts])
+
+
+class Looking(NamedTuple):
+    """A program that looks at each sample of a run.
+
+    Attributes
+    ----------
+    program
+        Its outputs are ``memory`` and ``kept``, its inputs ``state`` with what is given besides
+        behind it, ``time``, ``parameters``, ``held``, ``columns`` and ``memory``.
+    stretches
+        The lengths of what is given besides the state: rows, time, held numbers and columns.
+    """
+
+    program: Program
+    stretches: tuple[int, ...]
+
+    @property
+    def memory(self) -> int:
+        """How many numbers it keeps from sample to sample."""
+        return dict(self.program.inputs)["memory"]
+
+    @property
+    def kept(self) -> int:
+        """How many numbers it keeps of each sample."""
+        return len(self.program.outputs[1].entries)
+
+
+def _measuring(looking: Looking) -> str:
+    lengths = dict(looking.program.inputs)
+    behind_state = accumulate(lengths[name] for name in ("state", "time", "held"))
+    places = dict(zip(("time", "held", "columns"), behind_state, strict=True))
+    given = {"state": "(in)", "parameters": "(parameters)", "memory": "(memory)"}
+    given |= {name: f"(in) + {place}" for name, place in places.items()}
+    sizes = {
+        "EQT_SOURCES": len(looking.stretches),
+        "EQT_ROWS": sum(looking.stretches),
+        "EQT_KEPT": looking.kept,
+    }
+    called = ", ".join([*(given[name] for name, _ in looking.program.inputs), "(after)", "(kept)"])
+    return (
+        f"{_defined(sizes)}"
+        f"static const int64_t eqt_lengths[] = {{{', '.join(map(str, looking.stretches))}}};\n"
+        f"#define EQT_MEASURE(in, parameters, memory, after, kept) eqt_look_at({called})\n"
+        f"static {c_function(looking.program, 'eqt_look_at')}"
+    )
 
 
 def evaluation(program: Program, stretches: Sequence[int], lanes: int) -> str:
@@ -63,7 +116,7 @@ def evaluation(program: Program, stretches: Sequence[int], lanes: int) -> str:
         f"#define EQT_CALL(in, out) eqt_program({', '.join(given)})\n"
     )
     emitted = f"static {c_function(named, 'eqt_program')}"
-    return "\n".join([_head(lanes), defined, emitted, _text(EVALUATE)])
+    return "\n".join([_head(lanes), defined, emitted, _text(ROWS), _text(EVALUATE)])
 
 
 def with_kept_comparisons(program: Program) -> tuple[Program, int]:
@@ -97,6 +150,10 @@ def with_kept_comparisons(program: Program) -> tuple[Program, int]:
         outputs.append(Output(name, (len(compared),), tuple(pair[side] for pair in compared)))
     inputs = (*program.inputs, ("sides", len(compared)))
     return Program(inputs, tuple(values), tuple(outputs)), len(compared)
+
+
+def _defined(sizes: Mapping[str, int]) -> str:
+    return "".join(f"#define {name} {size}\n" for name, size in sizes.items())
 
 
 def _head(lanes: int) -> str:

@@ -1,0 +1,98 @@
+"""Numbers of runs that are found while they are integrated are those of stored states."""
+
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import eqt_cli
+from eqt_cli.engines import Engine
+from eqt_cli.engines.native import compiler, library
+from eqt_cli.execution.compute_part import compute_part, shared_reference
+from eqt_cli.execution.executors import TaskContext
+
+if missing := compiler.missing():
+    pytest.skip(missing, allow_module_level=True)
+
+FEW = {
+    "ensemble.runs": 11,
+    "time.duration": 6.0,
+    "time.samples": 31,
+    "controllers": ["eqt"],
+    "store.trajectories": "none",
+    "solver": {"engine": "native", "cross_check": 0},
+}
+
+CHANGES = {
+    "paper": ("paper", {}),
+    "SE3": ("se3", {}),
+    "failing": ("paper", {"solver.max_steps": 40}),
+}
+
+
+MORE = pytest.mark.slow("compiles another loop")
+
+
+@pytest.fixture(
+    scope="module",
+    params=[name if name == "paper" else pytest.param(name, marks=MORE) for name in CHANGES],
+)
+def changed(request):
+    """A configuration without trajectories."""
+    name, changes = CHANGES[request.param]
+    return Path(__file__).parents[2] / "configs" / f"{name}.yaml", FEW | changes
+
+
+def part_of(path, changes, threads=1):
+    """What is kept of all runs."""
+    study = eqt_cli.load_experiment(path, changes).study
+    context = TaskContext(lambda runs: None, threads)
+    return compute_part(study, study.plan.part(0), shared_reference(study), context)
+
+
+@pytest.fixture(scope="module")
+def expected(changed):
+    """With trajectories, from their signals."""
+    path, changes = changed
+    return part_of(path, changes | {"store.trajectories": "all"})
+
+
+def assert_same(found, expected):
+    for name in ("numbers", "status", "message", "steps"):
+        values = [table.variables[name].data for table in (found, expected)]
+        np.testing.assert_array_equal(*values)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_numbers_are_those_of_trajectories(changed, expected, threads, monkeypatch):
+    monkeypatch.delattr(Engine, "measured")  # which stores states
+    assert_same(part_of(*changed, threads), expected)
+    assert expected.variables["status"].data.any() == ("solver.max_steps" in changed[1])
+
+
+@pytest.mark.slow("compiles the loop anew")
+@pytest.mark.parametrize("lanes", [1, 2, 4])
+def test_lanes_change_no_bit(changed, expected, lanes, monkeypatch):
+    for name in ("integration", "evaluation"):
+        anew = partial(getattr(library, name).__wrapped__, lanes=lanes)
+        monkeypatch.setattr(library, name, anew)
+    assert_same(part_of(*changed), expected)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"early_window": 3.33}, {"control": {"period": 0.5}}],
+    ids=["a window that ends between samples", "a law that waits for instants"],
+)
+def test_what_is_measured_of_stored_states(change):
+    path = Path(__file__).parents[2] / "configs" / "paper.yaml"
+    expected = part_of(path, FEW | change | {"store.trajectories": "all"})
+    assert_same(part_of(path, FEW | change), expected)
+
+
+def test_what_cannot_be_compiled_is_measured_of_stored_states(monkeypatch):
+    path = Path(__file__).parents[2] / "configs" / "paper.yaml"
+    expected = part_of(path, FEW)
+    monkeypatch.setattr(eqt_cli.engines.native, "running", lambda *given: None)
+    assert_same(part_of(path, FEW), expected)
