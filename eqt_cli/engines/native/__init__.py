@@ -67,7 +67,7 @@ class Native(Engine):
     estimates_errors: ClassVar[bool] = True
     threads: ClassVar[bool] = True
     cross_check_rank: ClassVar[int | None] = 3
-    part_runs: ClassVar[int] = 500
+    part_runs: ClassVar[int] = 1000
 
     rtol: Positive = 1e-9
     atol: Positive = 1e-9
