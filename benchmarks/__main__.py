@@ -114,6 +114,8 @@ def _compare(name: str, options: argparse.Namespace, results: Results) -> None:
     for contender in contenders():
         if contender.name not in results.headline or contender.name in results.skipped:
             continue
+        if not contender.plays(case):
+            continue
         for tolerance in (contender.headline,) if options.headlines else contender.tolerances:
             found = measure(contender, case, tolerance, reference, options.repeats)
             results.measurements.append(found)

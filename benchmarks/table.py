@@ -148,7 +148,10 @@ def _equal_error(results: Results, case: str) -> str:
         )
         for name in dict.fromkeys(each.contender for each in rows)
     }
-    fastest = min((each for each in best.values() if each), key=lambda each: each.wall)
+    accurate = [each for each in best.values() if each]
+    if not accurate:
+        return "None is as accurate."
+    fastest = min(accurate, key=lambda each: each.wall)
     return _table(
         ["", "tolerance", "largest error", "time, s", f"time / {fastest.contender}"],
         (
