@@ -3,9 +3,12 @@
    It is included behind lanes.h and the emitted program, which defines
 
      EQT_STATES, EQT_PARAMETERS, EQT_HELD, EQT_COMPARISONS   how many numbers there are
+     EQT_MEMORY            how many numbers measure.h keeps of a run
+     eqt_all, eqt_seen     which states there are, and which are looked at: 1 or 0 of each
      eqt_field(state, time, parameters, held, sides, derivative, left, right)
 
-   and before one of store.h and measure.h, which say what is done at samples. Each lane has its own time, step and acceptance, and takes the next run when its own is through.
+   and before one of store.h and measure.h, which say what is done at samples. Each lane has its own
+   time, step and acceptance, and takes the next run when its own is through.
    In a step every comparison of the law, left < right, keeps the side that it had at the start of
    the step, so that the field is smooth there. A step that crosses a comparison is taken again up to
    the crossing. */
@@ -185,8 +188,8 @@ static void eqt_prepare_dense(eqt_lanes *lanes)
 }
 
 /* That polynomial at 0 <= theta < 1, by a weight for each stage: few samples lie in a step, so that
-   its coefficients would not pay. */
-static void eqt_in_step(const eqt_lanes *lanes, eqt_real theta, eqt_real *state)
+   its coefficients would not pay. Only the states that are `wanted`. */
+static void eqt_in_step(const eqt_lanes *lanes, eqt_real theta, const char *wanted, eqt_real *state)
 {
     const eqt_real(*k)[EQT_STATES] = lanes->k, *y = lanes->y, h = lanes->h;
     const eqt_real rest = 1.0 - theta, part = theta * rest, bend = theta * part;
@@ -209,7 +212,10 @@ static void eqt_in_step(const eqt_lanes *lanes, eqt_real theta, eqt_real *state)
     for (j = 0; j < 16; j++)
         weights[j] = h * weights[j];
     for (i = 0; i < EQT_STATES; i++) {
-        eqt_real found = eqt_fma(change, lanes->next[i] - y[i], y[i]);
+        eqt_real found;
+        if (!wanted[i])
+            continue;
+        found = eqt_fma(change, lanes->next[i] - y[i], y[i]);
 #define ADD(j) found = eqt_fma(weights[j], k[j][i], found);
         EQT_DENSE_USES(ADD)
 #undef ADD
@@ -263,7 +269,7 @@ static eqt_real eqt_crossing(eqt_lanes *lanes, eqt_mask crosses_at_end)
     for (look = 1; look <= LOOKS; look++) {
         eqt_real theta = eqt_constant((double)look / LOOKS);
         eqt_mask wrong;
-        eqt_in_step(lanes, theta, lanes->at);
+        eqt_in_step(lanes, theta, eqt_all, lanes->at);
         eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[1]);
         wrong = eqt_wrong_somewhere(lanes, lanes->width) & ~found;
         if (look == LOOKS)
@@ -275,7 +281,7 @@ static eqt_real eqt_crossing(eqt_lanes *lanes, eqt_mask crosses_at_end)
     for (look = 0; look < HALVINGS; look++) {
         eqt_real theta = 0.5 * (before + behind);
         eqt_mask wrong;
-        eqt_in_step(lanes, theta, lanes->at);
+        eqt_in_step(lanes, theta, eqt_all, lanes->at);
         eqt_derivative(lanes, lanes->t + theta * lanes->h, lanes->at, lanes->k[1]);
         wrong = eqt_wrong_somewhere(lanes, eqt_constant(0.0));
         behind = eqt_select(found & wrong, theta, behind);
@@ -381,7 +387,7 @@ static void eqt_sample(eqt_lanes *lanes, eqt_mask accepted)
             if (!prepared)
                 eqt_prepare_dense(lanes);
             prepared = 1;
-            eqt_in_step(lanes, theta, lanes->at);
+            eqt_in_step(lanes, theta, eqt_seen, lanes->at);
         }
         for (i = 0; i < EQT_STATES; i++)
             lanes->at[i] = eqt_select(inside, lanes->at[i], lanes->next[i]);

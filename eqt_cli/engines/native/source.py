@@ -5,7 +5,7 @@ Nothing of a configuration's text is in it, but numbers; all names are eqt's.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import replace
 from itertools import accumulate
 from pathlib import Path
@@ -39,7 +39,13 @@ def integration(field: Program, lanes: int, looking: Looking | None = None) -> s
         "EQT_COMPARISONS": comparisons,
         "EQT_MEMORY": 0 if looking is None else looking.memory,
     }
-    emitted = [_defined(sizes), f"static {c_function(fused(kept), 'eqt_field')}"]
+    every = set(range(lengths["state"]))
+    emitted = [
+        _defined(sizes),
+        _flags("eqt_all", every, lengths["state"]),
+        _flags("eqt_seen", every if looking is None else looking.states, lengths["state"]),
+        f"static {c_function(fused(kept), 'eqt_field')}",
+    ]
     if looking is None:
         return "\n".join([_head(lanes), *emitted, *map(_text, (METHOD, ADVANCE, STORE))])
     texts = map(_text, (ROWS, METHOD, ADVANCE, MEASURE))
@@ -65,6 +71,12 @@ class Looking(NamedTuple):
     def memory(self) -> int:
         """How many numbers it keeps from sample to sample."""
         return dict(self.program.inputs)["memory"]
+
+    @property
+    def states(self) -> set[int]:
+        """The places in ``state`` that it looks at."""
+        inputs = (value for value in self.program.values if isinstance(value, Input))
+        return {value.number for value in inputs if value.group == "state"}
 
     @property
     def kept(self) -> int:
@@ -154,6 +166,11 @@ def with_kept_comparisons(program: Program) -> tuple[Program, int]:
 
 def _defined(sizes: Mapping[str, int]) -> str:
     return "".join(f"#define {name} {size}\n" for name, size in sizes.items())
+
+
+def _flags(name: str, chosen: Set[int], length: int) -> str:
+    flags = ", ".join(str(int(place in chosen)) for place in range(length))
+    return f"static const char {name}[] = {{{flags}}};\n"
 
 
 def _head(lanes: int) -> str:
