@@ -32,6 +32,7 @@ from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.core.interruptions import ASKED_BY
 from eqt_cli.core.problems import Problems
+from eqt_cli.engines.native import cache as native_cache
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.read_study import study
@@ -85,6 +86,11 @@ typer.main.get_command = cache(typer.main.get_command)
 for number in ASKED_BY:
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, signal.SIG_DFL)
+
+# The tests compile more laws than a user keeps. What was forgotten would be compiled in every run.
+native_cache.KEPT = 5000
+if _kept := native_cache.own_cache():
+    os.environ.setdefault("HEYOKA_CACHE_DIR", str(_kept.folder.with_name("tests")))
 
 # Near 0, around the switch from series to closed forms, and near π.
 ANGLES = [0.0, 1e-12, 1e-9, 1e-6, 1.1e-3, 0.1, np.pi - 1e-3, np.pi - 1e-6, np.pi - 1e-9]
