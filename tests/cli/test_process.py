@@ -100,13 +100,16 @@ def test_ctrl_c_is_130_and_the_same_command_starts_again(process: Eqt, folder: P
     assert process("run", "c.yaml").code == 0
 
 
+ANOTHER = pytest.mark.slow("starts a process of every command")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="pipes as a POSIX shell has them")
 @pytest.mark.parametrize(
     ("arguments", "code"),
     [
         (["config", "schema"], 0),
-        (["list"], 0),
-        (["run", "c.yaml", "--quiet"], 0),  # no progress, where it is slow
+        pytest.param(["list"], 0, marks=ANOTHER),
+        pytest.param(["run", "c.yaml", "--quiet"], 0, marks=ANOTHER),  # no progress
         (["config", "check", "c.yaml", "--json", "--set", "time.samples=1"], 2),
     ],
 )
@@ -297,7 +300,14 @@ def test_a_broken_entry_point(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="has no device that is always full")
-@pytest.mark.parametrize("arguments", [["list", "--json"], ["config", "new", "-"], ["--help"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["list", "--json"],
+        pytest.param(["config", "new", "-"], marks=ANOTHER),
+        pytest.param(["--help"], marks=ANOTHER),
+    ],
+)
 def test_a_full_disk_behind_stdout_is_one_line(folder: Path, arguments: list[str]) -> None:
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(
