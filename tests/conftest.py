@@ -415,6 +415,17 @@ def swept_result(invoke: Callable[..., Called], made_once: Callable[..., Path]) 
     return made_once("swept", lambda folder: sweep(folder / "result")) / "result"
 
 
+@pytest.fixture
+def unarranged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are drawn without finding places for their panels: most of the time that they take.
+
+    For tests of what is drawn, and not of where; plots/test_figures.py looks at all of them.
+    """
+    monkeypatch.setattr(
+        "eqt_cli.plots.base.freeze", lambda drawing: drawing.set_layout_engine("none")
+    )
+
+
 @pytest.fixture(scope="session")
 def page_of(invoke: Callable[..., Called], made_once: Callable[..., Path]) -> Callable[..., Path]:
     """The page of one of the two results above, as `eqt report` writes it."""

@@ -106,12 +106,18 @@ def assert_same(one, other):
 SWEEPS = {"groups": GROUPS, "times": TIMES}
 
 
-@pytest.fixture(scope="module", params=SWEEPS)
-def finished(request, tmp_path_factory):
+@pytest.fixture(
+    scope="module",
+    params=["groups", pytest.param("times", marks=pytest.mark.slow("computes another sweep"))],
+)
+def finished(request, made_once):
     """The folder of a sweep that was not disturbed, to be read only; and the sweep."""
-    folder, text = tmp_path_factory.mktemp("finished"), SWEEPS[request.param]
-    execute(study_in(folder, text), folder / "out")
-    return folder / "out", text
+    text = SWEEPS[request.param]
+
+    def make(folder):
+        execute(study_in(folder, text), folder / "out")
+
+    return made_once(f"ragged {request.param}", make) / "out", text
 
 
 @pytest.fixture

@@ -98,17 +98,6 @@ def simulate(simulated_once):
 
 
 @pytest.fixture
-def unarranged(monkeypatch):
-    """Figures are drawn without finding places for their panels: most of the time that they take.
-
-    For tests of what is drawn, and not of where; test_figures.py looks at all figures arranged.
-    """
-    monkeypatch.setattr(
-        "eqt_cli.plots.base.freeze", lambda drawing: drawing.set_layout_engine("none")
-    )
-
-
-@pytest.fixture
 def opened(request):
     """Open a result file until the test ends."""
 
