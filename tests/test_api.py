@@ -18,6 +18,8 @@ from eqt_cli.api import opening, reporting
 from eqt_cli.core.errors import ConfigError, EqtError, ResultError
 from eqt_cli.results.result import Result
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 ROOT = Path(__file__).parents[1]
 PAPER = ROOT / "configs" / "paper.yaml"
 FEW = {"ensemble.runs": 3, "time.duration": 1.0, "time.samples": 5, "solver.cross_check": 0}

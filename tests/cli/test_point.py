@@ -13,6 +13,8 @@ import pytest
 import eqt_cli
 from eqt_cli.store.reader import open_results
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 Eqt = Callable[..., Any]
 
 RECTANGULAR = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=0.5,1")

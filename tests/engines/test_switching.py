@@ -267,13 +267,13 @@ LAWS = {
 
 @pytest.fixture(scope="module", params=LAWS)
 def by_short_steps(request):
-    """A problem and its solution by solve_ivp, which starts anew every 10 ms."""
+    """A problem and its solution by solve_ivp, which starts anew every 20 ms."""
     velocities = np.random.default_rng(3).standard_normal((1, 3))
     problem = problem_of(LAWS[request.param], "SE2", velocities, duration=0.7, samples=141)
     theirs = SolveIvp(rtol=1e-10, atol=1e-13, block=1)
     states = problem.states[:, None]
-    for start in range(0, 140, 2):
-        part = Problem(problem.loop, states[:, -1], problem.times[start : start + 3])
+    for start in range(0, 140, 4):
+        part = Problem(problem.loop, states[:, -1], problem.times[start : start + 5])
         states = np.concatenate([states, theirs.solve(part, quiet).states[:, 1:]], axis=1)
     return problem, states
 
