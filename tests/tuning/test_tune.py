@@ -95,6 +95,15 @@ def test_another_search_is_not_mixed_into_the_folder(small: dict[str, Any], tmp_
     small["tune"]["seed"] = 5
     with pytest.raises(EqtError, match="holds another tuning"):
         api.tune(small, tmp_path / "t")
+
+
+@pytest.mark.slow("searches twice")
+def test_another_search_takes_the_place_of_one_where_it_is_told_to(
+    small: dict[str, Any], tmp_path: Path
+) -> None:
+    small["tune"]["budget"] = 1
+    api.tune(small, tmp_path / "t")
+    small["tune"]["seed"] = 5
     assert api.tune(small, tmp_path / "t", force=True).record["seeds"] == [5]
 
 
