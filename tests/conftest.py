@@ -203,24 +203,39 @@ def _direction(vectors: Array) -> Array:
 ALL_GROUPS = [group_named(name) for kind in groups.all() for name in kind.examples()]
 
 
-@pytest.fixture(scope="session", params=ALL_GROUPS, ids=lambda group: group.name)
+def _slow_on_groups_like_others(G: MatrixLieGroup) -> list[pytest.MarkDecorator]:
+    """What holds on R1 and SO(3) is tried on groups of the same kind, too, but not every time."""
+    alike = G.name in ("R3", "SO2", "SO3*R3")
+    return [pytest.mark.slow("its kind of group is tried fast")] * alike
+
+
+@pytest.fixture(
+    scope="session",
+    params=[pytest.param(G, marks=_slow_on_groups_like_others(G)) for G in ALL_GROUPS],
+    ids=lambda group: group.name,
+)
 def G(request: pytest.FixtureRequest) -> MatrixLieGroup:
     """Every registered group in turn."""
     group: MatrixLieGroup = request.param
     return group
 
 
-def _laws_on_groups() -> Iterator[tuple[MatrixLieGroup, Controller]]:
+def _laws_on_groups() -> Iterator[Any]:
     """Every law on a simple group and on a product with all that groups have, EqT on every group.
 
     A law is written once for all groups, and a group knows no law: more pairs tell no more. A law
-    for neither of the two is tried on the first that it is for.
+    for neither of the two is tried on the first that it is for. On the product, all but EqT and GT
+    are slow.
     """
+    slow = pytest.mark.slow("the law is tried fast on another group")
     for name in controllers.names():
         law = controllers.get(name)()
         fitting = [G for G in ALL_GROUPS if not _problems(law, G)]
         chosen = [G for G in fitting if name == "eqt" or G.name in ("SO3", "SE3*SO2")]
-        yield from ((G, law) for G in chosen or fitting[:1])
+        for G in chosen or fitting[:1]:
+            again = len(chosen) > 1 and name not in ("eqt", "gt") and G.name != "SO3"
+            marks = [slow] if again else _slow_on_groups_like_others(G)
+            yield pytest.param((G, law), marks=marks)
 
 
 def _problems(law: Controller, G: MatrixLieGroup) -> Problems:

@@ -382,8 +382,8 @@ PUBLIC = [name for name in eqt_cli.__all__ if inspect.isfunction(getattr(eqt_cli
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.slow("writes a whole report"))
-        if name == "write_report"
+        pytest.param(name, marks=pytest.mark.slow("searches, draws or writes a whole report"))
+        if name in ("write_report", "tune", "animate", "check_figures")
         else name
         for name in PUBLIC
     ],

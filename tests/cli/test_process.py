@@ -36,6 +36,7 @@ def test_a_wrong_configuration_is_2_with_errors_on_stderr(process: Eqt) -> None:
     )
 
 
+@pytest.mark.slow("runs an experiment in a process")
 def test_failed_runs_are_3(process: Eqt) -> None:
     done = process("run", "c.yaml", "--quiet", "--set", "solver.max_steps=20")
     assert done.code == 3

@@ -107,6 +107,7 @@ def test_another_search_takes_the_place_of_one_where_it_is_told_to(
     assert api.tune(small, tmp_path / "t", force=True).record["seeds"] == [5]
 
 
+@pytest.mark.slow("searches for many candidates")
 def test_the_winners_of_a_front_are_numbered_and_none_betters_another(
     small: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -185,6 +186,7 @@ def test_what_was_found_is_kept_when_the_search_is_interrupted(
     assert api.tune(small, tmp_path / "t").record == searched[0].record
 
 
+@pytest.mark.slow("searches for many candidates")
 def test_the_winners_of_all_searches_stand_side_by_side_on_held_out_runs(
     searched_twice: tuple[Path, dict[str, Any]],
 ) -> None:
