@@ -28,6 +28,7 @@ def test_success_is_0_with_results_on_stdout(process: Eqt) -> None:
     assert json.loads(done.out)["runs"] == 6
 
 
+@pytest.mark.slow("starts an interpreter")
 def test_a_wrong_configuration_is_2_with_errors_on_stderr(process: Eqt) -> None:
     done = process("run", "c.yaml", "--set", "time.samples=1")
     assert (done.code, done.out) == (2, "")
@@ -165,6 +166,7 @@ def loaded_by(*arguments: str) -> set[str]:
     return set(done.stdout.splitlines()[-1].split())
 
 
+@pytest.mark.slow("starts an interpreter")
 def test_show_does_without_scipy(eqt: Eqt) -> None:
     eqt("run", "c.yaml", "--out", "out")
     assert not {"scipy", "matplotlib", "heyoka", "xarray"} & loaded_by("show", "out")

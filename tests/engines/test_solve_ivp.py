@@ -27,6 +27,8 @@ from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.sampling import Sampling
 
+LONG = pytest.mark.slow("takes many steps, and each evaluates the law in Python")
+
 IDEAL = Vehicle()
 METHODS = ["DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"]
 INERTIA = np.array([[0.824, 0, 0.12], [0, 1.135, 0], [0.12, 0, 1.759]])
@@ -90,7 +92,7 @@ def test_worst_run_of_a_block_is_no_worse_than_alone():
     assert together < alone
 
 
-@pytest.mark.parametrize("block", [1, 3])
+@pytest.mark.parametrize("block", [3, pytest.param(1, marks=LONG)])
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_keeps_its_tolerance(method, block):
     problem = paper_problem(runs=3, duration=1.0, samples=11)
@@ -301,9 +303,6 @@ def solve_one(controller, momentum=1.0, vehicle=IDEAL, **options):
 def creeps(fault, method):
     """Near the end of the solution these creep until they give up, or until the step limit."""
     return fault == "escape" and method in ("Radau", "LSODA")
-
-
-LONG = pytest.mark.slow("its steps become small, and each evaluates the law in Python")
 
 
 @pytest.mark.parametrize(

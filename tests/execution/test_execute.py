@@ -303,7 +303,9 @@ def test_a_remark_is_a_warning_in_python(make, tmp_path):
         execute(make(), out)
 
 
-@pytest.mark.parametrize("force", [True, False])
+@pytest.mark.parametrize(
+    "force", [True, pytest.param(False, marks=pytest.mark.slow("computes once more"))]
+)
 def test_versions_of_what_is_not_there_any_more_do_not_matter(make, tmp_path, remarks, force):
     out = tmp_path / "out"
     interrupted(make(), out, after=2 if force else 0)
@@ -380,7 +382,9 @@ def test_numbers_of_a_part_are_read_by_name(make, whole, tmp_path, remarks):
     assert_same(contents(out), whole)
 
 
-@pytest.mark.parametrize("change", [unnamed, renamed])
+@pytest.mark.parametrize(
+    "change", [unnamed, pytest.param(renamed, marks=pytest.mark.slow("computes once more"))]
+)
 def test_a_part_that_lacks_a_number_is_computed_again(make, whole, tmp_path, change):
     out = tmp_path / "out"
     interrupted(make(), out)
@@ -412,7 +416,9 @@ def execute_without(name, *arguments, **options):
         execute(*arguments, **options)
 
 
-@pytest.mark.parametrize("name", ["effort", "torque"])
+@pytest.mark.parametrize(
+    "name", ["effort", pytest.param("torque", marks=pytest.mark.slow("computes once more"))]
+)
 def test_failed_runs_of_a_result_that_lacks_a_number_are_patched(make, whole, tmp_path, name):
     out = tmp_path / "out"
     execute_without(name, make(), out, executor=Losing({1}))
@@ -682,6 +688,7 @@ def test_an_interrupted_sweep_continues_and_ends_the_same(make, finished, tmp_pa
     assert_same(contents(tmp_path / "out"), contents(finished("sweep")))
 
 
+@pytest.mark.slow("computes a sweep")
 def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
     execute(make(grids=["ensemble.seed=1,2"]), tmp_path / "sweep")
     execute(make(CONFIG, "ensemble.seed=2"), tmp_path / "alone")
@@ -690,6 +697,7 @@ def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
     np.testing.assert_array_equal(swept["initial_pose"][1], alone["initial_pose"])
 
 
+@pytest.mark.slow("computes a sweep")
 def test_xarray_opens_a_sweep_and_unstacks_a_grid(make, tmp_path):
     xarray = pytest.importorskip("xarray")
     found = make(CONFIG.replace("runs: 7", "runs: 2"), grids=["gains.kp=1,2", "gains.kd=0.5,1"])

@@ -196,6 +196,7 @@ def test_a_gain_that_is_1_percent_larger_differs(gain, name, simulate, opened, k
     assert len(found.differences) >= 12
 
 
+@pytest.mark.slow("computes with both engines")
 def test_both_engines_agree_to_the_tolerance(simulate, opened, tmp_path):
     pytest.importorskip("heyoka")
     solver = {"rtol": 1e-9, "atol": 1e-12}

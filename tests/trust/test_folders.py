@@ -313,7 +313,6 @@ def replaced_by_link(path: Path, target: Path) -> None:
 
 
 FAST = (
-    "run --force",
     "run --shard",
     "tune",
     "tune --force",
