@@ -32,6 +32,7 @@ from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array, transpose
 from eqt_cli.core.interruptions import ASKED_BY
 from eqt_cli.core.problems import Problems
+from eqt_cli.engines.native import cache as native_cache
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.read_study import study
@@ -85,6 +86,11 @@ typer.main.get_command = cache(typer.main.get_command)
 for number in ASKED_BY:
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, signal.SIG_DFL)
+
+# The tests compile more laws than a user keeps. What was forgotten would be compiled in every run.
+native_cache.KEPT = 5000
+if _kept := native_cache.own_cache():
+    os.environ.setdefault("HEYOKA_CACHE_DIR", str(_kept.folder.with_name("tests")))
 
 # Near 0, around the switch from series to closed forms, and near π.
 ANGLES = [0.0, 1e-12, 1e-9, 1e-6, 1.1e-3, 0.1, np.pi - 1e-3, np.pi - 1e-6, np.pi - 1e-9]
@@ -197,24 +203,39 @@ def _direction(vectors: Array) -> Array:
 ALL_GROUPS = [group_named(name) for kind in groups.all() for name in kind.examples()]
 
 
-@pytest.fixture(scope="session", params=ALL_GROUPS, ids=lambda group: group.name)
+def _slow_on_groups_like_others(G: MatrixLieGroup) -> list[pytest.MarkDecorator]:
+    """What holds on R1 and SO(3) is tried on groups of the same kind, too, but not every time."""
+    alike = G.name in ("R3", "SO2", "SO3*R3")
+    return [pytest.mark.slow("its kind of group is tried fast")] * alike
+
+
+@pytest.fixture(
+    scope="session",
+    params=[pytest.param(G, marks=_slow_on_groups_like_others(G)) for G in ALL_GROUPS],
+    ids=lambda group: group.name,
+)
 def G(request: pytest.FixtureRequest) -> MatrixLieGroup:
     """Every registered group in turn."""
     group: MatrixLieGroup = request.param
     return group
 
 
-def _laws_on_groups() -> Iterator[tuple[MatrixLieGroup, Controller]]:
+def _laws_on_groups() -> Iterator[Any]:
     """Every law on a simple group and on a product with all that groups have, EqT on every group.
 
     A law is written once for all groups, and a group knows no law: more pairs tell no more. A law
-    for neither of the two is tried on the first that it is for.
+    for neither of the two is tried on the first that it is for. On the product, all but EqT and GT
+    are slow.
     """
+    slow = pytest.mark.slow("the law is tried fast on another group")
     for name in controllers.names():
         law = controllers.get(name)()
         fitting = [G for G in ALL_GROUPS if not _problems(law, G)]
         chosen = [G for G in fitting if name == "eqt" or G.name in ("SO3", "SE3*SO2")]
-        yield from ((G, law) for G in chosen or fitting[:1])
+        for G in chosen or fitting[:1]:
+            again = len(chosen) > 1 and name not in ("eqt", "gt") and G.name != "SO3"
+            marks = [slow] if again else _slow_on_groups_like_others(G)
+            yield pytest.param((G, law), marks=marks)
 
 
 def _problems(law: Controller, G: MatrixLieGroup) -> Problems:
@@ -407,6 +428,17 @@ def swept_result(invoke: Callable[..., Called], made_once: Callable[..., Path]) 
     grids = ["--grid", "gains.kp=0.5,1,2.5", "--grid", "gains.kd=0.5,1"]
     sweep = partial(invoke, "sweep", PAPER, *few, *ROUGH, *grids, "--out")
     return made_once("swept", lambda folder: sweep(folder / "result")) / "result"
+
+
+@pytest.fixture
+def unarranged(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are drawn without finding places for their panels: most of the time that they take.
+
+    For tests of what is drawn, and not of where; plots/test_figures.py looks at all of them.
+    """
+    monkeypatch.setattr(
+        "eqt_cli.plots.base.freeze", lambda drawing: drawing.set_layout_engine("none")
+    )
 
 
 @pytest.fixture(scope="session")

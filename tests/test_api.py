@@ -18,6 +18,8 @@ from eqt_cli.api import opening, reporting
 from eqt_cli.core.errors import ConfigError, EqtError, ResultError
 from eqt_cli.results.result import Result
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 ROOT = Path(__file__).parents[1]
 PAPER = ROOT / "configs" / "paper.yaml"
 FEW = {"ensemble.runs": 3, "time.duration": 1.0, "time.samples": 5, "solver.cross_check": 0}
@@ -26,8 +28,17 @@ needs_xarray = pytest.mark.skipif(
 )
 
 
+@pytest.fixture(scope="session")
+def computed(made_once):
+    """The folder of a small result, to be read only."""
+    experiment = eqt_cli.load_experiment(PAPER, FEW)
+    return made_once("api", lambda folder: eqt_cli.run(experiment, folder / "result")) / "result"
+
+
 @pytest.fixture
-def result(tmp_path):
+def result(computed, tmp_path):
+    """The same result in a folder of the test's own."""
+    shutil.copytree(computed, tmp_path / "result")
     return eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW), tmp_path / "result")
 
 
@@ -99,7 +110,8 @@ def test_configurations_hold_plain_data():
         eqt_cli.load_experiment(PAPER, {"gains.kd": object()})
 
 
-def test_run_keeps_a_finished_result(result):
+def test_run_keeps_a_finished_result(tmp_path):
+    result = eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW), tmp_path / "result")
     again = eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW), result.path)
     assert (result.was_complete, again.was_complete) == (False, True)
     assert (again.runs, again.failed) == (12, 0)
@@ -125,9 +137,10 @@ def test_a_command_loads_only_what_it_calls():
     ("call", "steps"),
     [
         (eqt_cli.verify, {"runs integrated again": 12, "certificates checked": 38}),
-        (
+        pytest.param(
             partial(eqt_cli.write_report, figures=["paper"]),
             {"runs integrated again": 12, "certificates checked": 38, "figures drawn": 1},
+            marks=pytest.mark.slow("writes a whole report"),
         ),
         (partial(eqt_cli.plot, formats=["png"]), {"figures drawn": 1}),
     ],
@@ -369,8 +382,8 @@ PUBLIC = [name for name in eqt_cli.__all__ if inspect.isfunction(getattr(eqt_cli
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=pytest.mark.slow("writes a whole report"))
-        if name == "write_report"
+        pytest.param(name, marks=pytest.mark.slow("searches, draws or writes a whole report"))
+        if name in ("write_report", "tune", "animate", "check_figures")
         else name
         for name in PUBLIC
     ],

@@ -34,7 +34,9 @@ def test_literal_equations_are_those_of_the_configuration(name, t, xp):
         np.testing.assert_allclose(momentum_rate, rate[q : q + m], rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize("period", [0.1, 0.01])
+@pytest.mark.parametrize(
+    "period", [0.1, pytest.param(0.01, marks=pytest.mark.slow("takes ten times as many steps"))]
+)
 @pytest.mark.parametrize("way", ["plain loop", "MuJoCo"])
 def test_contenders_integrate_the_same_sampled_loop(way, period):
     case = load("paper", 1, [f"control.period={period}", "time.duration=1", "time.samples=21"])

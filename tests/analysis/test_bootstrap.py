@@ -40,7 +40,9 @@ def test_intervals_are_those_of_scipy_expanded(confidence):
     assert ours.high[0] == pytest.approx(theirs.high, abs=tolerance)
 
 
-@pytest.mark.parametrize("runs", [8, 20, 60])
+@pytest.mark.parametrize(
+    "runs", [8, *(pytest.param(n, marks=pytest.mark.slow("resamples often")) for n in (20, 60))]
+)
 def test_intervals_hold_the_true_mean_as_often_as_they_say(runs):
     values = np.random.default_rng(1).normal(size=(runs, 1500))
     found = intervals(values, resamples=1999)
@@ -65,7 +67,10 @@ def coverages(runs):
         yield np.mean((found.low <= mean) & (mean <= found.high))
 
 
-@pytest.mark.parametrize("runs", [10, 20, 50, 200])
+@pytest.mark.parametrize(
+    "runs",
+    [10, *(pytest.param(n, marks=pytest.mark.slow("resamples often")) for n in (20, 50, 200))],
+)
 def test_the_documentation_says_how_often_intervals_hold(runs):
     page = Path(__file__).parents[2] / "docs/explanation/statistics.md"
     (row,) = [x for x in page.read_text("utf-8").splitlines() if x.startswith(f"| {runs} |")]

@@ -745,14 +745,30 @@ def test_without_a_fault_nothing_is_red(experiment):
     assert red_rows(experiment, *longer) == set()
 
 
+FAST = (
+    "c: sign",
+    "n: factor 2",
+    "damping: sign",
+    "inertia force: sign, prescribed",
+    "stabilising damping: sign",
+    "S-dot: factor 2",
+    "ad*: sign",
+    "inverse of G ⋉ g*: sign",
+    "eq. (22): no feedforward",
+    "eq. (26): not transported",
+    "reference: acceleration along a path",
+    "exp: Jacobian of the plane transposed",
+    "product: drift of the best factor",
+    "critical points: half-turns about other axes",
+)
+"""One of every kind; `make test-all` plants all of them."""
+
+
 @pytest.mark.parametrize(
     "fault",
     [
-        pytest.param(
-            fault,
-            marks=[pytest.mark.slow("verifies many laws on SE(3)")] * (experiment == "bluerov2"),
-        )
-        for fault, (experiment, _) in PLANTS.items()
+        pytest.param(fault, marks=[pytest.mark.slow("one of many faults")] * (fault not in FAST))
+        for fault in PLANTS
     ],
 )
 def test_a_fault_turns_the_rows_red_that_are_about_it(fault, monkeypatch):
@@ -764,7 +780,11 @@ def test_a_fault_turns_the_rows_red_that_are_about_it(fault, monkeypatch):
 
 @pytest.mark.parametrize(
     ("fault", "laws"),
-    [("damping: sign", ALL), ("gradient term: sign", ALL), ("stabilising damping: sign", "with")],
+    [
+        pytest.param("damping: sign", ALL, marks=pytest.mark.slow("one of many faults")),
+        pytest.param("gradient term: sign", ALL, marks=pytest.mark.slow("one of many faults")),
+        ("stabilising damping: sign", "with"),
+    ],
 )
 def test_a_law_that_drives_the_error_up_is_seen_on_its_runs(fault, laws, monkeypatch):
     experiment, plant = PLANTS[fault]

@@ -94,7 +94,13 @@ def test_a_broken_configuration_does_not_disturb(
     assert complete("eqt run c.yaml --set gains.kp") == ["gains.kp="]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        pytest.param(kind, marks=[pytest.mark.slow("one of many registries")] * (k > 2))
+        for k, kind in enumerate(KINDS)
+    ],
+)
 def test_the_names_are_those_of_the_registry(kind: str) -> None:
     expected = {component.name: summary(component) for component in registry(kind).all()}
     assert dict(completion.names(kind)("")) == expected

@@ -24,7 +24,17 @@ def test_new_writes_a_shipped_configuration(eqt: Eqt) -> None:
     assert Path("paper.yaml").read_text(encoding="utf-8") == shipped.text("paper")
 
 
-@pytest.mark.parametrize("name", shipped.names())
+FAST = ("paper", "se2_vehicle", "satellite_panels")
+"""test_resolved.py reads all of them."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow("builds every one")] * (name not in FAST))
+        for name in shipped.names()
+    ],
+)
 def test_every_shipped_configuration_is_fine(eqt: Eqt, name: str) -> None:
     assert eqt("config", "new", "mine.yaml", "--from", name).out == "mine.yaml\n"
     assert eqt("config", "check", "mine.yaml").code == 0

@@ -13,6 +13,8 @@ import pytest
 import eqt_cli
 from eqt_cli.store.reader import open_results
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 Eqt = Callable[..., Any]
 
 RECTANGULAR = ("--grid", "gains.kp=1,2", "--grid", "gains.kd=0.5,1")
@@ -24,7 +26,13 @@ POINT_3 = {
 HOW = "choose one of 0 to 3 with --point, as `eqt show out --table` lists them"
 
 
-@pytest.fixture(params=POINT_3, ids=["rectangular", "ragged"])
+@pytest.fixture(
+    params=[
+        RAGGED,
+        pytest.param(RECTANGULAR, marks=pytest.mark.slow("computes another sweep")),
+    ],
+    ids=["ragged", "rectangular"],
+)
 def grid(request: pytest.FixtureRequest, prepare: Callable[..., None]) -> tuple[str, ...]:
     """A sweep of four points in the folder `out`."""
     prepare(("sweep", "c.yaml", *request.param, "--out", "out"))
@@ -151,7 +159,17 @@ def test_report_and_animate(eqt: Eqt) -> None:
     )
 
 
-@pytest.mark.parametrize("command", ["show", "plot", "compare", "report", "animate", "verify"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        "show",
+        "plot",
+        *(
+            pytest.param(name, marks=pytest.mark.slow("one of many commands"))
+            for name in ("compare", "report", "animate", "verify")
+        ),
+    ],
+)
 def test_points_that_are_not_there(eqt: Eqt, prepare: Callable[..., None], command: str) -> None:
     prepare(("sweep", "c.yaml", *RAGGED, "--out", "out"), ("run", "c.yaml", "--out", "single"))
     done = eqt(command, "out", "--point", 4)

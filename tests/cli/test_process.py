@@ -28,6 +28,7 @@ def test_success_is_0_with_results_on_stdout(process: Eqt) -> None:
     assert json.loads(done.out)["runs"] == 6
 
 
+@pytest.mark.slow("starts an interpreter")
 def test_a_wrong_configuration_is_2_with_errors_on_stderr(process: Eqt) -> None:
     done = process("run", "c.yaml", "--set", "time.samples=1")
     assert (done.code, done.out) == (2, "")
@@ -36,6 +37,7 @@ def test_a_wrong_configuration_is_2_with_errors_on_stderr(process: Eqt) -> None:
     )
 
 
+@pytest.mark.slow("runs an experiment in a process")
 def test_failed_runs_are_3(process: Eqt) -> None:
     done = process("run", "c.yaml", "--quiet", "--set", "solver.max_steps=20")
     assert done.code == 3
@@ -100,13 +102,16 @@ def test_ctrl_c_is_130_and_the_same_command_starts_again(process: Eqt, folder: P
     assert process("run", "c.yaml").code == 0
 
 
+ANOTHER = pytest.mark.slow("starts a process of every command")
+
+
 @pytest.mark.skipif(os.name != "posix", reason="pipes as a POSIX shell has them")
 @pytest.mark.parametrize(
     ("arguments", "code"),
     [
         (["config", "schema"], 0),
-        (["list"], 0),
-        (["run", "c.yaml", "--quiet"], 0),  # no progress, where it is slow
+        pytest.param(["list"], 0, marks=ANOTHER),
+        pytest.param(["run", "c.yaml", "--quiet"], 0, marks=ANOTHER),  # no progress
         (["config", "check", "c.yaml", "--json", "--set", "time.samples=1"], 2),
     ],
 )
@@ -161,6 +166,7 @@ def loaded_by(*arguments: str) -> set[str]:
     return set(done.stdout.splitlines()[-1].split())
 
 
+@pytest.mark.slow("starts an interpreter")
 def test_show_does_without_scipy(eqt: Eqt) -> None:
     eqt("run", "c.yaml", "--out", "out")
     assert not {"scipy", "matplotlib", "heyoka", "xarray"} & loaded_by("show", "out")
@@ -297,7 +303,14 @@ def test_a_broken_entry_point(
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="has no device that is always full")
-@pytest.mark.parametrize("arguments", [["list", "--json"], ["config", "new", "-"], ["--help"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["list", "--json"],
+        pytest.param(["config", "new", "-"], marks=ANOTHER),
+        pytest.param(["--help"], marks=ANOTHER),
+    ],
+)
 def test_a_full_disk_behind_stdout_is_one_line(folder: Path, arguments: list[str]) -> None:
     with Path("/dev/full").open("wb") as full:
         done = subprocess.run(

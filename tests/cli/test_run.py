@@ -244,7 +244,16 @@ def test_another_experiment_is_refused(eqt: Eqt) -> None:
     )
 
 
-@pytest.mark.parametrize("given", ["results/c", "results/c/results.h5", "results/c/config.yaml"])
+@pytest.mark.parametrize(
+    "given",
+    [
+        "results/c",
+        *(
+            pytest.param(f"results/c/{name}", marks=pytest.mark.slow("runs an experiment twice"))
+            for name in ("results.h5", "config.yaml")
+        ),
+    ],
+)
 def test_a_result_runs_again_with_equal_numbers(eqt: Eqt, given: str) -> None:
     eqt("run", "c.yaml")
     assert eqt("run", given, "--out", "again").code == 0

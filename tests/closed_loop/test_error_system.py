@@ -14,7 +14,7 @@ from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references.torque import TorqueReference
 
-TIMES = np.linspace(0.0, 2.0, 11)
+TIMES = np.linspace(0.0, 1.0, 6)
 RTOL = 1e-8
 # Two integrations, each with errors of some rtol, of states up to ten.
 TOLERANCE = 1000 * RTOL

@@ -13,6 +13,8 @@ from eqt_cli.plots.base import OfCertificates, OfSweep, OfTuning
 from eqt_cli.plots.curve_data import curves
 from eqt_cli.results.result import open_result
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 CONFIG = {
     "group": "SO3",
     "inertia": [1, 2, 3],

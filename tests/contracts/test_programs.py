@@ -26,7 +26,9 @@ def given(loop, t, state, **errors):
     return {"state": state, "time": [t], **numbers, **errors}
 
 
-@pytest.mark.parametrize("group", ["SO3", "SE3", "SE2"])
+@pytest.mark.parametrize(
+    "group", ["SO3", "SE3", pytest.param("SE2", marks=pytest.mark.slow("compiles every law"))]
+)
 def test_c_gives_the_same_field_as_the_law(loop_with, make, controller_class, states, in_c, group):
     loop, problems = loop_with(group, make(controller_class)), Problems(str)
     loop.controller.check(loop.group, problems)

@@ -17,6 +17,7 @@ from eqt_cli.controllers import controllers
 from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import apply_matrix, dot, norm, transpose
 from eqt_cli.core.expressions import parse
+from eqt_cli.groups import group_named, groups
 from eqt_cli.mechanics import navigation
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia, PrescribedInertia
 from eqt_cli.mechanics.semidirect import Semidirect
@@ -34,6 +35,20 @@ ROUNDING = 1e-11
 DIFFERENCES = 1e-8
 
 THE_FOUR = ["eqt", "gt", "nog", "asym"]
+
+
+def on_groups(names, values):
+    """All on SO(3) and on a product with all that groups have, the first on every group."""
+    alike = ("R3", "SO2", "SO3*R3")  # R1 and SO3, in other sizes
+    examples = [name for kind in groups.all() for name in kind.examples() if name not in alike]
+    every = [group_named(name) for name in examples]
+    pairs = [
+        (G, *value)
+        for G in every
+        for value in (values if G.name in ("SO3", "SE3*SO2") else values[:1])
+    ]
+    ids = [f"{G.name}-{getattr(value[0], '__name__', value[0])}" for G, *value in pairs]
+    return pytest.mark.parametrize(("G", *names), pairs, indirect=["G"], ids=ids)
 
 
 def assert_equal(left, right, tolerance=ROUNDING):
@@ -269,7 +284,7 @@ def test_gt_by_the_levi_civita_connection(samples, data):
     assert_equal(law("gt").torque(s), I.momentum(nabla + Vd_dot))
 
 
-@pytest.mark.parametrize("name", THE_FOUR)
+@on_groups(["name"], [(name,) for name in THE_FOUR])
 @EXAMPLES
 @given(data=st.data())
 def test_power_of_the_feedforward(samples, data, name):
@@ -287,8 +302,8 @@ def test_power_of_the_feedforward_on_the_plane(samples, data, member):
     assert_equal(power, dot(s.P_tilde, s.G.ad(s.V, s.Vd)))
 
 
-@pytest.mark.parametrize(
-    ("name", "member"),
+@on_groups(
+    ["name", "member"],
     [
         ("eqt", Family(1.0, 1.0, 0.0, "spatial")),
         ("gt", Family(0.5, 0.5, 0.5, "body")),
@@ -373,7 +388,7 @@ def prescribed(some, data):
     return PrescribedInertia(expressions(entry, some.G.dimension))
 
 
-inertias = pytest.mark.parametrize("inertia", [constant, factored, prescribed])
+inertias = on_groups(["inertia"], [(factored,), (constant,), (prescribed,)])
 
 
 def assume_away_from_half_turns(s):

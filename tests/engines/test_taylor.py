@@ -127,7 +127,8 @@ def test_engines_agree_on_every_group_and_controller(law_on_group):
         pytest.skip("the same law on SO3 is tried")
     driven = "track" in controller.tasks
     torque = TORQUE[: G.dimension] if driven else [0.0] * G.dimension
-    assert_engines_agree(problem_of(loop_of(controller, G, TorqueReference(torque)), runs=3))
+    loop = loop_of(controller, G, TorqueReference(torque))
+    assert_engines_agree(problem_of(loop, runs=2, duration=0.5, samples=3))
 
 
 REFERENCES = {
@@ -153,7 +154,7 @@ DENSE = WaypointsReference(
 
 @pytest.mark.parametrize("name", references.names())
 def test_engines_agree_on_every_reference(name):
-    assert_engines_agree(problem_of(loop_of(EqT(), reference=REFERENCES[name]), runs=3))
+    assert_engines_agree(problem_of(loop_of(EqT(), reference=REFERENCES[name]), runs=2))
 
 
 @pytest.mark.parametrize("name", ["eqt", "stabilising"])
@@ -161,7 +162,7 @@ def test_engines_agree_with_a_time_varying_inertia(name):
     rows = (("1 + t/4", "0", "0"), ("sin(t)/5", "1", "0"), ("0", "0", "exp(-t/9)"))
     factor = tuple(tuple(parse(entry) for entry in row) for row in rows)
     loop = loop_of(controllers.get(name)(), inertia=FactoredInertia(INERTIA, factor))
-    assert_engines_agree(problem_of(loop, runs=3))
+    assert_engines_agree(problem_of(loop, runs=2, duration=0.5, samples=3))
 
 
 # An argument for each function that stays in its domain as t goes from 0 to 2.
@@ -376,7 +377,11 @@ print(compiler.get_diskcache_path(), compiler.get_diskcache_limit())
 """
 
 
-@pytest.mark.parametrize("own", [False, True], ids=["default", "HEYOKA_CACHE_DIR"])
+@pytest.mark.parametrize(
+    "own",
+    [False, pytest.param(True, marks=pytest.mark.slow("starts an interpreter once more"))],
+    ids=["default", "HEYOKA_CACHE_DIR"],
+)
 def test_compiled_laws_are_kept_in_a_small_file_of_their_own(tmp_path, monkeypatch, own):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.delenv("HEYOKA_CACHE_DIR", raising=False)
@@ -470,7 +475,7 @@ SMOOTH_LAWS = {
 
 @pytest.mark.parametrize("name", SMOOTH_LAWS)
 def test_engines_agree_on_a_law_of_array_functions(name):
-    assert_engines_agree(problem_of(loop_of(Own(SMOOTH_LAWS[name])), runs=3))
+    assert_engines_agree(problem_of(loop_of(Own(SMOOTH_LAWS[name])), runs=2, duration=0.5))
 
 
 @pytest.mark.parametrize("name", SMOOTH_LAWS)

@@ -84,6 +84,7 @@ def test_signals_do_not_depend_on_how_many_samples_are_evaluated_together(solved
         np.testing.assert_array_equal(parts[name], expected)
 
 
+@pytest.mark.slow("compiles full code of signals")
 def test_a_part_does_not_depend_on_its_blocks(monkeypatch):
     sizes = {"solver.engine": "taylor", "solver.code": "full", "ensemble.runs": 11}
     few = {"time.samples": 21, "store.trajectories": 5}

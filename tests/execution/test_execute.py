@@ -76,12 +76,16 @@ def make(tmp_path):
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """The folders of an experiment and of a sweep that were not disturbed, to be read only."""
-    found = {}
-    for name, text in (("run", CONFIG), ("sweep", CONFIG + SWEEP)):
-        found[name] = tmp_path_factory.mktemp(name) / "out"
-        execute(study_in(found[name].parent, text), found[name])
+def finished(made_once):
+    """The folder of an experiment or of a sweep that was not disturbed, to be read only."""
+    texts = {"run": CONFIG, "sweep": CONFIG + SWEEP}
+
+    def found(name):
+        def make(folder):
+            execute(study_in(folder, texts[name]), folder / "out")
+
+        return made_once(f"undisturbed {name}", make) / "out"
+
     return found
 
 
@@ -123,7 +127,7 @@ def assert_same(one, other):
 
 @pytest.fixture
 def whole(finished):
-    return contents(finished["run"])
+    return contents(finished("run"))
 
 
 def interrupted(found, out, after=2):
@@ -176,7 +180,17 @@ def test_another_experiment_is_refused_with_the_keys_that_differ(make, tmp_path)
     assert len(ResultFolder(out).parts.listed()) == 2
 
 
-@pytest.mark.parametrize("damage", ["truncated", "noise", "empty", "foreign"])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        "truncated",
+        "foreign",
+        *(
+            pytest.param(name, marks=pytest.mark.slow("cannot be read, as a truncated one"))
+            for name in ("noise", "empty")
+        ),
+    ],
+)
 def test_a_damaged_part_is_computed_again(make, whole, tmp_path, damage):
     out = tmp_path / "out"
     interrupted(make(), out)
@@ -289,7 +303,9 @@ def test_a_remark_is_a_warning_in_python(make, tmp_path):
         execute(make(), out)
 
 
-@pytest.mark.parametrize("force", [True, False])
+@pytest.mark.parametrize(
+    "force", [True, pytest.param(False, marks=pytest.mark.slow("computes once more"))]
+)
 def test_versions_of_what_is_not_there_any_more_do_not_matter(make, tmp_path, remarks, force):
     out = tmp_path / "out"
     interrupted(make(), out, after=2 if force else 0)
@@ -366,7 +382,9 @@ def test_numbers_of_a_part_are_read_by_name(make, whole, tmp_path, remarks):
     assert_same(contents(out), whole)
 
 
-@pytest.mark.parametrize("change", [unnamed, renamed])
+@pytest.mark.parametrize(
+    "change", [unnamed, pytest.param(renamed, marks=pytest.mark.slow("computes once more"))]
+)
 def test_a_part_that_lacks_a_number_is_computed_again(make, whole, tmp_path, change):
     out = tmp_path / "out"
     interrupted(make(), out)
@@ -398,7 +416,9 @@ def execute_without(name, *arguments, **options):
         execute(*arguments, **options)
 
 
-@pytest.mark.parametrize("name", ["effort", "torque"])
+@pytest.mark.parametrize(
+    "name", ["effort", pytest.param("torque", marks=pytest.mark.slow("computes once more"))]
+)
 def test_failed_runs_of_a_result_that_lacks_a_number_are_patched(make, whole, tmp_path, name):
     out = tmp_path / "out"
     execute_without(name, make(), out, executor=Losing({1}))
@@ -556,8 +576,10 @@ def test_a_lock_ends_with_its_process_even_if_killed(tmp_path):
 
 
 @POSIX
-@pytest.mark.parametrize("code", [errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS])
-@pytest.mark.parametrize("shard", [None, Shard(1, 1)])
+@pytest.mark.parametrize(
+    ("code", "shard"),
+    [(errno.ENOLCK, None), (errno.ENOTSUP, Shard(1, 1)), (errno.ENOSYS, None)],
+)
 def test_a_disk_that_refuses_locks_is_told_of_once(make, tmp_path, monkeypatch, code, shard):
     def refused(*_):
         raise OSError(code, "refused")
@@ -654,7 +676,7 @@ def test_points_of_a_sweep_are_those_of_experiments_by_themselves(make, tmp_path
 
 def test_blocks_mix_points_and_agree_within_the_tolerance(make, finished, tmp_path):
     execute(make(CONFIG, "gains.kp=4"), tmp_path / "alone")
-    swept, alone = contents(finished["sweep"]), contents(tmp_path / "alone")
+    swept, alone = contents(finished("sweep")), contents(tmp_path / "alone")
     # rtol 1e-6, amplified little over half a second.
     np.testing.assert_allclose(swept["pose"][4], alone["pose"], atol=1e-5)
 
@@ -663,9 +685,10 @@ def test_blocks_mix_points_and_agree_within_the_tolerance(make, finished, tmp_pa
 def test_an_interrupted_sweep_continues_and_ends_the_same(make, finished, tmp_path):
     interrupted(make(CONFIG + SWEEP), tmp_path / "out", after=7)
     execute(make(CONFIG + SWEEP), tmp_path / "out")
-    assert_same(contents(tmp_path / "out"), contents(finished["sweep"]))
+    assert_same(contents(tmp_path / "out"), contents(finished("sweep")))
 
 
+@pytest.mark.slow("computes a sweep")
 def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
     execute(make(grids=["ensemble.seed=1,2"]), tmp_path / "sweep")
     execute(make(CONFIG, "ensemble.seed=2"), tmp_path / "alone")
@@ -674,6 +697,7 @@ def test_a_swept_seed_gives_points_initial_states_of_their_own(make, tmp_path):
     np.testing.assert_array_equal(swept["initial_pose"][1], alone["initial_pose"])
 
 
+@pytest.mark.slow("computes a sweep")
 def test_xarray_opens_a_sweep_and_unstacks_a_grid(make, tmp_path):
     xarray = pytest.importorskip("xarray")
     found = make(CONFIG.replace("runs: 7", "runs: 2"), grids=["gains.kp=1,2", "gains.kd=0.5,1"])
@@ -686,7 +710,7 @@ def test_xarray_opens_a_sweep_and_unstacks_a_grid(make, tmp_path):
 
 
 def test_a_result_of_a_sweep_runs_again_from_its_own_config(make, finished):
-    again = study(read_config(finished["sweep"] / "results.h5"))
+    again = study(read_config(finished("sweep") / "results.h5"))
     assert again.digest == make(CONFIG + SWEEP).digest
 
 
@@ -771,8 +795,13 @@ class Remembering(EqT):
 '''
 
 
-@pytest.mark.parametrize("laws", ["[eqt, remembering]", "[remembering, eqt]"])
-@pytest.mark.parametrize("text", [CONFIG, CONFIG + "sweep: [{grid: {inertia: [1, 2]}}]\n"])
+@pytest.mark.parametrize(
+    ("laws", "text"),
+    [
+        ("[eqt, remembering]", CONFIG),
+        ("[remembering, eqt]", CONFIG + "sweep: [{grid: {inertia: [1, 2]}}]\n"),
+    ],
+)
 def test_laws_may_have_states_of_different_lengths(make, tmp_path, laws, text):
     """Parts and the cross-check take states by name.
 

@@ -58,7 +58,15 @@ NAMES = [
     )
     for name in ("auto", "serial", "threads", "local", "dask")
 ]
-SURVIVORS = [name for name in NAMES if name.values[0] in ("local", "dask")]
+QUICK = [
+    pytest.param(*name.values, marks=[*name.marks, pytest.mark.slow("starts a cluster")])
+    if name.values[0] == "dask"
+    else name
+    for name in NAMES
+]
+"""Dask is tried by contracts/test_executors.py, too."""
+
+SURVIVORS = [name for name in QUICK if name.values[0] in ("local", "dask")]
 POSIX = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="has no SIGKILL")
 
 
@@ -75,7 +83,7 @@ def task(tmp_path, monkeypatch):
     return __import__(name).Task(str(done))
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", QUICK)
 def test_every_item_ends_once_and_all_progress_is_reported(name, task):
     seen = []
     found = list(executors.get(name)(2).outcomes(task, [1, 2, 3, 4], seen.append))
@@ -120,7 +128,7 @@ def test_a_cluster_starts_beside_another(task):
     assert found == [Outcome(2, 0)]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", QUICK)
 def test_an_error_of_the_task_ends_everything(name, task):
     with pytest.raises(EqtError, match="no"):
         list(executors.get(name)(2).outcomes(task, [99], lambda amount: None))

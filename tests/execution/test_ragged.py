@@ -106,12 +106,18 @@ def assert_same(one, other):
 SWEEPS = {"groups": GROUPS, "times": TIMES}
 
 
-@pytest.fixture(scope="module", params=SWEEPS)
-def finished(request, tmp_path_factory):
+@pytest.fixture(
+    scope="module",
+    params=["groups", pytest.param("times", marks=pytest.mark.slow("computes another sweep"))],
+)
+def finished(request, made_once):
     """The folder of a sweep that was not disturbed, to be read only; and the sweep."""
-    folder, text = tmp_path_factory.mktemp("finished"), SWEEPS[request.param]
-    execute(study_in(folder, text), folder / "out")
-    return folder / "out", text
+    text = SWEEPS[request.param]
+
+    def make(folder):
+        execute(study_in(folder, text), folder / "out")
+
+    return made_once(f"ragged {request.param}", make) / "out", text
 
 
 @pytest.fixture
@@ -162,6 +168,7 @@ def test_groups_are_the_results_of_single_experiments(make, finished, tmp_path):
                     np.testing.assert_array_equal(results[name][point], alone[name])
 
 
+@pytest.mark.slow("as test_execute.py has it of one experiment")
 def test_an_interrupted_one_continues_and_ends_the_same(make, text, whole, tmp_path):
     out = tmp_path / "out"
     with pytest.raises(KeyboardInterrupt):
@@ -192,6 +199,7 @@ def test_processes_give_the_same_bits(make, text, whole, tmp_path):
     assert_same(contents(tmp_path / "out"), whole)
 
 
+@pytest.mark.slow("as test_execute.py has it of one experiment")
 def test_shards_and_pack_give_the_same_bits(make, text, whole, tmp_path):
     out = tmp_path / "out"
     execute(make(text), out, shard=Shard(1, 2))
@@ -224,6 +232,7 @@ def execute_without(name, *arguments, **options):
         execute(*arguments, **options)
 
 
+@pytest.mark.slow("as test_execute.py has it of one experiment")
 @only(["times"])
 def test_rerun_failed_patches_results_that_lack_a_metric(make, text, whole, tmp_path):
     out = tmp_path / "out"
@@ -241,6 +250,7 @@ def test_a_result_runs_again_from_its_own_config(make, finished):
     assert study(read_config(folder / "results.h5")).digest == make(text).digest
 
 
+@pytest.mark.slow("as test_execute.py has it of one experiment")
 @only(["times"])
 def test_metrics_only(make, text, tmp_path):
     execute(make(text, "store.trajectories=none"), tmp_path / "out")
@@ -251,6 +261,7 @@ def test_metrics_only(make, text, tmp_path):
         np.testing.assert_array_equal(group["effort"], results["effort"][1])
 
 
+@pytest.mark.slow("as test_execute.py has it of one experiment")
 @only(["groups"])
 def test_compressed_groups(make, tmp_path, whole):
     execute(make(GROUPS, "store.compression=gzip"), tmp_path / "out")

@@ -112,7 +112,17 @@ def test_an_inertia_that_is_ill_later_says_when(experiment):
     assert " at t = 1 s, so that rounding alone" in numerics.ill_conditioned(made)
 
 
-@pytest.mark.parametrize("name", shipped.names())
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(
+            name,
+            marks=[pytest.mark.slow("integrates every reference")]
+            * (name not in ("paper", "se3_bluerov2")),
+        )
+        for name in shipped.names()
+    ],
+)
 def test_shipped_configurations_are_well_conditioned(name):
     made = build(read_config(Path(shipped.folder() / f"{name}.yaml"), []))
     assert remarks(made, reference_over_horizon(made)) == []

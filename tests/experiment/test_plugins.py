@@ -138,6 +138,7 @@ for path in sys.argv[1:]:
 """
 
 
+@pytest.mark.slow("starts an interpreter that loads all of eqt")
 def test_a_plugin_is_all_that_a_process_needs_to_load() -> None:
     """Nothing else is imported before, so the base class alone brings its registry."""
     paths = sorted(map(str, PLUGINS.glob("*.py")))
@@ -147,9 +148,9 @@ def test_a_plugin_is_all_that_a_process_needs_to_load() -> None:
 
 
 def test_plugins_of_every_kind_run_together(every_plugin: Path, tmp_path: Path) -> None:
-    found = study(read_config(every_plugin))
+    found = study(read_config(every_plugin, ["ensemble.runs=2"]))
     done = execute(found, tmp_path / "out", executor=executors.get("backwards")(1))
-    assert (done.runs, done.failed) == (20, 0)
+    assert (done.runs, done.failed) == (10, 0)
 
 
 def test_wrong_options_of_plugins_are_reported_together(every_plugin: Path) -> None:

@@ -221,16 +221,19 @@ def test_the_energy_balance_holds(results: Callable[..., ResultFile]) -> None:
 # What is kept -----------------------------------------------------------------------------------
 
 
+ANOTHER = pytest.mark.slow("runs an experiment once more")
+
+
 @pytest.mark.parametrize(
     ("override", "kept"),
     [
         ("store.trajectories=none", ()),
-        ("store.trajectories=0", ()),
+        pytest.param("store.trajectories=0", (), marks=ANOTHER),
         ("store.trajectories=2", ("controller", "stored_run", "time")),
-        ("store.trajectories=3", TIME),
+        pytest.param("store.trajectories=3", TIME, marks=ANOTHER),
         ("store.trajectories=99", TIME),
         ("store.decimate=3", TIME),
-        ("store.compression=gzip", TIME),
+        pytest.param("store.compression=gzip", TIME, marks=ANOTHER),
     ],
 )
 def test_metrics_are_those_of_everything(

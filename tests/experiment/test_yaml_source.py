@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eqt_cli.config import yaml_source
@@ -493,6 +493,7 @@ def test_the_most_values() -> None:
     )
 
 
+@settings(max_examples=40)
 @given(st.text() | st.binary() | st.text("ab1.0: \n-[]{},&*!|>'\"%@?#\t<=~\\"))
 def test_any_text_is_data_or_a_config_error(text: str | bytes) -> None:
     try:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from eqt_cli.core.arrays import apply_matrix, dot, transpose
 from eqt_cli.core.errors import ComponentError
-from eqt_cli.groups import Part, group_named
+from eqt_cli.groups import Part, group_named, groups
 from eqt_cli.groups.angles import (
     FARTHEST,
     distance_of_turn,
@@ -34,9 +34,32 @@ CLOSED_FORMS = 5e-13
 DIFFERENCES = 1e-10
 
 
-@pytest.fixture(scope="module", params=[(), (3,), (2, 3)], ids=str)
-def shape(request):
+SHAPES = [(), (3,), (2, 3)]
+ALL = [group_named(name) for kind in groups.all() for name in kind.examples()]
+BATCHES = [
+    *((G, SHAPES[k % 3]) for k, G in enumerate(ALL)),
+    *((group_named("SO3"), shape) for shape in SHAPES),
+]
+"""Every group with one of the shapes, and SO(3) with all of them."""
+
+
+@pytest.fixture(
+    scope="module",
+    params=dict.fromkeys(BATCHES),
+    ids=lambda batch: f"{batch[0].name}-{batch[1]}",
+)
+def batch(request):
     return request.param
+
+
+@pytest.fixture(scope="module")
+def G(batch):
+    return batch[0]
+
+
+@pytest.fixture(scope="module")
+def shape(batch):
+    return batch[1]
 
 
 def assert_equal(left, right, tolerance=ROUNDING):

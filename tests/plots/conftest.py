@@ -1,6 +1,6 @@
 """Small results to draw: real ones, and the same with single arrays replaced or left out."""
 
-from functools import partial
+from hashlib import sha256
 
 import pytest
 import yaml
@@ -42,8 +42,8 @@ def simulated(folder, **changes):
 def simulated_once(made_once):
     """The result file of a small experiment, which all processes of the tests share."""
 
-    def found(name, **changes):
-        folder = made_once(f"drawn {name}", lambda folder: simulated(folder, **changes))
+    def found(which, **changes):
+        folder = made_once(f"drawn {which}", lambda folder: simulated(folder, **changes))
         return folder / "out" / "results.h5"
 
     return found
@@ -87,10 +87,14 @@ def curve_names():
     return of
 
 
-@pytest.fixture
-def simulate(tmp_path):
-    """The result file of `CONFIG` with some keys replaced."""
-    return partial(simulated, tmp_path)
+@pytest.fixture(scope="session")
+def simulate(simulated_once):
+    """The result file of `CONFIG` with some keys replaced, to be read only."""
+
+    def found(**changes):
+        return simulated_once(sha256(repr(changes).encode()).hexdigest()[:16], **changes)
+
+    return found
 
 
 @pytest.fixture

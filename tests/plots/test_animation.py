@@ -104,6 +104,7 @@ def test_gif_has_its_pictures_and_repeats(results):
     assert sum(drawn) == 5
 
 
+@pytest.mark.slow("draws every picture twice")
 def test_gif_moves_and_is_the_same_again(results):
     first, second = (gif(results, 3, ["eqt"], seconds=0.3, rate=10) for _ in range(2))
     assert first == second

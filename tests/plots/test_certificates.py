@@ -11,6 +11,8 @@ from eqt_cli.plots.figures.certificates import Certificates
 from eqt_cli.plots.render import check
 from eqt_cli.plots.save import encode
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 
 def row(name, controller="", measured=1e-16, bound=1e-14, verdict=Verdict.HOLDS, kind="identity"):
     return Row(name, "Theorem 4.1", kind, controller, measured, bound, verdict)

@@ -7,6 +7,8 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.figures.commands import Commands
 from eqt_cli.plots.figures.paper import Paper
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 FLIES = {
     "actuators": [{"kind": "limit", "limit": 1.0}, {"kind": "lag", "time_constant": 0.1}],
     "control": {"period": 0.1},

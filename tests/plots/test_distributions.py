@@ -11,6 +11,8 @@ from eqt_cli.plots.figures.distributions import Distributions
 from eqt_cli.plots.save import encode
 from eqt_cli.plots.shown.metrics import DEFAULT_METRICS, Sample
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 
 @pytest.fixture
 def unsettled(so3, altered, opened):

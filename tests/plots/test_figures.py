@@ -33,13 +33,25 @@ NAMES = [
     for name in figures.names()
     if not issubclass(figures.get(name), OfSweep | OfCertificates | OfTuning)
 ]
-every_figure = pytest.mark.parametrize("name", NAMES)
+# All tests of a figure in a row, so that the processes of the tests share the drawings out.
+every_figure = pytest.mark.parametrize("name", NAMES, scope="module")
 every_figure_of_runs = pytest.mark.parametrize(
-    "name", [name for name in NAMES if not issubclass(figures.get(name), OfReference)]
+    "name",
+    [name for name in NAMES if not issubclass(figures.get(name), OfReference)],
+    scope="module",
 )
 every_figure_over_time = pytest.mark.parametrize(
-    "name", [name for name in NAMES if issubclass(figures.get(name), OverTime)]
+    "name",
+    [name for name in NAMES if issubclass(figures.get(name), OverTime)],
+    scope="module",
 )
+unarranged = pytest.mark.usefixtures("unarranged")
+
+
+def slow_but(name):
+    """The names of all figures, of which all others are slow."""
+    slow = pytest.mark.slow("draws figures again, which are drawn once in fast tests")
+    return [pytest.param(each, marks=[] if each == name else [slow]) for each in NAMES]
 
 
 @dataclass
@@ -101,11 +113,18 @@ def recorded_texts():
 
 
 @every_figure
-@pytest.mark.parametrize(
-    ("result", "width"), [("so3", "page"), ("se3", "column"), ("odd_names", "column")]
-)
-def test_nothing_sticks_out_of_the_sheet(name, width, result, drawn, request):
-    drawing = drawn(name, request.getfixturevalue(result), width).drawing
+def test_nothing_sticks_out_of_the_sheet(name, se3, drawn):
+    assert_inside(drawn(name, se3).drawing, "column")
+
+
+@pytest.mark.parametrize(("result", "width"), [("so3", "page"), ("odd_names", "column")])
+@pytest.mark.parametrize("name", slow_but("paper"))
+def test_nothing_sticks_out_of_other_sheets(name, width, result, drawn, request):
+    assert_inside(drawn(name, request.getfixturevalue(result), width).drawing, width)
+
+
+def assert_inside(drawing, width):
+    """All that is drawn lies on a sheet of this width."""
     with house_style():
         inked = drawing.get_tightbbox()
     assert drawing.get_figwidth() == WIDTHS[width]
@@ -118,9 +137,18 @@ def test_nothing_sticks_out_of_the_sheet(name, width, result, drawn, request):
 
 
 @every_figure
-@pytest.mark.parametrize("result", ["so3", "se3", "odd_names"])
-def test_texts_do_not_overlap(name, result, drawn, request):
-    boxes = drawn(name, request.getfixturevalue(result)).texts
+def test_texts_do_not_overlap(name, se3, drawn):
+    assert_apart(drawn(name, se3).texts)
+
+
+@pytest.mark.parametrize("result", ["so3", "odd_names"])
+@pytest.mark.parametrize("name", slow_but("paper"))
+def test_other_texts_do_not_overlap(name, result, drawn, request):
+    assert_apart(drawn(name, request.getfixturevalue(result)).texts)
+
+
+def assert_apart(boxes):
+    """No text covers another."""
     assert len(boxes) > 10
     for index, (text, box) in enumerate(boxes):
         for other, other_box in boxes[:index]:
@@ -156,7 +184,7 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
             assert one.read_bytes() == two.read_bytes(), (name, format)
 
 
-@every_figure
+@pytest.mark.parametrize("name", slow_but("paper"))
 def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened, drawn):
     expected = drawn(name, so3).files
     with matplotlib.rc_context({"axes.facecolor": "black", "font.size": 20, "savefig.dpi": 50}):
@@ -165,6 +193,7 @@ def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened, dra
         assert matplotlib.rcParams["font.size"] == 20
 
 
+@unarranged
 def test_every_format_is_drawn_once(so3, opened, monkeypatch):
     drawing, own, drawn = figures.get("paper")().draw([opened(so3)]), Figure.draw, []
 
@@ -179,14 +208,15 @@ def test_every_format_is_drawn_once(so3, opened, monkeypatch):
 
 
 @every_figure
-def test_drawing_says_nothing(name, so3, drawn):
-    assert drawn(name, so3).said == ""
+def test_drawing_says_nothing(name, se3, drawn):
+    assert drawn(name, se3).said == ""
 
 
 @every_figure_over_time
+@unarranged
 def test_missing_trajectories_say_what_to_do(name, so3, altered, opened):
-    over_time = [v for v in opened(so3).names if "time" in opened(so3).dims(v)]
-    results = altered(so3, **dict.fromkeys(over_time))
+    whole = opened(so3)
+    results = altered(so3, **{v: None for v in whole.names if "time" in whole.dims(v)})
     with pytest.raises(EqtError) as caught:
         figures.get(name)().draw([results])
     assert str(caught.value) == (
@@ -196,6 +226,7 @@ def test_missing_trajectories_say_what_to_do(name, so3, altered, opened):
 
 
 @every_figure_of_runs
+@unarranged
 def test_no_good_run_at_all_is_an_error(name, so3, altered, opened):
     results = altered(so3, status=np.ones_like(opened(so3)["status"]))
     with pytest.raises(EqtError) as caught:
@@ -207,6 +238,7 @@ def test_no_good_run_at_all_is_an_error(name, so3, altered, opened):
 
 
 @every_figure_of_runs
+@unarranged
 def test_failed_runs_are_counted_below_the_panels(name, so3, altered, opened):
     status = np.zeros_like(opened(so3)["status"])
     status[1, [3, 4]] = 3  # the first run is what figures of one run show
@@ -219,14 +251,15 @@ def test_failed_runs_are_counted_below_the_panels(name, so3, altered, opened):
 
 
 @every_figure_over_time
-def test_the_number_of_stored_runs_is_said(name, odd_names, drawn):
-    drawing = drawn(name, odd_names).drawing
+@unarranged
+def test_the_number_of_stored_runs_is_said(name, odd_names, opened):
+    drawing = figures.get(name)().draw([opened(odd_names)])
     assert drawing.get_supxlabel().splitlines()[0] == "Trajectories of the first 4 of 6 runs."
 
 
 @every_figure
-def test_a_complete_result_needs_no_remark_but_how_many_runs_are_averaged(name, so3, drawn):
-    drawing = drawn(name, so3).drawing
+def test_a_complete_result_needs_no_remark_but_how_many_runs_are_averaged(name, se3, drawn):
+    drawing = drawn(name, se3).drawing
     averaged = name in ("paper", "runs", "torque", "distributions")
     assert ("n = 6" in drawing.get_supxlabel()) == averaged
     assert len(drawing.get_supxlabel().splitlines()) == averaged
@@ -240,6 +273,7 @@ def test_panels_of_several_are_lettered(name, se3, drawn):
 
 
 @every_figure
+@unarranged
 def test_unknown_controllers_are_refused(name, so3, opened):
     with pytest.raises(EqtError) as caught:
         figures.get(name)(controllers=["eqt", "eq"]).draw([opened(so3)])
@@ -249,6 +283,7 @@ def test_unknown_controllers_are_refused(name, so3, opened):
 
 
 @every_figure_over_time
+@unarranged
 def test_a_single_sample_is_no_curve(name, so3, altered, opened, tmp_path):
     results = opened(so3)
     over_time = [v for v in (*results.names, "time") if "time" in results.dims(v)]
@@ -261,7 +296,8 @@ def test_a_single_sample_is_no_curve(name, so3, altered, opened, tmp_path):
     )
 
 
-@every_figure
+@pytest.mark.parametrize("name", slow_but("phase"))
+@unarranged
 def test_signals_that_are_zero_throughout_can_be_drawn(name, so3, altered, opened):
     results = opened(so3)
     over_time = [v for v in results.names if "time" in results.dims(v)]
@@ -274,6 +310,7 @@ def test_figures_are_found_by_scanning():
     assert {"certificates", "paper", "pareto", "runs", "sweep", "torque"} <= set(figures.names())
 
 
+@unarranged
 def test_render_names_its_files_after_the_figure(so3, opened, tmp_path):
     files = render([opened(so3)], "paper", tmp_path / "new" / "figures", ["svg", "png"])
     assert [path.relative_to(tmp_path).as_posix() for path in files] == [

@@ -9,6 +9,8 @@ from matplotlib.mathtext import MathTextParser
 from eqt_cli.plots.drawing.layout import blank_sheet, freeze
 from eqt_cli.plots.drawing.style import Style, house_style
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 
 @pytest.fixture
 def read(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, ...]]:

@@ -9,6 +9,8 @@ from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.store.table import Table, Variable
 from eqt_cli.store.writer import write
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 SIGNALS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
 
 

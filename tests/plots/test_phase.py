@@ -8,6 +8,8 @@ from eqt_cli.plots.curve_data import curves
 from eqt_cli.plots.figures.phase import Phase
 from eqt_cli.plots.render import figure_from
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 HALF_TURN = 2 * np.sqrt(2)  # ‖I − R‖_F² = 2 tr(I − R) = 4 (1 − cos π)
 
 

@@ -13,6 +13,8 @@ from eqt_cli.plots.figures.reference import without_jumps
 from eqt_cli.plots.shown.reference import ShownReference
 from eqt_cli.results.result import open_result
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 CONFIG = {
     "group": "SE3",
     "inertia": [1, 2, 3, 4, 4, 4],

@@ -6,7 +6,10 @@ import pytest
 from eqt_cli.plots.figures import runs
 from eqt_cli.plots.figures.runs import Runs
 
+unarranged = pytest.mark.usefixtures("unarranged")
 
+
+@unarranged
 def test_every_good_run_is_a_line_under_the_mean(so3, altered, opened):
     values = opened(so3)["pose_error"]
     status = np.zeros_like(opened(so3)["status"])
@@ -20,6 +23,7 @@ def test_every_good_run_is_a_line_under_the_mean(so3, altered, opened):
     assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog", "asym"]
 
 
+@unarranged
 def test_only_the_first_of_many_runs_are_drawn(so3, opened, monkeypatch):
     monkeypatch.setattr(runs, "MOST_LINES", 2)
     values = opened(so3)["pose_error"]
@@ -31,6 +35,7 @@ def test_only_the_first_of_many_runs_are_drawn(so3, opened, monkeypatch):
     assert names == ["first 2 runs", "mean over runs"]
 
 
+@unarranged
 def test_the_common_scale_holds_every_run(so3, altered, opened):
     values = opened(so3)["velocity_error"]
     values[3] *= 10  # in the last panel
@@ -53,6 +58,7 @@ def test_errors_that_span_a_decade_have_a_logarithmic_scale(so3, altered, opened
         assert Runs(signal="torque_norm").draw([torque]).axes[0].get_yscale() == "linear"
 
 
+@unarranged
 def test_parts_have_columns_and_scales_of_their_own(se3, opened):
     results = opened(se3)
     drawing = Runs(signal="torque_norm").draw([results])
@@ -74,12 +80,14 @@ def test_parts_have_columns_and_scales_of_their_own(se3, opened):
     assert rotation[0].get_ylim() != translation[0].get_ylim()
 
 
+@unarranged
 def test_the_lyapunov_function_has_no_parts(se3, opened):
     drawing = Runs(signal="lyapunov", log=True).draw([opened(se3)])
     assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog", "asym"]
     assert {axes.get_yscale() for axes in drawing.axes} == {"log"}
 
 
+@unarranged
 def test_an_odd_number_of_controllers_leaves_a_place_empty(so3, opened):
     drawing = Runs(controllers=["eqt", "gt", "nog"]).draw([opened(so3)])
     assert [axes.get_title() for axes in drawing.axes] == ["EqT", "GT", "nog"]

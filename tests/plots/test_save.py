@@ -11,6 +11,8 @@ from eqt_cli.plots.figures.paper import Paper
 from eqt_cli.plots.render import figure_from, render
 from eqt_cli.plots.save import encode, write
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 
 def test_files_say_what_they_show(so3, opened):
     drawing = Paper().draw([opened(so3)])
@@ -82,10 +84,10 @@ def test_files_of_others_are_not_replaced(tmp_path):
     assert b"TeX" in path.read_bytes()
 
 
-@pytest.mark.parametrize("format", ["pdf", "svg", "png", "json"])
-def test_figures_are_known_as_eqts(so3, opened, tmp_path, format):
-    (path,) = render([opened(so3)], "paper", tmp_path, [format], "column")
-    assert is_eqts(path)
+def test_figures_are_known_as_eqts(so3, opened, tmp_path):
+    paths = render([opened(so3)], "paper", tmp_path, ["pdf", "svg", "png", "json"], "column")
+    assert len(paths) == 4
+    assert [path.name for path in paths if not is_eqts(path)] == []
 
 
 def test_nothing_is_written_when_the_figure_cannot_be_drawn(so3, altered, tmp_path):

@@ -13,6 +13,8 @@ from eqt_cli.plots.figures.sweep import SweepFigure
 from eqt_cli.plots.figures.torque import Torque
 from eqt_cli.plots.shown.controllers import ShownControllers, names
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 
 @pytest.fixture
 def stiff(tmp_path, simulate):

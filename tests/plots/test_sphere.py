@@ -8,6 +8,8 @@ from eqt_cli.groups import group_named
 from eqt_cli.plots.drawing.sphere_projection import path, project, radius
 from eqt_cli.plots.figures.sphere import Sphere
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 ROUNDING = {"atol": 1e-15}  # of a few operations on numbers up to 1
 
 

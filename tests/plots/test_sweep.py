@@ -18,6 +18,8 @@ from eqt_cli.plots.figures.winners import Winners
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.tuning.ranking import front
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 ONE = [{"grid": {"gains.kd": [0.25, 0.5, 1, 2]}}]
 TWO = [{"grid": {"gains.kp": [1, 2, 4]}}, {"grid": {"inertia": [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]}}]
 BOTH = [{"grid": {"gains.kp": [1, 2], "gains.kd": [0.5, 1]}}]

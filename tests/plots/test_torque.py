@@ -9,6 +9,8 @@ from eqt_cli.plots.drawing.style import WIDTHS
 from eqt_cli.plots.figures.torque import Torque, _places
 from eqt_cli.plots.shown.trajectories import ShownRuns
 
+pytestmark = pytest.mark.usefixtures("unarranged")
+
 
 def _drawn(axes):
     return {line.get_label(): line.get_ydata() for line in axes.lines}

@@ -40,6 +40,14 @@ def G(request):
     return group_named(request.param)
 
 
+# What is compiled knows no group.
+on_engines = pytest.mark.parametrize(
+    ("G", "engine"),
+    [*((name, "solve_ivp") for name in GROUPS), ("SO3", "taylor")],
+    indirect=["G"],
+)
+
+
 def axes(G):
     return np.random.default_rng(3).standard_normal((3, G.dimension))
 
@@ -192,7 +200,7 @@ def after_rates(G, t, steps):
     return reduce(np.matmul, expm(h * G.hat(V)))
 
 
-@pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
+@on_engines
 def test_rates_are_integrated(G, engine):
     if engine == "taylor":
         pytest.importorskip("heyoka")
@@ -280,6 +288,14 @@ def test_state_holds_no_more_of_the_reference_than_is_integrated(G, kind, stretc
     assert [name for name in lengths if name.startswith("desired")] == stretches
 
 
+@pytest.mark.parametrize(
+    "G",
+    [
+        pytest.param(name, marks=[pytest.mark.slow("compiles a law for each")] * (name != "SE2"))
+        for name in GROUPS
+    ],
+    indirect=True,
+)
 def test_engines_agree_far_from_the_reference(G):
     pytest.importorskip("heyoka")
     loop = closed_loop(G, reference("waypoints", G))
@@ -306,7 +322,7 @@ class Spin(Reference):
         return inertia.momentum(np.eye(G.dimension)[0]) * 0.5 - G.ad_star(inertia.velocity(Pd), Pd)
 
 
-@pytest.mark.parametrize("engine", ["solve_ivp", "taylor"])
+@on_engines
 def test_a_reference_that_a_torque_drives_is_integrated(G, engine):
     if engine == "taylor":
         pytest.importorskip("heyoka")

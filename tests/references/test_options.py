@@ -29,6 +29,12 @@ def test_waypoints_may_stand_in_a_file():
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-14)
 
 
+@pytest.mark.parametrize("name", ["text", "digest"])
+def test_what_a_file_holds_is_no_option(name):
+    with pytest.raises(TypeError, match=f"unexpected keyword argument '{name}'"):
+        WaypointsReference(POINTS, **{name: "x"})
+
+
 def test_files_are_those_that_hold_waypoints():
     assert WaypointsReference(file="plan.csv").files == {"file": "plan.csv"}
     assert WaypointsReference(POINTS).files == {}

@@ -81,7 +81,17 @@ COMMANDS = {
 }
 
 
-@pytest.mark.parametrize("name", COMMANDS)
+FAST = ("run", "sweep", "show", "compare", "verify", "plot")
+"""Each has code of its own, which the others share."""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=[pytest.mark.slow("one of many commands")] * (name not in FAST))
+        for name in COMMANDS
+    ],
+)
 def test_no_command_starts_a_program(sent, witness, eqt, name):
     (sent / "t.yaml").write_text((sent / "c.yaml").read_text() + TUNE, encoding="utf-8")
     eqt("run", "c.yaml", "--out", "own", "--quiet")

@@ -312,7 +312,25 @@ def replaced_by_link(path: Path, target: Path) -> None:
     path.symlink_to(target)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+FAST = (
+    "run --shard",
+    "tune",
+    "tune --force",
+    "plot",
+    "report",
+    "animate",
+    "config new",
+)
+"""Every kind of command; the others go through links one by one, too."""
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(name, marks=[pytest.mark.slow("tries every name")] * (name not in FAST))
+        for name in COMMANDS
+    ],
+)
 def test_links_are_refused(
     made: Folders,
     lay: Callable[[str], Path],

@@ -79,8 +79,9 @@ def test_parts_that_are_there_are_not_counted_again(
     assert execute(found, out).packed
 
 
-@pytest.mark.parametrize("name", ["results.h5", "manifest.json"])
-@pytest.mark.parametrize("command", [execute, pack_folder])
+@pytest.mark.parametrize(
+    ("name", "command"), [("results.h5", execute), ("manifest.json", pack_folder)]
+)
 def test_what_cannot_be_packed_is_kept(
     begun: tuple[Study, Path],
     monkeypatch: pytest.MonkeyPatch,

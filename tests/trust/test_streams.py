@@ -49,8 +49,19 @@ ENDS = {
 }
 
 
+FAST = ("both closed", "an error on a full stderr", "a document on a full stdout")
+
+
 @FULL
-@pytest.mark.parametrize("case", ENDS)
+@pytest.mark.parametrize(
+    "case",
+    [
+        pytest.param(
+            case, marks=[pytest.mark.slow("starts a process for each")] * (case not in FAST)
+        )
+        for case in ENDS
+    ],
+)
 def test_closed_and_full_streams(sent, case):
     words, redirection, code, told = ENDS[case]
     found, _, error = shell(words, redirection)

@@ -95,9 +95,19 @@ def test_another_search_is_not_mixed_into_the_folder(small: dict[str, Any], tmp_
     small["tune"]["seed"] = 5
     with pytest.raises(EqtError, match="holds another tuning"):
         api.tune(small, tmp_path / "t")
+
+
+@pytest.mark.slow("searches twice")
+def test_another_search_takes_the_place_of_one_where_it_is_told_to(
+    small: dict[str, Any], tmp_path: Path
+) -> None:
+    small["tune"]["budget"] = 1
+    api.tune(small, tmp_path / "t")
+    small["tune"]["seed"] = 5
     assert api.tune(small, tmp_path / "t", force=True).record["seeds"] == [5]
 
 
+@pytest.mark.slow("searches for many candidates")
 def test_the_winners_of_a_front_are_numbered_and_none_betters_another(
     small: dict[str, Any], tmp_path: Path
 ) -> None:
@@ -176,6 +186,7 @@ def test_what_was_found_is_kept_when_the_search_is_interrupted(
     assert api.tune(small, tmp_path / "t").record == searched[0].record
 
 
+@pytest.mark.slow("searches for many candidates")
 def test_the_winners_of_all_searches_stand_side_by_side_on_held_out_runs(
     searched_twice: tuple[Path, dict[str, Any]],
 ) -> None:

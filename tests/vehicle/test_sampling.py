@@ -179,6 +179,7 @@ def test_results_do_not_depend_on_neighbours_or_workers(solved):
     np.testing.assert_array_equal(some.states, together.states[[7, 2]])
 
 
+@pytest.mark.slow("integrates every run twice")
 def test_blocks_of_solve_ivp_are_what_they_were_together(solved):
     text = with_engine(NOISY, "solve_ivp", ", block: 4")
     _, together = solved(text)
@@ -280,6 +281,7 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
     assert str(caught.value).split(": ", 1)[1] == message
 
 
+@pytest.mark.slow("runs an experiment twice")
 def test_shards_give_the_result_of_one_run(tmp_path, invoke):
     path = tmp_path / "c.yaml"
     text = with_engine(NOISY.replace("runs: 12", "runs: 60"), "solve_ivp", ", cross_check: 0")
