@@ -136,7 +136,9 @@ class ClosedLoop:
         dissipation = self.dissipation(s)
         if dissipation is None or self.vehicle.is_ideal:
             return dissipation
-        unknown = acting - self.controller.torque(s)
+        law = self.controller.formula
+        assert law is not None  # else nothing is known of what it dissipates
+        unknown = acting - law.torque(s)
         return dissipation - dot(unknown, self.controller.velocity_error(s))
 
     @property
@@ -315,9 +317,8 @@ class ClosedLoop:
             E, b = errors
             s = dataclasses.replace(s, Q=s.Q @ E, P=s.inertia.momentum(s.V + b))
         assert self.vehicle.control is not None
-        asked = self.controller.torque(s) + 0.0 * s.P
-        period, rates = self.vehicle.control.period, self.controller.memory_rate(s)
-        memory = {name: values + period * rates[name] for name, values in s.memory.items()}
+        torque, memory = self.controller.answer(s, self.vehicle.control.period)
+        asked = torque + 0.0 * s.P
         vehicle = self.vehicle.after_instant(self.group, asked, s.vehicle)
         found = self.layout.split(state)
         changed = _named(MEMORY, memory) | _named(VEHICLE, vehicle)

@@ -1,0 +1,65 @@
+"""Code in C that a configuration names: its text, with the files beside it that it includes.
+
+It is executed, so it is read as plugins are: that of a result only if it is trusted.
+"""
+
+import re
+from pathlib import Path
+
+from eqt_cli.config.plugins import trusted_text
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.core.errors import ComponentError, InputError
+from eqt_cli.core.files import text_of
+
+MOST_DEPTH = 20
+"""Of files that include others."""
+
+_INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"\n]+)"[^\n]*$', re.MULTILINE)
+_ONCE = re.compile(r"^[ \t]*#[ \t]*pragma[ \t]+once[ \t]*$", re.MULTILINE)
+
+
+def code_text(source: ConfigSource, name: str, trusted: bool) -> str:
+    """The text of a C file, in which files in quotes stand instead of being included.
+
+    Raises
+    ------
+    InputError
+        If it cannot be had, or may not be executed.
+    """
+    try:
+        text = trusted_text(source, name, trusted, "C file")
+    except ComponentError as error:
+        raise InputError(str(error.args[0]), *error.remedies) from error
+    if source.stored_plugins is not None:
+        return text
+    return _whole(source.folder / name, text, [], set())
+
+
+def _whole(path: Path, text: str, above: list[Path], seen: set[Path]) -> str:
+    """A text with those that it includes, as far as they lie beside it; others stay as they are."""
+    if len(above) > MOST_DEPTH:
+        raise InputError(
+            f"{above[0]} includes files more than {MOST_DEPTH} deep; it includes itself"
+        )
+    if _ONCE.search(text):
+        if path.resolve() in seen:
+            return ""
+        seen.add(path.resolve())
+        text = _ONCE.sub("", text)
+    parts, last, line = [f'#line 1 "{_shown(path)}"\n'], 0, 1
+    for found in _INCLUDE.finditer(text):
+        beside = path.parent / found[1]
+        if not beside.is_file():
+            continue
+        parts.append(text[last : found.start()])
+        line += text.count("\n", last, found.end())
+        included = text_of(beside, "it is included", InputError)
+        parts.append(_whole(beside, included, [*above, path], seen))
+        parts.append(f'\n#line {line} "{_shown(path)}"')
+        last = found.end()
+    return "".join([*parts, text[last:]])
+
+
+def _shown(path: Path) -> str:
+    """The name of a file, as a compiler is told of it."""
+    return re.sub(r"[^A-Za-z0-9._-]", "_", path.name)
