@@ -54,7 +54,7 @@ class Controller(Component):
     title
         As written in figures: ``EqT``. Default: the name.
     tasks
-        The tasks of a configuration that it is for.
+        The tasks of a configuration that it is for; none of code, which is for any.
     energy
         Its Lyapunov function, as text: ``½⟨P̃, Ṽ⟩ + Υ(Q_E)``.
     theorem
