@@ -186,10 +186,15 @@ def _symbolic(
     def one(prefix: str, entry: Entry) -> Array:
         return given[prefix + entry.name].reshape(1, *entry.shape or (1,))
 
-    t, *arrays = (one(TOLD, entry) for entry in told)
+    heard = Told(*(one(TOLD, entry) for entry in told))
+    G, (Q, Qd) = loop.group, (heard.pose, heard.desired_pose)
+    # What is the same in every pose need not be read.
+    heard = heard._replace(
+        t=heard.t[0, 0], pose=G.unpack(G.pack(Q)), desired_pose=G.unpack(G.pack(Qd))
+    )
     values = {entry.source: one(NUMBER, entry) for entry in numbers[:-1]}
     symbolic = loop.with_parameters(loop.parameters | values)
-    return symbolic, Told(t[0, 0], *arrays), {each.source: one(MEMORY, each) for each in memory}
+    return symbolic, heard, {each.source: one(MEMORY, each) for each in memory}
 
 
 def _flat(memory: tuple[Entry, ...], values: Mapping[str, Array]) -> dict[str, Array]:
