@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -27,8 +28,6 @@ ARRANGED = 8.0
 
 ROUNDOFF = {"double": UNIT, "float": 2.0**-24}
 """Of one operation, relative."""
-
-KIND = "code"
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,9 @@ def _finite(judged: Judged) -> Iterator[Row]:
     own = torque
     if law is not None:
         own = Question(replace(loop, controller=law), told, memory).torque()
-    known = np.isfinite(own).all(axis=1) | (law is None)
+    known: Any = np.isfinite(own).all(axis=1)
+    if law is None:
+        known = np.ones_like(known)
     where = ["half turn", "no error"]
     words = [
         f"{where[int(k == m)]}{f' about axis {k + 1}' if k < m else ''}: {torque[k].tolist()}"

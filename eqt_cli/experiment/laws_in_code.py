@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+import os
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.config.code_files import code_text
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.controllers import Controller
+from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Engine
@@ -69,6 +71,31 @@ class LawsInCode:
 
 _tried: set[OwnCode] = set()
 """Code that has ended at all inputs before, whatever its numbers."""
+
+
+def with_code(source: ConfigSource, file: Path, claimed: str | None) -> ConfigSource:
+    """The configuration with a C file as its only controller, as of now.
+
+    An entry of `controllers` that is this file already stays, and keeps its numbers.
+
+    Parameters
+    ----------
+    claimed
+        The law that it claims to be; None where the entry says it, or nobody does.
+    """
+    name = os.path.relpath(file, source.folder)
+    entries = source.data.get("controllers")
+    known = [
+        entry
+        for entry in (entries if isinstance(entries, list) else ())
+        if isinstance(entry, dict) and os.path.normpath(str(entry.get("file"))) == name
+    ]
+    code = next(kind.name for kind in controllers.all() if not kind.tasks)
+    entry = {**(known[0] if known else {"kind": code, "file": name, "label": file.stem})}
+    if claimed is not None:
+        entry["as"] = claimed
+    given = source.overrides | {("controllers",): "--code"}
+    return replace(source, data=source.data | {"controllers": [entry]}, overrides=given)
 
 
 def first_inputs(G: MatrixLieGroup) -> Array:

@@ -350,7 +350,7 @@ def _symmetric(question: Question) -> Array:
 
 
 def _assumptions(question: Question) -> list[tuple[str, Question, Told, Told]]:
-    """What a code may do otherwise: words, the law, and what its stiffness and the rest are told."""
+    """What code may do otherwise: words, the law, and what its stiffness and its rest are told."""
     G, told, loop = question.loop.group, question.told, question.loop
     Q, Qd, V, Vd, A = told[1], told[3], told.velocity, told.desired_velocity, told[5]
     inverse_Q, inverse_Qd = G.inverse(Q), G.inverse(Qd)
