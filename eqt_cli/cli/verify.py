@@ -89,19 +89,12 @@ def verify(
     from eqt_cli.experiment.read_study import study
 
     subject: Path | api.LoadedExperiment
-    if as_ and not code:
-        raise EqtError("--as names the law that a C file claims to be; give the file with --code")
-    if target.suffix == ".h5" or target.is_dir():
-        if set_ or engine or runs or code:
-            raise EqtError(
-                f"{target}: a result is verified as it is; --set, --engine, --runs and --code are "
-                "for a configuration"
-            )
+    is_result = target.suffix == ".h5" or target.is_dir()
+    _check_options(target, is_result, set_ or engine or runs, code, as_)
+    if is_result:
         subject, new_runs = target, 0
     else:
         source = read_config(target)
-        if code and not code.is_file():
-            raise EqtError(f"{code}: not found; give a C file with --code")
         if code:
             source = with_code(source, code, as_)
         source = overridden(source, options.overrides(set_, engine))
@@ -133,6 +126,21 @@ def verify(
         raise typer.Exit(3)
     if found.failures:
         raise typer.Exit(4)
+
+
+def _check_options(
+    target: Path, is_result: bool, changes: object, code: Path | None, as_: str | None
+) -> None:
+    """Raise an `EqtError` for options that do not go together."""
+    if is_result and (changes or code):
+        raise EqtError(
+            f"{target}: a result is verified as it is; --set, --engine, --runs and --code are for "
+            "a configuration"
+        )
+    if as_ and not code:
+        raise EqtError("--as names the law that a C file claims to be; give the file with --code")
+    if code and not code.is_file():
+        raise EqtError(f"{code}: not found; give a C file with --code")
 
 
 def _causes(rows: Sequence[Row], failed_runs: int) -> list[str]:

@@ -4,6 +4,7 @@ It is executed, so it is read as plugins are: that of a result only if it is tru
 """
 
 import re
+from hashlib import sha256
 from pathlib import Path
 
 from eqt_cli.config.plugins import trusted_text
@@ -32,20 +33,13 @@ def code_text(source: ConfigSource, name: str, trusted: bool) -> str:
         raise InputError(str(error.args[0]), *error.remedies) from error
     if source.stored_plugins is not None:
         return text
-    return _whole(source.folder / name, text, [], set())
+    return _whole(source.folder / name, text, [])
 
 
-def _whole(path: Path, text: str, above: list[Path], seen: set[Path]) -> str:
+def _whole(path: Path, text: str, above: list[Path]) -> str:
     """A text with those that it includes, as far as they lie beside it; others stay as they are."""
     if len(above) > MOST_DEPTH:
-        raise InputError(
-            f"{above[0]} includes files more than {MOST_DEPTH} deep; it includes itself"
-        )
-    if _ONCE.search(text):
-        if path.resolve() in seen:
-            return ""
-        seen.add(path.resolve())
-        text = _ONCE.sub("", text)
+        raise InputError(f"{path.name} includes itself: {MOST_DEPTH} files deep")
     parts, last, line = [f'#line 1 "{_shown(path)}"\n'], 0, 1
     for found in _INCLUDE.finditer(text):
         beside = path.parent / found[1]
@@ -54,10 +48,14 @@ def _whole(path: Path, text: str, above: list[Path], seen: set[Path]) -> str:
         parts.append(text[last : found.start()])
         line += text.count("\n", last, found.end())
         included = text_of(beside, "it is included", InputError)
-        parts.append(_whole(beside, included, [*above, path], seen))
+        parts.append(_whole(beside, included, [*above, path]))
         parts.append(f'\n#line {line} "{_shown(path)}"')
         last = found.end()
-    return "".join([*parts, text[last:]])
+    whole = "".join([*parts, text[last:]])
+    if not _ONCE.search(text):
+        return whole
+    guard = f"EQT_ONCE_{sha256(str(path.resolve()).encode()).hexdigest()[:16]}"
+    return f"#ifndef {guard}\n#define {guard}\n{_ONCE.sub('', whole)}\n#endif\n"
 
 
 def _shown(path: Path) -> str:
