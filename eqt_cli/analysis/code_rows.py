@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, Verdict
-from eqt_cli.analysis.evidence.code_terms import Question, explained
+from eqt_cli.analysis.evidence.code_question import Question
+from eqt_cli.analysis.evidence.code_terms import explained, sum_of
 from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.told import Told
@@ -25,6 +26,9 @@ BOUNDED = 24
 
 ARRANGED = 8.0
 """Times the bound of eqt's own formula: another arrangement of it rounds otherwise."""
+
+MEMORY_ROUNDINGS = 1e3
+"""Of the largest entry of a memory, that a period may add."""
 
 ROUNDOFF = {"double": UNIT, "float": 2.0**-24}
 """Of one operation, relative."""
@@ -249,22 +253,29 @@ def _remembers(judged: Judged, question: Question, kept: dict[str, Array], real:
     loop, period = question.loop, _period(judged.loop)
     s = question.told.tracking(loop.group, loop.inertia, loop.gains, question.memory)
     rates = loop.controller.memory_rate(s)
+    told = question.told
+    still = told._replace(
+        velocity=0 * told.velocity,
+        desired_velocity=0 * told.desired_velocity,
+        desired_acceleration=0 * told.desired_acceleration,
+    )
+    at_rest = loop.controller.memory_rate(
+        still.tracking(loop.group, loop.inertia, loop.gains, question.memory)
+    )
     words, worst, limit = [], 0.0, 0.0
     for name, z in question.memory.items():
         went, expected = kept[name] - z, period * (rates[name] + 0.0 * z)
-        bound = 1e3 * ROUNDOFF[real] * max(1.0, float(np.abs(z).max()))
+        bound = ROUNDOFF[real] * MEMORY_ROUNDINGS * max(1.0, float(np.abs(z).max()))
         found = float(np.abs(went - expected).max())
         worst, limit = max(worst, found), max(limit, bound)
         if found <= bound:
             continue
-        share = float((went * expected).sum() / (expected**2).sum())
-        left = float(np.abs(went - share * expected).max())
         if np.abs(went).max() <= bound:
             words.append(f"{name} does not go on: it is stale")
-        elif left <= bound:
-            words.append(f"{name} goes on by {share:.2f} of its rate times the period")
-        else:
-            words.append(f"{name} goes on otherwise than in the law")
+            continue
+        of_pose = period * (at_rest[name] + 0.0 * z)
+        columns = {"velocity error": expected - of_pose, "pose error": of_pose}
+        words.append(f"{name} goes on {sum_of(columns, went, bound)}")
     verdict = Verdict.HOLDS if not words else Verdict.FAILS
     law = loop.controller.title
     return _row(judged, f"memory of {law} after a period", verdict, words, worst, limit)

@@ -179,10 +179,11 @@ class Code(Controller):
                 f"{self.file} is code, which is called and not compiled into the loop",
                 Remedy("set control.period, or use engine solve_ivp"),
             )
-        memory = [s.memory[name] for name in self.memory(s.G)] or [np.empty((*batch, 0))]
+        # Before a run has begun, there is none.
+        memory = [s.memory.get(name, np.zeros(n)) for name, n in self.memory(s.G).items()]
         inputs, numbers, kept = (
             np.concatenate([np.broadcast_to(p, (*batch, p.shape[-1])) for p in group], axis=-1)
-            for group in (parts, [np.asarray(self.values)], memory)
+            for group in (parts, [np.asarray(self.values)], [np.empty(0), *memory])
         )
         rows = int(np.prod(batch, dtype=int))
         return inputs.reshape(rows, -1), numbers.reshape(rows, -1), kept.reshape(rows, -1)

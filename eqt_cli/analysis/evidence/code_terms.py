@@ -8,17 +8,15 @@ the law is then explained by least squares over these parts.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 
-from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.analysis.evidence.code_assumptions import assumptions
+from eqt_cli.analysis.evidence.code_question import Question
 from eqt_cli.closed_loop.told import Told
-from eqt_cli.controllers import Controller
-from eqt_cli.controllers.family import Family, Frame
+from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import Array, apply_matrix
-from eqt_cli.mechanics.tracking import Gains
 
 EXPLAINED = {"double": 1e-9, "float": 1e-4}
 """Of the torque: what is left of a difference that is explained."""
@@ -30,56 +28,11 @@ VANISHES = 1e-12
 """Relative to the torque: a part that is 0 on this group, or with these gains."""
 
 
-@dataclass(frozen=True)
-class Question:
-    """A law that is asked for its torque at many states.
-
-    Attributes
-    ----------
-    loop
-        With the law as a formula.
-    told, memory
-        What it is told, and what it remembers, a row each.
-    """
-
-    loop: ClosedLoop
-    told: Told
-    memory: Mapping[str, Array]
-
-    def torque(
-        self,
-        *,
-        law: Controller | None = None,
-        told: Told | None = None,
-        K: float = 1.0,
-        K_d: float = 1.0,
-        memory: Mapping[str, Array] | None = None,
-    ) -> Array:
-        """The torque of the law or another, perhaps with its gains scaled, ``(rows, m)``."""
-        loop, told = self.loop, told or self.told
-        gains = Gains(K * loop.gains.K, K_d * loop.gains.K_d)
-        kept = self.memory if memory is None else memory
-        s = told.tracking(loop.group, loop.inertia, gains, kept)
-        with np.errstate(all="ignore"):
-            found: Array = (law or loop.controller).torque(s) + 0.0 * told.velocity
-        return found
-
-    @property
-    def forgetful(self) -> dict[str, Array]:
-        """The memory at 0."""
-        return {name: 0 * values for name, values in self.memory.items()}
-
-    @cached_property
-    def frame(self) -> Frame:
-        """Of the errors that the law is about."""
-        found: Frame = getattr(self.loop.controller, "error", "body")
-        return found
-
-
 # The parts ----------------------------------------------------------------------------------------
 
 OTHERS = "all other parts of the law"
 SYMMETRIC = "symmetric part of the pose error"
+NOT_SKEW = " (the difference of Q_d⁻¹Q to its transpose is missing, or is of other matrices)"
 
 
 @dataclass(frozen=True)
@@ -264,7 +217,8 @@ class Explanation:
         if lacking:
             said.append("lacks " + ", ".join(_told(n, *pair) for n, pair in lacking.items()))
         for name, (found, expected) in other.items():
-            said.append(f"has {_told(name, found, expected)}{_sign(found, expected)}")
+            hint = NOT_SKEW if name == SYMMETRIC else _sign(found, expected)
+            said.append(f"has {_told(name, found, expected)}{hint}")
         same = [n for n, (_, e) in self.coefficients.items() if n not in self.changed and e]
         if same and (lacking or other):
             said.append(f"the same as in the law: {', '.join(same)}")
@@ -300,7 +254,7 @@ def explained(question: Question, torque: Array, real: str) -> Explanation:
     )
     found = [
         _explanation(changed, parts, torque[usable], words, real)
-        for words, changed, pose, rest in _assumptions(few)
+        for words, changed, pose, rest in assumptions(few)
         for parts in parts_of(changed, pose, rest)
     ]
     complete = [each for each in found if each.is_complete]
@@ -346,92 +300,13 @@ def _symmetric(question: Question) -> Array:
     return -apply_matrix(stiffness, entries)
 
 
-# What may be assumed ------------------------------------------------------------------------------
-
-
-def _assumptions(question: Question) -> list[tuple[str, Question, Told, Told]]:
-    """What code may do otherwise: words, the law, and what its stiffness and its rest are told."""
-    G, told, loop = question.loop.group, question.told, question.loop
-    Q, Qd, V, Vd, A = told[1], told[3], told.velocity, told.desired_velocity, told[5]
-    inverse_Q, inverse_Qd = G.inverse(Q), G.inverse(Qd)
-    Q_L = inverse_Qd @ Q
-
-    def carried(by: Array) -> Told:
-        return told._replace(desired_velocity=G.Ad(by, Vd), desired_acceleration=G.Ad(by, A))
-
-    if question.frame == "body":
-        exchanged = told._replace(pose=Qd @ Q @ inverse_Qd)
-        carrying = {
-            "V_d is not carried to the body frame": carried(Q_L),
-            "V_d is carried the wrong way, by Q_d⁻¹Q for Q⁻¹Q_d": carried(Q_L @ Q_L),
-        }
-    else:
-        exchanged = told._replace(pose=inverse_Qd @ Q @ Qd)
-        carrying = {"V_d is carried to the body frame": carried(G.inverse(Q_L))}
-    other = "Q Q_d⁻¹ for Q_d⁻¹Q" if question.frame == "body" else "Q_d⁻¹Q for Q Q_d⁻¹"
-    frames = f"the frames are exchanged: the pose error is in the other frame, {other}"
-    everywhere = {
-        "the pose is transposed": told._replace(pose=inverse_Q),
-        "the desired pose is transposed": told._replace(desired_pose=inverse_Qd),
-        "both poses are transposed": told._replace(pose=inverse_Q, desired_pose=inverse_Qd),
-        "the pose and the desired pose are exchanged": told._replace(pose=Qd, desired_pose=Q),
-        "V is in the spatial frame": told._replace(velocity=G.Ad(inverse_Q, V)),
-        "V is in degrees": told._replace(velocity=np.radians(V)),
-        "V is read in degrees": told._replace(velocity=np.degrees(V)),
-    }
-    found = [("", question, told, told), (frames, question, exchanged, told)]
-    found.append((f"{frames}, wherever it occurs", question, exchanged, exchanged))
-    found += [(words, question, told, rest) for words, rest in carrying.items()]
-    found += [(f"{frames}; {words}", question, exchanged, rest) for words, rest in carrying.items()]
-    found += [(words, question, each, each) for words, each in everywhere.items()]
-    for name, gains in _transposed(loop.gains):
-        found.append((f"{name} is transposed", _with(question, gains=gains), told, told))
-    found += [(words, _with(question, controller=law), told, told) for words, law in _turned(loop)]
-    for option, law in _without_options(loop.controller):
-        found.append(
-            (f"as without the option {option}", _with(question, controller=law), told, told)
-        )
-    if question.memory:
-        s = told.tracking(G, loop.inertia, loop.gains, question.memory)
-        control = loop.vehicle.control
-        period, rates = (control.period if control else 0.0), loop.controller.memory_rate(s)
-        later = {name: z + period * rates[name] for name, z in question.memory.items()}
-        if period:
-            words = "memory goes on before it is used, and not after"
-            found.append((words, replace(question, memory=later), told, told))
-    return found
-
-
-def _turned(loop: ClosedLoop) -> list[tuple[str, Controller]]:
-    """A member of the family with all its errors in the other frame."""
-    law = loop.controller
-    if not isinstance(law, Family):
-        return []
-    other: Frame = "body" if law.error == "spatial" else "spatial"
-    turned = Family(law.gyroscopic, law.transport, law.connection, None, other, law.quadratic)
-    return [(f"the frames are exchanged: all errors are in the {other} frame", turned)]
-
-
-def _with(question: Question, **changes: object) -> Question:
-    return replace(question, loop=replace(question.loop, **changes))  # type: ignore[arg-type]  # two kinds of values
-
-
-def _transposed(gains: Gains) -> list[tuple[str, Gains]]:
-    """Gains of which one is transposed, where that changes it."""
-    found = []
-    for name, turned in (
-        ("kp", Gains(gains.K.swapaxes(-1, -2), gains.K_d)),
-        ("kd", Gains(gains.K, gains.K_d.swapaxes(-1, -2))),
-    ):
-        if np.any(turned.K != gains.K) or np.any(turned.K_d != gains.K_d):
-            found.append((name, turned))
-    return found
-
-
-def _without_options(law: Controller) -> list[tuple[str, Controller]]:
-    """A law without one of the options that can be left out, such as a bound of an integral."""
-    return [
-        (each.name, replace(law, **{each.name: None}))
-        for each in fields(law)
-        if each.init and each.default is None and getattr(law, each.name) is not None
-    ]
+def sum_of(columns: Mapping[str, Array], found: Array, bound: float) -> str:
+    """How often each of some columns is in what was found, in words."""
+    shares = _least_squares(columns, found)
+    left = found - sum((shares[name] * column for name, column in columns.items()), 0 * found)
+    if np.abs(left).max() > bound:
+        return "otherwise than by any sum of its parts"
+    return "by " + ", ".join(
+        f"{name}: coefficient {share:.2f} of 1".replace("-0.00", "0.00")
+        for name, share in shares.items()
+    )
