@@ -32,8 +32,6 @@ class ExportedLaw:
         In the experiment, and in C.
     by
         The numbers in which it is computed.
-    rows
-        What `eqt verify` finds of its identities.
     reference
         The reference, where it is exported, too.
     """
@@ -44,7 +42,6 @@ class ExportedLaw:
     by: Arithmetic
     program: LawProgram
     states: States
-    rows: Sequence[Row]
     reference: ReferenceProgram | None
 
     @property
@@ -120,6 +117,11 @@ class Exported:
     experiment: Experiment
     laws: Sequence[ExportedLaw]
 
+    @cached_property
+    def rows(self) -> Sequence[Row]:
+        """What `eqt verify` finds of the identities of all laws."""
+        return identities_of(self.experiment)
+
 
 def exported(
     experiment: Experiment,
@@ -154,7 +156,6 @@ def exported(
     wanted = [label for label in experiment.loops if not labels or label in labels]
     programs = {label: _program(experiment, label) for label in wanted}
     of_reference = reference_program(experiment) if reference else None
-    rows = identities_of(experiment)
     laws = [
         ExportedLaw(
             experiment,
@@ -163,7 +164,6 @@ def exported(
             by,
             program,
             states_of(experiment, label, program, workers),
-            [row for row in rows if row.controller == label],
             of_reference,
         )
         for label, program in programs.items()
@@ -179,7 +179,7 @@ def _program(experiment: Experiment, label: str) -> LawProgram:
         raise EqtError(
             f"{label}: the law has memory ({states}), which goes on by one period; the "
             "configuration has no period",
-            Remedy("add control: {{period: 0.01}} with the period of your vehicle in s"),
+            Remedy("set control.period to the period of your vehicle in s"),
         )
     return program
 

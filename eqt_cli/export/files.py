@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from eqt_cli.analysis.evidence.program_error import FLOAT, Arithmetic
+from eqt_cli.analysis.evidence.program_error import DOUBLE, FLOAT, Arithmetic, bounded
 from eqt_cli.closed_loop.law_program import MEMORY, NUMBER, PERIOD, TOLD, TORQUE, Entry
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.registry import description, meanings
@@ -267,9 +267,9 @@ def check(law: ExportedLaw) -> str:
             f"{{{', '.join(told)}}}",
             f"{{{', '.join(own) or '0'}}}",
             torque,
-            row(_stored(bounds[TORQUE].errors[k])),
+            row(_stored(bounds[TORQUE].errors[k], bounds[TORQUE].values[k])),
             row(np.array([*after, 0.0])),
-            row(np.array([*_stored(memory.errors[k]), 0.0])),
+            row(np.array([*_stored(memory.errors[k], memory.values[k]), 0.0])),
         ]
         lines.append("    {\n" + ",\n".join(wrapped(part, " " * 9, " " * 8) for part in parts))
     started, start_bound = _started(law, {name: values[0] for name, values in states.items()})
@@ -284,7 +284,7 @@ def check(law: ExportedLaw) -> str:
         memory_size=sum(entry.size for entry in program.memory),
         examples="\n    },\n".join(lines) + "\n    }",
         start=row(np.array([*started, 0.0]))[1:-1],
-        start_bound=row(np.array([*_stored(start_bound), 0.0]))[1:-1],
+        start_bound=row(np.array([*_stored(start_bound, started), 0.0]))[1:-1],
     )
 
 
@@ -306,8 +306,6 @@ def _spread(places: Array, count: int) -> Array:
 
 def _started(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
     """The memory at the start in exact numbers, and the bounds of its errors."""
-    from eqt_cli.analysis.evidence.program_error import bounded
-
     program = law.program
     if program.start is None:
         return np.empty(0), np.empty(0)
@@ -326,6 +324,6 @@ def _flat(law: ExportedLaw) -> dict[str, Array]:
     return {NUMBER + name: values.reshape(-1) for name, values in law.numbers.items()}
 
 
-def _stored(bounds: Array) -> Array:
-    """Bounds, with what is lost where the exact number is itself stored as a double."""
-    return np.nextafter(bounds, np.inf)
+def _stored(bounds: Array, values: Array) -> Array:
+    """Bounds, with what is lost where the exact numbers are themselves stored as doubles."""
+    return np.nextafter(bounds + DOUBLE.unit * np.abs(values), np.inf)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import struct
 import sys
@@ -15,8 +16,7 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.engines.native.compiler import run
 
 FLAGS = (
-    "-std=c99 -O2 -ffp-contract=off -fno-math-errno -ffreestanding -fstack-usage "
-    "-fdata-sections -ffunction-sections"
+    "-std=c99 -O2 -ffp-contract=off -fno-math-errno -ffreestanding -Wframe-larger-than=1"
 ).split()
 
 TARGET = "thumb-freestanding-eabihf"
@@ -48,7 +48,7 @@ class Measured:
     """
 
     flash: int
-    stack: int | None
+    stack: int
     compiler: str
 
 
@@ -76,15 +76,14 @@ def measured(name: str, files: Mapping[str, str]) -> Measured | None:
             return None
         if answer.returncode or not made.exists():
             return None
-        used = made.with_suffix(".su")
-        stack = _stack(used.read_text(encoding="utf-8"), name) if used.exists() else None
         called = "gcc" if command[0].endswith(GCC) else "clang"
-        return Measured(_flash(made.read_bytes()), stack, called)
+        return Measured(_flash(made.read_bytes()), _stack(answer.stderr), called)
 
 
-def _stack(told: str, name: str) -> int:
-    """The stack of LABEL_torque, with all functions of the file: one may call the other."""
-    return sum(int(line.split("\t")[1]) for line in told.splitlines() if "\t" in line)
+def _stack(warnings: str) -> int:
+    """The frames of all functions, of which one may call the other, by what a compiler warns of."""
+    found = re.findall(r"frame size(?: of)? \(?(\d+)\)? ", warnings)
+    return sum(map(int, found))
 
 
 def _flash(content: bytes) -> int:

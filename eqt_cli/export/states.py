@@ -9,7 +9,7 @@ import numpy as np
 
 from eqt_cli.closed_loop.law_program import MEMORY, TOLD, LawProgram
 from eqt_cli.closed_loop.told import Told
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.errors import EqtError
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import batches
@@ -22,6 +22,9 @@ RUNS = 20
 
 RANDOM = 1000
 """Random states beside those of the runs."""
+
+HALF_TURNS = 100
+"""How many of these are 1e-2 to 1e-16 rad from a half turn, where a group has such."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +106,13 @@ def _random(
 ) -> dict[str, Array]:
     """States with any error of the pose, and with all else as large as it is in the runs."""
     chosen = random.integers(0, len(given[f"{TOLD}t"]), RANDOM)
-    error = G.exp(random.standard_normal((RANDOM, G.dimension)))
+    errors = random.standard_normal((RANDOM, G.dimension))
+    for part in G.parts:
+        if part.turns:
+            turn = errors[:HALF_TURNS, part.axes]
+            angle = np.pi - 10.0 ** random.uniform(-16, -2, (HALF_TURNS, 1))
+            errors[:HALF_TURNS, part.axes] = turn * angle / norm(turn)[:, None]
+    error = G.exp(errors)
     found = {}
     for name, values in given.items():
         if name in (f"{TOLD}t", f"{TOLD}desired_pose"):

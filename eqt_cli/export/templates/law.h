@@ -10,8 +10,8 @@
    that of the structures below: two vehicles need two of them.
 
    Rounding, in $real: at $states states of $runs runs of this experiment, and at $random random
-   states of their size with any error of the pose, the torque differs from that of exact numbers
-   by at most
+   ones of their size with any error of the pose, some of them half turns, the torque differs from
+   that of exact numbers by at most
 $bounds
    $apart
 
