@@ -50,7 +50,7 @@ def _defined(text: str) -> Iterator[str]:
 
 
 def _units(header: str) -> Iterator[str]:
-    """The definitions of a header, each with the comment before it; guards and includes are none."""
+    """The definitions of a header, each with the comment before it."""
     lines: list[str] = []
     depth = conditions = 0
     comment = False
@@ -73,30 +73,33 @@ def _units(header: str) -> Iterator[str]:
 
 
 def _of_one_lane(header: str) -> str:
-    """A header with its choices between numbers of lanes made for one; without guard and includes."""
-    found: list[str] = []
-    stack: list[str] = []  # of each condition: kept as it is, dropped, taken or done
-    for line in header.splitlines():
-        match = _CONDITION.match(line)
-        skipped = any(each in ("dropped", "done") for each in stack)
-        if match and match[1] in ("if", "ifdef", "ifndef"):
-            if skipped:
-                stack.append("dropped")
-            elif line.startswith("#ifndef EQT_"):
-                stack.append("taken" if line.endswith("_H") else "dropped")
-            elif line == "#if EQT_LANES == 1":
-                stack.append("taken")
-            else:
-                stack.append("kept")
-                found.append(line)
-        elif match and match[1] in ("elif", "else"):
-            if stack[-1] == "taken":
-                stack[-1] = "done"
-            elif not skipped:
-                found.append(line)
-        elif match:
-            if stack.pop() == "kept":
-                found.append(line)
-        elif not skipped and not line.startswith("#include") and not _GUARD.fullmatch(line):
-            found.append(line)
-    return "\n".join(found).replace("EQT_LANES", "1")
+    """A header without guard and includes, its choices by the number of lanes made for one."""
+    branches: list[str] = []  # the conditions around a line, and what becomes of what is in them
+    kept = [
+        line
+        for line in header.splitlines()
+        if _stays(line, branches) and not line.startswith("#include") and not _GUARD.fullmatch(line)
+    ]
+    return "\n".join(kept).replace("EQT_LANES", "1")
+
+
+def _stays(line: str, branches: list[str]) -> bool:
+    """Whether a line stays; a condition begins, changes or ends the last of the branches."""
+    match = _CONDITION.match(line)
+    skipped = "skipped" in branches
+    if match is None:
+        return not skipped
+    if match[1] in ("if", "ifdef", "ifndef"):
+        branches.append("skipped" if skipped else _branch(line))
+        return branches[-1] == "kept"
+    if match[1] == "endif":
+        return branches.pop() == "kept" and "skipped" not in branches
+    if branches[-1] == "taken":
+        branches[-1] = "skipped"
+    return not skipped and branches[-1] == "kept"
+
+
+def _branch(line: str) -> str:
+    if line == "#if EQT_LANES == 1" or re.fullmatch(r"#ifndef EQT_\w+_H", line):
+        return "taken"
+    return "skipped" if line == "#ifndef EQT_LANES" else "kept"
