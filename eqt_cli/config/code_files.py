@@ -15,6 +15,9 @@ from eqt_cli.core.files import text_of
 MOST_DEPTH = 20
 """Of files that include others."""
 
+_WHOLE = "#line 1 "
+"""How a text begins that is whole already, as eqt keeps it beside a result."""
+
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"\n]+)"[^\n]*$', re.MULTILINE)
 _ONCE = re.compile(r"^[ \t]*#[ \t]*pragma[ \t]+once[ \t]*$", re.MULTILINE)
 
@@ -31,7 +34,7 @@ def code_text(source: ConfigSource, name: str, trusted: bool) -> str:
         text = trusted_text(source, name, trusted, "C file")
     except ComponentError as error:
         raise InputError(str(error.args[0]), *error.remedies) from error
-    if source.stored_plugins is not None:
+    if source.stored_plugins is not None or text.startswith(_WHOLE):
         return text
     return _whole(source.folder / name, text, [])
 
@@ -40,7 +43,7 @@ def _whole(path: Path, text: str, above: list[Path]) -> str:
     """A text with those that it includes, as far as they lie beside it; others stay as they are."""
     if len(above) > MOST_DEPTH:
         raise InputError(f"{path.name} includes itself: {MOST_DEPTH} files deep")
-    parts, last, line = [f'#line 1 "{_shown(path)}"\n'], 0, 1
+    parts, last, line = [f'{_WHOLE}"{_shown(path)}"\n'], 0, 1
     for found in _INCLUDE.finditer(text):
         beside = path.parent / found[1]
         if not beside.is_file():

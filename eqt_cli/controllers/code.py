@@ -124,7 +124,8 @@ class Code(Controller):
         InputError
             If it does not keep as much memory as the law that it claims to be.
         """
-        copy = dataclasses.replace(self)
+        # By its name, so that it is found under whatever name the file is kept.
+        copy = dataclasses.replace(self, function=self.prefix + TORQUE)
         object.__setattr__(copy, "claimed", self.claimed)
         object.__setattr__(copy, "called", function)
         kept, claimed = sum(function.lengths.values()), self.claimed

@@ -140,8 +140,16 @@ class Experiment:
     def numeric_config(self) -> dict[str, Any]:
         """What of the resolved configuration affects the numbers, plugins by their source."""
         kept = {key: value for key, value in self.resolved.items() if key not in WORDS}
-        sources = [sha256(text.encode()).hexdigest() for text in self.plugins.values()]
-        return kept | {"plugins": sources} | digests(self.files)
+        sources = {path: sha256(text.encode()).hexdigest() for path, text in self.plugins.items()}
+        laws = [
+            {
+                key: sources.get(value, value) if key == "file" else value
+                for key, value in law.items()
+            }
+            for law in kept["controllers"]
+        ]
+        named = {"controllers": laws, "plugins": list(sources.values())}
+        return kept | named | digests(self.files)
 
     @cached_property
     def digest(self) -> str:
