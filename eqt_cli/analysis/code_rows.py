@@ -222,9 +222,9 @@ def _said(question: Question, torque: Array, real: str, by_float: bool) -> list[
     """What the difference is, in words."""
     if by_float and real == "double":
         return ["within the bound of float: constants or operations are float; make them double"]
-    if other := _other_law(question, torque, real):
-        return [f"it is {other}"]
-    return [explained(question, torque, real).words]
+    other = _other_law(question, torque, real)
+    words = explained(question, torque, real).words
+    return [f"it is {other}", words] if other else [words]
 
 
 def _other_law(question: Question, torque: Array, real: str) -> str:
@@ -232,6 +232,8 @@ def _other_law(question: Question, torque: Array, real: str) -> str:
     scale = np.abs(torque).max() or 1.0
     limit = (1e-10 if real == "double" else 1e-5) * scale
     for kind in controllers.all():
+        if kind.name == question.loop.controller.name:
+            continue
         if not kind.tasks or set(question.memory) != set(_memory_of(kind, question)):
             continue
         law = kind()
