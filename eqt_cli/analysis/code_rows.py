@@ -195,7 +195,8 @@ def _worst(question: Question, torque: Array, real: str) -> tuple[float, float, 
     limits = bound[usable] * (ROUNDOFF[real] / UNIT)
     if not difference.size:
         return 0.0, 0.0, False
-    place = int((difference / limits).argmax())
+    with np.errstate(divide="ignore", invalid="ignore"):  # a torque that is exactly 0
+        place = int(np.where(difference == 0, 0.0, difference / limits).argmax())
     coarse = bound[usable] / ARRANGED * (ROUNDOFF["float"] / UNIT)
     return float(difference[place]), float(limits[place]), bool((difference <= coarse).all())
 

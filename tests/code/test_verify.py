@@ -129,19 +129,26 @@ def test_code_that_claims_nothing(written, config, judged):
 # The command ------------------------------------------------------------------------------------
 
 MOVING = {
-    "reference": {"kind": "path", "factors": [{"axis": "wz", "by": "2*sin(2*t)"}]},
-    "initial": {"pose": "fixed", "velocity": "fixed"},
-    "time": {"duration": 4.0, "samples": 41},
-    "ensemble": {"runs": 1},
+    "gains": {"kp": 4.0, "kd": 4.0},
+    "reference": {
+        "kind": "path",
+        "factors": [{"axis": "wz", "by": "2*sin(2*t)"}, {"axis": "wx", "by": "1.5*sin(3*t)"}],
+    },
+    "initial": {"pose": "haar", "velocity": "fixed"},
+    "control": {"period": 0.05},
+    "time": {"duration": 10.0, "samples": 101},
+    "ensemble": {"runs": 2, "seed": 1},
+    "solver": {"engine": "native", "cross_check": 0},
 }
 
 
+@pytest.mark.slow("compiles two closed loops and flies them through 200 control instants")
 def test_the_simplified_lee_law_fails(written, config, eqt):
     """Without transport and desired acceleration it does not follow a reference that moves."""
     written(("- n->J[i] * (WxW[i] - A[i])", ""))
     law = {"controllers": ["lee2010"]}
     Path("c.yaml").write_text(yaml_source.dump(config(over=MOVING) | law), encoding="utf-8")
-    numbers = "controllers[0].numbers={kR: 2, kW: 0.5, J: [1, 2, 3]}"
+    numbers = "controllers[0].numbers={kR: 8, kW: 4, J: [1, 2, 3]}"
     asked = ("verify", "c.yaml", "--code", "lee.c", "--as", "lee2010", "--set", numbers, "--json")
     done = eqt(*asked)
     assert done.code == 4, done.err
