@@ -15,8 +15,8 @@ from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import controllers
 from eqt_cli.core.problems import Problems
 from eqt_cli.experiment.build import build
-from eqt_cli.export.exporting import exported
-from eqt_cli.export.files import files
+from eqt_cli.exporting.files import files
+from eqt_cli.exporting.laws import exported
 from eqt_cli.groups import group_named
 
 FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -ffp-contract=off -fno-math-errno".split()
