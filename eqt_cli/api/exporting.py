@@ -13,11 +13,11 @@ import numpy as np
 from eqt_cli.analysis.evidence.program_error import ARITHMETICS
 from eqt_cli.api.loading import Configuration, LoadedExperiment, at_point, load_experiment
 from eqt_cli.core.errors import EqtError
-from eqt_cli.export.exporting import ExportedLaw, exported
-from eqt_cli.export.files import files
-from eqt_cli.export.folder import check_folder, write_into
-from eqt_cli.export.measured import Measured, measured
-from eqt_cli.export.readme import NAME, readme
+from eqt_cli.exporting.files import files
+from eqt_cli.exporting.folder import check_folder, write_into
+from eqt_cli.exporting.laws import ExportedLaw, exported
+from eqt_cli.exporting.measured import Measured, measured
+from eqt_cli.exporting.readme import NAME, readme
 
 
 @dataclass(frozen=True)

@@ -139,9 +139,11 @@ EQT_INLINE eqt_reduced eqt_reduce(eqt_real x)
 EQT_INLINE eqt_real eqt_sine_part(eqt_real x)
 {
     const eqt_real z = x * x;
-    return x + x * (z * ((eqt_real)(-1.0 / 6.0) +
-                         z * ((eqt_real)(1.0 / 120.0) +
-                              z * ((eqt_real)(-1.0 / 5040.0) + z * (eqt_real)(1.0 / 362880.0)))));
+    const eqt_real less =
+        x * (z * ((eqt_real)(1.0 / 6.0) -
+                  z * ((eqt_real)(1.0 / 120.0) -
+                       z * ((eqt_real)(1.0 / 5040.0) - z * (eqt_real)(1.0 / 362880.0)))));
+    return x == 0.0f ? x : x - less; /* the sine of -0 is -0 */
 }
 
 EQT_INLINE eqt_real eqt_cosine_part(eqt_real x)

@@ -17,8 +17,8 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, Remedy, suggestion
 from eqt_cli.engines.traced_loop import law_of
 from eqt_cli.experiment.build import Experiment
-from eqt_cli.export.reference import ReferenceProgram, reference_program
-from eqt_cli.export.states import States, states_of
+from eqt_cli.exporting.reference import ReferenceProgram, reference_program
+from eqt_cli.exporting.states import States, states_of
 from eqt_cli.program.c_names import distinct
 
 

@@ -12,8 +12,8 @@ from eqt_cli.closed_loop.law_program import MEMORY, NUMBER, PERIOD, TOLD, TORQUE
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.registry import description, meanings
 from eqt_cli.core.version import __version__
-from eqt_cli.export.exporting import ExportedLaw, memory_of
-from eqt_cli.export.text import above, braced, comment, declared, filled, number, row, wrapped
+from eqt_cli.exporting.laws import ExportedLaw, memory_of
+from eqt_cli.exporting.text import above, braced, comment, declared, filled, number, row, wrapped
 from eqt_cli.program import Program
 from eqt_cli.program.c_code import c_function
 from eqt_cli.program.c_parts import headers, needed

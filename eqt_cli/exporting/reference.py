@@ -11,6 +11,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.program import Program, traced
+from eqt_cli.references import references
 from eqt_cli.references.base import ClosedReference
 
 
@@ -34,6 +35,12 @@ class ReferenceProgram:
     held: Array
 
 
+def _closed() -> str:
+    """The references of eqt in closed form."""
+    names = [each.name for each in references.all() if issubclass(each, ClosedReference)]
+    return f"{', '.join(names[:-1])} or {names[-1]}"
+
+
 def reference_program(experiment: Experiment) -> ReferenceProgram:
     """The reference of an experiment.
 
@@ -45,11 +52,12 @@ def reference_program(experiment: Experiment) -> ReferenceProgram:
     loop = next(iter(experiment.loops.values()))
     G, reference = loop.group, loop.reference
     if not isinstance(reference, ClosedReference):
-        parts = " and ".join({"pose": "Q_d", "velocity": "V_d"}[p] for p in reference.starts_from)
+        both = "velocity" in reference.starts_from
+        parts = "Q_d and V_d follow" if both else "Q_d follows"
         raise EqtError(
-            f"--reference: the reference '{reference.name}' is integrated: its {parts} follow from "
-            "a differential equation, and no formula gives them at a time. Integrate it on the "
-            "vehicle, or use a reference in closed form: constant, path, slew or waypoints"
+            f"--reference: the reference '{reference.name}' is integrated: its {parts} from a "
+            f"differential equation, and no formula gives {'them' if both else 'it'} at a time. "
+            f"Integrate it on the vehicle, or use a reference in closed form: {_closed()}"
         )
     starts = reference.instants(G) if reference.held(G, 0.0) else np.empty(0)
     at = starts if len(starts) else np.zeros(1)

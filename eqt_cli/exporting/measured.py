@@ -20,7 +20,7 @@ FLAGS = (
 ).split()
 
 TARGET = "thumb-freestanding-eabihf"
-CORE = ("-mcpu=cortex_m4",)
+CORE = ("-mcpu=cortex_m4+vfp4d16sp",)
 """How the compiler in the package ziglang is told of a Cortex-M4, with its floats in hardware."""
 
 GCC, GCC_CORE = (

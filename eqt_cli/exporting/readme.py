@@ -11,18 +11,16 @@ from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.config.signal_path import loop_in_words
 from eqt_cli.core.registry import description
 from eqt_cli.core.version import __version__
-from eqt_cli.export.exporting import Exported, ExportedLaw
-from eqt_cli.export.files import TOLD_MEANINGS, bounds_in_words, meaning
-from eqt_cli.export.measured import MISSING, Measured
-from eqt_cli.export.text import above
+from eqt_cli.exporting.files import TOLD_MEANINGS, bounds_in_words, meaning
+from eqt_cli.exporting.laws import Exported, ExportedLaw
+from eqt_cli.exporting.measured import MISSING, Measured
+from eqt_cli.exporting.text import above, filled
 
 NAME = "README.md"
 
 
 def readme(found: Exported, costs: Mapping[str, Measured | None]) -> str:
     """The text."""
-    from eqt_cli.export.text import filled
-
     experiment, laws = found.experiment, found.laws
     first, G = laws[0], experiment.group
     known = next((cost for cost in costs.values() if cost), None)
