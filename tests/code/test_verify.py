@@ -136,13 +136,13 @@ MOVING = {
     },
     "initial": {"pose": "haar", "velocity": "fixed"},
     "control": {"period": 0.05},
-    "time": {"duration": 10.0, "samples": 101},
+    "time": {"duration": "10*pi", "samples": 101},
     "ensemble": {"runs": 2, "seed": 1},
     "solver": {"engine": "native", "cross_check": 0},
 }
 
 
-@pytest.mark.slow("compiles two closed loops and flies them through 200 control instants")
+@pytest.mark.slow("compiles two closed loops and flies them through 630 control instants")
 def test_the_simplified_lee_law_fails(written, config, eqt):
     """Without transport and desired acceleration it does not follow a reference that moves."""
     written(("- n->J[i] * (WxW[i] - A[i])", ""))
