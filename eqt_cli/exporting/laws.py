@@ -173,6 +173,11 @@ def exported(
 
 def _program(experiment: Experiment, label: str) -> LawProgram:
     loop = experiment.loops[label]
+    if code := loop.controller.code:
+        raise EqtError(
+            f"{label}: the law is in C already, in {code.file}",
+            Remedy("export other laws of the configuration with {}", "controllers"),
+        )
     program = law_of(loop)
     if program.memory and loop.vehicle.control is None:
         states = ", ".join(entry.source for entry in program.memory)

@@ -13,8 +13,8 @@ from eqt_cli.analysis.evidence.program_error import DOUBLE
 from eqt_cli.cli import main
 from eqt_cli.core.errors import EqtError
 from eqt_cli.engines.native import compiler
-from eqt_cli.export.exporting import exported
-from eqt_cli.export.files import header, source
+from eqt_cli.exporting import exported
+from eqt_cli.exporting.files import header, source
 
 HERE = Path(__file__).parent
 LEE, HEADER = ((HERE / name).read_text(encoding="utf-8") for name in ("lee2010.c", "lee.h"))
