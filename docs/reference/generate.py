@@ -238,9 +238,10 @@ def components(kind: str) -> Iterator[str]:
 
 def _option_table(component: type, schema: dict[str, Any]) -> Iterator[str]:
     from eqt_cli.config.key_descriptions import default_of, value_of
+    from eqt_cli.core.component import option_of_field
     from eqt_cli.core.registry import meanings
 
-    said = meanings(component)
+    said = {option_of_field(name): text for name, text in meanings(component).items()}
     rows = [
         [
             code(name),
