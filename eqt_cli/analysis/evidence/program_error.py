@@ -176,7 +176,8 @@ class _Analysis:
             for part in range(3)
         )
         linear = SECOND_ORDER * self._to_first_order(output)
-        errors = np.where(linear < errors, linear, errors)
+        errors = np.fmin(linear, errors)
+        errors = np.where(np.isnan(errors), np.inf, errors)
         far = (lost <= SINGULAR * self.by.unit).all(axis=-1)
         return Bounded(values, errors, np.asarray(~far))
 
