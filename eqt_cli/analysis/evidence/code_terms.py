@@ -271,7 +271,7 @@ def _explanation(
     columns = dict(parts.columns)
     expected = dict(parts.expected)
     symmetric = _symmetric(question)
-    if np.abs(symmetric).max() > 0:
+    if np.abs(symmetric).max() > EXPLAINED["double"] * np.abs(torque).max():
         columns[SYMMETRIC], expected[SYMMETRIC] = symmetric, 0.0
     difference = torque - law
     more = _least_squares(columns, difference)
