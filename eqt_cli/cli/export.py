@@ -34,7 +34,7 @@ def export(
         options.named(
             "--real",
             completion.words(*REALS),
-            "Type of all numbers: double or float. Default: double.",
+            "Type of all numbers: double or float.",
             OUTPUT,
         ),
     ] = "double",

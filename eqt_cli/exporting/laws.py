@@ -176,7 +176,7 @@ def _program(experiment: Experiment, label: str) -> LawProgram:
     if code := loop.controller.code:
         raise EqtError(
             f"{label}: the law is in C already, in {code.file}",
-            Remedy("export other laws of the configuration with {}", "controllers"),
+            Remedy("leave it out, or export the law that it claims to be"),
         )
     program = law_of(loop)
     if program.memory and loop.vehicle.control is None:

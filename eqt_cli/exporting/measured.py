@@ -13,6 +13,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.replacement import replace_file
 from eqt_cli.engines.native.compiler import run
 
 FLAGS = (
@@ -68,7 +69,7 @@ def measured(name: str, files: Mapping[str, str]) -> Measured | None:
         return None
     with tempfile.TemporaryDirectory(prefix="eqt-") as folder:
         for file in (f"{name}.h", f"{name}.c"):
-            Path(folder, file).write_text(files[file], encoding="utf-8")
+            replace_file(Path(folder, file), files[file].encode())
         made = Path(folder, f"{name}.o")
         try:
             answer = run([*command, *FLAGS, "-c", str(Path(folder, f"{name}.c")), "-o", str(made)])

@@ -172,3 +172,12 @@ def test_its_numbers_are_tuned(written, config):
     assert found is not None
     assert 0.5 <= tuned["kR"] <= 10
     assert tuned["kR"] != 2.0
+
+
+def test_it_is_not_exported(written, config, eqt):
+    written()
+    Path("c.yaml").write_text(yaml_source.dump(config()), encoding="utf-8")
+    assert eqt("export", "c.yaml").err == (
+        "eqt: ours: the law is in C already, in lee.c; leave it out, or export the law that it "
+        "claims to be\n"
+    )
