@@ -92,7 +92,7 @@ def test_a_law_that_was_typed_in_well(real, written, config, judged):
         ),
         (
             [("n->kR * eR[i]", "n->kR * eR[i] * eR[i]")],
-            "no sum of the law's parts in any frame: 15 % of the torque is none of them",
+            "no sum of the law's parts in any frame: 12 % of the torque is none of them",
         ),
     ],
 )

@@ -24,6 +24,12 @@ EXPLAINED = {"double": 1e-9, "float": 1e-4}
 CHANGED = {"double": 1e-7, "float": 1e-3}
 """By how much a coefficient differs that is another one."""
 
+ENOUGH = 60
+"""States, of which each gives as many equations as a torque has entries, for a dozen unknowns."""
+
+ASSUMED = 1.5
+"""What an assumption costs: as much as one term and a half that is another one."""
+
 VANISHES = 1e-12
 """Relative to the torque: a part that is 0 on this group, or with these gains."""
 
@@ -203,7 +209,7 @@ class Explanation:
     @property
     def cost(self) -> float:
         """How much it assumes: the less, the better the explanation."""
-        return len(self.changed) + (1.5 if self.assumed else 0.0)
+        return len(self.changed) + (ASSUMED if self.assumed else 0.0)
 
     @property
     def words(self) -> str:
@@ -246,17 +252,20 @@ def explained(question: Question, torque: Array, real: str) -> Explanation:
 
     Where all leave something over, the one that leaves least.
     """
-    usable = np.isfinite(torque).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
+    finite = np.isfinite(torque).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
+    usable = np.flatnonzero(finite)[:ENOUGH]
     few = Question(
         question.loop,
         Told(*(np.asarray(part)[usable] for part in question.told)),
         {name: values[usable] for name, values in question.memory.items()},
     )
-    found = [
-        _explanation(changed, parts, torque[usable], words, real)
-        for words, changed, pose, rest in assumptions(few)
-        for parts in parts_of(changed, pose, rest)
-    ]
+    found: list[Explanation] = []
+    for words, changed, pose, rest in assumptions(few):
+        for parts in parts_of(changed, pose, rest):
+            found.append(_explanation(changed, parts, torque[usable], words, real))
+        best = min((each.cost for each in found if each.is_complete), default=np.inf)
+        if best <= ASSUMED:  # any other explanation assumes more
+            break
     complete = [each for each in found if each.is_complete]
     if complete:
         return min(complete, key=lambda each: each.cost)
