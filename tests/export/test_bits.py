@@ -62,7 +62,8 @@ def compare(tmp_path, law, group):
     states = problem.states
     if found.program.memory:  # as if it had flown
         states = states.copy()
-        states[:, loop.layout.slices["controller.integral"]] = [[0.1, -0.2, 0.3]]
+        where = loop.layout.slices["controller.integral"]
+        states[:, where] = 0.1 * np.arange(1, 1 + where.stop - where.start)
     rows = [
         Rows(states, by_run=True),
         Rows(np.array([0.0])),
