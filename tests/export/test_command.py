@@ -231,8 +231,8 @@ def test_it_follows_no_link(config, invoke):
     (config.parent / "out" / "lee2010.h").symlink_to(other)
     done = invoke("export", "flight.yaml", "--out", "out", "--controller", "lee2010", code=2)
     assert done.stderr == (
-        f"eqt: {Path('out', 'lee2010.h')}: is a symbolic link; expected a file that eqt wrote, or no such "
-        "entry; rename or remove it\n"
+        f"eqt: {Path('out', 'lee2010.h')}: is a symbolic link; expected a file that eqt wrote, or "
+        "no such entry; rename or remove it\n"
     )
     assert other.read_text(encoding="utf-8") == "/* Exported by eqt: somebody else's */\n"
     assert len(list((config.parent / "out").iterdir())) == 1
