@@ -59,9 +59,11 @@ def compare(tmp_path, law, group):
     vehicle = Vehicle(found, compiled(found, written(found, tmp_path), compilers()[0]))
     [batch] = batches(Study(None, found.experiment), law, np.arange(2))
     problem, parts = batch.problem, at_instants(batch.problem.loop)
-    states = problem.states
+    G, states = loop.group, problem.states.copy()
+    if "desired_pose" in loop.layout.slices:  # a pose in which no entry is 0 or 1
+        turned = G.exp(0.3 * np.arange(1, 1 + G.dimension))
+        states[:, loop.layout.slices["desired_pose"]] = G.pack(turned)
     if found.program.memory:  # as if it had flown
-        states = states.copy()
         where = loop.layout.slices["controller.integral"]
         states[:, where] = 0.1 * np.arange(1, 1 + where.stop - where.start)
     rows = [
