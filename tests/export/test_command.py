@@ -142,6 +142,30 @@ def test_a_plugin_is_exported_too(config, invoke):
     assert "Brakes where it is fast." in header
 
 
+FUNCTIONS = """* (1 + 0.1 * sin(50.0 * s.V) + exp(-s.V**2) + log(1 + s.V**2) + (
+            2.0 + s.V**2) ** 1.3)
+"""
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+def test_a_plugin_has_the_functions_that_it_calls(config, invoke, real):
+    text = PLUGIN.replace("{rest}", FUNCTIONS).replace(
+        "Controller\n", "Controller, exp, log, sin\n", 1
+    )
+    (config.parent / "careful.py").write_text(text, encoding="utf-8")
+    words = ["--set", "controllers=[careful]", "--set", "plugins=[careful.py]", "--real", real]
+    invoke("export", "flight.yaml", *words)
+    folder = config.parent / "exported" / "flight"
+    source = (folder / "careful.c").read_text(encoding="utf-8")
+    assert "eqt_pow(" in source and "eqt_sin(" in source
+    assert "eqt_asin(" not in source
+    for command in compilers():
+        files = [str(folder / f"careful{end}.c") for end in ("", "_check")]
+        program = str(folder / "check")
+        subprocess.run([*command, *FLAGS, *files, "-o", program, "-lm"], check=True)
+        subprocess.run([program], check=True, capture_output=True)
+
+
 def test_a_law_that_cannot_be_traced_says_why(config, invoke):
     rest = "if s.V_tilde[..., 0].max() > 1 else s.V_tilde"
     (config.parent / "careful.py").write_text(PLUGIN.replace("{rest}", rest), encoding="utf-8")
@@ -177,6 +201,7 @@ REFERENCES = {
         ],
     },
     "constant": {"kind": "constant"},
+    "path": {"kind": "path", "factors": [{"axis": [1, 1, 0], "by": "0.5*sin(t)"}]},
 }
 
 
@@ -197,3 +222,17 @@ def test_a_closed_reference_has_the_values_of_the_law(tmp_path, kind):
         assert np.isnan(found[1:13]).all()  # what is measured is left to the vehicle
         for values, expected in ((found[13:22], Q), (found[22:25], V), (found[25:28], V_dot)):
             np.testing.assert_allclose(values, np.ravel(expected), rtol=0, atol=1e-13)
+
+
+def test_it_follows_no_link(config, invoke):
+    other = config.parent / "other.h"
+    other.write_text("/* Exported by eqt: somebody else's */\n", encoding="utf-8")
+    (config.parent / "out").mkdir()
+    (config.parent / "out" / "lee2010.h").symlink_to(other)
+    done = invoke("export", "flight.yaml", "--out", "out", "--controller", "lee2010", code=2)
+    assert done.stderr == (
+        f"eqt: {Path('out', 'lee2010.h')}: is a symbolic link; expected a file that eqt wrote, or "
+        "no such entry; rename or remove it\n"
+    )
+    assert other.read_text(encoding="utf-8") == "/* Exported by eqt: somebody else's */\n"
+    assert len(list((config.parent / "out").iterdir())) == 1
