@@ -10,6 +10,7 @@ committed, so that the pages can be read without a build.
 from __future__ import annotations
 
 import inspect
+import json
 import re
 import sys
 import tempfile
@@ -238,9 +239,10 @@ def components(kind: str) -> Iterator[str]:
 
 def _option_table(component: type, schema: dict[str, Any]) -> Iterator[str]:
     from eqt_cli.config.key_descriptions import default_of, value_of
+    from eqt_cli.core.component import option_of_field
     from eqt_cli.core.registry import meanings
 
-    said = meanings(component)
+    said = {option_of_field(name): text for name, text in meanings(component).items()}
     rows = [
         [
             code(name),
@@ -446,6 +448,23 @@ def proofs() -> Iterator[str]:
     yield from table(
         ["configuration", "group", "proved", "degree", "states", "largest p", "not proved"], lines
     )
+
+
+@part
+def exported_laws() -> Iterator[str]:
+    """What exported laws cost, as `measure_laws.py` has measured it."""
+    kept = Path(__file__).with_name("exported_laws.json")
+    rows = []
+    for each in json.loads(kept.read_text(encoding="utf-8")):
+        cells = [each["law"], each["group"], str(each["operations"])]
+        for real in ("float", "double"):
+            flash, stack, bound = (each[real][name] for name in ("flash", "stack", "bound"))
+            cells += [str(flash), str(stack), f"{bound:.1e}"]
+        rows.append(cells)
+    header = ["law", "group", "operations"]
+    for real in ("float", "double"):
+        header += [f"flash, {real}", f"stack, {real}", f"bound, {real}"]
+    yield from table(header, rows)
 
 
 @part

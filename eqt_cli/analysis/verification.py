@@ -1,7 +1,7 @@
 """Certificates of an experiment: of a configuration by a few runs, of a result by what it holds."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -9,6 +9,7 @@ from threadpoolctl import threadpool_limits
 
 from eqt_cli.analysis.certificates import hypothesis_rows, identity_rows, trajectory_rows
 from eqt_cli.analysis.certificates.base import Row, Verdict
+from eqt_cli.analysis.code_rows import code_rows
 from eqt_cli.analysis.evidence.exact_states import ExactStates
 from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.analysis.evidence.runs import Runs, Setting
@@ -145,6 +146,8 @@ class _Verifier:
     workers: int
     oracles: Sequence[type[Oracle]]
     exact: bool
+    flown: dict[str, tuple[Array, Array]] = field(default_factory=dict)
+    """Sample times and flat states of the good runs, by label."""
 
     @cached_property
     def study(self) -> Study:
@@ -183,6 +186,7 @@ class _Verifier:
         found: Mapping[str, Array],
         reference: Desired,
     ) -> Runs:
+        self.flown[label] = batch.problem.times, solution.states[solution.status == 0]
         good = found["status"] == 0
         kept = {name: found[name][good[: len(found[name])]] for name in SHOWN if name in found}
         return Runs(
@@ -241,10 +245,18 @@ class _Verifier:
             *trajectory_rows(runs),
             *hypothesis_rows(Setting(loops, times, Qd[finite], Vd[finite], rigid)),
             *self._of_oracles(),
+            *self._of_code(),
         ]
         failed = sum(each.failed for each in runs)
         count = sum(each.count for each in runs) + failed
         return Verification(rows, count, failed, self.experiment)
+
+    def _of_code(self) -> Iterator[Row]:
+        """What laws that are code do, beside what they claim to be."""
+        horizon = float(self.experiment.times[-1])
+        for index, (label, loop) in enumerate(self.experiment.loops.items(), start=1):
+            random = _random(self.experiment, index, Stream.CODE)
+            yield from code_rows(label, loop, horizon, random, self.flown.get(label))
 
     def _of_oracles(self) -> Iterator[Row]:
         """What other programs say."""
@@ -262,8 +274,13 @@ def identities_of(
     exact
         Whether they are to be proved.
     """
-    loops, horizon = experiment.loops, float(experiment.times[-1])
-    any_loop = replace(next(iter(loops.values())), controller=EqT())
+    horizon = float(experiment.times[-1])
+    loops = {
+        label: replace(loop, controller=law)
+        for label, loop in experiment.loops.items()
+        if (law := loop.controller.formula) is not None
+    }
+    any_loop = replace(next(iter(experiment.loops.values())), controller=EqT())
     samples = []
     for index, (label, loop) in enumerate([("", any_loop), *loops.items()]):
         sample = sampled(label, loop, horizon, _random(experiment, index))

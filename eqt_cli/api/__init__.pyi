@@ -8,6 +8,8 @@ from eqt_cli.api.drawing import Note as Note
 from eqt_cli.api.drawing import Shown as Shown
 from eqt_cli.api.drawing import check_figures as check_figures
 from eqt_cli.api.drawing import plot as plot
+from eqt_cli.api.exporting import ExportedFiles as ExportedFiles
+from eqt_cli.api.exporting import export as export
 from eqt_cli.api.loading import Configuration as Configuration
 from eqt_cli.api.loading import LoadedExperiment as LoadedExperiment
 from eqt_cli.api.loading import load_experiment as load_experiment

@@ -13,6 +13,7 @@ from eqt_cli.cli import (
     config,
     diff,
     docs,
+    export,
     listing,
     pack,
     plot,
@@ -89,6 +90,7 @@ _add("run", run.run, COMPUTE)
 _add("sweep", sweep.sweep, COMPUTE)
 _add("tune", tune.tune, COMPUTE)
 _add("pack", pack.pack, COMPUTE)
+_add("export", export.export, COMPUTE)
 _add("show", show.show, READ)
 _add("compare", compare.compare, READ)
 _add("diff", diff.diff, READ)

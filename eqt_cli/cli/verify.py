@@ -51,6 +51,24 @@ def verify(
             "--exact", "Also prove identities, by exact numbers at random states.", EXPERIMENT
         ),
     ] = False,
+    code: Annotated[
+        Path | None,
+        options.valued(
+            "--code",
+            "FILE",
+            "Judge the control law in this C file instead of the controllers of a CONFIG.",
+            EXPERIMENT,
+        ),
+    ] = None,
+    as_: Annotated[
+        str | None,
+        options.named(
+            "--as",
+            completion.names("controllers"),
+            "The control law that the C file claims to be.",
+            EXPERIMENT,
+        ),
+    ] = None,
     point: options.Point = None,
     workers: options.Workers = None,
     trust_plugins: options.TrustPlugins = False,
@@ -65,20 +83,21 @@ def verify(
     from eqt_cli import api
     from eqt_cli.analysis.certificate_table import titled
     from eqt_cli.analysis.verification import RUNS
-    from eqt_cli.config.source import read_config
+    from eqt_cli.config.source import overridden, read_config
     from eqt_cli.experiment.config_at_point import config_at, without_sweep
+    from eqt_cli.experiment.laws_in_code import with_code
     from eqt_cli.experiment.read_study import study
 
     subject: Path | api.LoadedExperiment
-    if target.suffix == ".h5" or target.is_dir():
-        if set_ or engine or runs:
-            raise EqtError(
-                f"{target}: a result is verified as it is; --set, --engine and --runs are for a "
-                "configuration"
-            )
+    is_result = target.suffix == ".h5" or target.is_dir()
+    _check_options(target, is_result, set_ or engine or runs, code, as_)
+    if is_result:
         subject, new_runs = target, 0
     else:
-        source = read_config(target, options.overrides(set_, engine))
+        source = read_config(target)
+        if code:
+            source = with_code(source, code, as_)
+        source = overridden(source, options.overrides(set_, engine))
         is_sweep = point is None and source.data.get("sweep")
         source = without_sweep(source) if point is None else config_at(source, point)
         loaded = api.LoadedExperiment(study(source, trust_plugins=trust_plugins))
@@ -107,6 +126,21 @@ def verify(
         raise typer.Exit(3)
     if found.failures:
         raise typer.Exit(4)
+
+
+def _check_options(
+    target: Path, is_result: bool, changes: object, code: Path | None, as_: str | None
+) -> None:
+    """Raise an `EqtError` for options that do not go together."""
+    if is_result and (changes or code):
+        raise EqtError(
+            f"{target}: a result is verified as it is; --set, --engine, --runs and --code are for "
+            "a configuration"
+        )
+    if as_ and not code:
+        raise EqtError("--as names the law that a C file claims to be; give the file with --code")
+    if code and not code.is_file():
+        raise EqtError(f"{code}: not found; give a C file with --code")
 
 
 def _causes(rows: Sequence[Row], failed_runs: int) -> list[str]:

@@ -14,6 +14,7 @@ from typing import Any, Self
 import numpy as np
 
 from eqt_cli.closed_loop.layout import StateLayout
+from eqt_cli.closed_loop.told import Told
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array, dot, stack
 from eqt_cli.groups import MatrixLieGroup
@@ -136,7 +137,9 @@ class ClosedLoop:
         dissipation = self.dissipation(s)
         if dissipation is None or self.vehicle.is_ideal:
             return dissipation
-        unknown = acting - self.controller.torque(s)
+        law = self.controller.formula
+        assert law is not None  # else nothing is known of what it dissipates
+        unknown = acting - law.torque(s)
         return dissipation - dot(unknown, self.controller.velocity_error(s))
 
     @property
@@ -298,33 +301,54 @@ class ClosedLoop:
 
     # The instants at which a sampled law is evaluated.
 
-    def after_instant(
-        self, t: Any, state: Array, errors: tuple[Array, Array] | None = None
-    ) -> Array:
-        """A flat state after a control instant; t and state are those before it.
-
-        The law is evaluated at what is measured; its memory z goes on by ż for a period.
+    def told(self, t: Any, state: Array, errors: tuple[Array, Array] | None = None) -> Told:
+        """What the law is told at time t and a flat state.
 
         Parameters
         ----------
         errors
             E and b of the measurement Q E, V + b: ``(..., d, d)`` and ``(..., m)``.
         """
-        true = s = self.tracking(t, state)
-        if errors is not None:
-            E, b = errors
-            s = dataclasses.replace(s, Q=s.Q @ E, P=s.inertia.momentum(s.V + b))
-        assert self.vehicle.control is not None
-        asked = self.controller.torque(s) + 0.0 * s.P
-        period, rates = self.vehicle.control.period, self.controller.memory_rate(s)
-        memory = {name: values + period * rates[name] for name, values in s.memory.items()}
-        vehicle = self.vehicle.after_instant(self.group, asked, s.vehicle)
+        told = Told.of(self.tracking(t, state))
+        if errors is None:
+            return told
+        E, b = errors
+        return told._replace(pose=told.pose @ E, velocity=told.velocity + b)
+
+    def answer(
+        self, told: Told, memory: Mapping[str, Array], period: Any
+    ) -> tuple[Array, dict[str, Array]]:
+        """The torque that the law asks for, and its memory z, which goes on by ż for a period."""
+        s = told.tracking(self.group, self.inertia, self.gains, memory)
+        torque, later = self.controller.answer(s, period)
+        return torque + 0.0 * told.velocity, dict(later)
+
+    def answered(self, t: Any, state: Array, torque: Array, memory: Mapping[str, Array]) -> Array:
+        """A flat state after the law has answered at time t."""
+        s = self.tracking(t, state)
+        vehicle = self.vehicle.after_instant(self.group, torque, s.vehicle)
         found = self.layout.split(state)
         changed = _named(MEMORY, memory) | _named(VEHICLE, vehicle)
         if memory:  # L jumps with it, and W by as much the other way
-            jump = self.lyapunov(dataclasses.replace(true, memory=memory)) - self.lyapunov(true)
+            jump = self.lyapunov(dataclasses.replace(s, memory=memory)) - self.lyapunov(s)
             changed["work"] = found["work"] - jump[..., None]
         return self.layout.join(found | changed, state)
+
+    def after_instant(
+        self, t: Any, state: Array, errors: tuple[Array, Array] | None = None
+    ) -> Array:
+        """A flat state after a control instant; t and state are those before it.
+
+        The law is evaluated at what it is `told`, with these errors of measurement.
+        """
+        assert self.vehicle.control is not None
+        told, memory = self.told(t, state, errors), self.memory(state)
+        torque, memory = self.answer(told, memory, self.vehicle.control.period)
+        return self.answered(t, state, torque, memory)
+
+    def memory(self, state: Array) -> dict[str, Array]:
+        """The memory of the law in a flat state, by name."""
+        return _of(MEMORY, self.layout.split(state))
 
 
 def _spread(values: Array, batch: tuple[int, ...], axes: int) -> Array:

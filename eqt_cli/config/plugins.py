@@ -27,7 +27,7 @@ def load_plugins(source: ConfigSource, trusted: bool, problems: Problems) -> dic
     owners: dict[str, str] = {}
     for index, path in enumerate(paths):
         with problems.catching("plugins", index):
-            text = _text(source, path, trusted)
+            text = trusted_text(source, path, trusted)
             added = load_plugin(source.folder / path, text)
             sources[path] = text
             for component in added:
@@ -52,8 +52,8 @@ def load_stored_plugins(results: ResultFile) -> None:
     problems.raise_if_any()
 
 
-def _text(source: ConfigSource, path: object, trusted: bool) -> str:
-    """The text of one plugin.
+def trusted_text(source: ConfigSource, path: object, trusted: bool, subject: str = "plugin") -> str:
+    """The text of one plugin, or of other code that is executed.
 
     Raises
     ------
@@ -63,14 +63,14 @@ def _text(source: ConfigSource, path: object, trusted: bool) -> str:
     if not isinstance(path, str):
         raise ComponentError(f"expected the path of a Python file, got {shown(path)}")
     if source.stored_plugins is None:
-        relative = "plugin paths are relative to the configuration's folder"
+        relative = f"{subject} paths are relative to the configuration's folder"
         file = source.folder / path
         if source.of_folder and not trusted:
             raise ComponentError(
                 f"the result folder contains {file}, which eqt executes only on request",
                 Remedy("read this file, then add {}", "trust_plugins"),
             )
-        return text_of(file, relative, ComponentError, f"plugin {file}")
+        return text_of(file, relative, ComponentError, f"{subject} {file}")
     if not trusted:
         raise ComponentError(
             f"the result contains the source of {path}, which eqt executes only on request",

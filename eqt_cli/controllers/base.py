@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -12,6 +12,31 @@ from eqt_cli.core.component import Component
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Gains, Tracking
+
+
+@dataclass(frozen=True)
+class RunsCode:
+    """The C function that a law runs, by the names that a configuration gives.
+
+    Attributes
+    ----------
+    file
+        In which it is defined, relative to the configuration.
+    prefix
+        X of ``X_torque``, ``X_numbers``, ``X_memory`` and ``X_input``.
+    numbers
+        The fields of ``X_numbers`` that are given, and how many numbers each has.
+    memory
+        The fields of ``X_memory``.
+    real
+        ``double`` or ``float``.
+    """
+
+    file: str
+    prefix: str
+    numbers: tuple[tuple[str, int], ...]
+    memory: tuple[str, ...]
+    real: str
 
 
 @dataclass(frozen=True)
@@ -29,7 +54,7 @@ class Controller(Component):
     title
         As written in figures: ``EqT``. Default: the name.
     tasks
-        The tasks of a configuration that it is for.
+        The tasks of a configuration that it is for; none of code, which is for any.
     energy
         Its Lyapunov function, as text: ``½⟨P̃, Ṽ⟩ + Υ(Q_E)``.
     theorem
@@ -109,6 +134,30 @@ class Controller(Component):
         It is integrated along with every run, so that L(t) + ∫dissipation = L(0) can be checked.
         """
         return None
+
+    # A law that is no formula, but code of the user's own.
+
+    @property
+    def code(self) -> RunsCode | None:
+        """The code that it runs; None where it is a formula."""
+        return None
+
+    def running(self, function: Any, G: MatrixLieGroup) -> Self:
+        """The same law with its code as a function that can be called."""
+        raise NotImplementedError(f"{self.name} runs no code")
+
+    @property
+    def formula(self) -> "Controller | None":
+        """The law whose formulas hold of it: itself, or what its code claims to be."""
+        return self
+
+    def answer(self, s: Tracking, period: Any) -> tuple[Array, Mapping[str, Array]]:
+        """The torque that it asks for at a control instant, and its memory a period later.
+
+        A memory z goes on by ż for a period.
+        """
+        torque, rates = self.torque(s), self.memory_rate(s)
+        return torque, {name: z + period * rates[name] for name, z in s.memory.items()}
 
     # A law with memory, such as an integral of the error, has states that are integrated too.
 

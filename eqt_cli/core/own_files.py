@@ -184,12 +184,13 @@ _MARKS = (
     re.compile(rb"GIF8.*?!\xfe.eqt ", re.DOTALL),
     re.compile(rb'\[\n(\{"panel": |\n\])'),  # the numbers of a figure
     re.compile(FOUND_BY_TUNE),
+    re.compile(rb"(/\* E|<!-- e)xported by eqt "),
 )
 _PDF, _PDF_MARK = b"%PDF", b"/Creator (eqt "
 
 
 def is_eqts(path: Path) -> bool:
-    """Whether a file is a picture, a page or the numbers of a figure that eqt has written.
+    """Whether a file is a picture, a page, the numbers of a figure or a law that eqt has written.
 
     Raises
     ------

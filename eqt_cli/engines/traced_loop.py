@@ -7,7 +7,8 @@ structure. It knows no engine.
 from __future__ import annotations
 
 import traceback
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -16,11 +17,14 @@ from types import TracebackType
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.law_program import MEMORY, NUMBER, TOLD, TORQUE, LawProgram, law_program
+from eqt_cli.closed_loop.system import MEMORY as CONTROLLER
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import TraceError
 from eqt_cli.engines.base import Reduction, SampledFunction
 from eqt_cli.engines.problem import Problem
 from eqt_cli.program import Program, traced
+from eqt_cli.program.chain import Chain
 from eqt_cli.program.running import Memory, Running
 
 MOST_RUNNING = 512
@@ -53,11 +57,14 @@ class LoopPrograms:
     field
         ``derivative``, the time derivative of a flat state.
     after_instant
-        ``state``, the state after a control instant; None where the law is not sampled.
+        ``state``, the state after a control instant; None where the law is not sampled, or is code.
+    around_code
+        What happens at a control instant before and after a law that is code is called.
     """
 
     field: Program
     after_instant: Program | None
+    around_code: InstantPrograms | None = None
 
 
 @lru_cache(maxsize=64)
@@ -80,19 +87,118 @@ def trace(loop: ClosedLoop) -> LoopPrograms:
         rates = _symbolic(loop, given).vector_field(given["time"][0], given["state"][None])
         return {"derivative": rates[0]}
 
-    def after_instant(given: Given) -> Mapping[str, Array]:
-        symbolic, (t,), state = _symbolic(loop, given), given["time"], given["state"][None]
-        return {"state": symbolic.after_instant(t, state, _errors(loop, given))[0]}
+    with _explained(loop):
+        found = traced(field, _inputs(loop, loop.state_length))
+    if loop.vehicle.control is None:
+        return LoopPrograms(found, None)
+    instant = at_instants(loop)
+    if instant.law is None:
+        return LoopPrograms(found, None, instant)
+    return LoopPrograms(found, instant.chained(loop))
 
+
+@dataclass(frozen=True)
+class InstantPrograms:
+    """What happens at a control instant, one after the other.
+
+    Attributes
+    ----------
+    told
+        What the law is told, by the names of `Told`, from the loop's inputs.
+    law
+        Its answer; None where the law is code.
+    answered
+        ``state``, from the loop's inputs, ``torque`` and the ``memory`` of the law.
+    """
+
+    told: Program
+    law: LawProgram | None
+    answered: Program
+
+    def chained(self, loop: ClosedLoop) -> Program:
+        """All of it: ``state`` from the loop's inputs, and with the very bits of each program."""
+        control = loop.vehicle.control
+        assert control is not None and self.law is not None
+        chain = Chain(dict(self.told.inputs))
+        inputs = {group: chain.given(group) for group, _ in self.told.inputs}
+        told = chain.then(self.told, inputs)
+        given = {TOLD + entry.name: told[entry.source] for entry in self.law.told}
+        for entry in self.law.numbers[:-1]:
+            given[NUMBER + entry.name] = chain.given("parameters", _stretch(loop, entry.source))
+        given[NUMBER + self.law.numbers[-1].name] = chain.constant(control.period)
+        for entry in self.law.memory:
+            where = loop.layout.slices[CONTROLLER + entry.source]
+            given[MEMORY + entry.name] = chain.given("state", where)
+        answer = chain.then(self.law.step, given)
+        memory = [place for entry in self.law.memory for place in answer[MEMORY + entry.name]]
+        after = inputs | {"torque": answer[TORQUE], "memory": memory}
+        state = chain.then(self.answered, after)["state"]
+        return chain.program({"state": ((loop.state_length,), state)})
+
+
+def law_of(loop: ClosedLoop) -> LawProgram:
+    """The law of a loop by itself.
+
+    Raises
+    ------
+    TraceError
+        If it does what programs cannot; as of `trace`.
+    """
+    with _explained(loop):
+        return law_program(loop)
+
+
+def at_instants(loop: ClosedLoop) -> InstantPrograms:
+    """What happens at control instants.
+
+    Raises
+    ------
+    TraceError
+        As of `trace`.
+    """
+
+    def told(given: Given) -> Mapping[str, Array]:
+        symbolic, (t,), state = _symbolic(loop, given), given["time"], given["state"][None]
+        found = symbolic.told(t, state, _errors(loop, given))
+        arrays = {name: np.asarray(value) for name, value in found._asdict().items()}
+        return {name: value if name == "t" else value[0] for name, value in arrays.items()}
+
+    def answered(given: Given) -> Mapping[str, Array]:
+        symbolic, (t,), state = _symbolic(loop, given), given["time"], given["state"][None]
+        lengths = loop.controller.memory(loop.group)
+        parts = np.split(given["memory"][None], np.cumsum([*lengths.values()]), axis=1)
+        memory = dict(zip(lengths, parts, strict=False))
+        return {"state": symbolic.answered(t, state, given["torque"][None], memory)[0]}
+
+    d, m = loop.group.size, loop.group.dimension
     inputs = _inputs(loop, loop.state_length)
+    measured = inputs | ({"errors": d * d + m} if loop.vehicle.measures else {})
+    remembered = sum(loop.controller.memory(loop.group).values())
+    with _explained(loop):
+        return InstantPrograms(
+            traced(told, measured),
+            None if loop.controller.code else law_program(loop),
+            traced(answered, inputs | {"torque": m, "memory": remembered}),
+        )
+
+
+@contextmanager
+def _explained(loop: ClosedLoop) -> Iterator[None]:
+    """Say which component did what programs cannot."""
     try:
-        if loop.vehicle.control is None:
-            return LoopPrograms(traced(field, inputs), None)
-        d, m = loop.group.size, loop.group.dimension
-        measured = {"errors": d * d + m} if loop.vehicle.measures else {}
-        return LoopPrograms(traced(field, inputs), traced(after_instant, inputs | measured))
+        yield
+    except TraceError:
+        raise
     except Exception as error:
         raise TraceError(_explain(error, loop)) from error
+
+
+def _stretch(loop: ClosedLoop, parameter: str) -> slice:
+    """Where a parameter is in a row of all."""
+    ends = dict(
+        zip(loop.parameters, np.cumsum([x.size for x in loop.parameters.values()]), strict=True)
+    )
+    return slice(int(ends[parameter]) - loop.parameters[parameter].size, int(ends[parameter]))
 
 
 @lru_cache(maxsize=64)

@@ -17,6 +17,8 @@ class Stream(IntEnum):
     CERTIFICATES = 2
     VEHICLE = 3
     EXACT_STATES = 4
+    EXPORTED_STATES = 5
+    CODE = 6
 
 
 def generator(root: int, stream: Stream, run: int) -> np.random.Generator:

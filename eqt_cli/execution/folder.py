@@ -120,7 +120,7 @@ class ResultFolder:
         """Write the complete configuration, below a mark, with what it refers to beside it."""
         plugins = self._copied(PLUGINS, study.base.plugins)
         files = self._copied(FILES, study.files, ".csv")
-        data = _renamed(study.resolved, files) | {"plugins": list(plugins.values())}
+        data = _renamed(study.resolved, files | plugins)
         replace_file(self.path / name, mark + dump(data).encode())
 
     def tidy(self) -> None:

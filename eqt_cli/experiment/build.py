@@ -37,6 +37,7 @@ from eqt_cli.ensemble.velocities import VelocityDistribution, velocity_distribut
 from eqt_cli.experiment.desired_trajectory import DesiredTrajectory, check_horizon, desired_from
 from eqt_cli.experiment.gains import gains_from
 from eqt_cli.experiment.inertia import inertia_from
+from eqt_cli.experiment.laws_in_code import LawsInCode, check_calls
 from eqt_cli.experiment.solver import Solver, solver_from
 from eqt_cli.experiment.start import Start, start_from_file
 from eqt_cli.experiment.trial_evaluation import probe
@@ -139,8 +140,16 @@ class Experiment:
     def numeric_config(self) -> dict[str, Any]:
         """What of the resolved configuration affects the numbers, plugins by their source."""
         kept = {key: value for key, value in self.resolved.items() if key not in WORDS}
-        sources = [sha256(text.encode()).hexdigest() for text in self.plugins.values()]
-        return kept | {"plugins": sources} | digests(self.files)
+        sources = {path: sha256(text.encode()).hexdigest() for path, text in self.plugins.items()}
+        laws = [
+            {
+                key: sources.get(value, value) if key == "file" else value
+                for key, value in law.items()
+            }
+            for law in kept["controllers"]
+        ]
+        named = {"controllers": laws, "plugins": list(sources.values())}
+        return kept | named | digests(self.files)
 
     @cached_property
     def digest(self) -> str:
@@ -178,7 +187,10 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     sections = _sections(source.data, problems)
     task, initial = sections["task"], sections["initial"]
     group = _group(sections["group"], problems.at("group"))
-    laws = _controllers(sections["controllers"] or [], task, group, problems.at("controllers"))
+    code = LawsInCode(source, trust_plugins)
+    laws = _controllers(
+        sections["controllers"] or [], task, group, code, problems.at("controllers")
+    )
     desired = inertia = start = solver = None
     gains: dict[str, Gains | None] = {}
     if sections["reference"] is not None or source.data.get("reference") is None:
@@ -189,6 +201,9 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         solver = solver_from(sections["solver"], problems.at("solver"))
     horizon = sections["time"].duration if sections["time"] else 0.0
     vehicle = vehicle_from(sections, group, horizon, problems) if group else None
+    if group and solver and vehicle:
+        for law in laws.values():
+            check_calls(law.law, vehicle, solver.engine, problems.at("controllers", law.index))
     if group and sections["inertia"] is not None:
         inertia = inertia_from(sections["inertia"], group, horizon, problems.at("inertia"))
     if group:
@@ -225,7 +240,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         start.poses,
         start.velocities,
         solver,
-        replace(source, stored_plugins=plugins),
+        replace(source, stored_plugins=plugins | code.texts),
         desired.files | start.files,
     )
     probe(experiment, problems)
@@ -319,7 +334,11 @@ class _Entry:
 
 
 def _controllers(
-    entries: list[Any], task: str | None, G: MatrixLieGroup | None, problems: Problems
+    entries: list[Any],
+    task: str | None,
+    G: MatrixLieGroup | None,
+    code: LawsInCode,
+    problems: Problems,
 ) -> dict[str, _Entry]:
     """The control laws by label."""
     laws: dict[str, _Entry] = {}
@@ -330,9 +349,11 @@ def _controllers(
         own = entry.pop("gains", None) if isinstance(entry, dict) else None
         gains = validated(OwnGainsSection, own, here.at("gains")) if own is not None else None
         law = component(controllers, entry, here, OF_EVERY_LAW, G)
+        if law is not None and G is not None:
+            law = code.running(law, G, here)
         if law is None:
             continue
-        if task is not None and task not in law.tasks:
+        if task is not None and law.tasks and task not in law.tasks:
             here.add(_wrong_task(law, task))
             continue
         label = law.name if label is None else label

@@ -52,7 +52,7 @@ def law_names(study: Study) -> Array | None:
             law = _law(entry)
             identity = _identity(law)
             if identity not in known:
-                known[identity] = alike.name(law) if alike else ""
+                known[identity] = alike.name(law) if alike and law.code is None else ""
             found[point, index] = known[identity]
     return found
 

@@ -222,8 +222,8 @@ class Study:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         source, plans = state.pop("source"), state["plans"]
-        for path, text in source.stored_plugins.items():
-            load_plugin(Path(path), text)
+        for path in source.data.get("plugins", []):
+            load_plugin(Path(path), source.stored_plugins[path])
         self.__dict__.update(state, base=build(source, trust_plugins=True))
         if not self.is_ragged:
             self.__dict__["plan"] = plans.plans[0]

@@ -110,7 +110,9 @@ class Tracking:
         carry = G.Ad_matrix(G.inverse(Q_L))
         xi = apply_matrix(carry, self.Vd)
         xi_dot = apply_matrix(carry, self.Vd_dot) - G.ad(self.V, xi)
-        return replace(self, Q=Q_L, Qd=G.identity).following(xi, xi_dot)
+        seen = replace(self, Q=Q_L, Qd=G.identity)
+        vars(seen).update(V=self.V)  # which need not follow from P, where it is what was measured
+        return seen.following(xi, xi_dot)
 
     def following(self, Vd: Array, Vd_dot: Array) -> Tracking:
         """The same motion with another desired velocity, which changes at the rate V̇_d."""

@@ -188,7 +188,7 @@ EQT_INLINE eqt_reduced eqt_reduce(eqt_real x)
 }
 
 /* 0, and 2 / pi in words of 32 bits. */
-static const uint32_t eqt_2_over_pi[39] = {
+static const eqt_uint32 eqt_2_over_pi[39] = {
     0x00000000u, 0xa2f9836eu, 0x4e441529u, 0xfc2757d1u, 0xf534ddc0u, 0xdb629599u, 0x3c439041u,
     0xfe5163abu, 0xdebbc561u, 0xb7246e3au, 0x424dd2e0u, 0x06492eeau, 0x09d1921cu, 0xfe1deb1cu,
     0xb129a73eu, 0xe88235f5u, 0x2ebb4484u, 0xe99c7026u, 0xb45f7e41u, 0x3991d639u, 0x835339f4u,
@@ -199,10 +199,10 @@ static const uint32_t eqt_2_over_pi[39] = {
 
 /* A finite number above 2^26 over a right angle, by whole numbers: x = whole 2^shift, and bits of
    2 / pi that only give multiples of four right angles are left out. */
-EQT_RARE void eqt_far_turn(double x, double fraction[3], uint64_t *quadrant)
+EQT_RARE void eqt_far_turn(double x, double fraction[3], eqt_uint64 *quadrant)
 {
-    uint32_t product[6], window[6];
-    uint64_t bits, whole, sum, carry = 0;
+    eqt_uint32 product[6], window[6];
+    eqt_uint64 bits, whole, sum, carry = 0;
     int shift, place, word, negative;
     const double two_to_48 = 281474976710656.0;
     __builtin_memcpy(&bits, &x, sizeof bits);
@@ -211,18 +211,18 @@ EQT_RARE void eqt_far_turn(double x, double fraction[3], uint64_t *quadrant)
     place = shift + 30; /* of the first bit that counts */
     for (word = 0; word < 6; word++) {
         const int from = place / 32 + word;
-        sum = ((uint64_t)eqt_2_over_pi[from] << 32) | eqt_2_over_pi[from + 1];
-        window[word] = (uint32_t)(sum >> (32 - place % 32));
+        sum = ((eqt_uint64)eqt_2_over_pi[from] << 32) | eqt_2_over_pi[from + 1];
+        window[word] = (eqt_uint32)(sum >> (32 - place % 32));
     }
     for (word = 5; word >= 0; word--) {
         sum = window[word] * (whole & 0xffffffffu) + carry;
-        product[word] = (uint32_t)sum;
+        product[word] = (eqt_uint32)sum;
         carry = sum >> 32;
     }
     carry = 0;
     for (word = 5; word >= 1; word--) {
         sum = window[word] * (whole >> 32) + product[word - 1] + carry;
-        product[word - 1] = (uint32_t)sum;
+        product[word - 1] = (eqt_uint32)sum;
         carry = sum >> 32;
     }
     /* Its first two bits are the quadrant; what follows is a fraction, which is rounded. */
@@ -235,9 +235,9 @@ EQT_RARE void eqt_far_turn(double x, double fraction[3], uint64_t *quadrant)
         for (word = 0; word < 5; word++)
             product[word] = ~product[word];
     }
-    fraction[0] = (double)(((uint64_t)product[0] << 16) | (product[1] >> 16)) / two_to_48;
-    fraction[1] = (double)(((uint64_t)(product[1] & 0xffffu) << 32) | product[2]) / two_to_48;
-    fraction[2] = (double)(((uint64_t)product[3] << 16) | (product[4] >> 16)) / two_to_48;
+    fraction[0] = (double)(((eqt_uint64)product[0] << 16) | (product[1] >> 16)) / two_to_48;
+    fraction[1] = (double)(((eqt_uint64)(product[1] & 0xffffu) << 32) | product[2]) / two_to_48;
+    fraction[2] = (double)(((eqt_uint64)product[3] << 16) | (product[4] >> 16)) / two_to_48;
     fraction[1] /= two_to_48;
     fraction[2] /= two_to_48 * two_to_48;
     for (word = 0; word < 3; word++)
@@ -256,7 +256,7 @@ EQT_INLINE eqt_mask eqt_is_far(eqt_real x)
 EQT_INLINE eqt_reduced eqt_reduce_far(eqt_real x)
 {
     double given[EQT_LANES], fraction[3], parts[3][EQT_LANES];
-    uint64_t quadrant[EQT_LANES];
+    eqt_uint64 quadrant[EQT_LANES];
     eqt_real high, middle, low;
     eqt_pair turn, right;
     eqt_reduced reduced;

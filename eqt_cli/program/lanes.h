@@ -5,6 +5,9 @@
 
 #include <stdint.h>
 
+typedef uint32_t eqt_uint32;
+typedef uint64_t eqt_uint64;
+
 #ifndef EQT_LANES
 #define EQT_LANES 1
 #endif
@@ -32,14 +35,14 @@
 #if EQT_LANES == 1
 
 typedef double eqt_real;
-typedef uint64_t eqt_bits;
+typedef eqt_uint64 eqt_bits;
 typedef int eqt_mask; /* all bits, or none */
 #define EQT_MASK(condition) (-(condition))
 #define EQT_LANE(values, lane) (values)
 #define EQT_EACH_LANE(F) F(0)
 
 EQT_INLINE eqt_real eqt_constant(double number) { return number; }
-EQT_INLINE eqt_bits eqt_bits_constant(uint64_t bits) { return bits; }
+EQT_INLINE eqt_bits eqt_bits_constant(eqt_uint64 bits) { return bits; }
 EQT_INLINE eqt_real eqt_select(eqt_mask holds, eqt_real a, eqt_real b) { return holds ? a : b; }
 EQT_INLINE eqt_real eqt_sqrt(eqt_real x) { return __builtin_sqrt(x); }
 EQT_INLINE eqt_bits eqt_bits_of(eqt_real x)
@@ -58,7 +61,7 @@ EQT_INLINE eqt_real eqt_of_bits(eqt_bits bits)
 #else
 
 typedef double eqt_real __attribute__((vector_size(8 * EQT_LANES)));
-typedef uint64_t eqt_bits __attribute__((vector_size(8 * EQT_LANES)));
+typedef eqt_uint64 eqt_bits __attribute__((vector_size(8 * EQT_LANES)));
 typedef int64_t eqt_mask __attribute__((vector_size(8 * EQT_LANES))); /* all bits, or none */
 #define EQT_MASK(condition) ((eqt_mask)(condition))
 #define EQT_LANE(values, lane) ((values)[lane])
@@ -79,7 +82,7 @@ EQT_INLINE eqt_real eqt_constant(double number)
     eqt_real all = EQT_IN_ALL_LANES(number);
     return all;
 }
-EQT_INLINE eqt_bits eqt_bits_constant(uint64_t bits)
+EQT_INLINE eqt_bits eqt_bits_constant(eqt_uint64 bits)
 {
     eqt_bits all = EQT_IN_ALL_LANES(bits);
     return all;

@@ -210,8 +210,8 @@ def test_a_result_is_verified_as_it_is(eqt: Eqt, option: tuple[str, str]) -> Non
     done = eqt("verify", "results/c", *option)
     assert (done.code, done.out) == (2, "")
     assert done.err == (
-        "eqt: results/c: a result is verified as it is; --set, --engine and --runs are for a "
-        "configuration\n"
+        "eqt: results/c: a result is verified as it is; --set, --engine, --runs and --code are "
+        "for a configuration\n"
     )
 
 

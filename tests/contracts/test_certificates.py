@@ -42,7 +42,7 @@ def samples(loop_with, make):
             loop_with(reference=make(references.get("path"), 3)),
             inertia=PrescribedInertia(tuple(tuple(map(parse, row)) for row in inertia)),
         ),
-        *(loop_with("SO3", controllers.get(name)()) for name in controllers.names()),
+        *(loop_with("SO3", kind()) for kind in controllers.all() if kind.tasks),
     ]
     return (sampled("law", loop, 5.0, np.random.default_rng(0)) for loop in loops)
 

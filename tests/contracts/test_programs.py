@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from eqt_cli.closed_loop.law_program import NUMBER, TOLD
 from eqt_cli.closed_loop.signals import at_state
 from eqt_cli.config.source import read_config
+from eqt_cli.controllers import controllers
 from eqt_cli.core.problems import Problems
-from eqt_cli.engines.traced_loop import OneLoop, sampled, trace
+from eqt_cli.engines.traced_loop import OneLoop, at_instants, law_of, sampled, trace
 from eqt_cli.experiment.build import build
 
 # NumPy adds products in another order: tens of last places of numbers up to hundreds.
@@ -84,3 +86,49 @@ def test_c_gives_the_same_sampled_loop(tmp_path, states, in_c):
         found = in_c(programs.after_instant, **given(loop, 0.3, state, errors=measured))["state"]
         expected = held.after_instant(0.3, state, (E, b))
         np.testing.assert_allclose(found, expected, rtol=0, atol=ROUNDING)
+
+
+def test_an_instant_has_the_bits_of_the_law_by_itself(tmp_path, states, in_c):
+    """What an engine evaluates at an instant is the law's own program between two others."""
+    path = tmp_path / "flight.yaml"
+    path.write_text(SAMPLED, encoding="utf-8")
+    [loop] = build(read_config(path)).loops.values()
+    parts, whole, random = at_instants(loop), trace(loop).after_instant, np.random.default_rng(1)
+    E, b = loop.group.exp(0.1 * random.standard_normal(3)), random.standard_normal(3)
+    measured = np.concatenate([E.reshape(-1), b])
+    numbers = {NUMBER + name: values for name, values in parts.law.values(loop).items()}
+    for state in states(loop, (3,)):
+        state = state + 0.1 * random.standard_normal(state.shape)
+        inputs = given(loop, 0.3, state)
+        told = in_c(parts.told, **inputs, errors=measured)
+        told = {TOLD + name: values for name, values in told.items()}
+        integral = loop.memory(state)["integral"]
+        answer = in_c(parts.law.step, **told, **numbers, memory_integral=integral)
+        after = in_c(
+            parts.answered, **inputs, torque=answer["torque"], memory=answer["memory_integral"]
+        )
+        found = in_c(whole, **inputs, errors=measured)["state"]
+        assert found.tobytes() == after["state"].tobytes()
+        assert not np.array_equal(found, state)
+
+
+def test_a_law_by_itself_says_what_goes_in_and_comes_out(loop_with, make):
+    law = law_of(loop_with("SE2", make(controllers.get("goodarzi2013"))))
+    assert [(each.name, each.shape, each.unit) for each in law.told] == [
+        ("t", (), "s"),
+        ("pose", (3, 3), "1 (rotation), m (translation)"),
+        ("velocity", (3,), "rad/s (rotation), m/s (translation)"),
+        ("desired_pose", (3, 3), "1 (rotation), m (translation)"),
+        ("desired_velocity", (3,), "rad/s (rotation), m/s (translation)"),
+        ("desired_acceleration", (3,), "rad/s/s (rotation), m/s/s (translation)"),
+    ]
+    assert [(each.name, each.source) for each in law.numbers] == [
+        ("inertia", "inertia"),
+        ("kp", "kp"),
+        ("kd", "kd"),
+        ("ki", "controller.ki"),
+        ("c2", "controller.c2"),
+        ("period", "period"),
+    ]
+    assert [(each.name, each.shape) for each in law.memory] == [("integral", (3,))]
+    assert law.torque.unit == "N m (rotation), N (translation)"

@@ -71,13 +71,13 @@ def cc(monkeypatch):
     """A compiler that counts how often it is called: as ``calls()``."""
     found = shutil.which("cc") or pytest.skip("needs a C compiler (cc)")
     calls = []
-    run = compiler._run
+    run = compiler.run
 
     def counted(command, text=""):
         calls.append("-dM" not in command)
         return run(command, text)
 
-    monkeypatch.setattr(compiler, "_run", counted)
+    monkeypatch.setattr(compiler, "run", counted)
     monkeypatch.setenv("CC", found)
     return lambda: (calls.count(True), calls.count(False))
 

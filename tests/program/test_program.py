@@ -11,6 +11,8 @@ from eqt_cli.core.differentiation import value_and_derivatives
 from eqt_cli.core.expressions import parse
 from eqt_cli.program import COMPARISONS, Constant, Input, Operation, traced
 from eqt_cli.program.c_code import c_function
+from eqt_cli.program.c_names import c_name, distinct
+from eqt_cli.program.chain import Chain
 
 NUMPY = {
     "negative": np.negative,
@@ -214,3 +216,46 @@ def test_names_that_are_none_in_c():
     )
     with pytest.raises(ValueError, match=re.escape("'a); evil(' is no identifier of C")):
         c_function(program, "a); evil(")
+
+
+def test_a_chain_simplifies_nothing_across_a_border(in_c):
+    """-0 and infinity come through, where a product with a constant 0 or a sum would lose them."""
+    first = traced(lambda given: {"y": given["x"] * 2.0, "none": np.zeros(1)}, {"x": 2})
+    second = traced(lambda given: {"z": given["y"] + given["n"] * given["y"]}, {"y": 2, "n": 1})
+    chain = Chain({"x": 2})
+    middle = chain.then(first, {"x": chain.given("x")})
+    last = chain.then(second, {"y": middle["y"], "n": middle["none"]})
+    whole = chain.program({"z": ((2,), last["z"])})
+    for x in ([-0.0, 3.0], [np.inf, -0.0], [0.1, -0.3]):
+        y = in_c(first, x=x)
+        expected = in_c(second, y=y["y"], n=y["none"])["z"]
+        assert in_c(whole, x=x)["z"].tobytes() == expected.tobytes()
+
+
+def test_a_chain_has_equal_operations_once_and_no_others():
+    both = traced(lambda given: {"y": given["x"] * given["x"], "z": given["x"] + 1.0}, {"x": 1})
+    chain = Chain({"x": 1})
+    x = chain.given("x")
+    one, other = chain.then(both, {"x": x}), chain.then(both, {"x": x})
+    assert one == other
+    whole = chain.program({"y": ((1,), one["y"])})
+    assert whole.values == (Input("x", 0), Operation("multiply", (0, 0)))
+
+
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [
+        ("lee2010", "lee2010"),
+        ("kp=2", "kp_2"),
+        ("2nd law", "n_2nd_law"),
+        ("int", "int_"),
+        ("λ", "n"),
+        ("from_", "from_"),
+    ],
+)
+def test_a_text_as_a_name_in_c(text, name):
+    assert c_name(text) == name
+
+
+def test_names_in_c_are_distinct():
+    assert distinct(["a b", "a-b", "period"], taken=("period",)) == ["a_b", "a_b_2", "period_2"]

@@ -19,7 +19,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.error_origin import described, place_of
 from eqt_cli.mechanics.tracking import Tracking
 
-Kind = Literal["identity", "trajectory", "hypothesis", "oracle"]
+Kind = Literal["identity", "trajectory", "hypothesis", "oracle", "code"]
 
 
 class Verdict(StrEnum):

@@ -66,6 +66,7 @@ class Native(Engine):
     name: ClassVar[str] = "native"
     estimates_errors: ClassVar[bool] = True
     threads: ClassVar[bool] = True
+    calls_laws: ClassVar[bool] = False
     cross_check_rank: ClassVar[int | None] = 3
     part_runs: ClassVar[int] = 1000
 

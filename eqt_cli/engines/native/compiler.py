@@ -177,7 +177,7 @@ def _asked(command: tuple[str, ...]) -> Compiler:
     """What a compiler says of itself: all macros that it defines."""
     said = ""
     for flags in ((OWN_MACHINE,), ()):
-        answer = _run([*command, *flags, "-dM", "-E", "-x", "c", "-"])
+        answer = run([*command, *flags, "-dM", "-E", "-x", "c", "-"])
         if answer.returncode == 0 and "#define" in answer.stdout:
             return _remembered(_read(command, flags, answer.stdout))
         said = answer.stderr or answer.stdout
@@ -303,7 +303,7 @@ def _library(source: str, by: Compiler) -> ctypes.CDLL:
 
 def _compile(source: str, by: Compiler, made: Path) -> None:
     flags = [*LIBRARY, *by.flags]
-    answer = _run([*by.command, *flags, "-o", str(made), "-x", "c", "-", *MATHEMATICS], source)
+    answer = run([*by.command, *flags, "-o", str(made), "-x", "c", "-", *MATHEMATICS], source)
     if answer.returncode or not made.exists():
         raise TraceError(
             f"the C compiler {shlex.join(by.command)} cannot compile a law",
@@ -323,7 +323,7 @@ def _loaded(made: Path, by: Compiler) -> ctypes.CDLL:
         ) from error
 
 
-def _run(command: Sequence[str], text: str = "") -> subprocess.CompletedProcess[str]:
+def run(command: Sequence[str], text: str = "") -> subprocess.CompletedProcess[str]:
     """A program without a shell or a terminal, which is ended with all that it has started."""
     called = shlex.join(command)
     try:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from eqt_cli.closed_loop.told import Told
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines.integrator import Failure, Integrator, SpanResult
 from eqt_cli.engines.native import library
@@ -14,6 +15,7 @@ from eqt_cli.engines.native.library import Measuring, Rows
 from eqt_cli.engines.native.source import Looking
 from eqt_cli.engines.problem import Problem, Span, Status
 from eqt_cli.engines.traced_loop import LoopPrograms, held_rows, parameter_rows
+from eqt_cli.program import Program
 
 
 class Lanes(Integrator):
@@ -40,12 +42,14 @@ class Lanes(Integrator):
     ) -> None:
         super().__init__(problem)
         self._law, self._function = law, library.integration(law.field, looking=looking)
-        self._instant: library.Evaluation | None = None
+        self._compiled: dict[int, library.Evaluation] = {}
         self._settings = {"rtol": rtol, "atol": atol, "most_steps": most_steps}
         self._all_parameters = parameter_rows(problem)
 
     def begin(self, runs: Array) -> None:
         """With no step taken, and the length of the first one not known."""
+        if self._law.around_code is not None:
+            super().begin(runs)
         count = len(runs)
         self._parameters = self._all_parameters[runs]
         self._steps, self._times = np.zeros(count), np.zeros(count)
@@ -56,21 +60,27 @@ class Lanes(Integrator):
         self._held = held_rows(self.problem.loop, np.array([span.start]))[0]
 
     def at_instant(self, t: float, states: Array, errors: tuple[Array, Array] | None) -> Array:
-        """By compiled code."""
+        """By compiled code; a law that is code by itself is called between two programs."""
         runs = len(states)
         given = [
             Rows(states, by_run=True),
             Rows(np.array([t])),
             Rows(self._parameters, by_run=True),
             Rows(self._held),
-            *(Rows(part.reshape(runs, -1), by_run=True) for part in errors or ()),
         ]
-        if self._instant is None:
-            assert self._law.after_instant is not None
-            lengths = tuple(each.length for each in given)
-            self._instant = library.evaluation(self._law.after_instant, lengths)
-        after: Array = self._instant.at(runs, 1, given)["state"][:, 0]
-        return after
+        measured = [Rows(part.reshape(runs, -1), by_run=True) for part in errors or ()]
+        around, program = self._law.around_code, self._law.after_instant
+        if around is not None:
+            told = Told(**self._evaluated(around.told, runs, [*given, *measured]))
+            told = told._replace(t=t)
+            torque, memory = self.loop.answer(told, self.loop.memory(states), self._period)
+            joined = np.concatenate([np.empty((runs, 0)), *memory.values()], axis=1)
+            given += [Rows(torque, by_run=True), Rows(joined, by_run=True)]
+            program = around.answered
+        else:
+            given += measured
+        assert program is not None
+        return self._evaluated(program, runs, given)["state"]
 
     def advance(self, span: Span, states: Array) -> SpanResult:
         """All runs that have not failed; the others stay where they are."""
@@ -116,6 +126,21 @@ class Lanes(Integrator):
             **self._settings,
         )
         return ended
+
+    def _evaluated(self, program: Program, runs: int, given: list[Rows]) -> dict[str, Array]:
+        """The arrays of a program for these runs at one time, ``(runs, …)`` each."""
+        if id(program) not in self._compiled:  # to look for it by its operations takes long
+            lengths = tuple(each.length for each in given)
+            self._compiled[id(program)] = library.evaluation(program, lengths)
+        found = self._compiled[id(program)].at(runs, 1, given)
+        return {name: values[:, 0] for name, values in found.items()}
+
+    @property
+    def _period(self) -> float:
+        """Between control instants, s."""
+        control = self.problem.loop.vehicle.control
+        assert control is not None
+        return control.period
 
     def _failure(self, run: Any) -> Failure:
         """How a run has ended, and when."""

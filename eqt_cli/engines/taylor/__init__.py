@@ -67,6 +67,7 @@ class Taylor(Engine):
     name: ClassVar[str] = "taylor"
     estimates_errors: ClassVar[bool] = True
     threads: ClassVar[bool] = True
+    calls_laws: ClassVar[bool] = False
     cross_check_rank: ClassVar[int | None] = 2
     part_runs: ClassVar[int] = 500
 

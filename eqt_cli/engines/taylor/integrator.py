@@ -154,6 +154,8 @@ class Batches(Integrator):
 
     def begin(self, runs: Array) -> None:
         """With all batches, none of which has failed."""
+        if self._batch.after_instant is None:
+            super().begin(runs)
         lanes, count = self._batch.lanes, len(runs)
         self._filled = np.append(np.arange(count), np.full(-count % lanes, count - 1))
         self._own = self._parameters[runs[self._filled]].T
@@ -170,9 +172,11 @@ class Batches(Integrator):
             self._numbers = np.concatenate([self._own, same])
 
     def at_instant(self, t: float, states: Array, errors: tuple[Array, Array] | None) -> Array:
-        """By compiled code, for all batches at once."""
-        lanes = np.ascontiguousarray(states.T[:, self._filled])
+        """By compiled code, for all batches at once; on arrays where the law is code by itself."""
         numbers, code = self._numbers, self._batch.after_instant
+        if code is None:
+            return super().at_instant(t, states, errors)
+        lanes = np.ascontiguousarray(states.T[:, self._filled])
         for part in errors or ():
             numbers = np.concatenate([numbers, part[self._filled].reshape(len(lanes.T), -1).T])
         used = np.ascontiguousarray(numbers[: code.nparams])

@@ -1,0 +1,321 @@
+"""The parts of a law, each as the difference of two evaluations of it, and what C does with each.
+
+No formula of a law is written here: a law is evaluated without a gain, without an acceleration, or
+with one weight of the family more, and what changes is the part. A torque in C that differs from
+the law is then explained by least squares over these parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from eqt_cli.analysis.evidence.code_assumptions import assumptions
+from eqt_cli.analysis.evidence.code_question import Question
+from eqt_cli.closed_loop.told import Told
+from eqt_cli.controllers.family import Family
+from eqt_cli.core.arrays import Array, apply_matrix
+
+EXPLAINED = {"double": 1e-9, "float": 1e-4}
+"""Of the torque: what is left of a difference that is explained."""
+
+CHANGED = {"double": 1e-7, "float": 1e-3}
+"""By how much a coefficient differs that is another one."""
+
+ENOUGH = 60
+"""States, of which each gives as many equations as a torque has entries, for a dozen unknowns."""
+
+ASSUMED = 1.5
+"""What an assumption costs: as much as one term and a half that is another one."""
+
+VANISHES = 1e-12
+"""Relative to the torque: a part that is 0 on this group, or with these gains."""
+
+
+# The parts ----------------------------------------------------------------------------------------
+
+OTHERS = "all other parts of the law"
+SYMMETRIC = "symmetric part of the pose error"
+NOT_SKEW = " (the difference of Q_d⁻¹Q to its transpose is missing, or is of other matrices)"
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts of a law at some states.
+
+    Attributes
+    ----------
+    columns
+        Their torques by name, ``(rows, m)`` each.
+    expected
+        How often the law has each.
+    """
+
+    columns: dict[str, Array]
+    expected: dict[str, float]
+
+    @property
+    def size(self) -> int:
+        """How many parts the law has."""
+        return sum(abs(value) > CHANGED["double"] for value in self.expected.values())
+
+
+def parts_of(question: Question, pose: Told, rest: Told) -> list[Parts]:
+    """The parts of a law in the two ways of writing what is quadratic in velocities.
+
+    Parameters
+    ----------
+    pose, rest
+        What its stiffness is told, and what all else is told.
+    """
+    own = _own_parts(question, pose, rest)
+    whole = own["stiffness"] + question.torque(told=rest, K=0.0)
+    return [_fitted(whole, own, moving) for moving in _quadratic(question, rest)]
+
+
+def _own_parts(question: Question, pose: Told, rest: Told) -> dict[str, Array]:
+    """Those of gains, accelerations and memory."""
+    ask = question.torque
+    still = rest._replace(
+        desired_velocity=0 * rest.desired_velocity,
+        desired_acceleration=0 * rest.desired_acceleration,
+    )
+    stiffness = ask(told=pose) - ask(told=pose, K=0.0)
+    damping = ask(told=rest) - ask(told=rest, K_d=0.0)
+    own_damping = ask(told=still) - ask(told=still, K_d=0.0)
+    unpushed = rest._replace(desired_acceleration=0 * rest.desired_acceleration)
+    found = {
+        "stiffness": stiffness,
+        "damping": own_damping,
+        "damping of the desired velocity": damping - own_damping,
+        "desired acceleration": ask(told=rest) - ask(told=unpushed),
+    }
+    for name in question.memory:
+        without = dict(question.memory) | {name: 0 * question.memory[name]}
+        found[name] = ask(told=rest) - ask(told=rest, memory=without)
+    return found
+
+
+def _quadratic(question: Question, told: Told) -> list[dict[str, Array]]:
+    """What is quadratic in velocities, by the weights of the family, in two ways of writing it."""
+    unpushed = told._replace(desired_acceleration=0 * told.desired_acceleration)
+    nothing = question.forgetful
+
+    def family(at: Told, **weights: float) -> Array:
+        weighted = {"gyroscopic": 0.0, "transport": 0.0, **weights}
+        law = Family(**weighted, error=question.frame)  # type: ignore[arg-type]  # floats only
+        return question.torque(law=law, told=at, K=0.0, K_d=0.0, memory=nothing)
+
+    def weighed(name: str, at: Told = unpushed) -> Array:
+        return family(at, **{name: 1.0}) - family(at)
+
+    of_reference = weighed("quadratic", unpushed._replace(velocity=0 * told.velocity))
+    of_body = weighed("quadratic", unpushed._replace(desired_velocity=0 * told.desired_velocity))
+    g, c, n, q = map(weighed, ("gyroscopic", "transport", "connection", "quadratic"))
+    return [
+        {
+            "gyroscopic": of_body,
+            "transport": n,
+            "gyroscopic of the desired velocity": of_reference,
+            "gyroscopic, body with desired velocity": g + of_reference,
+            "gyroscopic, desired velocity with body": c + of_reference,
+        },
+        {
+            "gyroscopic (weight g)": g,
+            "transport (weight c)": c,
+            "connection (weight n)": n,
+            "quadratic (weight q)": q,
+            "driving torque": of_reference,
+        },
+    ]
+
+
+def _fitted(torque: Array, own: dict[str, Array], moving: dict[str, Array]) -> Parts:
+    """How often a law has each part, and what of it is none of them."""
+    scale = np.abs(torque).max()
+    columns = {
+        name: column
+        for name, column in (own | moving).items()
+        if np.abs(column).max() > VANISHES * scale
+    }
+    expected = dict.fromkeys(own.keys() & columns.keys(), 1.0)
+    rest = torque - sum((columns[name] for name in own if name in columns), 0 * torque)
+    found = _least_squares({name: columns[name] for name in moving if name in columns}, rest)
+    # A law has each of them a whole number of times, or its own weight.
+    expected |= {name: _rounded(value) for name, value in found.items()}
+    for name in [name for name in found if expected[name] < 0]:  # told as "1.00 of 1"
+        columns[name], expected[name] = -columns[name], -expected[name]
+    left = rest - sum((expected[n] * columns[n] for n in found), 0 * torque)
+    if np.abs(left).max() > EXPLAINED["double"] * scale:
+        columns[OTHERS], expected[OTHERS] = left, 1.0
+    return Parts(columns, {name: expected[name] for name in columns})
+
+
+def _rounded(value: float) -> float:
+    nearest = round(value * 2) / 2
+    return nearest if abs(value - nearest) < CHANGED["double"] else value
+
+
+def _least_squares(columns: Mapping[str, Array], torque: Array) -> dict[str, float]:
+    """The smallest coefficients by which columns are nearest to a torque."""
+    if not columns:
+        return {}
+    matrix = np.stack([column.ravel() for column in columns.values()], axis=1)
+    sizes = np.linalg.norm(matrix, axis=0)
+    found = np.linalg.lstsq(matrix / sizes, torque.ravel(), rcond=1e-10)[0] / sizes
+    return dict(zip(columns, found.tolist(), strict=True))
+
+
+# What C does with them ----------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """A torque in C as a sum of the parts of a law.
+
+    Attributes
+    ----------
+    assumed
+        What is assumed of the code, in words; "" where nothing is.
+    coefficients
+        How often the code has each part, and how often the law has it.
+    left
+        What is not explained, as a share of the torque.
+    real
+        ``double`` or ``float``.
+    """
+
+    assumed: str
+    coefficients: dict[str, tuple[float, float]]
+    left: float
+    real: str
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether nothing is left over but rounding."""
+        return self.left <= EXPLAINED[self.real]
+
+    @property
+    def changed(self) -> dict[str, tuple[float, float]]:
+        """The parts that the code has more or less often than the law."""
+        return {
+            name: (found, expected)
+            for name, (found, expected) in self.coefficients.items()
+            if abs(found - expected) > CHANGED[self.real] * max(1.0, abs(expected))
+        }
+
+    @property
+    def cost(self) -> float:
+        """How much it assumes: the less, the better the explanation."""
+        return len(self.changed) + (ASSUMED if self.assumed else 0.0)
+
+    @property
+    def words(self) -> str:
+        """What differs, and what does not."""
+        if not self.is_complete:
+            share = f"{100 * self.left:.2g} % of the torque"
+            return f"no sum of the law's parts in any frame: {share} is none of them"
+        said = [self.assumed] if self.assumed else []
+        lacking = {name: pair for name, pair in self.changed.items() if _is_zero(pair[0], self)}
+        other = {name: pair for name, pair in self.changed.items() if name not in lacking}
+        if lacking:
+            said.append("lacks " + ", ".join(_told(n, *pair) for n, pair in lacking.items()))
+        for name, (found, expected) in other.items():
+            hint = NOT_SKEW if name == SYMMETRIC else _sign(found, expected)
+            said.append(f"has {_told(name, found, expected)}{hint}")
+        same = [n for n, (_, e) in self.coefficients.items() if n not in self.changed and e]
+        if same and (lacking or other):
+            said.append(f"the same as in the law: {', '.join(same)}")
+        return "; ".join(said)
+
+
+def _is_zero(found: float, of: Explanation) -> bool:
+    return abs(found) <= CHANGED[of.real] * 10
+
+
+def _told(name: str, found: float, expected: float) -> str:
+    close = abs(found - expected) < 0.005
+    one = f"{found:.6g}" if close else f"{found:.2f}".replace("-0.00", "0.00")
+    return f"{name}: coefficient {one} of {expected:g}"
+
+
+def _sign(found: float, expected: float) -> str:
+    return (
+        " (the sign is wrong)" if expected and abs(found + expected) < 0.005 * abs(expected) else ""
+    )
+
+
+def explained(question: Question, torque: Array, real: str) -> Explanation:
+    """The explanation of a torque in C that assumes least, among those that leave nothing over.
+
+    Where all leave something over, the one that leaves least.
+    """
+    finite = np.isfinite(torque).all(axis=1) & np.isfinite(question.torque()).all(axis=1)
+    usable = np.flatnonzero(finite)[:ENOUGH]
+    few = Question(
+        question.loop,
+        Told(*(np.asarray(part)[usable] for part in question.told)),
+        {name: values[usable] for name, values in question.memory.items()},
+    )
+    found: list[Explanation] = []
+    for words, changed, pose, rest in assumptions(few):
+        for parts in parts_of(changed, pose, rest):
+            found.append(_explanation(changed, parts, torque[usable], words, real))
+        best = min((each.cost for each in found if each.is_complete), default=np.inf)
+        if best <= ASSUMED:  # any other explanation assumes more
+            break
+    complete = [each for each in found if each.is_complete]
+    if complete:
+        return min(complete, key=lambda each: each.cost)
+    # An assumption has to earn its place by what it explains.
+    return min(found, key=lambda each: each.left * (2.0 if each.assumed else 1.0))
+
+
+def _explanation(
+    question: Question, parts: Parts, torque: Array, assumed: str, real: str
+) -> Explanation:
+    law = sum((parts.expected[n] * column for n, column in parts.columns.items()), 0 * torque)
+    columns = dict(parts.columns)
+    expected = dict(parts.expected)
+    symmetric = _symmetric(question)
+    if np.abs(symmetric).max() > EXPLAINED["double"] * np.abs(torque).max():
+        columns[SYMMETRIC], expected[SYMMETRIC] = symmetric, 0.0
+    difference = torque - law
+    more = _least_squares(columns, difference)
+    left = difference - sum((more[n] * column for n, column in columns.items()), 0 * torque)
+    scale = np.sqrt((torque**2).mean()) or 1.0
+    return Explanation(
+        assumed,
+        {name: (expected[name] + more[name], expected[name]) for name in columns},
+        float(np.sqrt((left**2).mean()) / scale),
+        real,
+    )
+
+
+def _symmetric(question: Question) -> Array:
+    """What a stiffness returns of the part of the pose error that no rotation's error has.
+
+    It is there where a difference to the transpose was forgotten, or is of the wrong matrices.
+    """
+    G, told = question.loop.group, question.told
+    error = G.inverse(told.desired_pose) @ told.pose
+    basis = np.stack([G.hat(row) for row in np.eye(G.dimension)])
+    rotates = np.array([np.allclose(B, -B.T) for B in basis])
+    even = (error + error.swapaxes(-1, -2)) / 2
+    entries = np.einsum("kij,nij->nk", np.abs(basis), even) / 2 * rotates
+    stiffness = told.tracking(G, question.loop.inertia, question.loop.gains, {}).stiffness
+    return -apply_matrix(stiffness, entries)
+
+
+def sum_of(columns: Mapping[str, Array], found: Array, bound: float) -> str:
+    """How often each of some columns is in what was found, in words."""
+    shares = _least_squares(columns, found)
+    left = found - sum((shares[name] * column for name, column in columns.items()), 0 * found)
+    if np.abs(left).max() > bound:
+        return "otherwise than by any sum of its parts"
+    return "by " + ", ".join(
+        f"{name}: coefficient {share:.2f} of 1".replace("-0.00", "0.00")
+        for name, share in shares.items()
+    )

@@ -1,0 +1,124 @@
+"""Writes laws as C, with what is known of them, into a folder."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from eqt_cli.analysis.evidence.program_error import ARITHMETICS
+from eqt_cli.api.loading import Configuration, LoadedExperiment, at_point, load_experiment
+from eqt_cli.core.errors import EqtError
+from eqt_cli.exporting.files import files
+from eqt_cli.exporting.folder import check_folder, write_into
+from eqt_cli.exporting.laws import ExportedLaw, exported
+from eqt_cli.exporting.measured import Measured, measured
+from eqt_cli.exporting.readme import NAME, readme
+
+
+@dataclass(frozen=True)
+class ExportedFiles:
+    """What was written.
+
+    Attributes
+    ----------
+    folder
+    files
+        Their names.
+    laws
+        One record per law: ``label``, ``name``, ``real``, ``operations``, ``states``, ``bound`` of
+        each torque, ``singular`` states and the ``singular_bound`` of each torque there, and bytes
+        of ``flash`` and ``stack`` on a Cortex-M4, None where no compiler was found.
+    """
+
+    folder: Path
+    files: list[str]
+    laws: list[dict[str, object]]
+
+
+def export(
+    target: LoadedExperiment | Configuration,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    controllers: str | Sequence[str] = (),
+    real: Literal["double", "float"] = "double",
+    reference: bool = False,
+    point: int | None = None,
+    trust_plugins: bool = False,
+    workers: int = 1,
+) -> ExportedFiles:
+    """Write control laws as C for a vehicle: header, source, a check of them, and a README.
+
+    Parameters
+    ----------
+    target
+        From `load_experiment`, or what that takes.
+    out
+        The folder; ``exported/NAME`` if not given.
+    controllers
+        Labels of the laws; all if empty.
+    real
+        The type of all numbers.
+    reference
+        Also write the reference, which must be in closed form.
+    point
+        Of a sweep, counted from 0; the first if not given.
+    trust_plugins
+        Execute plugin sources that are stored in a result file.
+    workers
+        Cores to use for the runs at whose states the laws are checked.
+
+    Returns
+    -------
+    ExportedFiles
+        What was written, and what is known of it.
+
+    Raises
+    ------
+    EqtError
+        If a law cannot be written as C, or the folder cannot be written to.
+
+    Examples
+    --------
+    >>> found = eqt_cli.export("configs/paper.yaml", "flight", controllers="eqt", real="float")
+    >>> found.files
+    ['eqt.h', 'eqt.c', 'eqt_check.c', 'README.md']
+    """
+    if real not in ARITHMETICS:
+        raise EqtError(f"real: expected {' or '.join(ARITHMETICS)}, got {real!r}")
+    if not isinstance(target, LoadedExperiment):
+        target = load_experiment(target, trust_plugins=trust_plugins)
+    experiment = at_point(target, point)
+    folder = Path(out) if out is not None else Path("exported", experiment.name)
+    check_folder(folder)
+    labels = [controllers] if isinstance(controllers, str) else controllers
+    found = exported(experiment, labels, ARITHMETICS[real], reference=reference, workers=workers)
+    texts: dict[str, str] = {}
+    costs: dict[str, Measured | None] = {}
+    for law in found.laws:
+        own = files(law)
+        costs[law.label] = measured(law.name, own)
+        texts |= own
+    texts[NAME] = readme(found, costs)
+    write_into(folder, texts)
+    return ExportedFiles(folder, list(texts), [_record(law, costs) for law in found.laws])
+
+
+def _record(law: ExportedLaw, costs: Mapping[str, Measured | None]) -> dict[str, object]:
+    cost = costs[law.label]
+    return {
+        "label": law.label,
+        "name": law.name,
+        "real": law.by.name,
+        "operations": law.program.step.operations,
+        "states": law.states.count,
+        "bound": law.torque_bound.tolist(),
+        "singular": int(np.count_nonzero(law.singular)),
+        "singular_bound": law.singular_bound.tolist(),
+        "flash": cost.flash if cost else None,
+        "stack": cost.stack if cost else None,
+    }

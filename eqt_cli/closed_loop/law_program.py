@@ -1,0 +1,201 @@
+"""A law by itself as a program: from what it is told, its numbers and its memory to a torque.
+
+The groups of its inputs are named `TOLD`, `NUMBER` or `MEMORY` and the name of an entry of
+`LawProgram`; its outputs are `TORQUE`, and `MEMORY` and a name for each state of the law. It is
+what engines evaluate at control instants, and what is exported.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from eqt_cli.closed_loop.system import ClosedLoop
+from eqt_cli.closed_loop.told import Told
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.program import Input, Program, traced
+from eqt_cli.program.c_names import distinct
+
+TOLD, NUMBER, MEMORY = "told_", "number_", "memory_"
+TORQUE = "torque"
+PERIOD = "period"
+"""The number by which memory goes on, s."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """An array of the interface between a law and its vehicle.
+
+    Attributes
+    ----------
+    name
+        Of its field in C.
+    shape
+        Its numbers are in C row by row; () is a single one.
+    source
+        What it is called in eqt: of a number, its name among the parameters of a closed loop.
+    unit
+        In each part of the coordinates; "" where eqt knows none.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    source: str
+    unit: str = ""
+
+    @property
+    def size(self) -> int:
+        """How many numbers it has."""
+        return math.prod(self.shape)
+
+
+@dataclass(frozen=True)
+class LawProgram:
+    """A law on a group, with all that goes in and comes out; equal ones do the same.
+
+    Attributes
+    ----------
+    told
+        What it is told, in the order of `Told`.
+    numbers
+        Its gains, the inertia and its options, as far as it reads them, and last the period.
+    memory
+        Its own states; empty where it has none.
+    torque
+        Body frame.
+    step
+        The program of the torque, and of the memory after a period.
+    start
+        That of the memory at the start, from the same inputs; None where there is none.
+    """
+
+    told: tuple[Entry, ...]
+    numbers: tuple[Entry, ...]
+    memory: tuple[Entry, ...]
+    torque: Entry
+    step: Program
+    start: Program | None
+
+    def values(self, loop: ClosedLoop) -> dict[str, Array]:
+        """The numbers that a loop gives the law, by name; without sampled control, no period: 0."""
+        control, parameters = loop.vehicle.control, loop.parameters
+        period = np.array(0.0 if control is None else control.period)
+        given = {entry.name: parameters[entry.source] for entry in self.numbers[:-1]}
+        found = {**given, self.numbers[-1].name: period}
+        return {entry.name: found[entry.name].reshape(entry.shape) for entry in self.numbers}
+
+
+def law_program(loop: ClosedLoop) -> LawProgram:
+    """The law of a closed loop as a program.
+
+    A law that cannot be traced raises whatever error it raises on symbols.
+    """
+    G = loop.group
+    told, numbers, memory = _told(G), _numbers(loop), _memory(loop)
+    groups = {
+        prefix + entry.name: entry.size
+        for prefix, entries in ((TOLD, told), (NUMBER, numbers), (MEMORY, memory))
+        for entry in entries
+    }
+
+    # A law is promised a leading run axis; here it has one entry.
+    def step(given: Mapping[str, Array]) -> Mapping[str, Array]:
+        symbolic, heard, own = _symbolic(loop, given, told, numbers, memory)
+        torque, after = symbolic.answer(heard, own, given[NUMBER + numbers[-1].name][0])
+        return {TORQUE: torque[0], **_flat(memory, after)}
+
+    def start(given: Mapping[str, Array]) -> Mapping[str, Array]:
+        symbolic, heard, own = _symbolic(loop, given, told, numbers, memory)
+        s = heard.tracking(G, symbolic.inertia, symbolic.gains, {n: 0 * z for n, z in own.items()})
+        zero = {name: np.zeros(z.shape) for name, z in own.items()}
+        return _flat(memory, zero | dict(symbolic.controller.initial_memory(s)))
+
+    programs = [traced(step, groups)]
+    if memory:
+        programs.append(traced(start, groups))
+    read = {value.group for each in programs for value in each.values if isinstance(value, Input)}
+    used = tuple(each for each in numbers[:-1] if NUMBER + each.name in read) + numbers[-1:]
+    unused = {NUMBER + each.name for each in numbers} - {NUMBER + each.name for each in used}
+    left = tuple((group, size) for group, size in groups.items() if group not in unused)
+    found = [dataclasses.replace(each, inputs=left) for each in programs]
+    torque = Entry(TORQUE, (G.dimension,), TORQUE, by_part(G, "force_unit"))
+    return LawProgram(told, used, memory, torque, found[0], found[1] if memory else None)
+
+
+def by_part(G: MatrixLieGroup, attribute: str, more: str = "") -> str:
+    """A unit in each part of the coordinates: ``rad/s (rotation), m/s (translation)``."""
+    units = {part.name: getattr(part, attribute) + more for part in G.parts}
+    if len(set(units.values())) == 1:
+        return next(iter(units.values()))
+    return ", ".join(f"{unit} ({name})" for name, unit in units.items())
+
+
+def _told(G: MatrixLieGroup) -> tuple[Entry, ...]:
+    d, m = G.size, G.dimension
+    units = {
+        "t": "s",
+        "velocity": by_part(G, "velocity_unit"),
+        "desired_velocity": by_part(G, "velocity_unit"),
+        "desired_acceleration": by_part(G, "velocity_unit", "/s"),
+    }
+    shapes: dict[str, tuple[int, ...]] = {"t": (), "pose": (d, d), "desired_pose": (d, d)}
+    pose = by_part(G, "pose_unit")
+    return tuple(
+        Entry(name, shapes.get(name, (m,)), name, units.get(name, pose)) for name in Told._fields
+    )
+
+
+def _numbers(loop: ClosedLoop) -> tuple[Entry, ...]:
+    """Those that a law can read, and the period."""
+    others = set(loop.vehicle.given)
+    shapes = {name: _shape(value) for name, value in loop.parameters.items() if name not in others}
+    names = distinct([name.removeprefix("controller.") for name in shapes], taken=(PERIOD,))
+    pairs = zip(names, shapes.items(), strict=True)
+    own = (Entry(name, shape, source) for name, (source, shape) in pairs)
+    return (*own, Entry(PERIOD, (), PERIOD, "s"))
+
+
+def _shape(value: Array) -> tuple[int, ...]:
+    """Of a parameter of one run; scalars are stored as (1,)."""
+    return () if value.shape == (1,) else value.shape
+
+
+def _memory(loop: ClosedLoop) -> tuple[Entry, ...]:
+    lengths = loop.controller.memory(loop.group)
+    names = distinct(list(lengths))
+    return tuple(
+        Entry(name, (length,), source)
+        for name, (source, length) in zip(names, lengths.items(), strict=True)
+    )
+
+
+def _symbolic(
+    loop: ClosedLoop,
+    given: Mapping[str, Array],
+    told: tuple[Entry, ...],
+    numbers: tuple[Entry, ...],
+    memory: tuple[Entry, ...],
+) -> tuple[ClosedLoop, Told, dict[str, Array]]:
+    """The loop with symbols for the numbers of the law, what the law is told, and its memory."""
+
+    def one(prefix: str, entry: Entry) -> Array:
+        return given[prefix + entry.name].reshape(1, *entry.shape or (1,))
+
+    heard = Told(*(one(TOLD, entry) for entry in told))
+    G, (Q, Qd) = loop.group, (heard.pose, heard.desired_pose)
+    # What is the same in every pose need not be read.
+    heard = heard._replace(
+        t=heard.t[0, 0], pose=G.unpack(G.pack(Q)), desired_pose=G.unpack(G.pack(Qd))
+    )
+    values = {entry.source: one(NUMBER, entry) for entry in numbers[:-1]}
+    symbolic = loop.with_parameters(loop.parameters | values)
+    return symbolic, heard, {each.source: one(MEMORY, each) for each in memory}
+
+
+def _flat(memory: tuple[Entry, ...], values: Mapping[str, Array]) -> dict[str, Array]:
+    return {MEMORY + entry.name: values[entry.source][0] for entry in memory}

@@ -1,0 +1,80 @@
+/* Calls a C function of a user's own for many runs, one after the other.
+
+   It is included behind the user's text, and behind the definitions of
+
+     EQT_NUMBER_TYPE, EQT_MEMORY_TYPE, EQT_INPUT_TYPE, EQT_TORQUE   the user's names
+     EQT_CODE_REAL                 double or float
+     EQT_CODE_POSE, EQT_CODE_AXES  numbers of a pose and of a velocity
+     EQT_SET_NUMBERS, EQT_READ_MEMORY, EQT_WRITE_MEMORY   a call of the macros below for each name
+     EQT_LIST_NUMBERS, EQT_LIST_MEMORY                    sizeof of each, with commas
+     EQT_DEFAULT_NUMBERS           the numbers before they are set
+     EQT_CODE_START, EQT_SET_PERIOD   defined where there is such a function, or such a number */
+#ifndef EQT_OWN_CODE_H
+#define EQT_OWN_CODE_H
+
+#define EQT_IN(to, from)                                                                   \
+    for (eqt_k = 0; eqt_k < (long)(sizeof(to) / sizeof(EQT_CODE_REAL)); eqt_k++)           \
+        ((EQT_CODE_REAL *)(void *)&(to))[eqt_k] = (EQT_CODE_REAL)(from)[eqt_k];            \
+    (from) += sizeof(to) / sizeof(EQT_CODE_REAL)
+#define EQT_OUT(to, from)                                                                  \
+    for (eqt_k = 0; eqt_k < (long)(sizeof(from) / sizeof(EQT_CODE_REAL)); eqt_k++)         \
+        (to)[eqt_k] = ((const EQT_CODE_REAL *)(const void *)&(from))[eqt_k];               \
+    (to) += sizeof(from) / sizeof(EQT_CODE_REAL)
+
+/* The sizes that the caller compares with its own, in numbers: those of the input, of one real, of
+   the whole memory, of every number, and of every part of the memory. */
+const long eqt_code_sizes[] = {
+    (long)sizeof(EQT_INPUT_TYPE),
+    (long)sizeof(((EQT_INPUT_TYPE *)0)->t),
+    (long)sizeof(((EQT_INPUT_TYPE *)0)->pose),
+    (long)sizeof(((EQT_INPUT_TYPE *)0)->velocity),
+    (long)sizeof(((EQT_INPUT_TYPE *)0)->desired_pose),
+    (long)sizeof(((EQT_INPUT_TYPE *)0)->desired_velocity),
+    (long)sizeof(((EQT_INPUT_TYPE *)0)->desired_acceleration),
+    __builtin_types_compatible_p(
+        __typeof__(&EQT_TORQUE),
+        void (*)(const EQT_NUMBER_TYPE *, EQT_MEMORY_TYPE *, const EQT_INPUT_TYPE *, EQT_CODE_REAL *)),
+    (long)sizeof(EQT_MEMORY_TYPE),
+    EQT_LIST_NUMBERS EQT_LIST_MEMORY 0};
+
+/* Rows, one a run: what is given for the numbers, the memory, which goes on, and the inputs. */
+void eqt_code(long runs, int begins, double period, const double *given, double *remembered,
+              const double *inputs, double *torques)
+{
+    long run, eqt_k;
+    for (run = 0; run < runs; run++) {
+        EQT_NUMBER_TYPE numbers = EQT_DEFAULT_NUMBERS;
+        EQT_MEMORY_TYPE memory;
+        EQT_INPUT_TYPE input;
+        EQT_CODE_REAL torque[EQT_CODE_AXES] = {0};
+        const double *kept = remembered;
+        unsigned char *bytes = (unsigned char *)&memory;
+        for (eqt_k = 0; eqt_k < (long)sizeof memory; eqt_k++)
+            bytes[eqt_k] = 0;
+        (void)kept;
+        (void)period;
+        EQT_SET_NUMBERS
+#ifdef EQT_SET_PERIOD
+        numbers.period = (EQT_CODE_REAL)period;
+#endif
+        EQT_READ_MEMORY
+        EQT_IN(input.t, inputs);
+        EQT_IN(input.pose, inputs);
+        EQT_IN(input.velocity, inputs);
+        EQT_IN(input.desired_pose, inputs);
+        EQT_IN(input.desired_velocity, inputs);
+        EQT_IN(input.desired_acceleration, inputs);
+        if (begins) {
+#ifdef EQT_CODE_START
+            EQT_CODE_START(&numbers, &memory, &input);
+#endif
+        } else {
+            EQT_TORQUE(&numbers, &memory, &input, torque);
+        }
+        EQT_WRITE_MEMORY
+        for (eqt_k = 0; eqt_k < EQT_CODE_AXES; eqt_k++)
+            *torques++ = torque[eqt_k];
+    }
+}
+
+#endif

@@ -1,0 +1,101 @@
+"""The first calls of a function of a user's own, in a process that may crash or never end."""
+
+from __future__ import annotations
+
+import signal
+import struct
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
+from eqt_cli.engines.native.own_code import INPUTS, CodeFunction
+
+SECONDS = 10.0
+"""After which the process is ended; a healthy function needs a thousandth of it."""
+
+_CHILD = """
+import ctypes, struct, sys
+library = ctypes.CDLL(sys.argv[1])
+runs, numbers, memory, row, axes, period = struct.unpack("5qd", sys.stdin.buffer.read(48))
+def doubles(count):
+    return (ctypes.c_double * max(count, 1)).from_buffer_copy(
+        sys.stdin.buffer.read(8 * count).ljust(8, b"0"))
+given, kept = doubles(numbers), doubles(memory)
+torque = (ctypes.c_double * axes)()
+for run in range(runs):
+    inputs = doubles(row)
+    for begins in (1, 0):
+        sys.stdout.buffer.write(bytes([begins]))
+        sys.stdout.buffer.flush()
+        library.eqt_code(ctypes.c_long(1), ctypes.c_int(begins), ctypes.c_double(period),
+                         given, kept, inputs, torque)
+sys.stdout.buffer.write(b"done")
+"""
+"""One byte before every call says that it is begun: 1 of the start, 0 of the torque."""
+
+
+def try_out(function: CodeFunction, numbers: Array, period: float, inputs: Array) -> None:
+    """Call a function at some inputs, one after the other.
+
+    Raises
+    ------
+    InputError
+        If it crashes, or does not end: with the function and the input.
+    """
+    library = Path(function.library._name)
+    if not library.exists():  # there is no folder in which libraries are kept
+        return
+    memory = sum(function.lengths.values())
+    sent = struct.pack(
+        "5qd", len(inputs), numbers.size, memory, *inputs.shape[1:], function.code.axes, period
+    )
+    sent += np.ascontiguousarray(numbers, dtype=float).tobytes() + bytes(8 * memory)
+    sent += np.ascontiguousarray(inputs, dtype=float).tobytes()
+    command = [sys.executable, "-I", "-S", "-c", _CHILD, str(library)]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    ) as process:
+        try:
+            told, _ = process.communicate(sent, timeout=SECONDS)
+            how = _ended(process.returncode)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            told, _ = process.communicate()
+            how = f"did not return within {SECONDS:g} s"
+        except BaseException:
+            process.kill()
+            raise
+    if told.endswith(b"done"):
+        return
+    if not told:
+        raise InputError(f"{function.code.file} cannot be tried out: the process {how}")
+    begins, run = told[-1], (len(told) - 1) // 2
+    called = f"{function.code.prefix}_start" if begins else function.code.function
+    raise InputError(
+        f"{called} in {function.code.file} {how} at {described(function, inputs[run])}; call it "
+        "with this input in a debugger"
+    )
+
+
+def _ended(code: int) -> str:
+    with suppress(ValueError):
+        return f"crashed ({signal.Signals(-code).name})"
+    return f"ended the process with code {code}"
+
+
+def described(function: CodeFunction, row: Array) -> str:
+    """An input in words, as numbers that can be copied."""
+    code = function.code
+    lengths = (1, code.entries, code.axes, code.entries, code.axes, code.axes)
+    parts = np.split(row, np.cumsum(lengths)[:-1])
+    return ", ".join(
+        f"{name} = {', '.join(f'{x:.9g}' for x in part)}"
+        if len(part) == 1
+        else f"{name} = {{{', '.join(f'{x:.9g}' for x in part)}}}"
+        for name, part in zip(INPUTS, parts, strict=True)
+    )

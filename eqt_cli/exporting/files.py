@@ -1,0 +1,329 @@
+"""The files of an exported law: its header, its source, and the program that checks them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+import numpy as np
+
+from eqt_cli.analysis.evidence.program_error import DOUBLE, FLOAT, Arithmetic, bounded
+from eqt_cli.closed_loop.law_program import MEMORY, NUMBER, PERIOD, TOLD, TORQUE, Entry
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.registry import description, meanings
+from eqt_cli.core.version import __version__
+from eqt_cli.exporting.laws import ExportedLaw, memory_of
+from eqt_cli.exporting.text import above, braced, comment, declared, filled, number, row, wrapped
+from eqt_cli.program import Program
+from eqt_cli.program.c_code import c_function
+from eqt_cli.program.c_parts import headers, needed
+from eqt_cli.program.decimals import evaluated
+
+EXAMPLES = 32
+"""States in the program that checks a law, evenly spread; and beside these:"""
+
+WORST = 4
+"""those with the largest bounds away from singularities, and as many near them."""
+
+PRELUDE = """\
+typedef __UINT32_TYPE__ eqt_uint32;
+typedef __UINT64_TYPE__ eqt_uint64;
+
+#define EQT_INLINE static inline
+#define EQT_RARE static
+"""
+
+TOLD_MEANINGS = {
+    "t": "time",
+    "pose": "Q, the pose as it was measured",
+    "velocity": "V, the body velocity as it was measured",
+    "desired_pose": "Q_d",
+    "desired_velocity": "V_d",
+    "desired_acceleration": "the rate of V_d",
+}
+
+NUMBER_MEANINGS = {
+    "inertia": "the inertia tensor: momentum P = inertia V",
+    "inertia_inverse": "its inverse: change both together",
+    "kp": "gains.kp, the weight K of the navigation function",
+    "kd": "gains.kd, the Rayleigh tensor: damping force per velocity",
+}
+
+
+def files(law: ExportedLaw) -> dict[str, str]:
+    """The text of each file, by name."""
+    return {
+        f"{law.name}.h": header(law),
+        f"{law.name}.c": source(law),
+        f"{law.name}_check.c": check(law),
+    }
+
+
+def header(law: ExportedLaw) -> str:
+    """The types and functions, with what is known of the errors."""
+    program, about = law.program, comment(description(type(law.loop.controller)))
+    reference = ""
+    if law.reference:
+        reference = filled("reference.h", label=law.name, real=law.by.name)
+    return filled(
+        "law.h",
+        version=__version__,
+        title=comment(law.experiment.titles[law.label]),
+        group=law.loop.group.name,
+        about=wrapped(about, " " * 3).lstrip(),
+        experiment=comment(law.experiment.name),
+        digest=law.experiment.digest[:16],
+        axes=", ".join(law.loop.group.axis_names),
+        real=law.by.name,
+        runs=law.states.runs,
+        states=law.states.along,
+        random=law.states.count - law.states.along,
+        bounds=wrapped(bounds_in_words(law), " " * 7),
+        apart=wrapped(apart_in_words(law), " " * 3).lstrip(),
+        operations=program.step.operations,
+        label=law.name,
+        guard=f"{law.name.upper()}_H",
+        input=declared([_field(law.by, each, TOLD_MEANINGS[each.name]) for each in program.told]),
+        numbers=declared([_field(law.by, each, meaning(law, each)) for each in program.numbers]),
+        memory_about="Its memory, which a period changes." if program.memory else NO_MEMORY,
+        memory=declared(
+            [_field(law.by, each, memory_meaning(law, each)) for each in program.memory]
+            or [(law.by.name, "unused", "the law has no memory")]
+        ),
+        torque_unit=comment(program.torque.unit),
+        m=program.torque.size,
+        reference=reference,
+    )
+
+
+NO_MEMORY = "It has no memory; there is a number all the same, since C has no empty structure."
+
+
+def bounds_in_words(law: ExportedLaw) -> str:
+    """The bound of each torque: ``x 1.2e-15, y …, in N m``."""
+    pairs = zip(law.loop.group.axis_names, law.torque_bound, strict=True)
+    listed = ", ".join(f"{axis} {above(bound)}" for axis, bound in pairs)
+    return f"{listed}; {law.program.torque.unit}"
+
+
+def apart_in_words(law: ExportedLaw) -> str:
+    """What is known near singularities."""
+    count = int(np.count_nonzero(law.singular))
+    if not count:
+        return (
+            "No state is near a singularity, such as a half turn, where a divisor or a choice "
+            "loses more than ten bits."
+        )
+    worst = float(law.singular_bound.max())
+    bound = f"the bound is up to {above(worst)}" if np.isfinite(worst) else "there is no bound"
+    return (
+        f"{count} of the states are counted apart: they are near a singularity, such as a half "
+        f"turn, where a divisor or a choice loses more than ten bits; there {bound}."
+    )
+
+
+def meaning(law: ExportedLaw, entry: Entry) -> str:
+    """What a number is."""
+    if entry.source == PERIOD:
+        return "by which the memory goes on" if law.program.memory else "not used: no memory"
+    name = entry.source.removeprefix("controller.")
+    said = NUMBER_MEANINGS.get(entry.source) or meanings(type(law.loop.controller)).get(name, "")
+    return f"fixed by the law; leave it. {said}".strip() if entry.name in law.fixed else said
+
+
+def memory_meaning(law: ExportedLaw, entry: Entry) -> str:
+    """What a state of the law is."""
+    return f"the state {entry.source} of the law"
+
+
+def _field(by: Arithmetic, entry: Entry, said: str) -> tuple[str, str, str]:
+    size = f"[{entry.size}]" if entry.shape else ""
+    unit = "; ".join(part for part in (entry.unit, said) if part)
+    return by.name, f"{entry.name}{size}", unit
+
+
+# The source ---------------------------------------------------------------------------------------
+
+
+def source(law: ExportedLaw) -> str:
+    """The functions."""
+    program, name = law.program, law.name
+    step, start = emitted(program.step, f"{name}_step"), ""
+    starting = ["(void)numbers;", "(void)input;", "memory->unused = 0;"]
+    stepping = [call(law, program.step, f"{name}_step", ["torque"]), "(void)memory;"]
+    if program.start:
+        start = f"\nstatic {emitted(program.start, f'{name}_initial')}"
+        own = [f"next.{entry.name}" for entry in program.memory]
+        declare, keep = f"{name}_memory next;", "*memory = next;"
+        starting = [declare, call(law, program.start, f"{name}_initial", own), keep]
+        stepping = [declare, call(law, program.step, f"{name}_step", ["torque", *own]), keep]
+    reference = reference_source(law)
+    body = filled(
+        "law.c",
+        version=__version__,
+        title=comment(law.experiment.titles[law.label]),
+        group=law.loop.group.name,
+        label=name,
+        real=law.by.name,
+        m=program.torque.size,
+        functions="$functions",
+        defaults=",\n".join(_default(law, entry) for entry in program.numbers),
+        step=step,
+        start=start,
+        starting="\n".join(f"    {line}" for line in starting),
+        stepping="\n".join(f"    {line}" for line in stepping),
+        reference=reference,
+    )
+    functions = needed(PRELUDE + body, headers(law.by.name))
+    prelude = PRELUDE if re.search(r"eqt_uint|EQT_INLINE|EQT_RARE", functions) else ""
+    if "eqt_uint" not in functions:
+        prelude = "\n".join(line for line in prelude.splitlines() if "typedef" not in line).lstrip()
+    return body.replace("$functions", f"{prelude}\n{functions}".strip() + "\n")
+
+
+def emitted(program: Program, name: str) -> str:
+    """A program in C, its parameters in several lines."""
+    head, brace, body = c_function(program, name).partition("\n{")
+    return wrapped(head, " " * 8).lstrip() + brace + body
+
+
+def call(law: ExportedLaw, program: Program, name: str, outputs: Sequence[str]) -> str:
+    """A statement that does a program with the arguments of the functions around it."""
+    entries = {
+        prefix + entry.name: f"{'' if entry.shape else '&'}{of}->{entry.name}"
+        for prefix, of, all_entries in (
+            (TOLD, "input", law.program.told),
+            (NUMBER, "numbers", law.program.numbers),
+            (MEMORY, "memory", law.program.memory),
+        )
+        for entry in all_entries
+    }
+    given = [entries[group] for group, _ in program.inputs]
+    return wrapped(f"{name}({', '.join([*given, *outputs])});", " " * 12).lstrip()
+
+
+def _default(law: ExportedLaw, entry: Entry) -> str:
+    values = law.numbers[entry.name]
+    text = braced(values.flat, law.by) if entry.shape else number(float(values), law.by)
+    return wrapped(f".{entry.name} = {text}", " " * 8, "    ")
+
+
+def reference_source(law: ExportedLaw) -> str:
+    """The functions of the reference, where it is exported."""
+    found = law.reference
+    if found is None:
+        return ""
+    pieces, name, length = len(found.starts), law.name, found.held.shape[1]
+    tables, piece, held = "", "", "&input->t"
+    if pieces:
+        rows = ",\n".join(wrapped(braced(each, law.by), " " * 5, "    ") for each in found.held)
+        starts = wrapped(braced(found.starts, law.by), " " * 4, "    ").lstrip()
+        tables = (
+            f"/* When each piece of the reference begins, s, and its numbers. */\n"
+            f"static const {law.by.name} {name}_starts[{pieces}] =\n    {starts};\n\n"
+            f"static const {law.by.name} {name}_pieces[{pieces}][{length}] = {{\n{rows}\n}};\n"
+        )
+        piece = (
+            f"    int piece = 0;\n"
+            f"    while (piece < {pieces - 1} && {name}_starts[piece + 1] <= t)\n"
+            f"        piece++;"
+        )
+        held = f"{name}_pieces[piece]"
+    motion = emitted(found.motion, f"{name}_motion")
+    return filled(
+        "reference.c",
+        label=name,
+        real=law.by.name,
+        tables=tables,
+        motion=motion,
+        piece=piece,
+        held=held,
+    )
+
+
+# The check ----------------------------------------------------------------------------------------
+
+
+def check(law: ExportedLaw) -> str:
+    """The program that compares the source with exact numbers."""
+    program, chosen = law.program, examples(law)
+    states, numbers = law.states.at(chosen), _flat(law)
+    bounds = law.bounds(states)
+    memory = memory_of(bounds, program)
+    lines = []
+    for k in range(len(chosen)):
+        state = {name: values[k] for name, values in states.items()}
+        exact = evaluated(program.step, {**state, **numbers})
+        after = [float(x) for entry in program.memory for x in exact[MEMORY + entry.name]]
+        told = [
+            braced(state[TOLD + each.name], law.by)
+            if each.shape
+            else number(state[TOLD + each.name][0], law.by)
+            for each in program.told
+        ]
+        own = [braced(state[MEMORY + each.name], law.by) for each in program.memory]
+        torque = row(np.array([float(x) for x in exact[TORQUE]]))
+        parts = [
+            f"{{{', '.join(told)}}}",
+            f"{{{', '.join(own) or '0'}}}",
+            torque,
+            row(_stored(bounds[TORQUE].errors[k], bounds[TORQUE].values[k])),
+            row(np.array([*after, 0.0])),
+            row(np.array([*_stored(memory.errors[k], memory.values[k]), 0.0])),
+        ]
+        lines.append("    {\n" + ",\n".join(wrapped(part, " " * 9, " " * 8) for part in parts))
+    started, start_bound = _started(law, {name: values[0] for name, values in states.items()})
+    return filled(
+        "check.c",
+        version=__version__,
+        experiment=comment(law.experiment.name),
+        label=law.name,
+        real=law.by.name,
+        count=len(chosen),
+        m=program.torque.size,
+        memory_size=sum(entry.size for entry in program.memory),
+        examples="\n    },\n".join(lines) + "\n    }",
+        start=row(np.array([*started, 0.0]))[1:-1],
+        start_bound=row(np.array([*_stored(start_bound, started), 0.0]))[1:-1],
+    )
+
+
+def examples(law: ExportedLaw) -> Array:
+    """The states that the check looks at, in their order."""
+    bounds = law.judged[TORQUE].errors.max(axis=1)
+    known = np.isfinite(bounds) & np.isfinite(law.judged[TORQUE].values).all(axis=1)
+    far, near = np.flatnonzero(known & ~law.singular), np.flatnonzero(known & law.singular)
+    worst = far[np.argsort(bounds[far], kind="stable")[-WORST:]]
+    return np.unique([*_spread(far, EXAMPLES), *worst, *_spread(near, WORST)]).astype(int)
+
+
+def _spread(places: Array, count: int) -> Array:
+    """Some of them, from the first to the last."""
+    if not len(places):
+        return places
+    return places[np.unique(np.linspace(0, len(places) - 1, count).round().astype(int))]
+
+
+def _started(law: ExportedLaw, state: dict[str, Array]) -> tuple[Array, Array]:
+    """The memory at the start in exact numbers, and the bounds of its errors."""
+    program = law.program
+    if program.start is None:
+        return np.empty(0), np.empty(0)
+    given = {**state, **_flat(law)}
+    errors = {name: np.abs(law.by.rounded(x) - x) for name, x in given.items()}
+    bounds = bounded(program.start, given, law.by, errors if law.by is FLOAT else None)
+    exact = evaluated(program.start, given)
+    names = [MEMORY + entry.name for entry in program.memory]
+    return (
+        np.array([float(x) for name in names for x in exact[name]]),
+        np.concatenate([bounds[name].errors[0] for name in names]),
+    )
+
+
+def _flat(law: ExportedLaw) -> dict[str, Array]:
+    return {NUMBER + name: values.reshape(-1) for name, values in law.numbers.items()}
+
+
+def _stored(bounds: Array, values: Array) -> Array:
+    """Bounds, with what is lost where the exact numbers are themselves stored as doubles."""
+    return np.nextafter(bounds + DOUBLE.unit * np.abs(values), np.inf)

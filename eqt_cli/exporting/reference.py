@@ -1,0 +1,88 @@
+"""A reference in closed form as a program: from a time, and the piece it is in, to a motion."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError
+from eqt_cli.experiment.build import Experiment
+from eqt_cli.program import Program, traced
+from eqt_cli.references import references
+from eqt_cli.references.base import ClosedReference
+
+
+@dataclass(frozen=True)
+class ReferenceProgram:
+    """The motion of a reference.
+
+    Attributes
+    ----------
+    motion
+        ``desired_pose``, ``desired_velocity`` and ``desired_acceleration`` from ``t`` and the
+        numbers ``held`` in a piece.
+    starts : (pieces,)
+        When the pieces begin, s; empty where there is only one.
+    held : (pieces, n)
+        The numbers of each.
+    """
+
+    motion: Program
+    starts: Array
+    held: Array
+
+
+def _closed() -> str:
+    """The references of eqt in closed form."""
+    names = [each.name for each in references.all() if issubclass(each, ClosedReference)]
+    return f"{', '.join(names[:-1])} or {names[-1]}"
+
+
+def reference_program(experiment: Experiment) -> ReferenceProgram:
+    """The reference of an experiment.
+
+    Raises
+    ------
+    EqtError
+        If it is integrated, or does what programs cannot.
+    """
+    loop = next(iter(experiment.loops.values()))
+    G, reference = loop.group, loop.reference
+    if not isinstance(reference, ClosedReference):
+        both = "velocity" in reference.starts_from
+        parts = "Q_d and V_d follow" if both else "Q_d follows"
+        raise EqtError(
+            f"--reference: the reference '{reference.name}' is integrated: its {parts} from a "
+            f"differential equation, and no formula gives {'them' if both else 'it'} at a time. "
+            f"Integrate it on the vehicle, or use a reference in closed form: {_closed()}"
+        )
+    starts = reference.instants(G) if reference.held(G, 0.0) else np.empty(0)
+    at = starts if len(starts) else np.zeros(1)
+    numbers = {name: np.asarray(x) for name, x in reference.held(G, at).items()}
+    rows = [values.reshape(len(at), -1) for values in numbers.values()]
+    held = np.concatenate([np.empty((len(at), 0)), *rows], axis=1)
+
+    def motion(given: Mapping[str, Array]) -> Mapping[str, Array]:
+        parts = np.split(given["held"], np.cumsum([row.shape[1] for row in rows]))
+        own = {
+            name: part.reshape(values.shape[1:])
+            for (name, values), part in zip(numbers.items(), parts, strict=False)
+        }
+        Q, V, V_dot = (reference.holding(own) if own else reference).motion(G, given["t"][0])
+        return {
+            "desired_pose": Q,
+            "desired_velocity": V,
+            "desired_acceleration": V_dot,
+        }
+
+    try:
+        program = traced(motion, {"t": 1, "held": held.shape[1]})
+    except Exception as error:
+        raise EqtError(
+            f"--reference: the reference '{reference.name}' cannot be written as C: "
+            f"{type(error).__name__}: {error}"
+        ) from error
+    return ReferenceProgram(program, starts, held)

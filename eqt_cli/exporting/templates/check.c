@@ -1,0 +1,75 @@
+/* Exported by eqt $version: checks $label.c at $count states of the experiment $experiment.
+
+       cc -std=c99 -O2 -ffp-contract=off -fno-math-errno ${label}_check.c $label.c -o ${label}_check
+
+   It prints one line, and its exit status is 0 where every torque is within the bound of its
+   rounding, else 1. Give that line with its exit status as evidence: it holds for this compiler and
+   this processor. */
+#include <stdio.h>
+
+#include "$label.h"
+
+enum { STATES = $count, TORQUES = $m, MEMORY = $memory_size };
+
+/* A state, and what exact numbers give of it. */
+typedef struct {
+    ${label}_input input;
+    ${label}_memory memory;
+    double torque[TORQUES], torque_bound[TORQUES];
+    double after[MEMORY + 1], after_bound[MEMORY + 1];
+} example;
+
+static const example examples[STATES] = {
+$examples
+};
+
+static const double start[MEMORY + 1] = {$start}, start_bound[MEMORY + 1] = {$start_bound};
+
+static double largest, allowed;
+static int wrong;
+
+static void compare(const char *what, int state, int entry, double found, double expected,
+                    double bound)
+{
+    const double error = found < expected ? expected - found : found - expected;
+    if (error <= bound) {
+        if (error * allowed > largest * bound || allowed == 0.0) {
+            largest = error;
+            allowed = bound;
+        }
+        return;
+    }
+    if (!wrong)
+        printf("$label: state %d of %d, t = %.9g s: %s[%d] is %.9g; expected %.9g to within %.2g\n",
+               state, STATES, (double)examples[state].input.t, what, entry, found, expected, bound);
+    wrong = 1;
+}
+
+int main(void)
+{
+    int state, entry;
+    for (state = 0; state < STATES; state++) {
+        const example *each = &examples[state];
+        ${label}_memory memory = each->memory;
+        const $real *numbers = (const $real *)&memory;
+        $real torque[TORQUES];
+        ${label}_torque(&${label}_defaults, &memory, &each->input, torque);
+        for (entry = 0; entry < TORQUES; entry++)
+            compare("torque", state, entry, (double)torque[entry], each->torque[entry],
+                    each->torque_bound[entry]);
+        for (entry = 0; entry < MEMORY; entry++)
+            compare("memory", state, entry, (double)numbers[entry], each->after[entry],
+                    each->after_bound[entry]);
+        if (state == 0) {
+            ${label}_start(&${label}_defaults, &memory, &each->input);
+            for (entry = 0; entry < MEMORY; entry++)
+                compare("memory at the start", state, entry, (double)numbers[entry], start[entry],
+                        start_bound[entry]);
+        }
+    }
+    if (wrong)
+        return 1;
+    printf("$label: %d states pass; the largest error is %.2g, where %.2g is allowed\n", STATES,
+           largest, allowed);
+    return 0;
+}

@@ -1,0 +1,33 @@
+/* Exported by eqt $version: $title on $group. The file $label.h says what it does.
+
+   It needs no header and no library. Compile it with -ffp-contract=off, for the same bits on every
+   machine, and with -fno-math-errno, so that a square root is one instruction; the bounds of the
+   header hold for every compiler that rounds as IEEE 754 says. */
+#include "$label.h"
+
+#ifdef __FAST_MATH__
+#error "the bounds of $label.h do not hold with -ffast-math; compile this file without it"
+#endif
+#ifdef __clang__
+#pragma STDC FP_CONTRACT OFF
+#endif
+
+$functions
+const ${label}_numbers ${label}_defaults = {
+$defaults
+};
+
+/* One operation a line, as the law is written in eqt. */
+static $step
+$start
+void ${label}_start(const ${label}_numbers *numbers, ${label}_memory *memory, const ${label}_input *input)
+{
+$starting
+}
+
+void ${label}_torque(const ${label}_numbers *numbers, ${label}_memory *memory, const ${label}_input *input,
+        $real torque[$m])
+{
+$stepping
+}
+$reference

@@ -1,0 +1,80 @@
+"""Programs that are done one after the other, as one: each computes just what it computes alone.
+
+Nothing is simplified across their border, so that what one of them returns has the same bits in the
+chain as by itself. Equal operations are still one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+from eqt_cli.program.program import Constant, Input, Operation, Output, Program, Value
+
+Places: TypeAlias = list[int]
+"""Where the numbers of a group stand in a chain."""
+
+
+class Chain:
+    """A program in the making.
+
+    Parameters
+    ----------
+    inputs
+        The length of each group of inputs, by its name.
+    """
+
+    def __init__(self, inputs: Mapping[str, int]) -> None:
+        self._inputs = dict(inputs)
+        self._values: list[Value] = []
+        self._places: dict[object, int] = {}
+
+    def given(self, group: str, entries: slice = slice(None)) -> Places:
+        """Some of a group of inputs."""
+        numbers = range(self._inputs[group])[entries]
+        return [self._place(Input(group, number)) for number in numbers]
+
+    def constant(self, number: float) -> Places:
+        """One number."""
+        return [self._place(Constant(number))]
+
+    def then(self, program: Program, given: Mapping[str, Sequence[int]]) -> dict[str, Places]:
+        """Do a program with these numbers for its inputs; what it returns, by name."""
+        places: list[int] = []
+        for value in program.values:
+            if isinstance(value, Input):
+                places.append(given[value.group][value.number])
+            elif isinstance(value, Operation):
+                operands = tuple(places[operand] for operand in value.operands)
+                places.append(self._place(Operation(value.name, operands)))
+            else:
+                places.append(self._place(value))
+        return {each.name: [places[entry] for entry in each.entries] for each in program.outputs}
+
+    def program(self, outputs: Mapping[str, tuple[tuple[int, ...], Sequence[int]]]) -> Program:
+        """The program, with these shapes and places of what it returns."""
+        needed = {place for _, entries in outputs.values() for place in entries}
+        for place in reversed(range(len(self._values))):
+            value = self._values[place]
+            if place in needed and isinstance(value, Operation):
+                needed.update(value.operands)
+        moved = {place: new for new, place in enumerate(sorted(needed))}
+        values = tuple(
+            Operation(value.name, tuple(moved[operand] for operand in value.operands))
+            if isinstance(value, Operation)
+            else value
+            for value in (self._values[place] for place in moved)
+        )
+        found = tuple(
+            Output(name, shape, tuple(moved[entry] for entry in entries))
+            for name, (shape, entries) in outputs.items()
+        )
+        return Program(tuple(self._inputs.items()), values, found)
+
+    def _place(self, value: Value) -> int:
+        # As keys, 0.0 would be -0.0, and nan would not be nan.
+        key = value.number.hex() if isinstance(value, Constant) else value
+        if key not in self._places:
+            self._places[key] = len(self._values)
+            self._values.append(value)
+        return self._places[key]

@@ -1,0 +1,136 @@
+"""What a program returns in decimal numbers of many digits: the exact result, for rounded ones."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from decimal import Context, Decimal, localcontext
+from typing import Any
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.program.program import COMPARISONS, Constant, Input, Program
+
+DIGITS = 60
+"""Of every operation, so that some 40 are left where a state is near a singularity."""
+
+
+def evaluated(program: Program, inputs: Mapping[str, Array]) -> dict[str, list[Decimal]]:
+    """What a program returns of doubles, entry by entry; NaN where that is no number.
+
+    Values that nothing chooses may be undefined.
+    """
+    values: list[Any] = []
+    with localcontext(Context(prec=DIGITS, traps=[], Emin=-(10**6), Emax=10**6)):
+        for value in program.values:
+            if isinstance(value, Input):
+                values.append(Decimal(float(inputs[value.group][value.number])))
+            elif isinstance(value, Constant):
+                values.append(Decimal(value.number))
+            else:
+                function = _OPERATIONS[value.name]
+                values.append(function(*(values[operand] for operand in value.operands)))
+        return {
+            output.name: [+values[entry] for entry in output.entries] for output in program.outputs
+        }
+
+
+def _less(a: Decimal, b: Decimal) -> bool:
+    return not (a.is_nan() or b.is_nan()) and a < b
+
+
+def _pi() -> Decimal:
+    """By Machin's formula."""
+    return 4 * (4 * _arctangent(Decimal(1) / 5) - _arctangent(Decimal(1) / 239))
+
+
+def _arctangent(x: Decimal) -> Decimal:
+    """Of a number between -1/2 and 1/2, by its series."""
+    power, total, n = x, x, 1
+    while abs(power) > Decimal(10) ** -(DIGITS + 5) * abs(x):
+        power, n = -power * x * x, n + 2
+        total += power / n
+    return total
+
+
+def _atan(x: Decimal) -> Decimal:
+    if x.is_nan() or not x:
+        return x
+    if x.is_infinite():
+        return (_pi() / 2).copy_sign(x)
+    for _ in range(3):  # atan x = 2 atan(x / (1 + sqrt(1 + x^2)))
+        x = x / (1 + (1 + x * x).sqrt())
+    return 8 * _arctangent(x)
+
+
+def _turned(x: Decimal) -> tuple[Decimal, Decimal]:
+    """Sine and cosine."""
+    if not x.is_finite():
+        return Decimal("nan"), Decimal("nan")
+    turn = 2 * _pi()
+    x = x - (x / turn).to_integral_value() * turn
+    sine = cosine = Decimal(0)
+    term, n = Decimal(1), 0
+    while n < 8 or abs(term) > Decimal(10) ** -(DIGITS + 5):
+        if n % 2:
+            sine += term if n % 4 == 1 else -term
+        else:
+            cosine += term if n % 4 == 0 else -term
+        n += 1
+        term = term * x / n
+    return sine, cosine
+
+
+def _asin(x: Decimal) -> Decimal:
+    if abs(x) == 1:
+        return (_pi() / 2).copy_sign(x)
+    return _atan(x / (1 - x * x).sqrt())
+
+
+def _sinh(x: Decimal) -> Decimal:
+    if abs(x) < Decimal("0.1"):  # where a difference of exponentials loses digits
+        power, total, n = x, x, 1
+        while abs(power) > Decimal(10) ** -(DIGITS + 5) * abs(x):
+            power, n = power * x * x / ((n + 1) * (n + 2)), n + 2
+            total += power
+        return total
+    return (x.exp() - (-x).exp()) / 2
+
+
+def _cosh(x: Decimal) -> Decimal:
+    return (x.exp() + (-x).exp()) / 2
+
+
+def _asinh(x: Decimal) -> Decimal:
+    return (abs(x) + (x * x + 1).sqrt()).ln().copy_sign(x)
+
+
+def _pow(x: Decimal, y: Decimal) -> Decimal:
+    return Decimal(math.nan) if x < 0 and y % 1 else x**y
+
+
+_OPERATIONS: dict[str, Callable[..., Any]] = {
+    "add": lambda a, b: a + b,
+    "subtract": lambda a, b: a - b,
+    "multiply": lambda a, b: a * b,
+    "divide": lambda a, b: a / b,
+    "negative": lambda a: -a,
+    "pow": _pow,
+    "select": lambda holds, a, b: a if holds else b,
+    **dict.fromkeys(COMPARISONS, _less),
+    "abs": abs,
+    "sqrt": lambda x: x.sqrt(),
+    "exp": lambda x: x.exp(),
+    "log": lambda x: x.ln(),
+    "sin": lambda x: _turned(x)[0],
+    "cos": lambda x: _turned(x)[1],
+    "tan": lambda x: _turned(x)[0] / _turned(x)[1],
+    "asin": _asin,
+    "acos": lambda x: _pi() / 2 - _asin(x),
+    "atan": _atan,
+    "sinh": _sinh,
+    "cosh": _cosh,
+    "tanh": lambda x: _sinh(x) / _cosh(x) if abs(x) < 100 else Decimal(1).copy_sign(x),
+    "asinh": _asinh,
+    "acosh": lambda x: (x + (x * x - 1).sqrt()).ln(),
+    "atanh": lambda x: ((1 + x) / (1 - x)).ln() / 2,
+}

@@ -1,0 +1,80 @@
+"""Torques that differ from a law by known parts are explained by these, on every group."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from eqt_cli.analysis.code_rows import random_states
+from eqt_cli.analysis.evidence.code_question import Question
+from eqt_cli.analysis.evidence.code_terms import explained
+from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.controllers import controllers
+from eqt_cli.groups import group_named
+from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.tracking import Gains
+from eqt_cli.references.torque import TorqueReference
+from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.sampling import Sampling
+
+
+@pytest.fixture(params=["SO3", "SE2", "SE3"])
+def question(request):
+    """A law on a group, at random states, with gains and an inertia that are alike in no frame."""
+
+    def ask(name):
+        G, law = group_named(request.param), controllers.get(name)()
+        m, random = G.dimension, np.random.default_rng(1)
+        A, K_d = random.standard_normal((2, m, m))
+        inertia = A @ A.T + m * np.eye(m)
+        loop = ClosedLoop(
+            G,
+            Inertia(inertia, np.linalg.inv(inertia)),
+            Gains(np.eye(G.size), K_d + m * np.eye(m)),
+            TorqueReference([0.5] * m),
+            law,
+            Vehicle(control=Sampling(0.02)),
+        )
+        return Question(loop, *random_states(loop, 5.0, random))
+
+    return ask
+
+
+@pytest.mark.parametrize("law", ["eqt", "gt", "nog", "lee2010", "slotine_li", "goodarzi2013"])
+def test_nothing_is_said_of_the_law_itself(law, question):
+    asked = question(law)
+    found = explained(asked, asked.torque(), "double")
+    assert found.is_complete
+    assert found.words == ""
+
+
+@pytest.mark.parametrize("law", ["eqt", "gt", "lee2010", "slotine_li", "goodarzi2013"])
+def test_no_desired_acceleration(law, question):
+    asked = question(law)
+    still = asked.told._replace(desired_acceleration=0 * asked.told.desired_acceleration)
+    found = explained(asked, asked.torque(told=still), "double")
+    assert found.words.startswith("lacks desired acceleration: coefficient 0.00 of 1; the same")
+
+
+@pytest.mark.parametrize("law", ["eqt", "lee2010", "goodarzi2013"])
+def test_more_damping(law, question):
+    asked = question(law)
+    found = explained(asked, asked.torque(K_d=1.5), "double")
+    assert set(found.changed) == {"damping", "damping of the desired velocity"}
+    assert found.changed["damping"] == pytest.approx((1.5, 1.0), rel=1e-9)
+
+
+def test_weights_of_the_family(question):
+    """A term that is dropped is told from those like it."""
+    asked = question("eqt")
+    law = dataclasses.replace(controllers.get("family")(), transport=0.0)
+    found = explained(asked, asked.torque(law=law), "double")
+    assert "lacks transport (weight c): coefficient 0.00 of 1" in found.words
+
+
+@pytest.mark.parametrize("law", ["eqt", "lee2010", "slotine_li"])
+def test_a_transposed_gain(law, question):
+    asked = question(law)
+    turned = Gains(asked.loop.gains.K, asked.loop.gains.K_d.T)
+    other = dataclasses.replace(asked, loop=dataclasses.replace(asked.loop, gains=turned))
+    assert explained(asked, other.torque(), "double").words == "kd is transposed"

@@ -1,0 +1,107 @@
+"""Exported laws, and the compilers that translate them."""
+
+import functools
+import shutil
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from eqt_cli.analysis.evidence.program_error import ARITHMETICS
+from eqt_cli.config import yaml_source
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.controllers import controllers
+from eqt_cli.core.problems import Problems
+from eqt_cli.experiment.build import build
+from eqt_cli.exporting.files import files
+from eqt_cli.exporting.laws import exported
+from eqt_cli.groups import group_named
+
+FLAGS = "-std=c99 -pedantic -Wall -Wextra -Werror -ffp-contract=off -fno-math-errno".split()
+GROUPS = ("SO3", "SE3", "SE2")
+
+KP = {"SO3": [1.0, 1.2, 0.8], "SE3": [1.0, 1.2, 0.8, 0.5], "SE2": [1.0, 1.2, 0.5]}
+INERTIA = {"SO3": [1.0, 2.0, 2.5], "SE3": [1.0, 2.0, 2.5, 3.0, 3.0, 3.0], "SE2": [1.0, 2.0, 2.0]}
+
+
+def made(group, laws, **more):
+    """A small experiment with sampled laws, that no compiler is needed for."""
+    m = len(INERTIA[group])
+    task = {} if "stabilise" not in controllers.get(laws[0]).tasks else {"task": "stabilise"}
+    reference = {"kind": "rates", "rates": ["0.3*cos(t)"] * m}
+    config = {
+        "name": "flight",
+        "group": group,
+        "inertia": INERTIA[group],
+        "gains": {"kp": KP[group], "kd": 0.7},
+        **({"target": {"pose": "identity"}} if task else {"reference": reference}),
+        **task,
+        "controllers": list(laws),
+        "initial": {"pose": {"kind": "exp_normal", "std": 0.6}, "velocity": "normal"},
+        "ensemble": {"runs": 2, "seed": 3},
+        "time": {"duration": 0.6, "samples": 4},
+        "control": {"period": 0.1},
+        "solver": {"engine": "solve_ivp", "cross_check": 0},
+        **more,
+    }
+    text = yaml_source.dump(config)
+    source = yaml_source.load(text, "flight.yaml")
+    return build(ConfigSource(source, source.data, Path.cwd()))
+
+
+@functools.cache
+def law_of(group, law, real="double", **more):
+    """One exported law."""
+    [found] = exported(made(group, [law], **more), [], ARITHMETICS[real]).laws
+    return found
+
+
+def fits(law, group):
+    """Whether a law is for a group."""
+    problems = Problems(str)
+    controllers.get(law)().check(group_named(group), problems)
+    return not problems
+
+
+ALL = [(law, group) for law in controllers.names() for group in GROUPS if fits(law, group)]
+FEW = [("lee2010", "SE3"), ("logarithmic", "SE2"), ("goodarzi2013", "SO3"), ("sliding", "SE2")]
+
+
+def compilers():
+    """Those of this machine."""
+    return [[name] for name in ("gcc", "clang") if shutil.which(name)]
+
+
+def zig(*target):
+    """The compiler of the package ziglang; a test is skipped without it."""
+    if not find_spec("ziglang"):
+        pytest.skip("ziglang is not installed")
+    return [sys.executable, "-m", "ziglang", "cc", *target]
+
+
+def written(law, folder):
+    """The files of a law in a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in files(law).items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return folder
+
+
+def checked(law, folder, command, *start):
+    """What the check of a law in a folder says, by a compiler, and its exit status."""
+    program = folder / "check"
+    sources = [str(folder / f"{law.name}{end}.c") for end in ("_check", "")]
+    subprocess.run([*command, *FLAGS, *sources, "-o", str(program)], check=True)
+    done = subprocess.run([*start, str(program)], capture_output=True, text=True, check=False)
+    return done.returncode, done.stdout
+
+
+def library(law, folder, command):
+    """A law as a shared library."""
+    made = folder / "law.so"
+    flags = [*FLAGS, "-O2", "-fPIC", "-shared"]
+    source = str(folder / f"{law.name}.c")
+    subprocess.run([*command, *flags, source, "-o", str(made)], check=True)
+    return made

@@ -1,0 +1,57 @@
+"""Programs in decimal numbers, against mpmath."""
+
+import mpmath
+import numpy as np
+import pytest
+
+from eqt_cli.core import arrays
+from eqt_cli.core.arrays import FUNCTIONS, less, where
+from eqt_cli.program import traced
+from eqt_cli.program.decimals import evaluated
+
+ARGUMENTS = {
+    "acosh": [1.0, 1.25, 40.0],
+    "asin": [-1.0, 1e-9, 0.7],
+    "acos": [-1.0, 1e-9, 0.7],
+    "atanh": [-0.9, 1e-9, 0.7],
+    "log": [1e-9, 1.25, 1e9],
+    "sqrt": [0.0, 1e-9, 2.0],
+}
+
+
+def program(function):
+    return traced(lambda given: {"y": function(given["x"])}, {"x": 3})
+
+
+@pytest.mark.parametrize("name", FUNCTIONS)
+def test_a_function_has_forty_digits(name):
+    x = np.array(ARGUMENTS.get(name, [-2.5, 1e-9, 37.0]))
+    found = evaluated(program(lambda x: arrays.apply(name, x)), {"x": x})["y"]
+    with mpmath.workdps(60):
+        function = abs if name == "abs" else getattr(mpmath, name)
+        for each, value in zip(x, found, strict=True):
+            exact = function(mpmath.mpf(float(each)))
+            assert abs(mpmath.mpf(str(value)) - exact) <= mpmath.mpf(10) ** -40 * abs(exact)
+
+
+def test_operations_and_choices_are_exact():
+    def function(x):
+        a, b, c = x
+        chosen = where(less(a, b), a * b - c / a, b)[()]
+        return np.array([chosen, a**0.3, -a], dtype=object)
+
+    found = evaluated(program(function), {"x": np.array([0.1, 0.7, -3.0])})["y"]
+    with mpmath.workdps(60):
+        a, b, c = map(mpmath.mpf, (0.1, 0.7, -3.0))
+        exact = [a * b - c / a, a ** mpmath.mpf(0.3), -a]
+        for value, expected in zip(found, exact, strict=True):
+            assert abs(mpmath.mpf(str(value)) - expected) <= mpmath.mpf(10) ** -40
+
+
+def test_what_is_not_chosen_may_be_undefined():
+    def function(x):
+        return np.array(
+            [where(less(x[0], 1.0), x[1], x[1] / (x[0] - x[2] - 0.5))[()]], dtype=object
+        )
+
+    assert evaluated(program(function), {"x": np.array([0.5, 2.0, 0.0])})["y"] == [2]
