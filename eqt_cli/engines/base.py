@@ -105,8 +105,8 @@ class Engine(Component):
         little = np.array([start, start + REHEARSED * (stop - start)])
         self.solve(replace(problem, times=little), lambda runs: None)
 
-    def blocks(self, problem: Problem) -> list[Array]:
-        """The runs that are best solved and evaluated together; it never changes a result."""
+    def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
+        """The runs that threads best solve and evaluate together; it never changes a result."""
         return [np.arange(problem.runs)]
 
     def evaluate(

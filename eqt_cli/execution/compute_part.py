@@ -104,9 +104,7 @@ def compute_part(study: Study, part: Part, shared: Desired | None, context: Task
         own = solve_references(study, gathered.points)
         gathered.add_references(own)
     for batch in batches(study, gathered.label, gathered.entries):
-        # Threads share a problem by runs; one thread takes it in blocks that fit its cache.
-        alone = context.threads == 1
-        for runs in batch.engine.blocks(batch.problem) if alone else [np.arange(len(batch.rows))]:
+        for runs in batch.engine.blocks(batch.problem, context.threads):
             block, reference = batch.select(runs), shared
             if own is not None:
                 where = np.searchsorted(gathered.points, block.points)

@@ -25,6 +25,9 @@ MOST_TRAJECTORIES = 10_000
 PART_BYTES = 64 * 2**20
 """Size of the states of a part; its signals take a few times as much."""
 
+WITHOUT_TRAJECTORIES = 4
+"""So many times as many runs make a part of which nothing is kept over time."""
+
 CACHED_POINTS = 1024
 
 SHAPING = frozenset({"group", "time"})
@@ -115,6 +118,8 @@ class Study:
         base, runs = self.base, self.base.config.ensemble.runs
         state_length = max(loop.state_length for loop in base.loops.values())
         most = PART_BYTES // (8 * base.config.time.samples * state_length)
+        if not self.kept:
+            most *= WITHOUT_TRAJECTORIES
         wanted = max(base.engine.part_runs, self._all_runs // MANY_PARTS)
         size = base.engine.runs_at_once(min(wanted, most))
         return Plan(len(self), runs, len(base.loops), size)

@@ -68,7 +68,7 @@ class Native(Engine):
     threads: ClassVar[bool] = True
     calls_laws: ClassVar[bool] = False
     cross_check_rank: ClassVar[int | None] = 3
-    part_runs: ClassVar[int] = 1000
+    part_runs: ClassVar[int] = 2500
 
     rtol: Positive = 1e-9
     atol: Positive = 1e-9
@@ -108,8 +108,10 @@ class Native(Engine):
         return Lanes(problem, law, rtol * STEP_SHARE, atol * STEP_SHARE, self.max_steps)
 
     def groups(self, problem: Problem, spans: list[Span], threads: int) -> list[Array]:
-        """A few runs, or where the law waits for instants a thread's share."""
-        size = GROUP_RUNS if len(spans) == 1 else -(-problem.runs // threads)
+        """A few runs, as many groups for each thread, or where the law waits for instants one."""
+        of_thread = -(-problem.runs // threads)
+        turns = max(1, -(-of_thread // GROUP_RUNS)) if len(spans) == 1 else 1
+        size = max(1, -(-problem.runs // (turns * threads)))
         runs = np.arange(problem.runs)
         return [runs[start : start + size] for start in range(0, problem.runs, size)]
 
@@ -117,8 +119,8 @@ class Native(Engine):
         """Trace the law, which is what can fail, without compiling it."""
         trace(problem.loop)
 
-    def blocks(self, problem: Problem) -> list[Array]:
-        """As many runs as fit a cache with all that follows from their states.
+    def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
+        """As many runs for each thread as fit a cache with all that follows from their states.
 
         Of a law that waits for instants, all runs at once.
         """
@@ -126,7 +128,7 @@ class Native(Engine):
         if len(problem.spans) > 1:
             return [runs]
         fitting = BLOCK_BYTES // (8 * len(problem.times) * problem.loop.state_length)
-        size = max(1, fitting)
+        size = max(1, fitting) * threads
         return [runs[start : start + size] for start in range(0, problem.runs, size)]
 
     def evaluate(

@@ -141,12 +141,13 @@ class Taylor(Engine):
         """Trace the law, which is what can fail, without compiling it, which takes seconds."""
         trace(problem.loop)
 
-    def blocks(self, problem: Problem) -> list[Array]:
+    def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
         """Runs of about the same number of steps, and as many as fit a cache with all they give.
 
-        Of a work that is not large, or a law that waits for instants, all runs at once.
+        Of a work that is not large, or a law that waits for instants, and for several threads, all
+        runs at once.
         """
-        if self.code != "full" or len(spans_of(problem)) > 1:
+        if self.code != "full" or len(spans_of(problem)) > 1 or threads > 1:
             return super().blocks(problem)
         lanes = heyoka_module().recommended_simd_size()
         fitting = BLOCK_BYTES // (8 * len(problem.times) * problem.loop.state_length)
