@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import os
 import shutil
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -52,7 +52,7 @@ def _no_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture(autouse=True)
 def _no_progress(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is printed must not depend on how fast this machine is."""
-    monkeypatch.setattr("eqt_cli.cli.shared.progress.SHOW_AFTER", math.inf)
+    monkeypatch.setattr("eqt_cli.cli.shared.progress.SHOW_AFTER", threading.TIMEOUT_MAX)
 
 
 @pytest.fixture(autouse=True)

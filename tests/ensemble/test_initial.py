@@ -97,6 +97,8 @@ def test_numbers_of_streams_never_change():
         "CERTIFICATES": 2,
         "VEHICLE": 3,
         "EXACT_STATES": 4,
+        "EXPORTED_STATES": 5,
+        "CODE": 6,
     }
     firsts = [generator(2025, stream, 0).integers(2**63) for stream in Stream]
     assert len(set(firsts)) == len(Stream)
