@@ -1,15 +1,11 @@
 """The figure of certificates: every number at its place, every verdict to be seen."""
 
-import matplotlib
 import pytest
 
 from eqt_cli.analysis.certificates import Row, Verdict
-from eqt_cli.analysis.verification import verify_stored
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing.style import WIDTHS, house_style
 from eqt_cli.plots.figures.certificates import Certificates
 from eqt_cli.plots.render import check
-from eqt_cli.plots.save import encode
 
 pytestmark = pytest.mark.usefixtures("unarranged")
 
@@ -79,20 +75,6 @@ def test_the_legend_says_what_the_markers_mean_and_remarks_what_has_none(so3, op
     assert drawing.get_supxlabel().splitlines() == [
         r"rate of $\mathrm{Ad}_{Q_d^{-1}}$ (eqt): undecided.",
     ]
-
-
-@pytest.mark.slow("verifies a result on SE(3)")
-@pytest.mark.parametrize("width", WIDTHS)
-@pytest.mark.parametrize("result", ["so3", "se3"])
-def test_a_verified_result_fits_the_sheet(result, width, opened, request):
-    results = opened(request.getfixturevalue(result))
-    rows = verify_stored(results, trust_plugins=False).rows
-    drawing = Certificates().draw([results], width, certificates=rows)
-    with house_style():
-        drawing.set_dpi(matplotlib.rcParams["savefig.dpi"])  # hinting depends on it
-        inked = drawing.get_tightbbox()
-    assert inked.x0 >= -0.01 and inked.x1 <= WIDTHS[width] + 0.01  # half a line's width
-    assert encode(drawing, "pdf") == encode(drawing, "pdf")
 
 
 def test_one_law_may_be_chosen(so3, opened):

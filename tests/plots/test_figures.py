@@ -17,10 +17,12 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from eqt_cli.analysis.verification import verify_stored
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.base import OfCertificates, OfReference, OfSweep, OfTuning, OverTime
 from eqt_cli.plots.drawing.style import WIDTHS, house_style
 from eqt_cli.plots.figures import figures
+from eqt_cli.plots.figures.certificates import Certificates
 from eqt_cli.plots.render import render
 from eqt_cli.plots.save import encode
 from eqt_cli.results.result import open_result
@@ -318,3 +320,17 @@ def test_render_names_its_files_after_the_figure(so3, opened, tmp_path):
         "new/figures/paper.png",
     ]
     assert sorted(files) == sorted((tmp_path / "new" / "figures").iterdir())
+
+
+@pytest.mark.slow("verifies a result on SE(3)")
+@pytest.mark.parametrize("width", WIDTHS)
+@pytest.mark.parametrize("result", ["so3", "se3"])
+def test_certificates_of_a_verified_result_fit_the_sheet(result, width, opened, request):
+    results = opened(request.getfixturevalue(result))
+    rows = verify_stored(results, trust_plugins=False).rows
+    drawing = Certificates().draw([results], width, certificates=rows)
+    with house_style():
+        drawing.set_dpi(matplotlib.rcParams["savefig.dpi"])  # hinting depends on it
+        inked = drawing.get_tightbbox()
+    assert inked.x0 >= -0.01 and inked.x1 <= WIDTHS[width] + 0.01  # half a line's width
+    assert encode(drawing, "pdf") == encode(drawing, "pdf")
