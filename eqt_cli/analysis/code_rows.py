@@ -154,6 +154,11 @@ def _repeats(judged: Judged) -> Iterator[Row]:
     yield _row(judged, "equal inputs give equal torques", verdict, words)
 
 
+NO_NUMBER = (
+    "at none of these states it is a number; give what it divides by as `numbers`, or define "
+    "X_defaults in the file"
+)
+
 # Against the law ----------------------------------------------------------------------------------
 
 
@@ -221,6 +226,8 @@ def _rounding(question: Question) -> Array:
 
 def _said(question: Question, torque: Array, real: str, by_float: bool) -> list[str]:
     """What the difference is, in words."""
+    if not (np.isfinite(torque) & np.isfinite(question.torque())).all(axis=1).any():
+        return [NO_NUMBER]
     if by_float and real == "double":
         return ["within the bound of float: constants or operations are float; make them double"]
     other = _other_law(question, torque, real)
