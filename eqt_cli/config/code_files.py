@@ -40,7 +40,7 @@ def code_text(source: ConfigSource, name: str, trusted: bool) -> str:
 
 
 def _whole(path: Path, text: str, above: list[Path]) -> str:
-    """A text with those that it includes, as far as they lie beside it; others stay as they are."""
+    """A text with those that it includes, seen from its folder; others stay as they are."""
     if len(above) > MOST_DEPTH:
         raise InputError(f"{path.name} includes itself: {MOST_DEPTH} files deep")
     parts, last, line = [f'{_WHOLE}"{_shown(path)}"\n'], 0, 1

@@ -236,12 +236,15 @@ class RunningPrograms:
     starts
         The memory before the first sample.
     columns : (samples, n)
+    kept
+        The name and the shape of each array that is kept of a sample.
     """
 
     at_sample: Program
     ended: Program
     starts: Array
     columns: Array
+    kept: tuple[tuple[str, tuple[int, ...]], ...]
 
 
 @lru_cache(maxsize=64)
@@ -289,7 +292,8 @@ def running(
         sizes = {"columns": columns.shape[1], "memory": len(memory.after)}
         program = traced(at_sample, inputs | sizes)
         last = traced(ended, {"memory": sizes["memory"]})
-        return RunningPrograms(program, last, np.array(memory.starts), columns)
+        of_sample = tuple((name, shapes[name][1:]) for name in kept)
+        return RunningPrograms(program, last, np.array(memory.starts), columns, of_sample)
     except Exception:
         return None
 

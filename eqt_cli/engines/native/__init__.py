@@ -8,6 +8,7 @@ a run has the same bits beside any others, in any thread and by any compiler.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -192,8 +193,10 @@ class Native(Engine):
         solution = walked(lanes, ends.spans, groups, progress, workers)
         last = library.evaluation(found.ended, (len(found.starts),))
         numbers = last.at(problem.runs, 1, [Rows(lanes.memory, by_run=True)])
-        arrays: dict[str, Array] = {}
-        if kept:
-            (name,) = kept
-            arrays[name] = lanes.kept
+        ends_at = np.cumsum([math.prod(shape) for _, shape in found.kept])
+        stretches = np.split(lanes.kept, ends_at, axis=-1)
+        arrays = {
+            name: stretch.reshape(*stretch.shape[:2], *shape)
+            for (name, shape), stretch in zip(found.kept, stretches, strict=False)
+        }
         return Measured(solution, {name: each[:, 0] for name, each in numbers.items()}, arrays)

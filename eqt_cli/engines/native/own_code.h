@@ -4,7 +4,7 @@
 
      EQT_NUMBER_TYPE, EQT_MEMORY_TYPE, EQT_INPUT_TYPE, EQT_TORQUE   the user's names
      EQT_CODE_REAL                 double or float
-     EQT_CODE_POSE, EQT_CODE_AXES  numbers of a pose and of a velocity
+     EQT_CODE_AXES                 numbers of a velocity
      EQT_SET_NUMBERS, EQT_READ_MEMORY, EQT_WRITE_MEMORY   a call of the macros below for each name
      EQT_LIST_NUMBERS, EQT_LIST_MEMORY                    sizeof of each, with commas
      EQT_DEFAULT_NUMBERS           the numbers before they are set
@@ -21,10 +21,10 @@
         (to)[eqt_k] = ((const EQT_CODE_REAL *)(const void *)&(from))[eqt_k];               \
     (to) += sizeof(from) / sizeof(EQT_CODE_REAL)
 
-/* The sizes that the caller compares with its own, in numbers: those of the input, of one real, of
-   the whole memory, of every number, and of every part of the memory. */
+/* What the caller compares with its own: the bytes of every field of the input, whether the function
+   has the right arguments, and the bytes of the whole memory, of every number, and of every part of
+   the memory. */
 const long eqt_code_sizes[] = {
-    (long)sizeof(EQT_INPUT_TYPE),
     (long)sizeof(((EQT_INPUT_TYPE *)0)->t),
     (long)sizeof(((EQT_INPUT_TYPE *)0)->pose),
     (long)sizeof(((EQT_INPUT_TYPE *)0)->velocity),

@@ -231,7 +231,7 @@ def compiled(code: OwnCode) -> CodeFunction:
             f"{code.file} cannot be compiled: {said or error.args[0]}",
             Remedy("compile it with your own compiler to see all of it"),
         ) from error
-    count = 9 + len(code.numbers) + len(code.memory)
+    count = 8 + len(code.numbers) + len(code.memory)
     sizes = list((ctypes.c_long * count).in_dll(library, "eqt_code_sizes"))
     return CodeFunction(code, _checked(code, sizes), library)
 
@@ -239,7 +239,7 @@ def compiled(code: OwnCode) -> CodeFunction:
 def _checked(code: OwnCode, sizes: Sequence[int]) -> dict[str, int]:
     """How long each part of the memory is, after all sizes were compared."""
     X, size = code.prefix, REALS[code.real]
-    _, t, *parts = sizes[:7]
+    t, *parts = sizes[:6]
     if t != size:
         other = next((name for name, length in REALS.items() if length == t), f"{t} bytes")
         raise InputError(
@@ -252,12 +252,12 @@ def _checked(code: OwnCode, sizes: Sequence[int]) -> dict[str, int]:
             raise InputError(
                 f"{X}_input in {code.file} has {found // size} numbers in {name}; expected {length}"
             )
-    if not sizes[7]:
+    if not sizes[6]:
         raise InputError(
             f"{code.function} in {code.file} has other arguments; expected void {code.function}"
             f"(const {X}_numbers *, {X}_memory *, const {X}_input *, {code.real} *)"
         )
-    whole, rest = sizes[8], sizes[9:]
+    whole, rest = sizes[7], sizes[8:]
     for (name, given), found in zip(code.numbers, rest, strict=False):
         if found != given * size:
             raise InputError(
