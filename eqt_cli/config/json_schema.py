@@ -193,7 +193,6 @@ def _sweep_block(schema: dict[str, Any]) -> dict[str, Any]:
     def axes(axis: dict[str, Any]) -> dict[str, Any]:
         return {
             "type": "object",
-            "minProperties": 1,
             "properties": swept,  # for completion; the pattern checks these keys as well
             "patternProperties": {_KEY_IN.format(sections): axis},
             "additionalProperties": False,
@@ -234,8 +233,11 @@ def _around(schema: Any, axes: Axes) -> Any:
         return schema
     if schema == BLOCK:
         return {"$ref": "#/$defs/SweepBlock"}
-    if isinstance(axis := schema.get("additionalProperties"), dict):
-        return schema | axes(axis)
+    inner = schema.get("additionalProperties")
+    if isinstance(inner, dict) and "additionalProperties" in inner:  # mappings by names, of keys
+        return schema | {"additionalProperties": _around(inner, axes)}
+    if isinstance(inner, dict) or inner is True:
+        return schema | axes(inner if isinstance(inner, dict) else {})
     return {key: _around(entry, axes) for key, entry in schema.items()}
 
 

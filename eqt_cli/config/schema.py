@@ -457,8 +457,8 @@ class Config(Section):
     store
         What to keep.
     sweep
-        Blocks of `grid`, `zip`, `random`, `lhs`, `sobol` or `concat`, which multiply; for `eqt
-        sweep`.
+        Blocks of `grid`, `zip`, `cases`, `random`, `lhs`, `sobol` or `concat`, which multiply; for
+        `eqt sweep`.
     tune
         What `eqt tune` searches for; every other command leaves it aside.
     settling_threshold

@@ -1,6 +1,6 @@
 """A sweep: blocks of designs that multiply, the first one changing slowest."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import prod
 from typing import Any, ClassVar, Self
 
@@ -9,7 +9,7 @@ from pydantic_core import core_schema
 from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.designs import Design, designs
-from eqt_cli.ensemble.designs.base import counted
+from eqt_cli.ensemble.designs.base import counted, overlap
 
 BLOCK: dict[str, Any] = {"type": "object", "title": "a block of a sweep"}
 """What stands in JSON schemas of designs for one block of any design."""
@@ -34,6 +34,20 @@ class Sweep(Design):
     def __init__(self, blocks: list[Design], data: Any) -> None:
         self.blocks, self.data = blocks, data
         self.keys = tuple(key for block in blocks for key in block.keys)
+        self._sets = tuple(key for block in blocks for key in block.sets)
+        self._always = tuple(key for block in blocks for key in block.always)
+
+    @property
+    def sets(self) -> tuple[str, ...]:
+        return self._sets
+
+    @property
+    def always(self) -> tuple[str, ...]:
+        return self._always
+
+    def only(self, points: Sequence[int]) -> "Sweep":
+        """Some of its points, numbered anew."""
+        return _Some(self, points)
 
     @classmethod
     def read(cls, section: Any, problems: Problems) -> Self | None:
@@ -44,13 +58,13 @@ class Sweep(Design):
         blocks = {index: block for index, block in read if block is not None}
         seen: list[str] = []
         for index, block in blocks.items():
-            for key in block.keys:
-                if other := next((k for k in seen if _overlap(k, key)), None):
+            for key in dict.fromkeys((*block.keys, *block.sets)):
+                if other := next((k for k in seen if overlap(k, key)), None):
                     what = "is swept" if other == key else f"overlaps with {other}, which is swept"
                     at_key = problems.at(index, *_key_path(block, key))
                     at_key.add(f"{key} {what} by an earlier block; remove one of them")
                     return None
-                seen.append(key)
+            seen += (*block.keys, *block.sets)
         return None if problems else counted(cls(list(blocks.values()), section), problems)
 
     @classmethod
@@ -71,9 +85,13 @@ class Sweep(Design):
         """The values at a point, by key."""
         return dict(zip(self.keys, self.values(point), strict=True))
 
+    def settings(self, point: int) -> dict[str, Any]:
+        parts = (block.settings(inner) for block, inner in self._split(point))
+        return {key: value for part in parts for key, value in part.items()}
+
     def place(self, point: int, key: str) -> KeyPath:
         for index, (block, inner) in enumerate(self._split(point)):
-            if key in block.keys:
+            if key in block.keys or key in block.sets:
                 path = (block.name, *block.place(inner, key))
                 return (index, *path) if isinstance(self.data, list) else path
         raise KeyError(key)
@@ -95,6 +113,20 @@ class Sweep(Design):
         return {"anyOf": [BLOCK, {"type": "array", "minItems": 1, "items": BLOCK}]}
 
 
+class _Some(Sweep):
+    """Some points of a sweep."""
+
+    def __init__(self, whole: Sweep, points: Sequence[int]) -> None:
+        super().__init__(whole.blocks, {"points": list(points), "of": whole.data})
+        self._points = points
+
+    def __len__(self) -> int:
+        return len(self._points)
+
+    def _split(self, point: int) -> list[tuple[Design, int]]:
+        return super()._split(self._points[point])
+
+
 def _block(entry: Any, problems: Problems) -> Design | None:
     if not isinstance(entry, Mapping) or len(entry) != 1:
         names = ", ".join(designs.names())
@@ -108,11 +140,6 @@ def _block(entry: Any, problems: Problems) -> Design | None:
 
 def _key_path(block: Design, key: str) -> KeyPath:
     """Where a block gives a key its values."""
-    path = block.place(0, key)
+    path = block.first_place(key)
     return (block.name, *(path if path[-1] == key else path[:-1]))
 
-
-def _overlap(one: str, other: str) -> bool:
-    """Whether one key is the other, or within it."""
-    short, long = sorted((one, other), key=len)
-    return long == short or long.startswith((short + ".", short + "["))

@@ -214,7 +214,7 @@ class _Spread:
 
 
 def swept_coordinates(study: Study) -> dict[str, Variable]:
-    """One coordinate along `point` for every swept key: numbers, text, or an index with labels."""
+    """One coordinate along `point` for every swept key: numbers, or text, if need be in JSON."""
     if study.sweep is None:
         return {}
     found = {}
@@ -224,16 +224,10 @@ def swept_coordinates(study: Study) -> dict[str, Variable]:
         attributes = {"long_name": f"{key}, swept", "key": key}
         if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
             found[name] = Variable(("point",), np.array(values), attributes)
-        elif all(isinstance(value, str) for value in values):
-            found[name] = Variable(("point",), np.array(values, dtype=object), attributes)
         else:
-            labels = [json.dumps(value, ensure_ascii=False) for value in values]
-            index = {label: k for k, label in enumerate(dict.fromkeys(labels))}
-            numbers = np.array([index[label] for label in labels])
-            found[name] = Variable(("point",), numbers, attributes)
-            found[f"{name}.label"] = Variable(
-                ("point",), np.array(labels, dtype=object), {"long_name": f"{key}, as JSON"}
-            )
+            plain = all(isinstance(value, str) for value in values)
+            texts = values if plain else [json.dumps(v, ensure_ascii=False) for v in values]
+            found[name] = Variable(("point",), np.array(texts, dtype=object), attributes)
     return found
 
 

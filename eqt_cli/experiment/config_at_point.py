@@ -1,6 +1,7 @@
 """The configuration of one point of a sweep; it computes nothing."""
 
 import dataclasses
+from collections.abc import Collection
 
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.core.errors import EqtError
@@ -8,8 +9,15 @@ from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.ensemble.sweep import Sweep
 
 
-def at_point(source: ConfigSource, sweep: Sweep | None, point: int) -> ConfigSource:
+def at_point(
+    source: ConfigSource, sweep: Sweep | None, point: int, keys: Collection[str] | None = None
+) -> ConfigSource:
     """The configuration at a point of a sweep.
+
+    Parameters
+    ----------
+    keys
+        What is changed of all that the point changes; None for all.
 
     Raises
     ------
@@ -19,7 +27,9 @@ def at_point(source: ConfigSource, sweep: Sweep | None, point: int) -> ConfigSou
     if sweep is None:
         return source
     data, overrides = source.data, dict(source.overrides)
-    for key, value in sweep.point(point).items():
+    for key, value in sweep.settings(point).items():
+        if keys is not None and key not in keys:
+            continue
         place = source.place(("sweep", *sweep.place(point, key)))
         path = parse_key(key)
         data = with_value(data, path, value, place)

@@ -34,19 +34,19 @@ def law_names(study: Study) -> Array | None:
     the laws are built, which takes little time.
     """
     sweep = study.sweep
-    keys = [key for key in sweep.keys if section_of(key) == "controllers"] if sweep else []
+    keys = [key for key in sweep.sets if section_of(key) == "controllers"] if sweep else []
     if sweep is None or not keys:
         return None
     known: dict[Hashable, str] = {}
     for kind in controllers.all():
         if not option_names(kind):
             known.setdefault(_identity(kind()), kind.name)
-    alike = _Torques(study) if len(keys) == len(sweep.keys) else None
+    alike = _Torques(study) if len(keys) == len(sweep.sets) else None
     found = np.full((len(study), len(study.base.loops)), "", dtype=object)
     for point in range(len(study)):
-        values = sweep.point(point)
+        values = sweep.settings(point)
         data: Any = {"controllers": study.source.data["controllers"]}
-        for key in keys:
+        for key in filter(values.__contains__, keys):
             data = with_value(data, parse_key(key), values[key])
         for index, entry in enumerate(data["controllers"]):
             law = _law(entry)

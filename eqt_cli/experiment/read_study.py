@@ -1,5 +1,6 @@
 """From a configuration to a study: the sweep is read, and every point of it checked."""
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 
@@ -83,12 +84,14 @@ def study(
         return Study(None, build(bare, trust_plugins=trust_plugins))
     sweep = sweep_of(source)
     problems = Problems(source.place)
-    for key in sweep.keys:
-        with problems.catching("sweep", *sweep.place(0, key)):
+    for key in sweep.sets:
+        with problems.catching("sweep", *sweep.first_place(key)):
             _require_sweepable(key)
     problems.raise_if_any()
-    base = build(at_point(bare, sweep, 0), trust_plugins=trust_plugins)
-    found = Study(sweep, base)
+    common = at_point(bare, sweep, 0, sweep.always)
+    base = build(at_point(common, sweep, 0), trust_plugins=trust_plugins)
+    found = Study(sweep, base, common)
+    _check_common(found)
     if found.is_ragged and len(found) > MOST_GROUPS:
         raise EqtError(
             f"{source.place(('sweep',))}: {len(found):,} points that differ in group, times or "
@@ -97,6 +100,23 @@ def study(
     with watch(len(found)) as advance:
         _check_points(found, spread(len(found), most_checked), advance)
     return found
+
+
+def _check_common(found: Study) -> None:
+    """Without what only some of the points change, too, the configuration must be one.
+
+    Raises
+    ------
+    ConfigError
+        With every problem.
+    """
+    try:
+        found.resolved  # noqa: B018  # builds it, and keeps it
+    except ConfigError as error:
+        where = "without what only some of the cases change"
+        raise ConfigError(
+            [dataclasses.replace(each, message=f"{where}: {each.message}") for each in error.problems]
+        ) from None
 
 
 def spread(count: int, most: int | None) -> Sequence[int]:

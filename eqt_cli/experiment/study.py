@@ -11,7 +11,6 @@ from typing import Any
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.registry import load_plugin
-from eqt_cli.ensemble.designs.zip import Zip
 from eqt_cli.ensemble.sweep import Sweep
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.config_at_point import at_point, section_of
@@ -44,15 +43,19 @@ class Study:
         The points; None for a single experiment.
     base
         The experiment at the first point.
+    common
+        The configuration that points change, where some change what others do not; None where that
+        of any point will do.
     """
 
     sweep: Sweep | None
     base: Experiment
+    common: ConfigSource | None = None
 
     @property
     def source(self) -> ConfigSource:
-        """The configuration of the first point."""
-        return self.base.source
+        """The configuration that points change."""
+        return self.base.source if self.common is None else self.common
 
     # The points.
 
@@ -72,7 +75,7 @@ class Study:
     @property
     def _swept(self) -> set[str]:
         """The sections that differ between points."""
-        return {section_of(key) for key in self.sweep.keys} if self.sweep else set()
+        return {section_of(key) for key in self.sweep.sets} if self.sweep else set()
 
     @property
     def initial_varies(self) -> bool:
@@ -129,14 +132,15 @@ class Study:
     @cached_property
     def shapes(self) -> list[tuple[int, ...]]:
         """The points, those of equal shape together."""
-        keys = self.sweep.keys if self.sweep else ()
-        shaping = [index for index, key in enumerate(keys) if self._shapes(key)]
+        keys = self.sweep.sets if self.sweep else ()
+        shaping = [key for key in keys if self._shapes(key)]
         if self.sweep is None or not shaping:
             return [tuple(range(len(self)))]
         found: dict[str, list[int]] = {}
         for point in range(len(self)):
-            values = self.sweep.values(point)
-            found.setdefault(json.dumps([values[k] for k in shaping]), []).append(point)
+            values = self.sweep.settings(point)
+            shape = {key: values[key] for key in shaping if key in values}
+            found.setdefault(json.dumps(shape), []).append(point)
         return [tuple(points) for points in found.values()]
 
     def _shapes(self, key: str) -> bool:
@@ -144,8 +148,10 @@ class Study:
         if section_of(key) in SHAPING:
             return True
         assert self.sweep is not None
-        values = (self.sweep.point(point)[key] for point in range(len(self)))
-        return section_of(key) in SECTIONS and decides_parts(key, values)
+        if section_of(key) not in SECTIONS:
+            return False
+        values = (self.sweep.settings(point)[key] for point in range(len(self)))
+        return key not in self.sweep.always or decides_parts(key, values)
 
     @property
     def is_ragged(self) -> bool:
@@ -162,15 +168,10 @@ class Study:
 
     def _cut(self, index: int) -> Study:
         assert self.sweep is not None
-        points = self.shapes[index]
-        columns = zip(*map(self.sweep.values, points), strict=True)
-        axes: dict[str, Any] = {
-            key: list(values) for key, values in zip(self.sweep.keys, columns, strict=True)
-        }
         store = {"store": self.resolved["store"]}  # what is kept is decided for all together
         source = replace(self.source, data=self.source.data | store)
-        sweep = Sweep([Zip(axes)], [{Zip.name: axes}])
-        piece = Study(sweep, build(at_point(source, sweep, 0), trust_plugins=True))
+        sweep = self.sweep.only(self.shapes[index])
+        piece = Study(sweep, build(at_point(source, sweep, 0), trust_plugins=True), source)
         piece.__dict__["vehicles"] = self.vehicles  # one table of numbers for all pieces
         if "plans" in self.__dict__:
             piece.__dict__["plan"] = self.plans.plans[index]
@@ -191,10 +192,11 @@ class Study:
     @cached_property
     def resolved(self) -> dict[str, Any]:
         """The configuration with every default written out."""
-        base = self.base
-        resolved = base.resolved
+        resolved = self.base.resolved
         if self.sweep:
-            runs = base.config.ensemble.runs
+            if set(self.sweep.always) != set(self.sweep.sets):
+                resolved = build(self.source, trust_plugins=True).resolved
+            runs = self.base.config.ensemble.runs
             kept = "all" if self.kept == runs else self.kept or "none"
             store = resolved["store"] | {"trajectories": kept}
             resolved = resolved | {"store": store, "sweep": self.sweep.data}
@@ -229,6 +231,7 @@ class Study:
         source, plans = state.pop("source"), state["plans"]
         for path in source.data.get("plugins", []):
             load_plugin(Path(path), source.stored_plugins[path])
-        self.__dict__.update(state, base=build(source, trust_plugins=True))
+        first = at_point(source, state["sweep"], 0)
+        self.__dict__.update(state, base=build(first, trust_plugins=True), common=source)
         if not self.is_ragged:
             self.__dict__["plan"] = plans.plans[0]

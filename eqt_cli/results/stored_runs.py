@@ -9,6 +9,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.printable import printable
 from eqt_cli.engines import Status
+from eqt_cli.ensemble.designs.base import CASE
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.results.contract import check_status
 from eqt_cli.results.origin import KnownResult, law_title
@@ -100,7 +101,7 @@ class StoredRuns(KnownResult):
         """The swept keys that take more than one value; one for keys that change together."""
         found: list[SweptKey] = []
         for name in self.coordinates:
-            if name != POINT and self.dims(name) == (POINT,) and not name.endswith(".label"):
+            if name != POINT and self.dims(name) == (POINT,):
                 key = self._swept_key(name)
                 if max(key.levels) > 0 and key.levels not in [other.levels for other in found]:
                     found.append(key)
@@ -109,15 +110,11 @@ class StoredRuns(KnownResult):
     def _swept_key(self, name: str) -> SweptKey:
         values = self.coordinate(name)
         key = self.long_name(name).removesuffix(", swept")
-        if values.dtype == object:
-            texts, values = np.unique(values.astype(str), return_inverse=True)
-            texts = texts[values]
-        elif self.has(f"{name}.label"):
-            texts = self.coordinate(f"{name}.label")
-        else:
+        if values.dtype != object:
             return SweptKey(key, values.astype(float), {}, key in self._on_log_scales)
-        shown = (printable(str(text)) for text in texts)
-        return SweptKey(key, values, dict(zip(map(float, values), shown, strict=True)))
+        numbers: dict[str, float] = {}  # in the order of the points
+        places = [numbers.setdefault(printable(str(v)), float(len(numbers))) for v in values]
+        return SweptKey(key, np.array(places), {place: text for text, place in numbers.items()})
 
     @cached_property
     def _on_log_scales(self) -> set[str]:
@@ -127,12 +124,14 @@ class StoredRuns(KnownResult):
         return set()
 
     def point_name(self, point: int) -> str:
-        """What is swept at a point: ``kp 2, kd 0.5``."""
+        """What is swept at a point: ``kp 2, kd 0.5``; a case by its name only."""
         keys = [swept.key.rpartition(".")[2] for swept in self.swept_keys]
         if len(set(keys)) < len(keys):
             keys = [swept.key for swept in self.swept_keys]
         pairs = zip(keys, self.swept_keys, strict=True)
-        return ", ".join(f"{key} {swept.at(point)}" for key, swept in pairs)
+        return ", ".join(
+            swept.at(point) if key == CASE else f"{key} {swept.at(point)}" for key, swept in pairs
+        )
 
     def laws(self, controller: int) -> dict[int, str]:
         """The points where a controller is a law with a name of its own, and its title.

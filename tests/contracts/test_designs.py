@@ -25,6 +25,7 @@ sweep:
 """
 SECTIONS = {
     "concat": "[[{grid: {gains.kp: [1]}}], [{grid: {gains.kp: [2, 3]}}]]",
+    "cases": "{stiff: {gains.kp: 2}, slow and damped: {gains.kp: 0.5, gains.kd: 1}, ideal: {}}",
     **dict.fromkeys(["grid", "zip", "star"], "{gains.kp: [1, 2], gains.kd: [0.5, 1]}"),
 }
 """Designs are drawn from ranges, if not told otherwise here."""

@@ -662,7 +662,7 @@ def test_points_of_a_sweep_are_those_of_experiments_by_themselves(make, tmp_path
     swept = contents(tmp_path / "sweep")
     assert swept["effort"].shape == (6, 2, 7)
     np.testing.assert_array_equal(swept["gains.kp"], [1, 1, 2, 2, 4, 4])
-    assert [json.loads(v) for v in swept["inertia.label"][:2]] == [[1, 2, 3], [1, 1, 1]]
+    assert [json.loads(v) for v in swept["inertia"][:2]] == [[1, 2, 3], [1, 1, 1]]
     for point, (kp, inertia) in enumerate(
         (kp, inertia) for kp in (1, 2, 4) for inertia in ("[1, 2, 3]", "[1, 1, 1]")
     ):

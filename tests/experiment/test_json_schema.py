@@ -186,6 +186,9 @@ GOOD_BLOCKS: list[Any] = [
     {"concat": [{"grid": {"gains.kp": [1]}}]},
     {"concat": [{"grid": {"gains.kp": [1]}}, [{"zip": {"gains.kp": [2]}}]]},
     {"concat": [{"concat": [{"grid": {"gains.kp": [1]}}]}]},
+    {"cases": {"one": {}, "the other": {"gains.kp": 2, "inertia[0][0]": 0.9}}},
+    {"cases": {"one": {"control": {"period": 0.1}}}},
+    {"concat": [{"cases": {"one": {"gains.kp": 2}}}]},
 ]
 BAD_BLOCKS: list[Any] = [
     "grid",
@@ -237,6 +240,11 @@ BAD_BLOCKS: list[Any] = [
     {"concat": [[]]},
     {"concat": {"grid": {"gains.kp": [1]}}},
     {"concat": [{"grid": {"gains.kp": []}}]},
+    {"cases": {}},
+    {"cases": [{"gains.kp": 2}]},
+    {"cases": {"one": None}},
+    {"cases": {"one": {"gain.kp": 2}}},
+    {"cases": {"one": {"ensemble.runs": 2}}},
 ]
 
 

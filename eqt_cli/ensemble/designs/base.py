@@ -6,9 +6,12 @@ from typing import Any, ClassVar, Self, TypeVar, get_type_hints
 from eqt_cli.core.component import Component
 from eqt_cli.core.option_types import MOST_POINTS
 from eqt_cli.core.problems import KeyPath, Problems
-from eqt_cli.core.validation import validated
+from eqt_cli.core.validation import shown, validated
 
 D = TypeVar("D", bound="Design")
+
+CASE = "case"
+"""The key of points that have names: no key of the configuration."""
 
 
 class Design(Component):
@@ -25,7 +28,8 @@ class Design(Component):
         The option that a block gives without a name, as ``grid: {gains.kp: [1, 2]}`` does; empty
         where the block is a mapping of options.
     keys
-        The keys that every point gives a value to, in the order of the configuration.
+        What tells the points from each other: every point gives each of them a value, in this
+        order. They are keys of the configuration, or `CASE`.
     """
 
     name: ClassVar[str]
@@ -56,9 +60,46 @@ class Design(Component):
     def values(self, point: int) -> tuple[Any, ...]:
         """The values at a point, in the order of `keys`."""
 
+    @property
+    def sets(self) -> tuple[str, ...]:
+        """The keys of the configuration that points change."""
+        return self.keys
+
+    @property
+    def always(self) -> tuple[str, ...]:
+        """Those of `sets` that every point changes."""
+        return self.sets
+
+    def settings(self, point: int) -> dict[str, Any]:
+        """What a point changes in the configuration, by key."""
+        return dict(zip(self.keys, self.values(point), strict=True))
+
     @abstractmethod
     def place(self, point: int, key: str) -> KeyPath:
         """Where within the section the value of `key` at a point was written."""
+
+    def first_place(self, key: str) -> KeyPath:
+        """Where within the section `key` has its first value."""
+        changing = (point for point in range(len(self)) if key in self.settings(point))
+        return self.place(next(changing, 0), key)
+
+
+def check_values(values: list[Any], problems: Problems) -> None:
+    """Note values that no table can show: mappings, and lists of them, are cases with names."""
+    for index, value in enumerate(values):
+        if isinstance(value, dict) or (
+            isinstance(value, list) and any(isinstance(entry, dict) for entry in value)
+        ):
+            problems.at(index).add(
+                f"expected a number, a text or a list of numbers, got {shown(value)}; give such "
+                "values names: sweep: [{cases: {NAME: {KEY: VALUE}, …}}]"
+            )
+
+
+def overlap(one: str, other: str) -> bool:
+    """Whether one key is the other, or within it."""
+    short, long = sorted((one, other), key=len)
+    return long == short or long.startswith((short + ".", short + "["))
 
 
 def counted(design: D, problems: Problems) -> D | None:

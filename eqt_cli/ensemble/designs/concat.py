@@ -67,6 +67,20 @@ class Concat(Design):
         found = self.parts[index].point(inner)
         return tuple(found[key] for key in self.keys)
 
+    @cached_property
+    def sets(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
+        """The keys that any part changes."""
+        return tuple(dict.fromkeys(key for part in self.parts for key in part.sets))
+
+    @cached_property
+    def always(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
+        """The keys that all parts always change."""
+        return tuple(key for key in self.sets if all(key in part.always for part in self.parts))
+
+    def settings(self, point: int) -> dict[str, Any]:
+        index, inner = self._find(point)
+        return self.parts[index].settings(inner)
+
     def place(self, point: int, key: str) -> KeyPath:
         index, inner = self._find(point)
         return (index, *self.parts[index].place(inner, key))

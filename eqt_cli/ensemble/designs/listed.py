@@ -9,7 +9,7 @@ from pydantic import Field
 
 from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.ensemble.axes import ListedAxis, Spaced
-from eqt_cli.ensemble.designs.base import Design
+from eqt_cli.ensemble.designs.base import Design, check_values
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,12 @@ class Listed(Design):
         return tuple(self.axes)
 
     def check(self, problems: Problems) -> None:
-        """Note ranges that are none."""
+        """Note ranges that are none, and values that are mappings."""
         for key, axis in self.axes.items():
             if isinstance(axis, Spaced):
                 axis.check(problems.at(key))
+            else:
+                check_values(axis, problems.at(key))
 
     @abstractmethod
     def index(self, point: int, key: str) -> int:

@@ -1,0 +1,85 @@
+"""Cases that are compared with each other, each with a name of its own."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field
+
+from eqt_cli.core.errors import InputError
+from eqt_cli.core.problems import KeyPath, Problems, parse_key
+from eqt_cli.ensemble.designs.base import CASE, Design, overlap
+
+MOST_CHARACTERS = 40
+"""Of a name, which has a line of its own in tables and figures."""
+
+
+@dataclass(frozen=True)
+class Cases(Design):
+    """Named points, each with the keys that it changes; what it does not name stays as it is.
+
+    Attributes
+    ----------
+    cases
+        By the name of the case, the values of keys, as `--set` takes them.
+    """
+
+    name: ClassVar[str] = "cases"
+    whole_section: ClassVar[str] = "cases"
+    keys: ClassVar[tuple[str, ...]] = (CASE,)
+
+    cases: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
+
+    def check(self, problems: Problems) -> None:
+        """Note names that do not fit into tables, no keys, and keys within each other."""
+        for case, given in self.cases.items():
+            at_case = problems.at(case)
+            if not (case.strip() and case.isprintable() and len(case) <= MOST_CHARACTERS):
+                at_case.add(
+                    f"expected a name of 1 to {MOST_CHARACTERS} printable characters, "
+                    f"got {case!r}"
+                )
+            for key in given:
+                with at_case.catching(key):
+                    if not key.strip():
+                        raise InputError("expected a key of the configuration, got ''")
+                    parse_key(key)
+            for one, other in combinations(given, 2):
+                if overlap(one, other):
+                    at_case.at(other).add(f"{other} overlaps with {one}; remove one of them")
+        if not problems:
+            self._check_alike(problems)
+
+    def _check_alike(self, problems: Problems) -> None:
+        """Note a case that changes the very same as an earlier one."""
+        for one, other in combinations(self.cases, 2):
+            if self.cases[one] == self.cases[other]:
+                problems.at(other).add(f"changes the same as '{one}'; remove one of them")
+
+    @cached_property
+    def _names(self) -> list[str]:
+        return list(self.cases)
+
+    @cached_property
+    def sets(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
+        """The keys that any case changes."""
+        return tuple(dict.fromkeys(key for given in self.cases.values() for key in given))
+
+    @cached_property
+    def always(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
+        """The keys that all cases change."""
+        return tuple(key for key in self.sets if all(key in case for case in self.cases.values()))
+
+    def __len__(self) -> int:
+        return len(self.cases)
+
+    def values(self, point: int) -> tuple[Any, ...]:
+        return (self._names[point],)
+
+    def settings(self, point: int) -> dict[str, Any]:
+        return self.cases[self._names[point]]
+
+    def place(self, point: int, key: str) -> KeyPath:
+        case = self._names[point]
+        return (case, key) if key in self.cases[case] else (case,)
