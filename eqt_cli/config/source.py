@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -168,14 +168,26 @@ def _apply(config: ConfigSource, override: str, place: str) -> None:
         path = parse_key(key.strip())
     problems.raise_if_any()
     value = yaml_source.parse_value(text, place, path)
+    changed = changed_at(config, path, value, place)
+    config.data, config.overrides = changed.data, changed.overrides
+
+
+def changed_at(config: ConfigSource, path: KeyPath, value: Any, place: str) -> ConfigSource:
+    """The same with a value that was given elsewhere; with it, what had to be made to hold it.
+
+    Raises
+    ------
+    ConfigError
+        If it leads nowhere.
+    """
+    data = with_value(config.data, path, value, place)
+    kept = {at: it for at, it in config.overrides.items() if at[: len(path)] != path}
     held: Any = config.data
-    config.data = with_value(config.data, path, value, place)
-    for earlier in [other for other in config.overrides if other[: len(path)] == path]:
-        del config.overrides[earlier]
     for depth, step in enumerate(path, start=1):
         held = held[step] if isinstance(step, int) else (held or {}).get(step)
         if held is None or depth == len(path):
-            config.overrides[path[:depth]] = place
+            kept[path[:depth]] = place
+    return replace(config, data=data, overrides=kept)
 
 
 def _unfit(container: Any, path: KeyPath, step: str | int) -> str | None:

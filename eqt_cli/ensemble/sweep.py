@@ -118,10 +118,13 @@ class _Some(Sweep):
 
     def __init__(self, whole: Sweep, points: Sequence[int]) -> None:
         super().__init__(whole.blocks, {"points": list(points), "of": whole.data})
-        self._points = points
+        self._whole, self._points = whole, points
 
     def __len__(self) -> int:
         return len(self._points)
+
+    def place(self, point: int, key: str) -> KeyPath:
+        return self._whole.place(self._points[point], key)
 
     def _split(self, point: int) -> list[tuple[Design, int]]:
         return super()._split(self._points[point])

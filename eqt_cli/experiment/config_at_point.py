@@ -3,7 +3,7 @@
 import dataclasses
 from collections.abc import Collection
 
-from eqt_cli.config.source import ConfigSource, with_value
+from eqt_cli.config.source import ConfigSource, changed_at
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.ensemble.sweep import Sweep
@@ -26,15 +26,13 @@ def at_point(
     """
     if sweep is None:
         return source
-    data, overrides = source.data, dict(source.overrides)
+    found = source
     for key, value in sweep.settings(point).items():
         if keys is not None and key not in keys:
             continue
         place = source.place(("sweep", *sweep.place(point, key)))
-        path = parse_key(key)
-        data = with_value(data, path, value, place)
-        overrides[path] = place
-    return dataclasses.replace(source, data=data, overrides=overrides)
+        found = changed_at(found, parse_key(key), value, place)
+    return found
 
 
 def section_of(key: str) -> str:

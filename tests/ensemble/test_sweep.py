@@ -84,6 +84,22 @@ def test_concat_of_parts_of_different_lengths():
     assert [point["a"] for point in points(found)] == [0, 1, 2, 0, 0, 1]
 
 
+def test_cases_change_what_they_name_and_multiply_like_any_block():
+    found = sweep({"cases": {"ideal": {}, "late": {"b.c": 2, "d": 1}}}, {"grid": {"a": [1, 2]}})
+    assert [found.point(k)["case"] for k in range(4)] == ["ideal", "ideal", "late", "late"]
+    settings = [found.settings(k) for k in range(4)]
+    assert settings == [{"a": 1}, {"a": 2}, {"b.c": 2, "d": 1, "a": 1}, {"b.c": 2, "d": 1, "a": 2}]
+    assert (found.sets, found.always) == (("b.c", "d", "a"), ("a",))
+    assert found.place(2, "d") == (0, "cases", "late", "d")
+    assert found.first_place("d") == (0, "cases", "late", "d")
+
+
+def test_some_points_of_a_sweep_are_a_sweep():
+    found = sweep({"cases": {"ideal": {}, "late": {"b": 2}}}, {"grid": {"a": [1, 2]}}).only([3, 0])
+    assert points(found) == [{"case": "late", "a": 2}, {"case": "ideal", "a": 1}]
+    assert found.place(0, "a") == (1, "grid", "a", 1)
+
+
 @pytest.mark.parametrize("kind", ["random", "lhs", "sobol"])
 def test_sampled_points_stay_within_their_axes(kind):
     axes = {
@@ -214,6 +230,47 @@ def test_points_do_not_depend_on_the_order_of_asking(point):
             [{"concat": [{"grid": {"a": [1]}}, {"grid": {"b": [1]}}]}],
             (0, "concat", 1),
             "expected the same keys as in the first part: a",
+        ),
+        (
+            [{"cases": {"one": {"a.b": 1}, "other": {"c": 1}}}, {"grid": {"a": [1]}}],
+            (1, "grid", "a"),
+            "a overlaps with a.b, which is swept by an earlier block; remove one of them",
+        ),
+        (
+            [{"cases": {"one": {}}}, {"cases": {"other": {}}}],
+            (1, "cases"),
+            "case is swept by an earlier block; remove one of them",
+        ),
+        (
+            [{"cases": {"one": {"a": 1, "a[0]": 2}}}],
+            (0, "cases", "one", "a[0]"),
+            "a[0] overlaps with a; remove one of them",
+        ),
+        (
+            [{"cases": {"one": {"a": 1}, "other": {"a": 1}}}],
+            (0, "cases", "other"),
+            "changes the same as 'one'; remove one of them",
+        ),
+        (
+            [{"cases": {"": {}}}],
+            (0, "cases", ""),
+            "expected a name of 1 to 40 printable characters, got ''",
+        ),
+        (
+            [{"cases": {"one": {"a..b": 1}}}],
+            (0, "cases", "one", "a..b"),
+            "expected a key such as gains.kp or controllers[0].label, got 'a..b'",
+        ),
+        (
+            [{"cases": {"one": ["a"]}}],
+            (0, "cases", "one"),
+            "expected a mapping, got ['a']",
+        ),
+        (
+            [{"grid": {"a": [1, [{"b": 2}]]}}],
+            (0, "grid", "a", 1),
+            "expected a number, a text, a list of numbers or one mapping, got [{b: 2}]; give each "
+            "list a name: sweep: [{cases: {NAME: {KEY: VALUE}, …}}]",
         ),
     ],
 )

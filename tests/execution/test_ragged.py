@@ -342,7 +342,7 @@ def test_points_that_do_not_exist(finished):
             "use the first runs of it",
         ),
         (
-            "time=[{duration: 1}, {duration: 2}]",
+            "time={duration: 1},{duration: 2}",
             "grids[0]: sweep[0].grid.time[0]: time cannot be swept as a whole; sweep "
             "time.duration and time.samples with zip",
         ),

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from eqt_cli import api
+from eqt_cli.results.result import open_result
 
 CONFIG = {
     "name": "flies",
@@ -17,17 +18,17 @@ CONFIG = {
     "time": {"duration": 1.0, "samples": 11},
     "solver": {"cross_check": 0},
 }
-POINTS = [
-    {},
+POINTS = [  # what the first case changes, the others leave as it is
     {"actuators": [{"kind": "limit", "limit": 1.2}]},
+    {},
     {
         "control": {"period": 0.1, "delay": 1},
         "plant": {"inertia": {"relative": {"uniform": [-0.1, 0.1]}}},
         "sensors": {"pose": [{"kind": "noise", "std": 0.01}]},
     },
 ]
-KEYS = ("actuators", "control", "plant", "sensors")
-SWEEP = {"sweep": [{"zip": {key: [point.get(key) for point in POINTS] for key in KEYS}}]}
+NAMES = ("limited", "ideal", "measured")
+SWEEP = {"sweep": [{"cases": dict(zip(NAMES, POINTS, strict=True))}]}
 
 
 @pytest.fixture(scope="module")
@@ -51,8 +52,25 @@ def test_what_one_point_stores_all_store(swept):
     with api.open_results(swept, "arrays") as results:
         shares = results.metric("saturated_share")
         assert set(results.metrics) >= {"settled", "closing_torque"}
-    assert (shares[[0, 2]] == 0).all()
-    assert (shares[1] > 0).any()
+    assert (shares[[1, 2]] == 0).all()
+    assert (shares[0] > 0).any()
+
+
+def test_cases_are_called_by_their_names_wherever_points_are(swept):
+    with api.open_results(swept, "arrays") as results:
+        assert results.coordinate("case").tolist() == list(NAMES)
+    with open_result(swept) as result:
+        assert [result.point_name(point) for point in range(3)] == list(NAMES)
+        (key,) = result.swept_keys
+        assert [key.at(point) for point in range(3)] == list(NAMES)
+
+
+def test_a_result_of_cases_runs_again_from_its_own_configuration(swept, tmp_path):
+    """The stored configuration has none of what the first case changes."""
+    again = api.load_experiment(swept)
+    assert again.study.digest == api.load_experiment(CONFIG | SWEEP).study.digest
+    assert "actuators" not in again.study.resolved
+    assert again.study.experiment(1).config.actuators is None
 
 
 def test_a_swept_delay_changes_the_states_of_its_points(tmp_path):

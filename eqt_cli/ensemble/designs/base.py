@@ -85,14 +85,12 @@ class Design(Component):
 
 
 def check_values(values: list[Any], problems: Problems) -> None:
-    """Note values that no table can show: mappings, and lists of them, are cases with names."""
+    """Note lists of mappings, which no cell of a table can show: they are cases with names."""
     for index, value in enumerate(values):
-        if isinstance(value, dict) or (
-            isinstance(value, list) and any(isinstance(entry, dict) for entry in value)
-        ):
+        if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
             problems.at(index).add(
-                f"expected a number, a text or a list of numbers, got {shown(value)}; give such "
-                "values names: sweep: [{cases: {NAME: {KEY: VALUE}, …}}]"
+                f"expected a number, a text, a list of numbers or one mapping, got {shown(value)}; "
+                "give each list a name: sweep: [{cases: {NAME: {KEY: VALUE}, …}}]"
             )
 
 

@@ -32,7 +32,7 @@ class Listed(Design):
         return tuple(self.axes)
 
     def check(self, problems: Problems) -> None:
-        """Note ranges that are none, and values that are mappings."""
+        """Note ranges that are none, and values that are lists of mappings."""
         for key, axis in self.axes.items():
             if isinstance(axis, Spaced):
                 axis.check(problems.at(key))
