@@ -191,6 +191,8 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
     with open_result(result) as results:
         if not results.is_sweep:
             return ["paper"]
+        if results.compares_cases:
+            return ["forest"]
         swept = results.swept_keys
     if 1 <= len(swept) <= 2:
         return ["sweep", "pareto"]

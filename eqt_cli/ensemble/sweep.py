@@ -145,4 +145,3 @@ def _key_path(block: Design, key: str) -> KeyPath:
     """Where a block gives a key its values."""
     path = block.first_place(key)
     return (block.name, *(path if path[-1] == key else path[:-1]))
-

@@ -115,7 +115,10 @@ def _check_common(found: Study) -> None:
     except ConfigError as error:
         where = "without what only some of the cases change"
         raise ConfigError(
-            [dataclasses.replace(each, message=f"{where}: {each.message}") for each in error.problems]
+            [
+                dataclasses.replace(each, message=f"{where}: {each.message}")
+                for each in error.problems
+            ]
         ) from None
 
 

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -212,10 +213,14 @@ class Study:
         """What of the resolved configuration affects the numbers, plugins by their source."""
         return self._whole.numeric_config
 
-    @property
+    @cached_property
     def digest(self) -> str:
         """Hash of everything that affects the numbers; equal digests, equal results."""
-        return self._whole.digest
+        whole = self._whole.digest
+        if self.sweep is None:
+            return whole
+        ordered = json.dumps(self.sweep.data)  # the points are in the order of the keys
+        return sha256(f"{whole} {ordered}".encode()).hexdigest()
 
     @property
     def files(self) -> dict[str, str]:

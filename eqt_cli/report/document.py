@@ -20,7 +20,7 @@ from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.report.animation import animation
 from eqt_cli.report.environment import TEMPLATES, page
 from eqt_cli.report.experiment import given, laws
-from eqt_cli.report.figures import COMPARED, DEFAULT, FRONTS, SWEPT, Wanted, inline_figures
+from eqt_cli.report.figures import CASES, COMPARED, DEFAULT, FRONTS, SWEPT, Wanted, inline_figures
 from eqt_cli.report.point_table import best_points, point_table
 from eqt_cli.report.run_curves import curves
 from eqt_cli.report.run_table import columns, run_table
@@ -107,6 +107,8 @@ def report(
 
 def _default(result: Result) -> Sequence[Wanted]:
     """The figures of a result of its kind."""
+    if result.is_sweep and result.compares_cases:
+        return CASES
     if result.is_sweep:
         mapped = len(result.labels) > 1 and len(result.swept_keys) in (1, 2)
         return (*SWEPT, COMPARED) if mapped else SWEPT

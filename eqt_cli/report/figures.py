@@ -91,6 +91,17 @@ SWEPT = (
 )
 """What a report on a sweep shows unless told otherwise."""
 
+CASES = (
+    Wanted("forest"),
+    Wanted(
+        "forest",
+        {"metric": "effort"},
+        "The same for the effort, the integral of the torque squared.",
+    ),
+    Wanted("pareto"),
+)
+"""What a report on two laws in cases shows unless told otherwise."""
+
 COMPARED = Wanted(
     "winners",
     {},
@@ -151,7 +162,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
     """
     known = {
         figure.name: replace(figure, needs="")
-        for figure in reversed((*DEFAULT, *SWEPT, COMPARED, *FRONTS))
+        for figure in reversed((*DEFAULT, *SWEPT, *CASES, COMPARED, *FRONTS))
     }
     for name in names:
         figures.get(name)

@@ -65,6 +65,16 @@ def test_cases_are_called_by_their_names_wherever_points_are(swept):
         assert [key.at(point) for point in range(3)] == list(NAMES)
 
 
+def test_the_order_of_points_is_part_of_an_experiment():
+    """Parts of the one order would else be taken for those of the other."""
+    there, back = (dict(order(SWEEP["sweep"][0]["cases"].items())) for order in (list, reversed))
+    one, other = (
+        api.load_experiment(CONFIG | {"sweep": [{"cases": cases}]}).study.digest
+        for cases in (there, back)
+    )
+    assert one != other
+
+
 def test_a_result_of_cases_runs_again_from_its_own_configuration(swept, tmp_path):
     """The stored configuration has none of what the first case changes."""
     again = api.load_experiment(swept)

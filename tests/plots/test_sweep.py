@@ -7,11 +7,13 @@ from matplotlib.text import Text
 
 from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.maps import compare_map
+from eqt_cli.analysis.comparison.ratios import relative_difference
 from eqt_cli.analysis.comparison.shares import share
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import FEW, number_values
 from eqt_cli.plots.figures.envelope import Envelope
+from eqt_cli.plots.figures.forest import Forest
 from eqt_cli.plots.figures.pareto import Pareto
 from eqt_cli.plots.figures.sweep import SweepFigure
 from eqt_cli.plots.figures.winners import Winners
@@ -288,6 +290,41 @@ def test_winners_are_those_of_the_comparison(swept):
     image = Winners(metric="effort", confidence=0.9).draw([results]).axes[0].collections[0]
     drawn = np.asarray(image.get_array()).reshape(2, 3)
     assert drawn.T.ravel().tolist() == [cell.winner + 1 for cell in found.cells]
+
+
+CASES = [{"cases": {"ideal": {}, "soft": {"gains.kp": 0.5}, "stiff": {"gains.kp": 4}}}]
+
+
+def test_a_forest_has_a_row_for_each_case_with_paired_differences_and_shares(swept):
+    results = swept(CASES, ensemble={"runs": 8, "seed": 1}, settling_threshold="40 deg")
+    left, right = Forest(metric="effort", confidence=0.5).draw([results]).axes
+    assert [text.get_text() for text in left.get_yticklabels()] == ["ideal", "soft", "stiff"]
+    assert left.get_ylim()[0] > left.get_ylim()[1]  # the first case is on top
+    effort = results["effort"]
+    expected = [relative_difference(one - other, other, 0.5) for one, other in effort]
+    drawn = {
+        y: x
+        for line in left.lines
+        if line.get_marker() == "D"
+        for x, y in zip(line.get_xdata(), line.get_ydata(), strict=True)
+    }
+    np.testing.assert_allclose([drawn[k] for k in range(3)], [100 * e.value for e in expected])
+    (bars,) = left.collections
+    ends = np.array(bars.get_segments())[:, :, 0]
+    np.testing.assert_allclose(ends, [[100 * e.low, 100 * e.high] for e in expected])
+    (filled,) = (line for line in left.lines if line.get_label() == "EqT − GT, without 0")
+    assert 0 < len(filled.get_ydata()) < 3
+    assert list(filled.get_ydata()) == [k for k, e in enumerate(expected) if e.low * e.high > 0]
+    settled = np.isfinite(results["settling_time"]).mean(axis=-1)
+    assert 0 < settled.min() < settled.max()
+    for law, line in enumerate(right.lines[:2]):
+        np.testing.assert_allclose(line.get_xdata(), settled[:, law])
+
+
+def test_a_forest_is_of_two_laws(swept):
+    results = swept(CASES)
+    with pytest.raises(EqtError, match="figure 'forest' compares two laws, and here is one: EqT"):
+        Forest(controllers=["eqt"]).draw([results])
 
 
 def test_winners_say_what_they_are_where_runs_failed_too(swept, altered):

@@ -27,7 +27,6 @@ class Cases(Design):
 
     name: ClassVar[str] = "cases"
     whole_section: ClassVar[str] = "cases"
-    keys: ClassVar[tuple[str, ...]] = (CASE,)
 
     cases: Annotated[dict[str, dict[str, Any]], Field(min_length=1)]
 
@@ -37,8 +36,7 @@ class Cases(Design):
             at_case = problems.at(case)
             if not (case.strip() and case.isprintable() and len(case) <= MOST_CHARACTERS):
                 at_case.add(
-                    f"expected a name of 1 to {MOST_CHARACTERS} printable characters, "
-                    f"got {case!r}"
+                    f"expected a name of 1 to {MOST_CHARACTERS} printable characters, got {case!r}"
                 )
             for key in given:
                 with at_case.catching(key):
@@ -57,17 +55,22 @@ class Cases(Design):
             if self.cases[one] == self.cases[other]:
                 problems.at(other).add(f"changes the same as '{one}'; remove one of them")
 
+    @property
+    def keys(self) -> tuple[str, ...]:  # type: ignore[override]  # of all cases
+        """The name of the case."""
+        return (CASE,)
+
     @cached_property
     def _names(self) -> list[str]:
         return list(self.cases)
 
     @cached_property
-    def sets(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
+    def sets(self) -> tuple[str, ...]:
         """The keys that any case changes."""
         return tuple(dict.fromkeys(key for given in self.cases.values() for key in given))
 
     @cached_property
-    def always(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
+    def always(self) -> tuple[str, ...]:
         """The keys that all cases change."""
         return tuple(key for key in self.sets if all(key in case for case in self.cases.values()))
 

@@ -68,12 +68,12 @@ class Concat(Design):
         return tuple(found[key] for key in self.keys)
 
     @cached_property
-    def sets(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
+    def sets(self) -> tuple[str, ...]:
         """The keys that any part changes."""
         return tuple(dict.fromkeys(key for part in self.parts for key in part.sets))
 
     @cached_property
-    def always(self) -> tuple[str, ...]:  # type: ignore[override]  # they follow
+    def always(self) -> tuple[str, ...]:
         """The keys that all parts always change."""
         return tuple(key for key in self.sets if all(key in part.always for part in self.parts))
 

@@ -35,6 +35,8 @@ _WORDS = {
 
 _LONGEST = 36
 """Characters in a line of a label."""
+_LETTER = 0.065
+"""in, of one beside the others."""
 _MARGIN = 0.03
 """of the width, so that markers at the ends are whole."""
 _BESIDE = 0.6
@@ -62,6 +64,9 @@ def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> Non
     if axis.texts:
         texts = [free_text(text, _LONGEST) for text in axis.texts.values()]
         panel.set_xticks(list(axis.texts), texts)
+        longest = max(len(line) for text in texts for line in text.split("\n"))
+        if longest * len(texts) * _LETTER > room - _BESIDE:
+            panel.tick_params(axis="x", labelrotation=90)
         return
     if axis.logarithmic:
         panel.set_xscale("log")

@@ -1,0 +1,139 @@
+"""The figure of cases: by how much two laws differ in each, and how many runs settle."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.analysis.comparison.bootstrap import FEWEST
+from eqt_cli.analysis.comparison.pairs import resolved_differences
+from eqt_cli.analysis.comparison.ratios import relative_difference
+from eqt_cli.analysis.comparison.shares import shares
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.problems import Problems
+from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.drawing.labels import free_text, metric_label
+from eqt_cli.plots.drawing.layout import add_legend
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
+from eqt_cli.plots.shown.sweep import ShownSweep
+
+MOST_ROWS = 40
+
+Look = dict[str, Any]
+
+_ROW, _AROUND = 0.2, 0.85
+"""in, the height of a row, and that of scales and legend."""
+_LONGEST = 24
+"""Characters in a line of a name."""
+_BESIDE = 0.16
+"""of a row, between the shares of the two laws."""
+_SMALL = 3.5
+"""pt, of markers: the intervals are the point."""
+
+
+@dataclass(frozen=True)
+class Forest(OfSweep):
+    """A row for each point of a sweep: the paired difference of two laws, and who settles.
+
+    The difference of the means over all runs, in per cent of the second law's mean, with its
+    interval (Fieller); filled where the interval leaves out 0. Beside it, the share of runs of both
+    laws that settle, with Wilson intervals.
+
+    Attributes
+    ----------
+    metric
+        What is compared, by its name in the result.
+    confidence
+        Of the intervals, each by itself.
+    """
+
+    name: ClassVar[str] = "forest"
+
+    metric: str = "mean_pose_error"
+    confidence: float = 0.95
+
+    def check(self, problems: Problems) -> None:
+        """A share between 0 and 1."""
+        if not 0 < self.confidence < 1:
+            expected = "expected a number between 0 and 1"
+            problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
+
+    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
+        """Two panels with the same rows, the first point on top."""
+        if len(swept.controllers) != 2:
+            raise swept.error(
+                f"compares two laws, and here are {len(swept.controllers)}: "
+                f"{', '.join(swept.titles)}; choose two of them: --option controllers=[ONE,OTHER]"
+                if len(swept.controllers) > 2
+                else f"compares two laws, and here is one: {swept.titles[0]}"
+            )
+        values = swept.metric(self.metric)
+        if (points := len(values)) > MOST_ROWS:
+            raise swept.error(
+                f"has a row for each point, at most {MOST_ROWS}, and here are {points}"
+            )
+        settled = swept.settled(0)
+        rows = np.arange(points)
+        size = (WIDTHS[width], _AROUND + _ROW * points)
+        drawing = Drawing(figsize=size)
+        left, right = drawing.subplots(1, 2, sharey=True, width_ratios=(3, 2))
+        first, second = swept.titles
+        found = np.array([self._difference(*of_point) for of_point in values])
+        _draw_differences(left, rows, 100 * found, f"{first} − {second}")
+        label = metric_label(swept.results, self.metric, 40)
+        left.set_xlabel(f"{label}\n{first} − {second}, % of {second}")
+        for k, position in enumerate(swept.controllers):
+            share = shares(settled[:, k].astype(float), self.confidence)
+            _draw_shares(right, rows + (2 * k - 1) * _BESIDE, share, position, swept.titles[k])
+        right.set_xlim(-0.04, 1.04)
+        right.set_xlabel("share settled")
+        left.set_yticks(rows, [free_text(swept.point_name(int(k)), _LONGEST) for k in rows])
+        left.set_ylim(points - 0.4, -0.6)
+        for panel in (left, right):
+            panel.grid(axis="y", visible=False)
+            panel.tick_params(axis="y", length=0)
+        add_legend(drawing, right.lines[:2], swept.titles)
+        swept.remarks += self._remarks(swept, found)
+        return drawing
+
+    def _difference(self, first: Array, second: Array) -> tuple[float, float, float]:
+        return relative_difference(resolved_differences(first, second), second, self.confidence)
+
+    def _remarks(self, swept: ShownSweep, found: Array) -> list[str]:
+        of = f"{100 * self.confidence:g} %"
+        told = [
+            f"{swept.count} per row. Intervals of {of}, each by itself; filled: without 0. "
+            "Failed runs are no part of the differences."
+        ]
+        if not np.isfinite(found).all():
+            told.append(f"No interval from fewer than {FEWEST} runs, or where the mean may be 0.")
+        return told
+
+
+def _draw_differences(panel: Axes, rows: Array, found: Array, name: str) -> None:
+    mean, low, high = found.T
+    panel.axvline(0, color=ink(0.5), linewidth=0.6, label="no difference")
+    known = np.isfinite(low) & np.isfinite(high)
+    ends = np.array([mean - low, high - mean])[:, known]
+    bars: Look = {"fmt": "none", "ecolor": ink(0.8), "elinewidth": 0.9}
+    if known.any():
+        panel.errorbar(mean[known], rows[known], xerr=ends, label=f"{name}, intervals", **bars)
+    decided = known & ((low > 0) | (high < 0))
+    look: Look = {"marker": "D", "markersize": _SMALL, "linestyle": "", "color": ink(0.8)}
+    hollow = look | {"markerfacecolor": ink(0)}
+    for some, which, style in ((decided, "without 0", look), (~decided, "with 0", hollow)):
+        if some.any():
+            panel.plot(mean[some], rows[some], label=f"{name}, {which}", **style)
+    panel.margins(x=0.06)
+
+
+def _draw_shares(panel: Axes, rows: Array, found: Array, position: int, title: str) -> None:
+    share, low, high = found.T
+    colour = line_style(position)["color"]
+    look: Look = {"marker": marker(position), "markersize": _SMALL, "color": colour}
+    panel.plot(share, rows, label=title, linestyle="", **look)
+    bars: Look = {"fmt": "none", "ecolor": colour, "elinewidth": 0.8}
+    ends = [share - low, high - share]
+    panel.errorbar(share, rows, xerr=ends, label=f"{title}, intervals", **bars)
