@@ -10,8 +10,9 @@ from eqt_cli.api.running import choose_executor
 from eqt_cli.execution.executors import Executor, Progress
 from eqt_cli.execution.run_study import Remark, warn
 from eqt_cli.experiment.study import Study
+from eqt_cli.tuning.generations import Told
 from eqt_cli.tuning.search import Search, search_from
-from eqt_cli.tuning.tune import Told, Tuning, folder_of
+from eqt_cli.tuning.tune import Tuning, folder_of
 from eqt_cli.tuning.tune import tune as run_search
 
 

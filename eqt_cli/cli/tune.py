@@ -15,7 +15,8 @@ from eqt_cli.core.interruptions import Interrupted
 
 if TYPE_CHECKING:
     from eqt_cli.tuning.evolution import Population
-    from eqt_cli.tuning.search import LawSearch, Search
+    from eqt_cli.tuning.law_search import LawSearch
+    from eqt_cli.tuning.search import Search
     from eqt_cli.tuning.tune import Tuning
 
 

@@ -402,6 +402,36 @@ class TuneSection(Section):
     confirm: ConfirmSection = Field(default_factory=ConfirmSection)
 
 
+class WorstSection(Section):
+    """Within which ranges `eqt worst` looks for the worst run of each law, and for how long.
+
+    Attributes
+    ----------
+    over
+        What is varied, and between which values: `[low, high]`, `{log: [low, high]}`, or a range as
+        of designs. Any key that holds a number and that a sweep may vary; keys of an entry of
+        `controllers` are that law's own. Whole numbers, as `control.delay`, stay whole.
+    objective
+        The metric whose worst value over all runs is looked for; a failed run is worse than any.
+    budget
+        Generations; each law has the same number.
+    population
+        Points of a generation, each with `ensemble.runs` runs.
+    seeds
+        Searches for each law, with `seed` and the numbers after it: how many of them agree tells
+        how far the result can be relied on.
+    seed
+        Of the first search. The first generations of one seed are the same points for all laws.
+    """
+
+    over: Annotated[dict[str, TunedAxis], Field(min_length=1)]
+    objective: str
+    budget: Count = 30
+    population: Annotated[int, Field(ge=5)] = 32
+    seeds: Count = 3
+    seed: CountOrNone = 0
+
+
 class TargetSection(Section):
     """Where `task: stabilise` is to end.
 
@@ -461,6 +491,8 @@ class Config(Section):
         `eqt sweep`.
     tune
         What `eqt tune` searches for; every other command leaves it aside.
+    worst
+        Where `eqt worst` searches for the worst run; every other command leaves it aside.
     settling_threshold
         Pose error ‖I − Q_E‖_F below which a run counts as settled; also the angle of a rotation,
         such as 2 deg, which is the distance 2√2 sin(θ/2).
@@ -493,11 +525,15 @@ class Config(Section):
     store: StoreSection = Field(default_factory=StoreSection)
     sweep: list[dict[str, Any]] | None = None
     tune: TuneSection | None = None
+    worst: WorstSection | None = None
     settling_threshold: Annotated[Positive, BeforeValidator(_distance_of_angle)] = 0.05
     early_window: Positive | None = None
     closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
     plugins: list[str] = Field(default_factory=list)
 
+
+SEARCHES = ("tune", "worst")
+"""The sections that say what is searched for; they change no run."""
 
 DEFAULT_ENGINE = "solve_ivp"
 
@@ -530,6 +566,7 @@ FIXED = {
     "plugins": "is loaded once",
     "sweep": "cannot contain itself",
     "tune": "chooses its own points",
+    "worst": "chooses its own points",
     "task": "decides which laws can be used",
 }
 """Sections that all points share, and why."""

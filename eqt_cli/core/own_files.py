@@ -171,8 +171,8 @@ def _listed(folder: Path) -> list[Path]:
 
 # Marks -------------------------------------------------------------------------------------------
 
-FOUND_BY_TUNE = b"# found by eqt tune\n"
-"""The mark of a configuration."""
+FOUND_BY = "# found by eqt {}\n"
+"""The mark of a configuration, with the command that searched."""
 
 _HEAD = 4096
 """Bytes at the start of a file in which its mark stands; in a PDF file it may stand anywhere."""
@@ -183,7 +183,7 @@ _MARKS = (
     re.compile(rb"\x89PNG.*?Software\0eqt ", re.DOTALL),
     re.compile(rb"GIF8.*?!\xfe.eqt ", re.DOTALL),
     re.compile(rb'\[\n(\{"panel": |\n\])'),  # the numbers of a figure
-    re.compile(FOUND_BY_TUNE),
+    re.compile(rb"# found by eqt (tune|worst)\n"),
     re.compile(rb"(/\* E|<!-- e)xported by eqt "),
 )
 _PDF, _PDF_MARK = b"%PDF", b"/Creator (eqt "

@@ -14,7 +14,13 @@ import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.config.plugins import load_plugins
-from eqt_cli.config.schema import Config, GainsSection, InitialSection, OwnGainsSection, TuneSection
+from eqt_cli.config.schema import (
+    SEARCHES,
+    Config,
+    GainsSection,
+    InitialSection,
+    OwnGainsSection,
+)
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
@@ -215,10 +221,12 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
             gains[label] = gains_from(known | law.gains, group, at_law) if law.gains else shared
     if initial:
         start = _start(initial, group, desired, source, problems.at("initial"))
-    config = _agreeing(source, sections["tune"], group, desired, start, problems)
+    config = _agreeing(
+        source, {name: sections[name] for name in SEARCHES}, group, desired, start, problems
+    )
     problems.raise_if_any()
     assert config and group and desired and inertia and vehicle and start and solver
-    complete = config.model_dump(exclude={"tune"}, exclude_none=True, warnings="none") | {
+    complete = config.model_dump(exclude=set(SEARCHES), exclude_none=True, warnings="none") | {
         **desired.resolved,
         "controllers": [law.resolved | {"label": label} for label, law in laws.items()],
         "initial": start.resolved,
@@ -273,7 +281,7 @@ def _start(
 
 def _agreeing(
     source: ConfigSource,
-    tune: TuneSection | None,
+    searches: dict[str, Any],
     G: MatrixLieGroup | None,
     desired: DesiredTrajectory | None,
     start: Start | None,
@@ -283,7 +291,9 @@ def _agreeing(
     if problems or not (G and desired and start):
         return None
     # Dataclasses, as ranges are, pass strict validation as such, and not as mappings.
-    config = Config.model_validate(source.data | ({"tune": tune} if tune else {}))
+    config = Config.model_validate(
+        source.data | {name: section for name, section in searches.items() if section}
+    )
     check_horizon(desired.reference, G, config.time.duration, problems)
     if start.rows is None:
         return config

@@ -86,7 +86,7 @@ def study(
     problems = Problems(source.place)
     for key in sweep.sets:
         with problems.catching("sweep", *sweep.first_place(key)):
-            _require_sweepable(key)
+            require_sweepable(key)
     problems.raise_if_any()
     common = at_point(bare, sweep, 0, sweep.always)
     base = build(at_point(common, sweep, 0), trust_plugins=trust_plugins)
@@ -129,7 +129,7 @@ def spread(count: int, most: int | None) -> Sequence[int]:
     return [k * (count - 1) // (most - 1) for k in range(most)]
 
 
-def _require_sweepable(key: str) -> None:
+def require_sweepable(key: str) -> None:
     """Raise an `InputError` if points cannot differ in a key."""
     name = section_of(key)
     if name in FIXED:

@@ -75,10 +75,10 @@ def first_points(
     return points
 
 
-def trials(population: Population, random: np.random.Generator) -> Array:
+def trials(population: Population, random: np.random.Generator, keeps_ends: bool = False) -> Array:
     """A point to be tried against each of the population: best + F (a − b), crossed with it.
 
-    Coordinates that leave the cube are drawn anew, evenly. Of several objectives, the best is any
+    Coordinates that leave the cube are drawn anew, evenly, or become its ends. Of several objectives, the best is any
     point of the front, drawn for each trial.
     """
     shares = population.shares
@@ -93,7 +93,8 @@ def trials(population: Population, random: np.random.Generator) -> Array:
     crossed = random.random((count, dimensions)) < CROSSOVER
     crossed[np.arange(count), random.integers(dimensions, size=count)] = True
     outside = (mutants < 0) | (mutants > 1)
-    mutants = np.where(outside, random.random((count, dimensions)), mutants)
+    drawn = random.random((count, dimensions))
+    mutants = np.where(outside, np.clip(mutants, 0, 1) if keeps_ends else drawn, mutants)
     return np.where(crossed, mutants, shares)
 
 

@@ -1,6 +1,6 @@
-"""The folder of a tuning: the generations, the winners, and whose they are.
+"""The folder of a search: the generations, what was found, and whose they are.
 
-The folder itself is that of the confirmation, an ordinary result.
+The folder itself is that of an ordinary result: the runs by which the outcome is judged.
 """
 
 import re
@@ -12,7 +12,7 @@ from typing import Any
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
 from eqt_cli.core.files import read_record, refusals, write_record
 from eqt_cli.core.own_files import (
-    FOUND_BY_TUNE,
+    FOUND_BY,
     Own,
     OwnFile,
     OwnFolder,
@@ -25,17 +25,40 @@ from eqt_cli.execution.folder import OWN_COPIES, OWN_RESULT, ResultFolder
 from eqt_cli.execution.part_files import MANIFEST
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import Result
+from eqt_cli.tuning.law_search import LawSearch, Searches
 from eqt_cli.tuning.record_shape import fits
-from eqt_cli.tuning.search import LawSearch, Search
 
-TUNING, GENERATIONS, TUNED = "tuning.json", "generations", "tuned"
+GENERATIONS = "generations"
 
+
+@dataclass(frozen=True)
+class Kind:
+    """What is searched for.
+
+    Attributes
+    ----------
+    command
+        That searches: ``tune``.
+    what
+        Such a search in words.
+    record, found
+        The names of the file that says what was found, and of the folder of configurations.
+    """
+
+    command: str
+    what: str
+    record: str
+    found: str
+
+
+TUNE = Kind("tune", "tuning", "tuning.json", "tuned")
+WORST = Kind("worst", "search for the worst run", "worst.json", "worst")
 
 _NUMBERED = OwnFile(r"\d+\.yaml", marked=True)
 
 
-def _own(slug: str, *, marked: bool) -> dict[str, Own]:
-    """What eqt writes in the folder of a tuning, beside the result: of laws by their slugs.
+def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, Own]:
+    """What eqt writes in the folder of a search, beside the result: of laws by their slugs.
 
     Parameters
     ----------
@@ -50,55 +73,68 @@ def _own(slug: str, *, marked: bool) -> dict[str, Own]:
     single = OwnFile(rf"({slug})\.yaml", marked)
     tuned: tuple[Own, ...] = (*OWN_COPIES, single, OwnFolder(slug, winners))
     return {
-        TUNING: OwnFile(re.escape(TUNING)),
+        kind.record: OwnFile(re.escape(kind.record)),
         GENERATIONS: OwnFolder(GENERATIONS, (OwnFolder(slug, (one_search,)),)),
-        TUNED: OwnFolder(TUNED, tuned),
+        kind.found: OwnFolder(kind.found, tuned),
     }
 
 
-_OF_ANY_LAW = _own(r"[A-Za-z0-9._-]+", marked=True)
+def _of_any_law(kind: Kind) -> dict[str, Own]:
+    return _own(kind, r"[A-Za-z0-9._-]+", marked=True)
 
 
 def record_beside(result: Result) -> dict[str, Any] | None:
     """What a search found whose held-out runs a result is; None of any other result."""
-    record = TuningFolder(result.path.parent).record
+    record = SearchFolder(result.path.parent, TUNE).record
     return record if record is not None and fits(record, result) else None  # or under way
 
 
 @dataclass(frozen=True)
-class TuningFolder:
-    """Where a tuning keeps what it finds."""
+class SearchFolder:
+    """Where a search keeps what it finds."""
 
     path: Path
+    kind: Kind
 
     @property
     def record(self) -> dict[str, Any] | None:
-        """What the folder says of its tuning; None where it holds none."""
+        """What the folder says of its search; None where it holds none."""
         with refusals(self.path, "used", OTHER_FOLDER):
-            return read_record(self.path / TUNING, "digest")
+            return read_record(self.path / self.kind.record, "digest")
 
     def write_record(self, record: dict[str, Any]) -> None:
         """Write it, whole or not at all."""
         with refusals(self.path, "used", OTHER_FOLDER):
-            write_record(self.path / TUNING, record)
+            write_record(self.path / self.kind.record, record)
 
     def generation(self, law: LawSearch, seed: int, number: int) -> Path:
         """The folder of one generation of a search, an ordinary sweep."""
         return self.path / GENERATIONS / law.slug / f"seed-{seed}" / f"{number:03d}"
 
-    def write_winners(self, law: LawSearch, studies: Sequence[Study], numbered: bool) -> None:
-        """Keep the complete configurations of a law's winners, and no earlier ones."""
-        names = winner_files(law, len(studies), numbered)
+    def write_found(
+        self, law: LawSearch, studies: Sequence[Study], numbered: bool = False, said: str = ""
+    ) -> None:
+        """Keep the complete configurations of what was found for a law, and no earlier ones.
+
+        Parameters
+        ----------
+        numbered
+            Whether there may be several.
+        said
+            What stands above them, in lines that begin with ``#``.
+        """
+        names = found_files(self.kind, law, len(studies), numbered)
+        mark = FOUND_BY.format(self.kind.command) + said
         with refusals(self.path, "used", OTHER_FOLDER):
             for name, study in zip(names, studies, strict=True):
                 path = self.path / name
                 path.parent.mkdir(parents=True, exist_ok=True)
-                ResultFolder(path.parent).write_config(study, path.name, FOUND_BY_TUNE)
-            for path in (self.path / TUNED / law.slug).glob("*.yaml") if numbered else ():
+                ResultFolder(path.parent).write_config(study, path.name, mark.encode())
+            for path in (self.path / self.kind.found / law.slug).glob("*.yaml") if numbered else ():
                 if path.relative_to(self.path).as_posix() not in names:
                     remove_own(path, _NUMBERED)
 
-    def check(self, search: Search) -> None:
+    def check(self, search: Searches) -> None:
         """Refuse the folder, before anything in it changes, where it leads elsewhere.
 
         Raises
@@ -108,37 +144,38 @@ class TuningFolder:
         """
         slugs = "|".join(re.escape(law.slug) for law in search.laws)
         with refusals(self.path, "used", OTHER_FOLDER):
-            check_entries(self.path, (*OWN_RESULT, *_own(slugs, marked=False).values()))
+            check_entries(self.path, (*OWN_RESULT, *_own(self.kind, slugs, marked=False).values()))
 
-    def claim(self, search: Search, force: bool) -> None:
-        """Make the folder this tuning's own.
+    def claim(self, search: Searches, force: bool) -> None:
+        """Make the folder this search's own.
 
         Raises
         ------
         EqtError
-            If it holds another tuning, or another result, and `force` is not given.
+            If it holds another search, or another result, and `force` is not given.
         """
-        record = self.record
-        there = [name for name in _OF_ANY_LAW if kind_of(self.path / name)]
+        record, own = self.record, _of_any_law(self.kind)
+        there = [name for name in own if kind_of(self.path / name)]
         if there and record is None:
             raise EqtError(f"{self.path}: holds {there[0]} that eqt did not write", OTHER_FOLDER)
         other = record is not None and record["digest"] != search.digest
         result = record is None and ResultFolder(self.path).manifest is not None
         if (other or result) and not force:
-            what = "another tuning" if other else "a result that eqt tune did not write"
+            unlike = f"a result that eqt {self.kind.command} did not write"
+            what = f"another {self.kind.what}" if other else unlike
             raise EqtError(
                 f"{self.path}: holds {what}", OTHER_FOLDER, Remedy("replace it with {}", "force")
             )
         with refusals(self.path, "used", OTHER_FOLDER):
-            for name in (GENERATIONS, TUNED) if force else ():
-                remove_own(self.path / name, _OF_ANY_LAW[name])
-            remove_left_over(self.path, list(_OF_ANY_LAW.values()))
+            for name in (GENERATIONS, self.kind.found) if force else ():
+                remove_own(self.path / name, own[name])
+            remove_left_over(self.path, list(own.values()))
         if force or record is None:
             self.write_record({"name": search.name, "digest": search.digest})
 
 
-def winner_files(law: LawSearch, count: int, numbered: bool) -> list[str]:
-    """The files of a law's winners in the folder; those of a front are numbered."""
+def found_files(kind: Kind, law: LawSearch, count: int, numbered: bool = False) -> list[str]:
+    """The files of what was found for a law; those of a front are numbered."""
     if not numbered:
-        return [f"{TUNED}/{law.slug}.yaml"] * count
-    return [f"{TUNED}/{law.slug}/{k + 1}.yaml" for k in range(count)]
+        return [f"{kind.found}/{law.slug}.yaml"] * count
+    return [f"{kind.found}/{law.slug}/{k + 1}.yaml" for k in range(count)]

@@ -1,22 +1,25 @@
 """What is searched for: the section `tune` of a configuration, read for each of its laws."""
 
-import json
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from hashlib import sha256
 from typing import Any
 
-from eqt_cli.config.schema import LogRange, TuneSection, WorstRunSection
-from eqt_cli.config.source import ConfigSource, with_value
-from eqt_cli.core.errors import ConfigError, EqtError, InputError, suggestion
-from eqt_cli.core.file_names import file_name
-from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
+from eqt_cli.config.schema import TuneSection, WorstRunSection
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.core.errors import EqtError, InputError
+from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.results.metrics import METRICS
-from eqt_cli.results.quantity_table import quantities
+from eqt_cli.tuning.law_search import (
+    LawSearch,
+    Searches,
+    check_ends,
+    laws_of,
+    range_of,
+    require_metric,
+    without_search,
+)
 
 MOST_TRAJECTORIES = 50
 """Of each law, that the confirmation keeps unless the configuration says how many; a front has
@@ -48,44 +51,7 @@ class Constraint:
 
 
 @dataclass(frozen=True)
-class LawSearch:
-    """The search for one law.
-
-    Attributes
-    ----------
-    label, slug
-        Its label in the configuration, and the name of its files.
-    source
-        The experiment with this law only, its gains in the section `gains`.
-    axes
-        What is tuned, by key of that configuration.
-    start
-        Where the search starts, in the unit cube; None where that is not in it.
-    """
-
-    label: str
-    slug: str
-    source: ConfigSource
-    axes: dict[str, Drawn]
-    start: tuple[float, ...] | None
-
-    def values(self, shares: Sequence[float]) -> dict[str, float]:
-        """The values at a point of the unit cube, by key."""
-        return {
-            key: axis.at(share)
-            for (key, axis), share in zip(self.axes.items(), shares, strict=True)
-        }
-
-    def at(self, values: dict[str, float]) -> ConfigSource:
-        """The experiment with these values."""
-        data = self.source.data
-        for key, value in values.items():
-            data = with_value(data, parse_key(key), value)
-        return replace(self.source, data=data)
-
-
-@dataclass(frozen=True)
-class Search:
+class Search(Searches):
     """What is searched for, checked.
 
     Attributes
@@ -110,11 +76,7 @@ class Search:
     constraints: tuple[Constraint, ...]
     laws: tuple[LawSearch, ...]
     confirm_seed: int
-
-    @property
-    def name(self) -> str:
-        """Of the experiment."""
-        return self.base.name
+    continuing = frozenset({"budget", "seeds", "confirm"})
 
     @property
     def seeks_front(self) -> bool:
@@ -122,30 +84,11 @@ class Search:
         return len(self.objectives) > 1
 
     @property
-    def seeds(self) -> range:
-        """Of the searches for each law."""
-        return range(self.section.seed, self.section.seed + self.section.seeds)
-
-    @property
-    def all_generations(self) -> int:
-        """Of all searches for one law."""
-        return len(self.seeds) * self.section.budget
-
-    @property
     def all_runs(self) -> int:
         """Over all laws and generations, and those of the confirmation at the most."""
         section = self.section
-        each = self.all_generations * section.population * self.base.config.ensemble.runs
         winners = section.population if self.seeks_front else section.seeds
-        return len(self.laws) * (each + (winners + 1) * section.confirm.runs)
-
-    @cached_property
-    def digest(self) -> str:
-        """Hash of all that decides where a generation looks, but for how many there are."""
-        others = {"budget", "seeds", "confirm"}
-        section = self.section.model_dump(exclude=others, warnings="none")
-        text = json.dumps([self.base.numeric_config, section], sort_keys=True)
-        return sha256(text.encode()).hexdigest()
+        return self.searched_runs + len(self.laws) * (winners + 1) * section.confirm.runs
 
     def confirmation(self, chosen: dict[str, dict[str, dict[str, float]]]) -> ConfigSource:
         """Winners and starting gains side by side, from initial states that no search has seen.
@@ -167,7 +110,7 @@ class Search:
         few = min(MOST_TRAJECTORIES, ensemble["runs"])
         store.setdefault("trajectories", "none" if self.seeks_front else few)
         own = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
-        return replace(self.base.source, data=_without_search(data) | own)
+        return replace(self.base.source, data=without_search(data) | own)
 
 
 def started(label: str) -> str:
@@ -203,9 +146,13 @@ def search_from(source: ConfigSource, *, trust_plugins: bool = False) -> Search:
     assert section is not None
     problems = Problems(source.place)
     here = problems.at("tune")
-    ranges = {
-        key: axis for key in section.over if (axis := _axis(key, section, base, here.at("over")))
-    }
+    ranges: dict[str, Drawn] = {}
+    for key, given in section.over.items():
+        at_key = here.at("over", key)
+        with at_key.catching():
+            _require_tunable(key, base)
+        axis = range_of(given, at_key)
+        ranges |= {key: axis} if axis else {}
     objectives = _objectives(section, base, here)
     constraints = _constraints(section, base, here.at("subject_to"))
     seed = section.confirm.seed
@@ -218,29 +165,13 @@ def search_from(source: ConfigSource, *, trust_plugins: bool = False) -> Search:
     if base.config.initial.file is not None:
         here.add("initial.file gives all runs their states, so that none are held out; draw them")
     problems.raise_if_any()
-    laws = _laws(base, ranges)
-    _check_ends(laws, source, problems)
+    laws = laws_of(base, ranges)
+    for law in laws:
+        if not law.axes:
+            here.at("over").add(f"has nothing to tune of controller '{law.label}'")
+    check_ends(laws, here.at("over"))
     problems.raise_if_any()
     return Search(base, section, objectives, constraints, laws, seed)
-
-
-def _axis(key: str, section: TuneSection, base: Experiment, problems: Problems) -> Drawn | None:
-    """The range of one key."""
-    at_key = problems.at(key)
-    with at_key.catching():
-        _require_tunable(key, base)
-    given = section.over[key]
-    if isinstance(given, list):
-        axis = Drawn(low=given[0], high=given[1])
-    elif isinstance(given, LogRange):
-        axis = Drawn(low=given.log[0], high=given.log[1], scale="log")
-    else:
-        axis = given
-    found = Problems()
-    axis.check(found)
-    for problem in found:
-        at_key.add(problem.message)
-    return None if at_key else axis
 
 
 def _require_tunable(key: str, base: Experiment) -> None:
@@ -271,17 +202,8 @@ def _objectives(section: TuneSection, base: Experiment, problems: Problems) -> t
     for index, name in enumerate(found):
         place = ("objectives", index) if given else ("objective",)
         with problems.catching(*place):
-            _require_metric(name, base)
+            require_metric(name, base)
     return found
-
-
-def _require_metric(name: str, base: Experiment) -> None:
-    """Raise an `InputError` if generations do not store a metric of this name."""
-    stored = {quantity.name for quantity in quantities(base)}
-    known = [q.name for q in METRICS if q.name in stored or q.told_by in stored]
-    if name not in known:
-        hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
-        raise InputError(f"no metric '{name}' is stored of every run{hint}")
 
 
 def _constraints(
@@ -290,7 +212,7 @@ def _constraints(
     found = []
     for name, bound in section.subject_to.items():
         with problems.catching(name):
-            _require_metric(name, base)
+            require_metric(name, base)
         if isinstance(bound, WorstRunSection):
             if bound.max is None and bound.min is None:
                 problems.at(name).add("expected `max` or `min`, got neither")
@@ -302,76 +224,6 @@ def _constraints(
             higher = next(q.better == "higher" for q in METRICS if q.name == name)
             found.append(Constraint(name, float(bound), above=not higher, every_run=False))
     return tuple(found)
-
-
-def _laws(base: Experiment, ranges: dict[str, Drawn]) -> tuple[LawSearch, ...]:
-    """One search for each law, over the keys that are its own and those of all."""
-    found: list[LawSearch] = []
-    shared = base.resolved["gains"]
-    ranges = dict(sorted(ranges.items(), key=lambda item: parse_key(item[0])[0] == "controllers"))
-    for index, entry in enumerate(base.resolved["controllers"]):
-        own = entry.get("gains", {})
-        law = {key: value for key, value in entry.items() if key != "gains"}
-        data = _without_search(base.source.data) | {"controllers": [law], "gains": shared | own}
-        keys = {_own_key(parse_key(key), index): axis for key, axis in ranges.items()}
-        axes = {key: axis for key, axis in keys.items() if key}
-        label = str(entry["label"])
-        slug = _slug(label, [other.slug for other in found])
-        data["name"] = f"{base.name}-{slug}"
-        source = replace(base.source, data=data)
-        found.append(LawSearch(label, slug, source, axes, _start(data, axes)))
-    return tuple(found)
-
-
-def _own_key(path: KeyPath, index: int) -> str:
-    """A key in the configuration of one law; empty where it is another law's."""
-    if path[0] == "gains":
-        return dotted(path)
-    if path[1] != index:
-        return ""
-    return dotted(path[2:] if path[2] == "gains" else ("controllers", 0, *path[2:]))
-
-
-def _slug(label: str, taken: Sequence[str]) -> str:
-    """A label as the name of a file, unlike those of others."""
-    slug = file_name(label, "law")
-    same = sum(other == slug or other.startswith(f"{slug}-") for other in taken)
-    return f"{slug}-{same + 1}" if slug in taken else slug
-
-
-def _start(data: dict[str, Any], axes: dict[str, Drawn]) -> tuple[float, ...] | None:
-    """Where the starting values are in the unit cube; None where one is not in its range."""
-    shares = []
-    for key, axis in axes.items():
-        held: Any = data
-        for step in parse_key(key):
-            inside = isinstance(held, dict) and step in held
-            inside |= isinstance(held, list) and isinstance(step, int) and step < len(held)
-            held = held[step] if inside else None
-        is_number = isinstance(held, int | float) and not isinstance(held, bool)
-        if not is_number or not axis.low <= held <= axis.high:
-            return None
-        shares.append(axis.share(float(held)))
-    return tuple(shares)
-
-
-def _check_ends(laws: Sequence[LawSearch], source: ConfigSource, problems: Problems) -> None:
-    """Build each law at both ends of all ranges; what is wrong there is said at the range."""
-    for law in laws:
-        if not law.axes:
-            problems.at("tune", "over").add(f"has nothing to tune of controller '{law.label}'")
-        for share in (0.0, 1.0):
-            try:
-                build(law.at(law.values([share] * len(law.axes))), trust_plugins=True)
-            except ConfigError as error:
-                for problem in error.problems:
-                    at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"
-                    message = f"{at}: {problem.path}: {problem.message}"
-                    problems.at("tune", "over").add(message)
-
-
-def _without_search(data: dict[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in data.items() if key not in ("tune", "sweep")}
 
 
 def _entry(data: dict[str, Any], label: str) -> dict[str, Any]:

@@ -2,32 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import cached_property, reduce
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import cached_property, partial, reduce
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.config.source import ConfigSource
-from eqt_cli.core.arrays import Array
 from eqt_cli.execution.executors import Executor, Progress
-from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
-from eqt_cli.execution.run_study import Execution, Remark, execute
+from eqt_cli.execution.run_study import Execution, Remark
 from eqt_cli.experiment.read_study import study
-from eqt_cli.results.result import open_result
-from eqt_cli.store.reserved_names import FILE_NAME
-from eqt_cli.tuning.evolution import Population, first_points, generator, selected, trials
-from eqt_cli.tuning.folder import TuningFolder, winner_files
+from eqt_cli.results.result import Result
+from eqt_cli.tuning.evolution import Population, selected
+from eqt_cli.tuning.folder import TUNE, SearchFolder, found_files
+from eqt_cli.tuning.generations import Computing, Told, evolve
+from eqt_cli.tuning.law_search import LawSearch
 from eqt_cli.tuning.ranking import Scores
 from eqt_cli.tuning.scores import scores
-from eqt_cli.tuning.search import LawSearch, Search, seeded, started
-
-Told = Callable[[LawSearch, int, Population], None]
-"""Told after every generation of a law: its number, counted over all searches for the law, and what
-is left of all points."""
+from eqt_cli.tuning.search import Search, seeded, started
 
 
 @dataclass(frozen=True)
@@ -164,38 +158,33 @@ def tune(
     EqtError
         If the folder holds something else, is in use, or cannot be written.
     """
-    folder = TuningFolder(out)
+    folder = SearchFolder(out, TUNE)
     folder.check(search)
     with locked(out, name=f"{LOCK}-tuning", remark=remark):
         folder.claim(search, force)
-        do = _Computing(search, folder, executor, progress, resumed, remark)
-        found = [_tuned(search, law, do, folder, told) for law in search.laws]
-        confirmed = do.confirm({each.law.label: each.confirmed for each in found})
+        do = Computing(executor, progress, resumed, remark)
+        found = []
+        for law in search.laws:
+
+            def after(
+                generation: int, searches: dict[int, Population], law: LawSearch = law
+            ) -> None:
+                so_far = Tuned(law, searches, search.seeks_front)
+                studies = [study(law.at(values), trust_plugins=True) for values in so_far.chosen]
+                folder.write_found(law, studies, search.seeks_front)
+                told(law, generation, so_far.population)
+
+            searches = evolve(search, law, folder, do, partial(_scored, search), after)
+            found.append(Tuned(law, searches, search.seeks_front))
+        chosen = {each.law.label: each.confirmed for each in found}
+        confirmed = do.execute(search.confirmation(chosen), out)
         record = _record(search, found)
         folder.write_record(record)
     return Tuning(search, found, confirmed, record)
 
 
-def _tuned(
-    search: Search, law: LawSearch, do: _Computing, folder: TuningFolder, told: Told
-) -> Tuned:
-    """All generations of all searches for one law; the winners so far are kept after each."""
-    section = search.section
-    searches: dict[int, Population] = {}
-    for seed in search.seeds:
-        shares = first_points(section.population, list(law.axes), law.start, seed)
-        population = Population(shares, do.generation(law, seed, 0, shares))
-        for number in range(section.budget):
-            if number:
-                shares = trials(population, generator(seed, law.label, number))
-                tried = Population(shares, do.generation(law, seed, number, shares))
-                population = selected(population, tried)
-            found = Tuned(law, {**searches, seed: population}, search.seeks_front)
-            studies = [study(law.at(values), trust_plugins=True) for values in found.chosen]
-            folder.write_winners(law, studies, search.seeks_front)
-            told(law, len(searches) * section.budget + number + 1, found.population)
-        searches[seed] = population
-    return Tuned(law, searches, search.seeks_front)
+def _scored(search: Search, result: Result) -> Scores:
+    return scores(result, search.objectives, search.constraints)
 
 
 def _winners(population: Population, seeks_front: bool) -> tuple[int, ...]:
@@ -203,75 +192,6 @@ def _winners(population: Population, seeks_front: bool) -> tuple[int, ...]:
         return tuple(population.front.tolist())
     best = population.best
     return (best,) if population.scores.feasible[best] else ()
-
-
-@dataclass(frozen=True)
-class _Computing:
-    """Has points computed, or finds that they were."""
-
-    search: Search
-    folder: TuningFolder
-    executor: Executor
-    progress: Progress
-    resumed: Progress
-    remark: Remark
-
-    def generation(self, law: LawSearch, seed: int, number: int, shares: Array) -> Scores:
-        """The scores of the points of a generation, which is an ordinary sweep."""
-        points = [law.values(row) for row in shares.tolist()]
-        columns = {key: [point[key] for point in points] for key in law.axes}
-        out = self.folder.generation(law, seed, number)
-        if _holds(out, columns):
-            self.resumed(len(points) * self.search.base.config.ensemble.runs)
-        else:
-            self._execute(_swept(law, columns), out)
-        with open_result(out) as result:
-            return scores(result, self.search.objectives, self.search.constraints)
-
-    def confirm(self, chosen: dict[str, dict[str, dict[str, float]]]) -> Execution:
-        """Winners and starting gains on held-out runs, in the folder itself."""
-        return self._execute(self.search.confirmation(chosen), self.folder.path)
-
-    def _execute(self, source: ConfigSource, out: Path) -> Execution:
-        found = study(source, trust_plugins=True)
-        there = ResultFolder(out).manifest
-        done = execute(
-            found,
-            out,
-            executor=self.executor,
-            force=there is not None and there["digest"] != found.digest,  # of fewer generations
-            progress=self.progress,
-            resumed=self.resumed,
-            remark=self.remark,
-        )
-        if done.was_complete:
-            self.resumed(done.runs)
-        return done
-
-
-def _swept(law: LawSearch, columns: dict[str, list[float]]) -> ConfigSource:
-    """A sweep over listed points, which keeps metrics only and is not judged run by run."""
-    data = law.source.data
-    solver = dict(data.get("solver") or {})
-    if "max_error" not in solver:
-        solver.setdefault("error_estimate", False)
-    own = {
-        "sweep": [{"zip": columns}],
-        "store": {"trajectories": "none"},
-        "solver": solver | {"cross_check": 0},
-    }
-    return replace(law.source, data=data | own)
-
-
-def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
-    """Whether a folder holds the finished sweep over these points."""
-    if not (out / FILE_NAME).exists():
-        return False
-    with open_result(out) as result:
-        return all(
-            np.array_equal(result.coordinate(key.replace("[", ".").replace("]", "")), values)
-            for key, values in columns.items()
-        )
 
 
 def _record(search: Search, found: Sequence[Tuned]) -> dict[str, Any]:
@@ -308,7 +228,7 @@ def _law_record(search: Search, found: Tuned) -> dict[str, Any]:
             for point, label, name in zip(
                 found.winners,
                 found.labels,
-                winner_files(found.law, len(found.winners), search.seeks_front),
+                found_files(TUNE, found.law, len(found.winners), search.seeks_front),
                 strict=True,
             )
         ],

@@ -82,7 +82,7 @@ def test_an_interruption_says_the_best_so_far(
     def stopped(*_: Any) -> None:
         raise Interrupted(signal.SIGINT)
 
-    monkeypatch.setattr("eqt_cli.tuning.tune._Computing.confirm", stopped)
+    monkeypatch.setattr("eqt_cli.tuning.search.Search.confirmation", stopped)
     done = eqt("tune", config)
     assert done.code == 130
     assert "interrupted; what was found is kept in results/t-tuned: run the same" in done.err

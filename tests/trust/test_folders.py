@@ -31,7 +31,7 @@ import eqt_cli.report.animation  # before anything that these import is replaced
 from eqt_cli.cli import main
 from eqt_cli.cli.app import app
 from eqt_cli.core.errors import EqtError
-from eqt_cli.core.own_files import FOUND_BY_TUNE, Own, kind_of
+from eqt_cli.core.own_files import FOUND_BY, Own, kind_of
 from eqt_cli.core.replacement import name_to_be, new_file, replace_file
 from eqt_cli.execution.folder import CONFIG as CONFIG_NAME
 from eqt_cli.execution.folder import (
@@ -286,7 +286,7 @@ def canary(tmp_path: Path) -> Path:
     names = ("000000.h5", "reference.h5", "0-a.py", "eqt.yaml", "1.yaml", "config.yaml", "x.tmp")
     for folder in (home, home / "folder", home / "folder" / "inner"):
         for name in (*names, "results.h5", "torque.json", f"a.{'0' * 16}.tmp"):
-            (folder / name).write_bytes(FOUND_BY_TUNE)
+            (folder / name).write_text(FOUND_BY.format("tune"))
     (home / "file").write_bytes(b"precious")
     return home
 
@@ -431,7 +431,7 @@ def test_only_own_names_are_deleted(lay: Callable[[str], Path], command: str) ->
     assert {name for name in kept if (out / name).read_bytes() != b"mine"} == set()
     assert [name for name in killed if (out / name).exists()] == []
     assert not list((out / RERUN).glob("*.h5"))
-    assert slug == "tuned/notes.yaml" or FOUND_BY_TUNE in (out / slug).read_bytes()
+    assert slug == "tuned/notes.yaml" or FOUND_BY.format("tune") in (out / slug).read_text()
 
 
 @pytest.mark.parametrize("name", [PARTS, RERUN, FIGURES, PLUGINS, FILES])

@@ -1,0 +1,121 @@
+"""Generation after generation of the search for a law, each an ordinary sweep in a folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from eqt_cli.config.source import ConfigSource
+from eqt_cli.core.arrays import Array
+from eqt_cli.execution.executors import Executor, Progress
+from eqt_cli.execution.folder import ResultFolder
+from eqt_cli.execution.run_study import Execution, Remark, execute
+from eqt_cli.experiment.read_study import study
+from eqt_cli.results.result import Result, open_result
+from eqt_cli.store.reserved_names import FILE_NAME
+from eqt_cli.tuning.evolution import Population, first_points, generator, selected, trials
+from eqt_cli.tuning.folder import SearchFolder
+from eqt_cli.tuning.law_search import LawSearch, Searches
+from eqt_cli.tuning.ranking import Scores
+
+Told = Callable[[LawSearch, int, Population], None]
+"""Told after every generation of a law: its number, counted over all searches for the law, and what
+is left of all points."""
+
+Scored = Callable[[Result], Scores]
+"""The scores of all points of a sweep with one law."""
+
+After = Callable[[int, dict[int, Population]], None]
+"""Told after every generation: its number over all searches, and what each search has left."""
+
+
+@dataclass(frozen=True)
+class Computing:
+    """Has points computed, or finds that they were."""
+
+    executor: Executor
+    progress: Progress
+    resumed: Progress
+    remark: Remark
+
+    def generation(self, law: LawSearch, out: Path, shares: Array, scored: Scored) -> Scores:
+        """The scores of the points of a generation, which is an ordinary sweep."""
+        points = [law.values(row) for row in shares.tolist()]
+        columns = {key: [point[key] for point in points] for key in law.axes}
+        if _holds(out, columns):
+            with open_result(out) as result:
+                self.resumed(len(points) * result.runs)
+                return scored(result)
+        self.execute(_swept(law, columns), out)
+        with open_result(out) as result:
+            return scored(result)
+
+    def execute(self, source: ConfigSource, out: Path) -> Execution:
+        """Compute an experiment, or what is missing of it."""
+        found = study(source, trust_plugins=True)
+        there = ResultFolder(out).manifest
+        done = execute(
+            found,
+            out,
+            executor=self.executor,
+            force=there is not None and there["digest"] != found.digest,  # of fewer generations
+            progress=self.progress,
+            resumed=self.resumed,
+            remark=self.remark,
+        )
+        if done.was_complete:
+            self.resumed(done.runs)
+        return done
+
+
+def evolve(
+    search: Searches,
+    law: LawSearch,
+    folder: SearchFolder,
+    do: Computing,
+    scored: Scored,
+    after: After,
+) -> dict[int, Population]:
+    """All generations of all searches for one law; returns what each has left, by its seed."""
+    section = search.section
+    searches: dict[int, Population] = {}
+    for count, seed in enumerate(search.seeds):
+        shares = first_points(section.population, list(law.axes), law.start, seed)
+        for number in range(section.budget):
+            if number:
+                shares = trials(
+                    searches[seed], generator(seed, law.label, number), search.keeps_ends
+                )
+            out = folder.generation(law, seed, number)
+            tried = Population(shares, do.generation(law, out, shares, scored))
+            searches[seed] = selected(searches[seed], tried) if number else tried
+            after(count * section.budget + number + 1, searches)
+    return searches
+
+
+def _swept(law: LawSearch, columns: dict[str, list[float]]) -> ConfigSource:
+    """A sweep over listed points, which keeps metrics only and is not judged run by run."""
+    data = law.source.data
+    solver = dict(data.get("solver") or {})
+    if "max_error" not in solver:
+        solver.setdefault("error_estimate", False)
+    own = {
+        "sweep": [{"zip": columns}],
+        "store": {"trajectories": "none"},
+        "solver": solver | {"cross_check": 0},
+    }
+    return replace(law.source, data=data | own)
+
+
+def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
+    """Whether a folder holds the finished sweep over these points."""
+    if not (out / FILE_NAME).exists():
+        return False
+    with open_result(out) as result:
+        return all(
+            np.array_equal(result.coordinate(key.replace("[", ".").replace("]", "")), values)
+            for key, values in columns.items()
+        )

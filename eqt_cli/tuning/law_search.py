@@ -1,0 +1,210 @@
+"""The search for one law: its experiment, and the numbers that are varied within ranges."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from hashlib import sha256
+from typing import Any, ClassVar
+
+from eqt_cli.config.schema import SEARCHES, LogRange, TunedAxis, TuneSection, WorstSection
+from eqt_cli.config.source import ConfigSource, with_value
+from eqt_cli.core.errors import ConfigError, InputError, suggestion
+from eqt_cli.core.file_names import file_name
+from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
+from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.quantity_table import quantities
+
+
+@dataclass(frozen=True)
+class LawSearch:
+    """The search for one law.
+
+    Attributes
+    ----------
+    label, slug
+        Its label in the configuration, and the name of its files.
+    source
+        The experiment with this law only, its gains in the section `gains`.
+    axes
+        What is varied, by key of that configuration.
+    given
+        The same keys, in the same order, as the configuration of all laws has them.
+    start
+        Where the search starts, in the unit cube; None where that is not in it.
+    """
+
+    label: str
+    slug: str
+    source: ConfigSource
+    axes: dict[str, Drawn]
+    given: tuple[str, ...]
+    start: tuple[float, ...] | None
+
+    def values(self, shares: Sequence[float]) -> dict[str, float]:
+        """The values at a point of the unit cube, by key."""
+        return {
+            key: axis.at(share)
+            for (key, axis), share in zip(self.axes.items(), shares, strict=True)
+        }
+
+    def at(self, values: dict[str, float]) -> ConfigSource:
+        """The experiment with these values."""
+        data = self.source.data
+        for key, value in values.items():
+            data = with_value(data, parse_key(key), value)
+        return replace(self.source, data=data)
+
+
+class Searches:
+    """Searches for each law of an experiment, as many and as long for every law.
+
+    Attributes
+    ----------
+    base
+        The experiment with all laws.
+    section
+        The section that asks for it.
+    laws
+        One search for each law.
+    continuing
+        The keys of the section that change no generation, but which of them there are.
+    keeps_ends
+        Whether values beyond an end of a range become that end, where the worst often is; else they
+        are drawn anew.
+    """
+
+    base: Experiment
+    section: TuneSection | WorstSection
+    laws: tuple[LawSearch, ...]
+    continuing: ClassVar[frozenset[str]]
+    keeps_ends: ClassVar[bool] = False
+
+    @property
+    def name(self) -> str:
+        """Of the experiment."""
+        return self.base.name
+
+    @property
+    def seeds(self) -> range:
+        """Of the searches for each law."""
+        return range(self.section.seed, self.section.seed + self.section.seeds)
+
+    @property
+    def all_generations(self) -> int:
+        """Of all searches for one law."""
+        return len(self.seeds) * self.section.budget
+
+    @property
+    def searched_runs(self) -> int:
+        """Over all laws and generations."""
+        each = self.all_generations * self.section.population
+        return len(self.laws) * each * self.base.config.ensemble.runs
+
+    @cached_property
+    def digest(self) -> str:
+        """Hash of all that decides where a generation looks, but for how many there are."""
+        section = self.section.model_dump(exclude=set(self.continuing), warnings="none")
+        text = json.dumps([self.base.numeric_config, section], sort_keys=True)
+        return sha256(text.encode()).hexdigest()
+
+
+def range_of(given: TunedAxis, problems: Problems) -> Drawn | None:
+    """The range that was given for a key, or None after noting what is wrong with it."""
+    if isinstance(given, list):
+        axis = Drawn(low=given[0], high=given[1])
+    elif isinstance(given, LogRange):
+        axis = Drawn(low=given.log[0], high=given.log[1], scale="log")
+    else:
+        axis = given
+    found = Problems()
+    axis.check(found)
+    for problem in found:
+        problems.add(problem.message)
+    return None if problems else axis
+
+
+def require_metric(name: str, base: Experiment) -> None:
+    """Raise an `InputError` if generations do not store a metric of this name."""
+    stored = {quantity.name for quantity in quantities(base)}
+    known = [q.name for q in METRICS if q.name in stored or q.told_by in stored]
+    if name not in known:
+        hint = suggestion(name, known) or f"; there are: {', '.join(known)}"
+        raise InputError(f"no metric '{name}' is stored of every run{hint}")
+
+
+def laws_of(base: Experiment, ranges: dict[str, Drawn]) -> tuple[LawSearch, ...]:
+    """One search for each law, over the keys that are its own and those of all."""
+    found: list[LawSearch] = []
+    shared = base.resolved["gains"]
+    ranges = dict(sorted(ranges.items(), key=lambda item: parse_key(item[0])[0] == "controllers"))
+    for index, entry in enumerate(base.resolved["controllers"]):
+        own = entry.get("gains", {})
+        law = {key: value for key, value in entry.items() if key != "gains"}
+        data = without_search(base.source.data) | {"controllers": [law], "gains": shared | own}
+        keys = {own: key for key in ranges if (own := _own_key(parse_key(key), index))}
+        axes = {own: ranges[key] for own, key in keys.items()}
+        label = str(entry["label"])
+        slug = _slug(label, [other.slug for other in found])
+        data["name"] = f"{base.name}-{slug}"
+        source = replace(base.source, data=data)
+        given = tuple(keys.values())
+        found.append(LawSearch(label, slug, source, axes, given, _start(data, axes)))
+    return tuple(found)
+
+
+def _own_key(path: KeyPath, index: int) -> str:
+    """A key in the configuration of one law; empty where it is another law's."""
+    if path[0] != "controllers":
+        return dotted(path)
+    if path[1] != index:
+        return ""
+    return dotted(path[2:] if path[2] == "gains" else ("controllers", 0, *path[2:]))
+
+
+def _slug(label: str, taken: Sequence[str]) -> str:
+    """A label as the name of a file, unlike those of others."""
+    slug = file_name(label, "law")
+    same = sum(other == slug or other.startswith(f"{slug}-") for other in taken)
+    return f"{slug}-{same + 1}" if slug in taken else slug
+
+
+def _start(data: dict[str, Any], axes: dict[str, Drawn]) -> tuple[float, ...] | None:
+    """Where the starting values are in the unit cube; None where one is not in its range."""
+    shares = []
+    for key, axis in axes.items():
+        held = value_at(data, parse_key(key))
+        is_number = isinstance(held, int | float) and not isinstance(held, bool)
+        if not is_number or not axis.low <= held <= axis.high:
+            return None
+        shares.append(axis.share(float(held)))
+    return tuple(shares)
+
+
+def check_ends(laws: Sequence[LawSearch], problems: Problems) -> None:
+    """Build each law at both ends of all ranges; what is wrong there is said at the ranges."""
+    for law in laws:
+        for share in (0.0, 1.0):
+            try:
+                build(law.at(law.values([share] * len(law.axes))), trust_plugins=True)
+            except ConfigError as error:
+                for problem in error.problems:
+                    at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"
+                    message = f"{at}: {problem.path}: {problem.message}"
+                    problems.add(message)
+
+
+def without_search(data: dict[str, Any]) -> dict[str, Any]:
+    """A configuration without what says that it is searched, or swept."""
+    return {key: value for key, value in data.items() if key not in (*SEARCHES, "sweep")}
+
+
+def value_at(data: Any, path: KeyPath) -> Any:
+    """What a configuration holds at a path; None where it holds nothing."""
+    for step in path:
+        inside = isinstance(data, dict) and step in data
+        inside |= isinstance(data, list) and isinstance(step, int) and step < len(data)
+        data = data[step] if inside else None
+    return data
