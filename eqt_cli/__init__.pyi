@@ -16,5 +16,6 @@ from eqt_cli.api import plot as plot
 from eqt_cli.api import run as run
 from eqt_cli.api import tune as tune
 from eqt_cli.api import verify as verify
+from eqt_cli.api import worst as worst
 from eqt_cli.api import write_report as write_report
 from eqt_cli.core.version import __version__ as __version__

@@ -22,3 +22,4 @@ from eqt_cli.api.running import pack as pack
 from eqt_cli.api.running import run as run
 from eqt_cli.api.tuning import tune as tune
 from eqt_cli.api.verifying import verify as verify
+from eqt_cli.api.worst_case import worst as worst

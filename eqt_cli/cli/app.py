@@ -23,6 +23,7 @@ from eqt_cli.cli import (
     sweep,
     tune,
     verify,
+    worst,
 )
 from eqt_cli.cli.shared.help import COMPUTE, LOOK_UP, READ, Command, Group
 from eqt_cli.cli.shared.streams import drop_stdout
@@ -89,6 +90,7 @@ def _add(name: str, command: Callable[..., None], group: str) -> None:
 _add("run", run.run, COMPUTE)
 _add("sweep", sweep.sweep, COMPUTE)
 _add("tune", tune.tune, COMPUTE)
+_add("worst", worst.worst, COMPUTE)
 _add("pack", pack.pack, COMPUTE)
 _add("export", export.export, COMPUTE)
 _add("show", show.show, READ)

@@ -103,6 +103,7 @@ def check(
     )
     from eqt_cli.experiment.read_study import study
     from eqt_cli.tuning.search import search_from
+    from eqt_cli.tuning.worst_search import worst_search_from
 
     source = read_config(config, options.overrides(set_))
     try:
@@ -115,6 +116,8 @@ def check(
         problems.raise_if_any()
         if source.data.get("tune"):
             search_from(source, trust_plugins=trust_plugins)
+        if source.data.get("worst"):
+            worst_search_from(source, trust_plugins=trust_plugins)
     except ConfigError as error:
         if not json:
             raise

@@ -183,6 +183,7 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
 def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list[str]:
     """The figures to draw where none is asked for."""
     from eqt_cli.results.result import open_result
+    from eqt_cli.tuning.worst import worst_beside
 
     if result.suffix in YAML:
         return ["reference"]
@@ -191,6 +192,8 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
     with open_result(result) as results:
         if not results.is_sweep:
             return ["paper"]
+        if worst_beside(results):
+            return ["worst"]
         if results.compares_cases:
             return ["forest"]
         swept = results.swept_keys

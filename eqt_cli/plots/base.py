@@ -21,6 +21,7 @@ from eqt_cli.plots.shown.metrics import ShownMetrics
 from eqt_cli.plots.shown.reference import ShownReference
 from eqt_cli.plots.shown.sweep import ShownSweep
 from eqt_cli.plots.shown.trajectories import ShownRuns
+from eqt_cli.plots.shown.worst import ShownWorst
 from eqt_cli.results.result import Result
 
 if TYPE_CHECKING:
@@ -211,6 +212,15 @@ class OfTuning(Figure[ShownFronts]):
     def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownFronts:
         """The fronts of the laws."""
         return ShownFronts(self._only(results, "search"), self.name, self.controllers)
+
+
+@dataclass(frozen=True)
+class OfWorst(Figure[ShownWorst]):
+    """A figure of what a search for the worst run found."""
+
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownWorst:
+        """The runs along each key."""
+        return ShownWorst(self._only(results, "search"), self.name, self.controllers)
 
 
 # Beside the base class, so that a plugin that imports one is known to the other.

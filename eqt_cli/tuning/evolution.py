@@ -78,8 +78,8 @@ def first_points(
 def trials(population: Population, random: np.random.Generator, keeps_ends: bool = False) -> Array:
     """A point to be tried against each of the population: best + F (a − b), crossed with it.
 
-    Coordinates that leave the cube are drawn anew, evenly, or become its ends. Of several objectives, the best is any
-    point of the front, drawn for each trial.
+    Coordinates that leave the cube are drawn anew, evenly, or become its ends. Of several
+    objectives, the best is any point of the front, drawn for each trial.
     """
     shares = population.shares
     count, dimensions = shares.shape

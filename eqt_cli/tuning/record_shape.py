@@ -46,3 +46,39 @@ def fits(record: dict[str, Any], result: Result) -> bool:
             and all(winner < start for winner, start in order)
         )
     return False
+
+
+def fits_worst(record: dict[str, Any], result: Result) -> bool:
+    """Whether it says what `find_worst` writes, of laws and a metric that the result has."""
+    with suppress(TypeError, KeyError, AttributeError, ValueError):
+        laws = record["laws"]
+        labels = [law["label"] for law in laws]
+        lines = [line for law in laws for line in law["lines"]]
+        ends = [end for line in lines for end in line["points"]]
+        found = [one for law in laws for one in (law, *law["searches"])]
+        numbers = [
+            *(value for law in laws for value in law["values"].values()),
+            *(one["value"] for one in found if not one["failed"]),
+            *(law["first"][name] for law in laws for name in ("runs", "unsettled")),
+            *(record[name] for name in ("generations", "population", "runs")),
+        ]
+        counts = [law[name] for law in laws for name in ("run", "unsettled", "runs", "agreeing")]
+        names = {key.replace("[", ".").replace("]", "") for law in laws for key in law["values"]}
+        return (
+            bool(labels)
+            and result.is_sweep
+            and len(set(labels)) == len(labels)
+            and set(labels) <= set(result.labels)
+            and record["objective"] in _METRICS
+            and result.has(record["objective"])
+            and names <= set(result.coordinates)
+            and all(line["key"] in law["values"] for law in laws for line in law["lines"])
+            and all(law["lines"] and law["searches"] for law in laws)
+            and all(len(line["points"]) == 2 for line in lines)
+            and all(isinstance(number, int) for number in (*ends, *counts, *record["seeds"]))
+            and all(0 <= line["points"][0] < line["points"][1] <= result.points for line in lines)
+            and all(isinstance(number, int | float) for number in numbers)
+            and all(isinstance(one["failed"], bool) for one in found)
+            and all(isinstance(law["config"], str) for law in laws)
+        )
+    return False

@@ -22,6 +22,7 @@ from eqt_cli.tuning.folder import WORST, SearchFolder, found_files
 from eqt_cli.tuning.generations import Computing, Scored, Told, evolve
 from eqt_cli.tuning.law_search import LawSearch
 from eqt_cli.tuning.ranking import Scores
+from eqt_cli.tuning.record_shape import fits_worst
 from eqt_cli.tuning.worst_search import Line, WorstSearch
 
 AGREEING = 0.01
@@ -201,6 +202,12 @@ def _valued(search: WorstSearch, cost: float) -> dict[str, Any]:
     failed = cost == math.inf
     value = None if failed else float(QUANTITIES[search.objective].cost(cost))
     return {"value": value, "failed": failed}
+
+
+def worst_beside(result: Result) -> dict[str, Any] | None:
+    """What a search found whose lines a result holds; None of any other result."""
+    record = SearchFolder(result.path.parent, WORST).record
+    return record if record is not None and fits_worst(record, result) else None
 
 
 def _agree(cost: float, worst: float) -> bool:

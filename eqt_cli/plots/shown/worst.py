@@ -1,0 +1,122 @@
+"""The runs along each key through the worst that a search found."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.plots.shown.controllers import error_of, positions
+from eqt_cli.results.origin import law_title
+from eqt_cli.results.result import Result
+from eqt_cli.results.swept_key import SweptKey
+from eqt_cli.tuning.worst import costs_of_runs, worst_beside, worst_of
+
+
+@dataclass(frozen=True)
+class Along:
+    """A law along one key through the worst that was found for it.
+
+    Attributes
+    ----------
+    key
+        Of the configuration.
+    position
+        Of the law, on which its line style depends.
+    title
+        How it is written.
+    values : (points,)
+        Of the key.
+    worst : (points,)
+        Of the objective over all runs; NaN where a run failed, or none has a value.
+    failed : (points,)
+        Where a run failed.
+    found
+        At which of the points the worst was found.
+    """
+
+    key: str
+    position: int
+    title: str
+    values: Array
+    worst: Array
+    failed: Array
+    found: int
+
+
+class ShownWorst:
+    """What a search for the worst run found, along each key.
+
+    Parameters
+    ----------
+    results
+        The open result.
+    figure, chosen
+        As for `ShownControllers`.
+
+    Attributes
+    ----------
+    lines : list of Along
+        Of all laws, the keys in the order of the configuration.
+    objective : str
+        The metric.
+
+    Raises
+    ------
+    EqtError
+        If the result is not of such a search, or there is no such law.
+    """
+
+    def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
+        self.results = results
+        record = worst_beside(results) if results.is_sweep else None
+        if record is None:
+            raise error_of(results, figure, "shows what `eqt worst` found; this is none")
+        shown = positions([results], figure, chosen)[0]
+        self.objective: str = record["objective"]
+        costs = worst_of(costs_of_runs(results, self.objective))
+        quantity = results.quantity(self.objective)
+        self.lines = []
+        for law in record["laws"]:
+            position = results.labels.index(law["label"])
+            for line in law["lines"] if position in shown else ():
+                points = slice(*line["points"])
+                key = line["key"]
+                values = results.coordinate(key.replace("[", ".").replace("]", ""))[points]
+                cost = costs[points, position]
+                self.lines.append(
+                    Along(
+                        key,
+                        position,
+                        law_title(law["label"]),
+                        values.astype(float),
+                        quantity.cost(np.where(np.isfinite(cost), cost, np.nan)),
+                        np.isposinf(cost),
+                        int(np.argmin(np.abs(values - law["values"][key]))),
+                    )
+                )
+
+    @property
+    def keys(self) -> list[str]:
+        """What was varied, each key once."""
+        return list(dict.fromkeys(line.key for line in self.lines))
+
+    def swept(self, key: str) -> SweptKey:
+        """A key as a scale, with all values that its lines have."""
+        values = np.concatenate([line.values for line in self.lines if line.key == key])
+        log = any(known.key == key and known.logarithmic for known in self.results.swept_keys)
+        return SweptKey(key, values, {}, log)
+
+    def notes(self) -> list[str]:
+        """What a reader must know about the curves."""
+        return list(self._notes())
+
+    def _notes(self) -> Iterator[str]:
+        runs = self.results.runs
+        of = f"the worst of {runs} runs" if runs > 1 else "one run"
+        yield (
+            f"Each point: {of}; the other keys as found for the law (filled marker). "
+            "Found by search: worse runs may exist."
+        )
+        if any(line.failed.any() for line in self.lines):
+            yield "Crosses at the top: a run failed."

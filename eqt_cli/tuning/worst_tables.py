@@ -1,0 +1,61 @@
+"""What a search for the worst run found, as a table of text."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from eqt_cli.analysis.comparison.findings import listed
+from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.results.origin import law_title
+from eqt_cli.results.result import Result
+from eqt_cli.tuning.tables import values_text
+from eqt_cli.tuning.worst import AGREEING
+
+Record = Mapping[str, Any]
+
+
+def worst_table(result: Result, record: Record) -> TextTable:
+    """The worst run of each law that was found, where, and how often searches agree.
+
+    Parameters
+    ----------
+    result
+        Of all laws at the points along each key, open.
+    record
+        Of the search, as its folder has it.
+    """
+    write = Plain()
+    name = record["objective"]
+    unit = write.unit(result.units(name))
+    what = f"{write.name(result.quantity(name))}{f' in {unit}' if unit else ''}"
+    rows = [
+        [
+            law_title(law["label"]),
+            "a run failed" if law["failed"] else f"{law['value']:.4g}",
+            values_text(law["values"]),
+            str(law["run"]),
+            f"{law['unsettled']} of {law['runs']}",
+            f"{law['first']['unsettled']} of {law['first']['runs']}",
+            f"{law['agreeing']} of {len(law['searches'])}",
+        ]
+        for law in record["laws"]
+    ]
+    header = ["law", "worst found", "at", "run", "not settled there", "in the box", "agree"]
+    title = f"The worst run that was found: {what}"
+    return TextTable("worst", title, header, [Block("", rows)], list(_notes(record)))
+
+
+def _notes(record: Record) -> Iterator[str]:
+    each = f"{record['runs']} run{'s' if record['runs'] > 1 else ''}"
+    generations = f"{record['generations']} generation{'s' if record['generations'] > 1 else ''}"
+    seeds = f"seed{'s' if len(record['seeds']) > 1 else ''} {listed([*map(str, record['seeds'])])}"
+    yield (
+        f"Searched: {generations} of {record['population']} points, each of {each}, for every law, "
+        f"with the {seeds}. Worse runs may exist: a search finds, and proves nothing."
+    )
+    yield (
+        "Not settled there: of the runs at the point that was found; in the box: of all runs of "
+        "the first generations, whose points are spread over the ranges. A failed run has not "
+        "settled. "
+        f"Agree: searches whose worst is within {100 * AGREEING:g} % of the worst of all."
+    )
