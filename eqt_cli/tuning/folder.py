@@ -43,16 +43,19 @@ class Kind:
         Such a search in words.
     record, found
         The names of the file that says what was found, and of the folder of configurations.
+    runs
+        Whether there are results of these beside them, rather than several for a law.
     """
 
     command: str
     what: str
     record: str
     found: str
+    runs: bool = False
 
 
 TUNE = Kind("tune", "tuning", "tuning.json", "tuned")
-WORST = Kind("worst", "search for the worst run", "worst.json", "worst")
+WORST = Kind("worst", "search for the worst run", "worst.json", "worst", runs=True)
 
 _NUMBERED = OwnFile(r"\d+\.yaml", marked=True)
 
@@ -69,13 +72,14 @@ def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, Own]:
     """
     generation = OwnFolder(r"\d{3,}", OWN_RESULT, MANIFEST)
     one_search = OwnFolder(r"seed-\d+", (generation,))
-    winners: tuple[Own, ...] = (*OWN_COPIES, OwnFile(_NUMBERED.name, marked))
+    winners = OwnFolder(slug, (*OWN_COPIES, OwnFile(_NUMBERED.name, marked)))
+    run = OwnFolder(slug, OWN_RESULT, MANIFEST)
     single = OwnFile(rf"({slug})\.yaml", marked)
-    tuned: tuple[Own, ...] = (*OWN_COPIES, single, OwnFolder(slug, winners))
+    found: tuple[Own, ...] = (*OWN_COPIES, single, run if kind.runs else winners)
     return {
         kind.record: OwnFile(re.escape(kind.record)),
         GENERATIONS: OwnFolder(GENERATIONS, (OwnFolder(slug, (one_search,)),)),
-        kind.found: OwnFolder(kind.found, tuned),
+        kind.found: OwnFolder(kind.found, found),
     }
 
 
@@ -110,6 +114,10 @@ class SearchFolder:
     def generation(self, law: LawSearch, seed: int, number: int) -> Path:
         """The folder of one generation of a search, an ordinary sweep."""
         return self.path / GENERATIONS / law.slug / f"seed-{seed}" / f"{number:03d}"
+
+    def run_of(self, law: LawSearch) -> Path:
+        """The folder of the result of what was found for a law."""
+        return self.path / self.kind.found / law.slug
 
     def write_found(
         self, law: LawSearch, studies: Sequence[Study], numbered: bool = False, said: str = ""

@@ -119,18 +119,27 @@ def find_worst(
             found[law.label] = evolve(search, law, folder, do, scored, after)
             first[law.label] = [_first(folder.generation(law, k, 0), scored) for k in search.seeds]
         best = {label: reduce(selected, searches.values()) for label, searches in found.items()}
-        lines = search.lines(
-            {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}
-        )
+        shares = {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}
+        alone = {}
+        for law in search.laws:
+            source = law.at(law.values(shares[law.label]))
+            do.execute(source, folder.run_of(law))
+            with open_result(folder.run_of(law)) as result:
+                told_of = alone[law.label] = _alone(search, result)
+            single = study(source, trust_plugins=True)
+            folder.write_found(law, [single], said=_said(search, law, told_of))
+        lines = search.lines(shares)
         along = do.execute(search.along(lines), out)
-        with open_result(out) as result:
-            laws = [
-                _law_record(search, law, found[law.label], first[law.label], lines, result)
-                for law in search.laws
-            ]
-        for law, told_of in zip(search.laws, laws, strict=True):
-            at = study(law.at(_own(law, told_of)), trust_plugins=True)
-            folder.write_found(law, [at], said=_said(search, told_of))
+        laws = [
+            {
+                "label": law.label,
+                "config": found_files(WORST, law, 1)[0],
+                **alone[law.label],
+                **_searched(search, law, found[law.label], first[law.label], shares[law.label]),
+                "lines": _places(lines, law.label),
+            }
+            for law in search.laws
+        ]
         record = _record(search, laws)
         folder.write_record(record)
     return Worst(search, along, record)
@@ -142,59 +151,59 @@ def _first(out: Path, scored: Scored) -> Scores:
         return scored(result)
 
 
-def _own(law: LawSearch, record: dict[str, Any]) -> dict[str, float]:
-    """The values that were found, by the keys of the law's own configuration."""
-    return {own: record["values"][key] for own, key in zip(law.axes, law.given, strict=True)}
-
-
-def _said(search: WorstSearch, record: dict[str, Any]) -> str:
+def _said(search: WorstSearch, law: LawSearch, record: dict[str, Any]) -> str:
     """What stands above the configuration: which of its runs is meant."""
     what = "failed" if record["failed"] else f"{search.objective} {record['value']!r}"
-    return f"# run {record['run']} of {record['label']}: {what}\n"
+    return f"# run {record['run']} of {law.label}: {what}\n"
 
 
-def _law_record(
+def _alone(search: WorstSearch, result: Result) -> dict[str, Any]:
+    """The worst run of what was found for a law, run by itself.
+
+    The engine may give runs other last digits beside those of other points.
+    """
+    costs = costs_of_runs(result, search.objective)[0]
+    run = int(np.argmax(np.where(np.isnan(costs), -np.inf, costs)))
+    settled = np.isfinite(result.metric("settling_time")[0])
+    return {
+        "run": run,
+        **_valued(search, float(costs[run])),
+        "runs": result.runs,
+        "unsettled": int(np.count_nonzero(~settled)),
+    }
+
+
+def _searched(
     search: WorstSearch,
     law: LawSearch,
     searches: dict[int, Population],
     first: list[Scores],
-    lines: list[Line],
-    result: Result,
+    shares: tuple[float, ...],
 ) -> dict[str, Any]:
-    """What was found for a law; its worst run is read from the runs along the lines."""
-    starts = np.cumsum([0, *(len(line.points) for line in lines)])
-    own = [index for index, line in enumerate(lines) if line.law == law.label]
-    point = int(starts[own[0]]) + lines[own[0]].found
-    position = result.labels.index(law.label)
-    costs = costs_of_runs(result, search.objective)[point, position]
-    run = int(np.argmax(np.where(np.isnan(costs), -np.inf, costs)))
-    values = lines[own[0]].points[lines[own[0]].found]
+    """Where the worst was found, by which searches, and how many runs of the box settle."""
     worst = {seed: -float(left.scores.objectives[left.best, 0]) for seed, left in searches.items()}
-    settles = result.metric("settling_time")[point, position]
-    runs = result.runs
+    axes = zip(law.given, law.axes.values(), strict=True)
+    points = sum(len(scored) for scored in first)
     return {
-        "label": law.label,
-        "config": found_files(WORST, law, 1)[0],
-        "over": {
-            key: [axis.low, axis.high]
-            for key, axis in zip(law.given, law.axes.values(), strict=True)
-        },
-        "values": {key: values[key] for key in law.given},
-        "run": run,
-        **_valued(search, float(costs[run])),
-        "unsettled": int(runs - np.isfinite(settles).sum()),
-        "runs": runs,
-        "first": {
-            "runs": runs * sum(len(scored) for scored in first),
-            "unsettled": int(sum((s.failed + s.unsettled).sum() for s in first)),
-        },
+        "over": {key: [axis.low, axis.high] for key, axis in axes},
+        "values": dict(zip(law.given, law.values(shares).values(), strict=True)),
         "searches": [{"seed": seed, **_valued(search, cost)} for seed, cost in worst.items()],
         "agreeing": sum(_agree(cost, max(worst.values())) for cost in worst.values()),
-        "lines": [
-            {"key": lines[index].key, "points": [int(starts[index]), int(starts[index + 1])]}
-            for index in own
-        ],
+        "first": {
+            "runs": points * search.base.config.ensemble.runs,
+            "unsettled": int(sum((each.failed + each.unsettled).sum() for each in first)),
+        },
     }
+
+
+def _places(lines: list[Line], label: str) -> list[dict[str, Any]]:
+    """Where the lines of a law are among the points of all."""
+    ends = np.cumsum([0, *(len(line.points) for line in lines)]).tolist()
+    return [
+        {"key": line.key, "points": [ends[k], ends[k + 1]]}
+        for k, line in enumerate(lines)
+        if line.law == label
+    ]
 
 
 def _valued(search: WorstSearch, cost: float) -> dict[str, Any]:

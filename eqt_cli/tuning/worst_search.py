@@ -42,14 +42,11 @@ class Line:
         As the configuration of all laws has it.
     points
         Values of all keys, at each point.
-    found
-        Which of them is the point that was found.
     """
 
     law: str
     key: str
     points: list[dict[str, float]]
-    found: int
 
 
 @dataclass(frozen=True)
@@ -79,9 +76,9 @@ class WorstSearch(Searches):
 
     @property
     def all_runs(self) -> int:
-        """Over all laws and generations, and those of the lines at the most."""
+        """Over all laws and generations, what was found, and the lines at the most."""
         each = len(self.laws) * self.base.config.ensemble.runs
-        return self.searched_runs + self._per_line * self._lines * each
+        return self.searched_runs + each + self._per_line * self._lines * each
 
     @property
     def _lines(self) -> int:
@@ -105,7 +102,7 @@ class WorstSearch(Searches):
             for key, axis in zip(law.given, law.axes.values(), strict=True):
                 values = sorted({*_along(axis, self._per_line - 1), own[key]})
                 points = [own | {key: value} for value in values]
-                lines.append(Line(law.label, key, points, values.index(own[key])))
+                lines.append(Line(law.label, key, points))
         return lines
 
     def along(self, lines: list[Line]) -> ConfigSource:

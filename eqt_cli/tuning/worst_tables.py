@@ -53,9 +53,22 @@ def _notes(record: Record) -> Iterator[str]:
         f"Searched: {generations} of {record['population']} points, each of {each}, for every law, "
         f"with the {seeds}. Worse runs may exist: a search finds, and proves nothing."
     )
+    for law in record["laws"]:
+        seen = [one["value"] for one in law["searches"]]
+        if not law["failed"] and None not in seen and not _same(law["value"], seen):
+            told = ", ".join(f"{value:.4g}" for value in seen)
+            yield (
+                f"{law_title(law['label'])}: beside other points, the searches found {told}; "
+                "the run amplifies rounding, so its value is no more certain than that."
+            )
     yield (
         "Not settled there: of the runs at the point that was found; in the box: of all runs of "
         "the first generations, whose points are spread over the ranges. A failed run has not "
         "settled. "
         f"Agree: searches whose worst is within {100 * AGREEING:g} % of the worst of all."
     )
+
+
+def _same(value: float, seen: list[float]) -> bool:
+    """Whether a run by itself has the value that some search found beside others."""
+    return any(abs(value - other) <= AGREEING * abs(other) for other in seen)

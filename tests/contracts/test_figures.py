@@ -9,7 +9,7 @@ import pytest
 from eqt_cli import api
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import is_foreign, meanings
-from eqt_cli.plots.base import OfCertificates, OfSweep, OfTuning
+from eqt_cli.plots.base import OfCertificates, OfSweep, OfTuning, OfWorst
 from eqt_cli.plots.curve_data import curves
 from eqt_cli.results.result import open_result
 
@@ -37,6 +37,15 @@ TUNE = {
         "confirm": {"runs": 5},
     }
 }
+WORST = {
+    "worst": {
+        "over": {"gains.kp": [0.5, 2], "plant.inertia.relative": [-0.1, 0.1]},
+        "objective": "mean_pose_error",
+        "budget": 1,
+        "population": 5,
+        "seeds": 1,
+    }
+}
 IN = {"column": 3.5, "page": 7.16}
 BY_PLACE = ("phase", "runs", "sweep")
 """Figures of which numbers were kept before their curves had names; they go on being compared."""
@@ -53,6 +62,9 @@ def make_results(folder):
         if name == "single":
             (folder / "rows").write_bytes(pickle.dumps(api.verify(done).rows))
     api.tune(CONFIG | TUNE, folder / "tuned")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("eqt_cli.tuning.worst_search.MOST_ON_A_LINE", 3)
+        api.worst(CONFIG | WORST, folder / "worst")
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +72,7 @@ def results(made_once):
     """As `make_results` has made them, once for all processes of the tests."""
     folder = made_once("figures of every kind", make_results)
     opened = {name: open_result(folder / name) for name in ("single", "bare", "sweep")}
-    opened["tuned"] = open_result(folder / "tuned")
+    opened |= {name: open_result(folder / name) for name in ("tuned", "worst")}
     yield opened, pickle.loads((folder / "rows").read_bytes())
     for one in opened.values():
         one.close()
@@ -74,6 +86,8 @@ def subject(figure_class):
     """The kind of result that a figure is of."""
     if issubclass(figure_class, OfTuning):
         return "tuned"
+    if issubclass(figure_class, OfWorst):
+        return "worst"
     return "sweep" if of_sweep(figure_class) else "single"
 
 

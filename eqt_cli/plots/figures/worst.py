@@ -79,7 +79,11 @@ def _draw(panel: Axes, line: Along) -> Any:
     panel.plot(*found, label=f"{line.title}, found", **found_look)
     if line.failed.any():
         x = line.values[line.failed]
-        top: dict[str, Any] = {"transform": panel.get_xaxis_transform(), "linestyle": "", "clip_on": False}
+        top: dict[str, Any] = {
+            "transform": panel.get_xaxis_transform(),
+            "linestyle": "",
+            "clip_on": False,
+        }
         ends = np.full(len(x), 0.97)
         panel.plot(x, ends, label=f"{line.title}, failed", marker="x", color=look["color"], **top)
     return drawn
