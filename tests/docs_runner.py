@@ -155,7 +155,7 @@ def read_command(line):
     accept(words[1:])
     sets = tuple(f"--set={change}" for flag, change in pairwise(words) if flag == "--set")
     own = words[2].endswith(".yaml") and not words[2].startswith(("configs/", "results/"))
-    if expected == 0 and words[1] in ("run", "sweep", "tune") and (own or sets):
+    if expected == 0 and words[1] in ("run", "sweep", "tune", "worst") and (own or sets):
         check(words[2], sets)
 
 

@@ -46,7 +46,7 @@ from eqt_cli.execution.part_files import MANIFEST, PARTS
 from eqt_cli.store.reserved_names import FILE_NAME
 from eqt_cli.store.table import Table
 from eqt_cli.store.writer import write
-from eqt_cli.tuning.folder import GENERATIONS, TUNED, TUNING
+from eqt_cli.tuning.folder import GENERATIONS, TUNE, WORST
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="links need rights on Windows")
 
@@ -64,6 +64,11 @@ solver: {rtol: 1.0e-3, cross_check: 0, error_estimate: false}
 ONE = "tune: {over: {gains.kp: [0.1, 10]}, objective: mean_pose_error"
 MANY = "tune: {over: {gains.kp: [0.1, 10]}, objectives: [mean_pose_error, effort]"
 BUDGET = ", budget: 1, population: 5, seeds: 1, confirm: {runs: 2}}\n"
+
+BAD = (
+    "worst: {over: {gains.kp: [0.1, 10]}, objective: mean_pose_error, budget: 1, population: 5, "
+    "seeds: 1}\n"
+)
 
 # What the commands write, recorded while they do -------------------------------------------------
 
@@ -116,6 +121,7 @@ MAKES: dict[str, list[str]] = {
     ],
     "tuned": ["tune one.yaml --out OUT"],
     "front": ["tune many.yaml --out OUT"],
+    "worst": ["worst bad.yaml --out OUT"],
 }
 """Folders, and the commands that make them."""
 
@@ -133,6 +139,8 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "tune": ("tuned", "tune one.yaml --out OUT"),
     "tune --force": ("tuned", "tune one.yaml --out OUT --force"),
     "tune of a front": ("front", "tune many.yaml --out OUT --force"),
+    "worst": ("worst", "worst bad.yaml --out OUT"),
+    "worst --force": ("worst", "worst bad.yaml --out OUT --force"),
     "plot": ("complete", "plot OUT --figure torque --format json"),
     "plot --out": ("complete", "plot OUT --figure torque --format json --out OUT"),
     "plot --point": ("swept", "plot OUT --figure torque --format json --point 0"),
@@ -145,7 +153,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
 """Every way to write into a folder: the folder, and the command."""
 
 
-READ = {FILE_NAME, MANIFEST, CONFIG_NAME, TUNING}
+READ = {FILE_NAME, MANIFEST, CONFIG_NAME, TUNE.record, WORST.record}
 """What commands read before they write: a link there may be refused for what it leads to."""
 
 
@@ -212,7 +220,7 @@ class Done:
 def call(text: str) -> Done:
     """A command in words, with `OUT` for the folder `out`, within this process."""
     words = [word.replace("OUT", "out") for word in text.split()]
-    if words[0] in ("run", "sweep", "tune"):
+    if words[0] in ("run", "sweep", "tune", "worst"):
         words += ["--executor", "serial", "--quiet"]
     out, error, argv = io.StringIO(), io.StringIO(), sys.argv
     sys.argv = ["eqt", *words]
@@ -228,7 +236,7 @@ def call(text: str) -> Done:
 def made(tmp_path_factory: pytest.TempPathFactory) -> Folders:
     """All folders of `MAKES`, and the names that are written into them."""
     home = tmp_path_factory.mktemp("made")
-    for name, text in {"c": "", "one": ONE + BUDGET, "many": MANY + BUDGET}.items():
+    for name, text in {"c": "", "one": ONE + BUDGET, "many": MANY + BUDGET, "bad": BAD}.items():
         (home / f"{name}.yaml").write_text(CONFIG + text, encoding="utf-8")
     literal = {name for own in OWN_RESULT for name in [literally(own)] if name}
     for own in OWN_RESULT:
@@ -421,7 +429,9 @@ def test_only_own_names_are_deleted(lay: Callable[[str], Path], command: str) ->
     for name in kept:
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).write_bytes(b"mine")
-    unfinished = {"tuned": [TUNING, "tuned/eqt.yaml"]}.get(base, ["results.h5", "parts/000000.h5"])
+    unfinished = {"tuned": [TUNE.record, "tuned/eqt.yaml"]}.get(
+        base, ["results.h5", "parts/000000.h5"]
+    )
     killed = [f"{name}.{'0' * 16}.tmp" for name in unfinished]
     for name in killed:
         (out / name).parent.mkdir(exist_ok=True)
@@ -450,13 +460,13 @@ def test_a_folder_of_others_takes_no_result(
     assert state(out / name) == before
 
 
-@pytest.mark.parametrize("name", [TUNING, GENERATIONS, TUNED])
+@pytest.mark.parametrize("name", [TUNE.record, GENERATIONS, TUNE.found])
 @pytest.mark.parametrize("force", ["", " --force"])
 def test_a_folder_of_others_takes_no_tuning(
     lay: Callable[[str], Path], name: str, force: str
 ) -> None:
     out = lay("complete")
-    if name == TUNING:
+    if name == TUNE.record:
         (out / name).write_bytes(b"{}")
     else:
         (out / name / "eqt").mkdir(parents=True)

@@ -93,6 +93,15 @@ def test_a_generation_depends_on_seed_name_and_number_only() -> None:
         assert not np.array_equal(trials(population, other), again)
 
 
+def test_trials_that_leave_the_box_are_drawn_anew_or_become_its_ends() -> None:
+    shares = np.array([[0.0], [0.1], [0.9], [1.0], [0.95]])
+    population = Population(shares, scored(-shares))  # the best is at the end
+    drawn, kept = (trials(population, generator(1, "eqt", 5), ends) for ends in (False, True))
+    assert not (drawn == 1).any()
+    assert (kept[drawn != kept] % 1 == 0).all()
+    assert (kept == 1).sum() >= 1
+
+
 def test_the_start_is_among_the_first_points() -> None:
     shares = first_points(8, KEYS, (0.25, 0.5), 1)
     assert shares[0].tolist() == [0.25, 0.5]
