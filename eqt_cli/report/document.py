@@ -28,6 +28,8 @@ from eqt_cli.report.summary import accuracy, lead, provenance
 from eqt_cli.results.result import HEADLINE, Result
 from eqt_cli.tuning.folder import record_beside
 from eqt_cli.tuning.tables import tuning_tables
+from eqt_cli.tuning.worst import worst_beside
+from eqt_cli.tuning.worst_tables import worst_table
 
 RANKS = ("mean_pose_error", "early_torque")
 """Numbers by which the run that is animated is the median one; the first that is stored."""
@@ -45,6 +47,7 @@ OPTIONAL = (
     "picker",
     "animation",
     "tuned",
+    "worst",
 )
 """Parts that a page may lack, since they are of sweeps, of single experiments or of searches."""
 
@@ -107,6 +110,8 @@ def report(
 
 def _default(result: Result) -> Sequence[Wanted]:
     """The figures of a result of its kind."""
+    if result.is_sweep and worst_beside(result):
+        return (Wanted("worst"),)
     if result.is_sweep and result.compares_cases:
         return CASES
     if result.is_sweep:
@@ -135,6 +140,9 @@ def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
 
 def _of_sweep(result: Result) -> dict[str, Any]:
     """No means, since one over all points means little."""
+    record = worst_beside(result)
+    if record:
+        return {"worst": worst_table(result, record), "table": point_table(result)}
     return {"best": best_points(result), "table": point_table(result)}
 
 

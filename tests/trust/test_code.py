@@ -24,6 +24,7 @@ tune:
   population: 5
   seeds: 1
   confirm: {runs: 2}
+worst: {over: {gains.kp: [0.5, 2]}, objective: mean_pose_error, budget: 1, population: 5, seeds: 1}
 """
 LAW = """\
 import os

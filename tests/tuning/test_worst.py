@@ -14,6 +14,7 @@ import yaml
 from eqt_cli import api
 from eqt_cli.api.loading import source_from
 from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.report.document import report
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.tuning.record_shape import fits_worst
 from eqt_cli.tuning.worst import Worst, badness, worst_beside
@@ -135,6 +136,16 @@ def test_the_table_says_found_and_how_many_do_not_settle(searched: tuple[Worst, 
         "the first generations, whose points are spread over the ranges. A failed run has not "
         "settled. Agree: searches whose worst is within 1 % of the worst of all.",
     ]
+
+
+def test_the_report_shows_the_table_and_the_figure(
+    searched: tuple[Worst, Path], unarranged: None
+) -> None:
+    with open_result(searched[1]) as result:
+        page = report(result)
+    assert "The worst runs that were found" in page
+    assert "Worse runs may exist: a search finds, and proves nothing." in page
+    assert 'aria-label="The worst run of each law along each key' in page
 
 
 def test_a_second_session_computes_nothing_and_finds_the_same(
