@@ -28,6 +28,7 @@ def tune(
     workers: options.Workers = None,
     executor: options.ExecutorName = None,
     scheduler: options.Scheduler = None,
+    dry_run: options.DryRun = False,
     force: options.Force = False,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
@@ -39,6 +40,7 @@ def tune(
     no feasible gains.
     """
     from eqt_cli import api
+    from eqt_cli.cli.shared.search_plan import print_search_plan
     from eqt_cli.config.source import read_config
     from eqt_cli.experiment.study import Study
     from eqt_cli.tuning.search import search_from
@@ -47,6 +49,9 @@ def tune(
     source = read_config(config, options.overrides(set_, engine))
     search = search_from(source, trust_plugins=trust_plugins)
     starting = api.LoadedExperiment(Study(None, search.base))
+    if dry_run:
+        print_search_plan(search, executor_from(starting, executor, workers, scheduler), json=json)
+        return
     out = out or folder_of(search)
     best: dict[str, str] = {}
     try:

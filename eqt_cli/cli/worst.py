@@ -38,6 +38,7 @@ def worst(
             RESULT,
         ),
     ] = None,
+    dry_run: options.DryRun = False,
     force: options.Force = False,
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
@@ -49,6 +50,7 @@ def worst(
     command again to continue.
     """
     from eqt_cli import api
+    from eqt_cli.cli.shared.search_plan import print_search_plan
     from eqt_cli.config.source import read_config
     from eqt_cli.experiment.study import Study
     from eqt_cli.results.quantity_table import QUANTITIES
@@ -59,6 +61,9 @@ def worst(
     source = read_config(config, options.overrides(set_, engine))
     search = worst_search_from(source, trust_plugins=trust_plugins)
     base = api.LoadedExperiment(Study(None, search.base))
+    if dry_run:
+        print_search_plan(search, executor_from(base, executor, workers, scheduler), json=json)
+        return
     out = out or folder_of(search)
     quantity = QUANTITIES[search.objective]
     found: dict[str, str] = {}

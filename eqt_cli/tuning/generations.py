@@ -10,6 +10,7 @@ import numpy as np
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.arrays import Array
+from eqt_cli.execution.cost import estimate
 from eqt_cli.execution.executors import Executor, Progress
 from eqt_cli.execution.folder import ResultFolder
 from eqt_cli.execution.run_study import Execution, Remark, execute
@@ -18,7 +19,7 @@ from eqt_cli.results.result import Result, open_result
 from eqt_cli.store.reserved_names import FILE_NAME
 from eqt_cli.tuning.evolution import Population, first_points, generator, selected, trials
 from eqt_cli.tuning.folder import SearchFolder
-from eqt_cli.tuning.law_search import LawSearch, Searches
+from eqt_cli.tuning.law_search import LawSearch, Searches, expanded
 from eqt_cli.tuning.ranking import Scores
 
 Told = Callable[[LawSearch, int, Population], None]
@@ -43,11 +44,10 @@ class Computing:
 
     def generation(self, law: LawSearch, out: Path, shares: Array, scored: Scored) -> Scores:
         """The scores of the points of a generation, which is an ordinary sweep."""
-        points = [law.values(row) for row in shares.tolist()]
-        columns = {key: [point[key] for point in points] for key in law.axes}
+        columns = _columns(law, shares)
         if _holds(out, columns):
             with open_result(out) as result:
-                self.resumed(len(points) * result.runs)
+                self.resumed(len(shares) * result.runs)
                 return scored(result)
         self.execute(_swept(law, columns), out)
         with open_result(out) as result:
@@ -94,6 +94,49 @@ def evolve(
             searches[seed] = selected(searches[seed], tried) if number else tried
             after(count * section.budget + number + 1, searches)
     return searches
+
+
+@dataclass(frozen=True)
+class Expected:
+    """What searches will take.
+
+    Attributes
+    ----------
+    points
+        Of all generations of all searches.
+    runs
+        Of these points, and of the runs by which the outcome is judged, at the most.
+    seconds
+        Wall time, s.
+    workers
+        How many of them will be at work.
+    """
+
+    points: int
+    runs: int
+    seconds: float
+    workers: int
+
+
+def expected(search: Searches, executor: Executor) -> Expected:
+    """Compute part of the first generation of each law, without keeping it, and scale."""
+    section, seconds, workers = search.section, 0.0, 1
+    for law in search.laws:
+        shares = first_points(section.population, list(law.axes), law.start, section.seed)
+        generation = study(_swept(law, _columns(law, shares)), trust_plugins=True)
+        found = estimate(generation, executor)
+        seconds += found.seconds * search.all_generations
+        workers = max(workers, found.workers)
+    points = len(search.laws) * search.all_generations * section.population
+    return Expected(
+        points, search.all_runs, seconds * search.all_runs / search.searched_runs, workers
+    )
+
+
+def _columns(law: LawSearch, shares: Array) -> dict[str, list[float]]:
+    """The values of each key at the points of a generation."""
+    points = [law.values(row) for row in shares.tolist()]
+    return expanded({key: [point[key] for point in points] for key in law.axes})
 
 
 def _swept(law: LawSearch, columns: dict[str, list[float]]) -> ConfigSource:

@@ -1,11 +1,13 @@
 """The search for one law: its experiment, and the numbers that are varied within ranges."""
 
 import json
-from collections.abc import Sequence
+import re
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from eqt_cli.config.schema import SEARCHES, LogRange, TunedAxis, TuneSection, WorstSection
 from eqt_cli.config.source import ConfigSource, with_value
@@ -16,6 +18,11 @@ from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity_table import quantities
+
+MOST_ENTRIES = 100
+"""Of a list, that one number is for."""
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -53,12 +60,12 @@ class LawSearch:
     def at(self, values: dict[str, float]) -> ConfigSource:
         """The experiment with these values."""
         data = self.source.data
-        for key, value in values.items():
+        for key, value in expanded(values).items():
             data = with_value(data, parse_key(key), value)
         return replace(self.source, data=data)
 
 
-class Searches:
+class Searches(ABC):
     """Searches for each law of an experiment, as many and as long for every law.
 
     Attributes
@@ -103,12 +110,50 @@ class Searches:
         each = self.all_generations * self.section.population
         return len(self.laws) * each * self.base.config.ensemble.runs
 
+    @property
+    @abstractmethod
+    def all_runs(self) -> int:
+        """These, and at the most those by which the outcome is judged."""
+
     @cached_property
     def digest(self) -> str:
         """Hash of all that decides where a generation looks, but for how many there are."""
         section = self.section.model_dump(exclude=set(self.continuing), warnings="none")
         text = json.dumps([self.base.numeric_config, section], sort_keys=True)
         return sha256(text.encode()).hexdigest()
+
+
+_SLICE = re.compile(r"(.+)\[(\d+):(\d+)\]")
+
+
+def entries_of(key: str) -> list[str]:
+    """The keys that one number is for: ``kp[0]``, ``kp[1]`` for ``kp[0:2]``; else the key itself.
+
+    Raises
+    ------
+    InputError
+        If the range is empty.
+    """
+    found = _SLICE.fullmatch(key)
+    if found is None:
+        return [key]
+    first, end = int(found[2]), int(found[3])
+    if not first < end <= first + MOST_ENTRIES:
+        raise InputError(
+            f"expected a range of 1 to {MOST_ENTRIES} entries, such as {found[1]}[0:3] for the "
+            f"first three, got '{key}'"
+        )
+    return [f"{found[1]}[{index}]" for index in range(first, end)]
+
+
+def expanded(values: Mapping[str, T]) -> dict[str, T]:
+    """Values by the keys of a configuration."""
+    return {entry: value for key, value in values.items() for entry in entries_of(key)}
+
+
+def coordinate_of(key: str) -> str:
+    """The coordinate of a sweep that holds the values of a key."""
+    return entries_of(key)[0].replace("[", ".").replace("]", "")
 
 
 def range_of(given: TunedAxis, problems: Problems) -> Drawn | None:
@@ -139,12 +184,12 @@ def laws_of(base: Experiment, ranges: dict[str, Drawn]) -> tuple[LawSearch, ...]
     """One search for each law, over the keys that are its own and those of all."""
     found: list[LawSearch] = []
     shared = base.resolved["gains"]
-    ranges = dict(sorted(ranges.items(), key=lambda item: parse_key(item[0])[0] == "controllers"))
+    ranges = dict(sorted(ranges.items(), key=lambda item: item[0].startswith("controllers[")))
     for index, entry in enumerate(base.resolved["controllers"]):
         own = entry.get("gains", {})
         law = {key: value for key, value in entry.items() if key != "gains"}
         data = without_search(base.source.data) | {"controllers": [law], "gains": shared | own}
-        keys = {own: key for key in ranges if (own := _own_key(parse_key(key), index))}
+        keys = {own: key for key in ranges if (own := _own_key(key, index))}
         axes = {own: ranges[key] for own, key in keys.items()}
         label = str(entry["label"])
         slug = _slug(label, [other.slug for other in found])
@@ -155,13 +200,15 @@ def laws_of(base: Experiment, ranges: dict[str, Drawn]) -> tuple[LawSearch, ...]
     return tuple(found)
 
 
-def _own_key(path: KeyPath, index: int) -> str:
+def _own_key(key: str, index: int) -> str:
     """A key in the configuration of one law; empty where it is another law's."""
+    path = parse_key(entries_of(key)[0])
     if path[0] != "controllers":
-        return dotted(path)
+        return key
     if path[1] != index:
         return ""
-    return dotted(path[2:] if path[2] == "gains" else ("controllers", 0, *path[2:]))
+    own = dotted(path[:2])
+    return key.removeprefix(f"{own}.") if path[2] == "gains" else f"controllers[0]{key[len(own) :]}"
 
 
 def _slug(label: str, taken: Sequence[str]) -> str:
@@ -175,9 +222,9 @@ def _start(data: dict[str, Any], axes: dict[str, Drawn]) -> tuple[float, ...] | 
     """Where the starting values are in the unit cube; None where one is not in its range."""
     shares = []
     for key, axis in axes.items():
-        held = value_at(data, parse_key(key))
+        held, *others = (value_at(data, parse_key(entry)) for entry in entries_of(key))
         is_number = isinstance(held, int | float) and not isinstance(held, bool)
-        if not is_number or not axis.low <= held <= axis.high:
+        if not is_number or not axis.low <= held <= axis.high or any(one != held for one in others):
             return None
         shares.append(axis.share(float(held)))
     return tuple(shares)

@@ -5,6 +5,7 @@ from typing import Any
 
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.result import Result
+from eqt_cli.tuning.law_search import coordinate_of
 
 _BOUND = {"metric", "bound", "above", "every_run"}
 _METRICS = {metric.name for metric in METRICS}
@@ -63,7 +64,7 @@ def fits_worst(record: dict[str, Any], result: Result) -> bool:
             *(record[name] for name in ("generations", "population", "runs")),
         ]
         counts = [law[name] for law in laws for name in ("run", "unsettled", "runs", "agreeing")]
-        names = {key.replace("[", ".").replace("]", "") for law in laws for key in law["values"]}
+        names = {coordinate_of(key) for law in laws for key in law["values"]}
         return (
             bool(labels)
             and result.is_sweep

@@ -15,6 +15,7 @@ from eqt_cli.tuning.law_search import (
     LawSearch,
     Searches,
     check_ends,
+    entries_of,
     laws_of,
     range_of,
     require_metric,
@@ -176,7 +177,7 @@ def search_from(source: ConfigSource, *, trust_plugins: bool = False) -> Search:
 
 def _require_tunable(key: str, base: Experiment) -> None:
     """Raise an `InputError` if a key is not a law's to choose."""
-    path = parse_key(key)
+    path = parse_key(entries_of(key)[0])
     if path[0] == "gains" and len(path) > 1:
         return
     if path[0] != "controllers":

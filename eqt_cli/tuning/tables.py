@@ -16,7 +16,6 @@ from eqt_cli.analysis.comparison.ratios import relative_difference
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.problems import parse_key
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result, mean_over_runs
 from eqt_cli.tuning.fronts import equal_cost_table
@@ -185,8 +184,8 @@ def _range(means: Sequence[float], half: float) -> str:
 
 
 def values_text(values: Mapping[str, float]) -> str:
-    """Values by key, the keys as short as they are told apart: ``kp 2.1, kd 0.5``."""
-    short = {key: str(parse_key(key)[-1]) for key in values}
+    """Values by key, the keys as short as they are told apart: ``kp 2.1, kd[0] 0.5``."""
+    short = {key: key.rpartition(".")[2] for key in values}
     if len(set(short.values())) < len(short):
         short = {key: key for key in values}
     return ", ".join(f"{short[key]} {value:.4g}" for key, value in values.items())

@@ -16,6 +16,8 @@ from eqt_cli.tuning.law_search import (
     LawSearch,
     Searches,
     check_ends,
+    entries_of,
+    expanded,
     laws_of,
     range_of,
     require_metric,
@@ -108,7 +110,7 @@ class WorstSearch(Searches):
     def along(self, lines: list[Line]) -> ConfigSource:
         """All laws at all points of lines, as an ordinary sweep that keeps metrics only."""
         points = [point for line in lines for point in line.points]
-        columns = {key: [point[key] for point in points] for key in points[0]}
+        columns = expanded({key: [point[key] for point in points] for key in points[0]})
         data = self.base.source.data
         own: dict[str, Any] = {
             "sweep": [{"zip": columns}],
@@ -174,9 +176,9 @@ def worst_search_from(source: ConfigSource, *, trust_plugins: bool = False) -> W
 
 def _is_whole(key: str, base: Experiment) -> bool:
     """Whether a key takes whole numbers; raises an `InputError` if it cannot be varied."""
-    require_sweepable(key)
-    path = parse_key(key)
-    held = value_at(base.resolved, path)
+    first = entries_of(key)[0]
+    require_sweepable(first)
+    held = value_at(base.resolved, parse_key(first))
     if isinstance(held, bool | str | list):
         raise InputError(f"expected a key that holds a number, and this one holds {shown(held)}")
     return isinstance(held, int)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 from collections.abc import Callable
 from pathlib import Path
@@ -95,6 +96,18 @@ def test_a_folder_with_another_result_is_left_alone(eqt: Eqt, config: Path) -> N
     done = eqt("tune", config, "--out", "out")
     assert done.code == 2
     assert "out: holds a result that eqt tune did not write" in done.err
+
+
+def test_a_dry_run_says_points_runs_and_time_and_searches_nothing(eqt: Eqt, config: Path) -> None:
+    done = eqt("tune", config, "--dry-run", "--workers", "1")
+    assert (done.code, done.err) == (0, "")
+    points, runs, time = done.out.splitlines()
+    assert points == "2 laws × 1 search × 2 generations × 5 points = 20"
+    assert runs == "runs     60 (3 runs at each point), and at most 24 to judge the outcome"
+    assert re.fullmatch(r"time     about \S+ (s|min) with 1 worker", time)
+    assert not Path("results").exists()
+    found = json.loads(eqt("tune", config, "--dry-run", "--json").out)
+    assert (found["points"], found["runs"]) == (20, 84)
 
 
 def test_config_check_looks_at_the_section(eqt: Eqt, config: Path) -> None:

@@ -9,6 +9,7 @@ import pytest
 from eqt_cli.api.loading import load_experiment, source_from
 from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.tuning.search import Search, search_from
+from eqt_cli.tuning.tables import values_text
 
 
 def read(config: dict[str, Any]) -> Search:
@@ -44,6 +45,19 @@ def test_whole_numbers_are_tuned_as_such(small: dict[str, Any]) -> None:
     assert [law.values([share])["gains.kp"] for share in (0, 0.3, 0.6, 1)] == [1, 2, 3, 4]
     assert law.start is not None
     assert law.values(law.start)["gains.kp"] == 1
+
+
+def test_one_number_for_several_entries(small: dict[str, Any]) -> None:
+    small["gains"]["kp"] = [1.0, 1.0, 2.0]
+    small["controllers"] = ["eqt", {"kind": "gt", "gains": {"kp": [3.0, 1.0, 2.0]}}]
+    small["tune"]["over"] = {"gains.kp[0:2]": [0.5, 4], "controllers[1].gains.kp[1:3]": [1, 3]}
+    eqt, gt = read(small).laws
+    assert eqt.at({"gains.kp[0:2]": 4.0}).data["gains"]["kp"] == [4.0, 4.0, 2.0]
+    assert list(gt.axes) == ["gains.kp[0:2]", "gains.kp[1:3]"]
+    assert gt.given == ("gains.kp[0:2]", "controllers[1].gains.kp[1:3]")
+    assert eqt.start == (1 / 7,)
+    assert gt.start is None  # its entries differ, so that no one number is its start
+    assert values_text({"gains.kp[0:2]": 4.0}) == "kp[0:2] 4"
 
 
 def test_only_the_numbers_of_generations_and_searches_may_change_between_sessions(
@@ -83,6 +97,16 @@ def test_no_other_command_minds_the_section(small: dict[str, Any]) -> None:
             {"over": {"gains.kp": [1, 2, 3]}},
             "tune.over.gains.kp: expected [low, high], {log: [low, high]} or "
             "{low: …, high: …, scale: …}, got [1, 2, 3]",
+        ),
+        (
+            {"over": {"gains.kp[2:2]": [1, 2]}},
+            "tune.over.gains.kp[2:2]: expected a range of 1 to 100 entries, such as gains.kp[0:3] "
+            "for the first three, got 'gains.kp[2:2]'",
+        ),
+        (
+            {"over": {"gains.kp[0:2]": [1, 2]}},
+            "tune.over: at the lower ends, controller 'eqt': gains.kp[0]: gains.kp is 1.0, not a "
+            "list; set all of gains.kp instead",
         ),
         (
             {"over": {"controllers[1].gyroscopic": [0, 1]}},

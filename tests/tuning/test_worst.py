@@ -267,6 +267,20 @@ def test_whole_numbers_stay_whole_and_keys_of_a_law_are_its_own() -> None:
     assert list(second.axes) == ["control.delay", "gains.kp"]
 
 
+def test_lines_of_one_number_for_several_entries() -> None:
+    over = {"initial.pose.std": [0.1, 0.5], "gains.kp[0:2]": [0.1, 0.5]}
+    config = WHEEL | {"gains": {"kp": [0.5, 0.5], "kd": 1.0}, "controllers": ["stabilising"]}
+    section = WHEEL["worst"] | {"over": over}
+    search = worst_search_from(source_from(config | {"worst": section}, {}))
+    lines = search.lines({"stabilising": (0.25, 0.5)})
+    assert [line.key for line in lines] == list(over)
+    (block,) = search.along(lines).data["sweep"]
+    columns = block["zip"]
+    assert list(columns) == ["initial.pose.std", "gains.kp[0]", "gains.kp[1]"]
+    assert columns["gains.kp[0]"] == columns["gains.kp[1]"]
+    assert min(columns["gains.kp[0]"]) == pytest.approx(0.1)
+
+
 def test_only_the_numbers_of_generations_and_searches_may_change_between_sessions() -> None:
     assert read(budget=9, seeds=4).digest == read().digest
     assert read(seed=4).digest != read().digest

@@ -134,6 +134,9 @@ Point = Annotated[
     int | None,
     valued("--point", "K", "Point of a sweep, counted from 0.", SELECTION),
 ]
+DryRun = Annotated[
+    bool, flag("--dry-run", "Print the points, runs and expected time only.", COMPUTING)
+]
 Force = Annotated[
     bool,
     flag("--force", "Start over. Removes only what eqt wrote to the folder.", RESULT),

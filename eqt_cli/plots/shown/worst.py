@@ -10,6 +10,7 @@ from eqt_cli.plots.shown.controllers import error_of, positions
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
+from eqt_cli.tuning.law_search import coordinate_of
 from eqt_cli.tuning.worst import costs_of_runs, worst_beside, worst_of
 
 
@@ -82,7 +83,7 @@ class ShownWorst:
             for line in law["lines"] if position in shown else ():
                 points = slice(*line["points"])
                 key = line["key"]
-                values = results.coordinate(key.replace("[", ".").replace("]", ""))[points]
+                values = results.coordinate(coordinate_of(key))[points]
                 cost = costs[points, position]
                 self.lines.append(
                     Along(
