@@ -220,7 +220,7 @@ def worst_beside(result: Result) -> dict[str, Any] | None:
 
 
 def _agree(cost: float, worst: float) -> bool:
-    return cost == worst or worst - cost <= AGREEING * abs(worst)
+    return cost == worst or (math.isfinite(worst) and worst - cost <= AGREEING * abs(worst))
 
 
 def _record(search: WorstSearch, laws: list[dict[str, Any]]) -> dict[str, Any]:

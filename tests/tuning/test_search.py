@@ -48,7 +48,7 @@ def test_whole_numbers_are_tuned_as_such(small: dict[str, Any]) -> None:
 
 
 def test_one_number_for_several_entries(small: dict[str, Any]) -> None:
-    small["gains"]["kp"] = [1.0, 1.0, 2.0]
+    small["gains"] = {"kp": [1.0, 1.0, 2.0], "kd": 0.5}
     small["controllers"] = ["eqt", {"kind": "gt", "gains": {"kp": [3.0, 1.0, 2.0]}}]
     small["tune"]["over"] = {"gains.kp[0:2]": [0.5, 4], "controllers[1].gains.kp[1:3]": [1, 3]}
     eqt, gt = read(small).laws

@@ -14,10 +14,11 @@ import yaml
 from eqt_cli import api
 from eqt_cli.api.loading import source_from
 from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.plots.shown.worst import ShownWorst
 from eqt_cli.report.document import report
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.tuning.record_shape import fits_worst
-from eqt_cli.tuning.worst import Worst, badness, worst_beside
+from eqt_cli.tuning.worst import Worst, _agree, badness, worst_beside
 from eqt_cli.tuning.worst_search import WorstSearch, worst_search_from
 from eqt_cli.tuning.worst_tables import worst_table
 
@@ -216,6 +217,33 @@ def test_an_interior_maximum_is_found(tmp_path: Path) -> None:
     found = law["values"]["plant.inertia.relative"]
     assert found == pytest.approx(relative[errors.argmax()], abs=1e-3)
     assert law["value"] == pytest.approx(errors.max(), rel=1e-4)  # sin θ for θ: 2e-5
+
+
+@pytest.mark.slow("searches to the end, with runs that fail")
+def test_a_run_that_fails_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A light wheel needs more evaluations than there are."""
+    monkeypatch.setattr("eqt_cli.tuning.worst_search.MOST_ON_A_LINE", 2)
+    section = WHEEL["worst"] | {"over": {"plant.inertia.relative": [-0.99, 0.2]}}
+    config = WHEEL | {"controllers": ["stabilising"], "worst": section, "control": None}
+    config |= {"solver": WHEEL["solver"] | {"max_steps": 150}, "ensemble": {"runs": 1}}
+    done = api.worst(config, tmp_path / "w")
+    (law,) = done.record["laws"]
+    assert (law["failed"], law["value"]) == (True, None)
+    text = (tmp_path / "w" / law["config"]).read_text(encoding="utf-8")
+    assert f"# run {law['run']} of stabilising: failed\n" in text
+    with open_result(tmp_path / "w" / law["config"].removesuffix(".yaml")) as alone:
+        assert alone.status[0, law["run"]] != 0
+    with open_result(tmp_path / "w") as result:
+        assert worst_table(result, done.record).blocks[0].rows[0][1] == "a run failed"
+        assert [note for note in ShownWorst(result, "worst").notes() if "failed" in note] == [
+            "Crosses at the top: a run failed."
+        ]
+
+
+def test_a_search_that_misses_a_failure_does_not_agree_with_one_that_finds_it() -> None:
+    assert [_agree(cost, math.inf) for cost in (math.inf, 1.0)] == [True, False]
+    assert [_agree(cost, 1.0) for cost in (0.995, 0.98)] == [True, False]
+    assert [_agree(cost, -1.0) for cost in (-1.005, -1.02)] == [True, False]
 
 
 # Scores -------------------------------------------------------------------------------------------

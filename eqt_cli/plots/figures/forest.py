@@ -65,7 +65,7 @@ class Forest(OfSweep):
         if len(swept.controllers) != 2:
             raise swept.error(
                 f"compares two laws, and here are {len(swept.controllers)}: "
-                f"{', '.join(swept.titles)}; choose two of them: --option controllers=[ONE,OTHER]"
+                f"{', '.join(swept.titles)}; choose two by the option controllers"
                 if len(swept.controllers) > 2
                 else f"compares two laws, and here is one: {swept.titles[0]}"
             )
