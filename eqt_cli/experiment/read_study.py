@@ -90,7 +90,8 @@ def study(
     problems.raise_if_any()
     common = at_point(bare, sweep, 0, sweep.always)
     base = build(at_point(common, sweep, 0), trust_plugins=trust_plugins)
-    found = Study(sweep, base, common)
+    plugins = base.source.stored_plugins  # for other processes, and as they were executed here
+    found = Study(sweep, base, dataclasses.replace(common, stored_plugins=plugins))
     _check_common(found)
     if found.is_ragged and len(found) > MOST_GROUPS:
         raise EqtError(

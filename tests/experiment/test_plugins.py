@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.config.source import read_config
+from eqt_cli.core import registry
 from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.executors import executors
 from eqt_cli.execution.run_study import Execution, execute
@@ -232,6 +234,21 @@ def test_the_folder_runs_again_without_the_file(run: Run, law: Path, folder: Pat
     source = read_config(kept)
     execute(study(source), folder / "again")
     assert_equal_datasets(folder / "out", folder / "again")
+
+
+def test_a_sweep_takes_the_source_to_other_processes(
+    run: Run, law: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(**PUSH)
+    (folder / "c.yaml").write_text(
+        (folder / "out/config.yaml").read_text().replace("stored_plugins/0-", "")
+        + "sweep: [{cases: {ideal: {}, stiff: {gains.kp: 2}}}]\n",
+        encoding="utf-8",
+    )
+    sent = pickle.dumps(study(read_config(folder / "c.yaml")))
+    law.unlink()
+    monkeypatch.setattr(registry, "_loaded_plugins", {})
+    assert pickle.loads(sent).experiment(1).config.gains.kp == 2
 
 
 def test_a_result_executes_no_plugin_unasked(run: Run, law: Path) -> None:
