@@ -39,6 +39,8 @@ class LawSearch:
         What is varied, by key of that configuration.
     given
         The same keys, in the same order, as the configuration of all laws has them.
+    index
+        Of its entry among the controllers that the user wrote.
     start
         Where the search starts, in the unit cube; None where that is not in it.
     """
@@ -48,6 +50,7 @@ class LawSearch:
     source: ConfigSource
     axes: dict[str, Drawn]
     given: tuple[str, ...]
+    index: int
     start: tuple[float, ...] | None
 
     def values(self, shares: Sequence[float]) -> dict[str, float]:
@@ -56,6 +59,16 @@ class LawSearch:
             key: axis.at(share)
             for (key, axis), share in zip(self.axes.items(), shares, strict=True)
         }
+
+    def as_written(self, path: str) -> str:
+        """A path of its configuration as the user wrote it."""
+        pairs = (
+            pair
+            for own, given in zip(self.axes, self.given, strict=True)
+            for pair in zip(entries_of(own), entries_of(given), strict=True)
+        )
+        own = path.replace("controllers[0]", f"controllers[{self.index}]", 1)
+        return dict(pairs).get(path, own)
 
     def at(self, values: dict[str, float]) -> ConfigSource:
         """The experiment with these values."""
@@ -196,7 +209,7 @@ def laws_of(base: Experiment, ranges: dict[str, Drawn]) -> tuple[LawSearch, ...]
         data["name"] = f"{base.name}-{slug}"
         source = replace(base.source, data=data)
         given = tuple(keys.values())
-        found.append(LawSearch(label, slug, source, axes, given, _start(data, axes)))
+        found.append(LawSearch(label, slug, source, axes, given, index, _start(data, axes)))
     return tuple(found)
 
 
@@ -239,7 +252,8 @@ def check_ends(laws: Sequence[LawSearch], problems: Problems) -> None:
             except ConfigError as error:
                 for problem in error.problems:
                     at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"
-                    message = f"{at}: {problem.path}: {problem.message}"
+                    path = law.as_written(problem.path)
+                    message = f"{at}: {path}: {problem.message}"
                     problems.add(message)
 
 

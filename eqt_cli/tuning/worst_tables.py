@@ -55,8 +55,8 @@ def _notes(record: Record) -> Iterator[str]:
     )
     for law in record["laws"]:
         seen = [one["value"] for one in law["searches"]]
-        if not law["failed"] and None not in seen and not _same(law["value"], seen):
-            told = ", ".join(f"{value:.4g}" for value in seen)
+        if not law["failed"] and (None in seen or not _same(law["value"], seen)):
+            told = ", ".join("a failed run" if v is None else f"{v:.4g}" for v in seen)
             yield (
                 f"{law_title(law['label'])}: beside other points, the searches found {told}; "
                 "the run amplifies rounding, so its value is no more certain than that."

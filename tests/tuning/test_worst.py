@@ -149,6 +149,21 @@ def test_the_report_shows_the_table_and_the_figure(
     assert 'aria-label="The worst run of each law along each key' in page
 
 
+@pytest.mark.parametrize(("seen", "told"), [(9.0, "9"), (None, "a failed run")])
+def test_a_run_that_amplifies_rounding_is_told(
+    searched: tuple[Worst, Path], seen: float | None, told: str
+) -> None:
+    done, folder = searched
+    law = done.record["laws"][0]
+    search = {"seed": 0, "value": seen, "failed": seen is None}
+    with open_result(folder) as result:
+        table = worst_table(result, done.record | {"laws": [law | {"searches": [search]}]})
+    assert table.notes[1] == (
+        f"stabilising: beside other points, the searches found {told}; the run amplifies "
+        "rounding, so its value is no more certain than that."
+    )
+
+
 def test_a_second_session_computes_nothing_and_finds_the_same(
     searched: tuple[Worst, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
