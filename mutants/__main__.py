@@ -37,6 +37,7 @@ TESTS = (
             "engines",
             "results",
             "vehicle",
+            "code",
             "analysis/test_bootstrap.py",
             "analysis/test_comparison.py",
             "execution/test_compiled_signals.py",
