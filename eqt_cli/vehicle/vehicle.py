@@ -170,6 +170,20 @@ class Vehicle:
         """The names of the thrusters, which one actuator has."""
         return next((part.thruster_names for part in self.actuators if part.thruster_names), ())
 
+    def thrust_limits(self, numbers: Mapping[str, Array]) -> tuple[Array, Array] | None:
+        """The least and the largest thrust of each thruster; None where it has no limits.
+
+        Parameters
+        ----------
+        numbers
+            Those of `numbers`.
+        """
+        for index, part in enumerate(self.actuators):
+            if part.thruster_names and part.limits:
+                place = f"{ACTUATORS}[{index}]"
+                return numbers[f"{place}.low"], numbers[f"{place}.high"]
+        return None
+
     @property
     def solves(self) -> int:
         """How many numbers are found at control instants by code that no engine compiles."""

@@ -155,9 +155,7 @@ def test_panels_of_the_satellite_unfold() -> None:
     assert unfolded[1, 1] == folded[1, 1]
 
 
-@pytest.mark.parametrize(
-    "name", ["se3_bluerov2", "se3_bluerov2_flies", "se3_bluerov2_thrusters"]
-)
+@pytest.mark.parametrize("name", ["se3_bluerov2", "se3_bluerov2_flies", "se3_bluerov2_thrusters"])
 def test_inertia_of_the_bluerov2_is_that_of_its_source(name: str) -> None:
     """M of Fossen's order (v, ω) with added mass, rows and columns taken to (ω, v)."""
     import numpy as np

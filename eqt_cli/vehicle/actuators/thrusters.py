@@ -33,7 +33,7 @@ class Thruster:
     turns
         The torque about `along` for each N of thrust, from the drag of its propeller, m; SE3 only.
     name
-        What figures call it; its number if left out.
+        What figures call it; `thruster 1`, … if left out.
     """
 
     # Not strict, as of drawn numbers: see `Drawn`.
@@ -123,9 +123,9 @@ class Thrusters(Actuator):
 
     @property
     def thruster_names(self) -> tuple[str, ...]:
-        """As given, or numbers from 1."""
+        """As given, or numbered from 1."""
         given = [each.name for each in self.thrusters or ()] or [""] * self.count
-        return tuple(name or str(index) for index, name in enumerate(given, 1))
+        return tuple(name or f"thruster {index}" for index, name in enumerate(given, 1))
 
     @property
     def structure(self) -> tuple[Any, ...]:
