@@ -364,6 +364,20 @@ def test_a_direction_without_thrust_is_named(experiment):
     ]
 
 
+def test_a_thruster_that_the_reference_asks_for_too_much_is_named(experiment):
+    found = experiment(
+        group="SE2",
+        inertia="[1, 2, 2]",
+        reference="{torque: [0, 0, 0.5]}",
+        actuators="[{kind: thrusters, thrusters: [{at: [0, 0], along: [0, 1], name: side}, "
+        "{at: [0, 1], along: [1, 0]}, {at: [0, -1], along: [1, 0]}], low: 0, high: 0.2}]",
+    )
+    assert [str(remark).split("c.yaml")[-1] for remark in remarks(found)] == [
+        "actuators[0]: 'side' gives at most 0.2, but the reference alone needs 0.5 at t = 0 s; "
+        "no law can follow it there"
+    ]
+
+
 PART = "{kind: thrusters, matrix: [[1], [0], [1]]"
 BAD = [
     (
