@@ -38,6 +38,7 @@ TESTS = (
             "results",
             "vehicle",
             "code",
+            "export",
             "analysis/test_bootstrap.py",
             "analysis/test_comparison.py",
             "execution/test_compiled_signals.py",
