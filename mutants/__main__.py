@@ -37,6 +37,8 @@ TESTS = (
             "engines",
             "results",
             "vehicle",
+            "code",
+            "export",
             "analysis/test_bootstrap.py",
             "analysis/test_comparison.py",
             "execution/test_compiled_signals.py",

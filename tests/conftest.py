@@ -432,25 +432,29 @@ def swept_result(invoke: Callable[..., Called], made_once: Callable[..., Path]) 
     return made_once("swept", lambda folder: sweep(folder / "result")) / "result"
 
 
+UNARRANGED = ("eqt_cli.plots.base.freeze", lambda drawing: drawing.set_layout_engine("none"))
+
+
 @pytest.fixture
 def unarranged(monkeypatch: pytest.MonkeyPatch) -> None:
     """Figures are drawn without finding places for their panels: most of the time that they take.
 
     For tests of what is drawn, and not of where; plots/test_figures.py looks at all of them.
     """
-    monkeypatch.setattr(
-        "eqt_cli.plots.base.freeze", lambda drawing: drawing.set_layout_engine("none")
-    )
+    monkeypatch.setattr(*UNARRANGED)
 
 
 @pytest.fixture(scope="session")
 def page_of(invoke: Callable[..., Called], made_once: Callable[..., Path]) -> Callable[..., Path]:
-    """The page of one of the two results above, as `eqt report` writes it."""
+    """The page of one of the two results above, by `eqt report`; its figures are `unarranged`."""
 
     def written(result: Path) -> Path:
-        write = partial(invoke, "report", result, "--out")
-        name = f"page of {result.parent.name}"
-        return made_once(name, lambda folder: write(folder / "report.html")) / "report.html"
+        def write(folder: Path) -> None:
+            with pytest.MonkeyPatch.context() as patched:
+                patched.setattr(*UNARRANGED)
+                invoke("report", result, "--out", folder / "report.html")
+
+        return made_once(f"page of {result.parent.name}", write) / "report.html"
 
     return written
 

@@ -262,6 +262,9 @@ def test_a_sampled_law_is_evaluated_at_its_instants_with_their_errors(engine, sa
     solution = engine.solve(problem, quiet)
     assert not solution.status.any()
     np.testing.assert_allclose(positions(problem, solution), expected, rtol=0, atol=ERROR)
+    half = dataclasses.replace(problem, times=problem.times[: len(problem.times) // 2 + 1])
+    # Each span is counted once, so that twice as many take about twice the work.
+    assert (solution.steps < 3 * engine.solve(half, quiet).steps).all()
 
 
 def test_a_run_that_fails_at_an_instant_harms_no_other(engine, sampled):

@@ -137,6 +137,12 @@ def test_threads_and_groups_change_no_bit(batch, expected, monkeypatch):
         assert solved(batch, workers=1 + size % 2) == expected
 
 
+def test_groups_need_not_be_neighbours(batch, expected, monkeypatch):
+    every_other = [np.arange(start, RUNS, 2) for start in (0, 1)]
+    monkeypatch.setattr(native.Native, "groups", lambda *_: every_other)
+    assert solved(batch) == expected
+
+
 def test_other_runs_change_no_bit(batch):
     together = batch.engine.solve(batch.problem, quiet)
     for run in range(RUNS):

@@ -674,6 +674,7 @@ def test_points_of_a_sweep_are_those_of_experiments_by_themselves(make, tmp_path
         np.testing.assert_array_equal(swept["initial_pose"], alone["initial_pose"])
 
 
+@pytest.mark.slow("computes a sweep")
 def test_blocks_mix_points_and_agree_within_the_tolerance(make, finished, tmp_path):
     execute(make(CONFIG, "gains.kp=4"), tmp_path / "alone")
     swept, alone = contents(finished("sweep")), contents(tmp_path / "alone")
@@ -709,6 +710,7 @@ def test_xarray_opens_a_sweep_and_unstacks_a_grid(make, tmp_path):
         np.testing.assert_array_equal(chosen, dataset.effort[3, 1])
 
 
+@pytest.mark.slow("computes a sweep")
 def test_a_result_of_a_sweep_runs_again_from_its_own_config(make, finished):
     again = study(read_config(finished("sweep") / "results.h5"))
     assert again.digest == make(CONFIG + SWEEP).digest

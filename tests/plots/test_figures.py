@@ -35,18 +35,29 @@ NAMES = [
     for name in figures.names()
     if not issubclass(figures.get(name), OfSweep | OfCertificates | OfTuning)
 ]
-# All tests of a figure in a row, so that the processes of the tests share the drawings out.
-every_figure = pytest.mark.parametrize("name", NAMES, scope="module")
-every_figure_of_runs = pytest.mark.parametrize(
-    "name",
-    [name for name in NAMES if not issubclass(figures.get(name), OfReference)],
-    scope="module",
-)
-every_figure_over_time = pytest.mark.parametrize(
-    "name",
-    [name for name in NAMES if issubclass(figures.get(name), OverTime)],
-    scope="module",
-)
+MANY_PANELS = ("commands", "phase", "runs")
+
+
+def every(of):
+    """Runs a test for each of some figures.
+
+    All tests of a figure come in a row, so that the processes of the tests share the drawings out.
+    """
+    slow = pytest.mark.slow("finds places for many panels")
+    return pytest.mark.parametrize(
+        "name",
+        [
+            pytest.param(name, marks=[slow] * (name in MANY_PANELS))
+            for name in NAMES
+            if of(figures.get(name))
+        ],
+        scope="module",
+    )
+
+
+every_figure = every(lambda kind: True)
+every_figure_of_runs = every(lambda kind: not issubclass(kind, OfReference))
+every_figure_over_time = every(lambda kind: issubclass(kind, OverTime))
 unarranged = pytest.mark.usefixtures("unarranged")
 
 

@@ -48,6 +48,12 @@ def test_operations_and_choices_are_exact():
             assert abs(mpmath.mpf(str(value)) - expected) <= mpmath.mpf(10) ** -40
 
 
+def test_numbers_beyond_the_range_of_doubles_are_kept():
+    x = np.array([1e300, 1e-300, 2.0])
+    found = evaluated(program(lambda x: x * x * x), {"x": x})["y"]
+    assert [f"{value:.0e}" for value in found] == ["1e+900", "1e-900", "8e+0"]
+
+
 def test_what_is_not_chosen_may_be_undefined():
     def function(x):
         return np.array(

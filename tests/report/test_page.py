@@ -124,6 +124,7 @@ def test_claims_have_their_verdicts(text):
     assert '<span class="verdict undecided">seen, not all settled</span>' in text
 
 
+@pytest.mark.usefixtures("unarranged")
 def test_texts_of_a_stranger_stay_texts(make_result):
     values = make_result.constant([1.0] * 6, [2.0] * 6)
     signals = dict.fromkeys(("pose_error", "velocity_error", "torque_norm", "lyapunov"), values)

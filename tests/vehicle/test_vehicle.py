@@ -139,11 +139,12 @@ def test_a_limit_is_reached_by_more_than_it():
     whole, none = Limit(limit=[1.0, 2.0, 3.0], norm=True), np.zeros((3, 0))
     command = np.array([[1.0, -2.0, 3.0], [1.0, -2.0, 3.1], [0.6, -1.0, 1.0]])
     assert each.at_limit(SO3, command, none, given).tolist() == [False, True, False]
-    assert whole.at_limit(SO3, command, none, given).tolist() == [True, True, False]
+    of_norm = whole.numbers(SO3, None)
+    assert whole.at_limit(SO3, command, none, of_norm).tolist() == [True, True, False]
     sizes, most = each.most(SO3, command, given)
     np.testing.assert_array_equal(sizes, np.abs(command))
-    np.testing.assert_array_equal(most, [1.0, 2.0, 3.0])
-    sizes, most = whole.most(SO3, command[:1], given)  # of the ellipsoid, in its longest axis
+    np.testing.assert_array_equal(most, np.broadcast_to([1.0, 2.0, 3.0], (3, 3)))
+    sizes, most = whole.most(SO3, command[:1], of_norm)  # of the ellipsoid, in its longest axis
     assert (sizes.item(), most.item()) == (pytest.approx(3 * np.sqrt(3)), 3.0)
 
 
@@ -367,7 +368,7 @@ def test_the_plant_obeys_its_own_inertia(true, derivative):
 def test_a_run_draws_its_own_numbers_whatever_else_there_is():
     limit = Limit(limit=Uniform([0.4, 0.6]))
     one, again, other = (
-        limit.numbers(SO3, generator_at(5, Stream.VEHICLE, run, "actuators[0]"))["limit"]
+        limit.numbers(SO3, generator_at(5, Stream.VEHICLE, run, "actuators[0]"))["high"]
         for run in (0, 0, 1)
     )
     np.testing.assert_array_equal(one, again)
@@ -447,6 +448,17 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
             "at t = 1 s; no law can follow it there",
         ),
         ("limit: [0.5, 0.3, 1]", None),
+        (
+            "low: [0, -0.2, -1], high: 1",
+            "actuators[0]: limit gives at most 0.2, but the reference alone needs 0.3 "
+            "at t = 1 s; no law can follow it there",
+        ),
+        ("low: [0, -0.3, -1], high: [0.4, 0, 1]", None),
+        (
+            "low: [-1, 0, -1], high: 1",
+            "actuators[0]: limit gives at most 0, but the reference alone needs 0.00015 "
+            "at t = 0.0005 s; no law can follow it there",
+        ),
     ],
 )
 def test_a_limit_below_what_the_reference_takes_is_warned_of(tmp_path, invoke, limit, warning):

@@ -5,11 +5,14 @@ the states after the instant, or their rates where there is none, and what it ma
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from eqt_cli.analysis.evidence.redrawn import Options, entries, redrawn
+from eqt_cli.analysis.evidence.second_thrusters import SecondThrusters
 from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators import Actuator
 
 Acts = Callable[[Array, Array, float | None], tuple[Array, Array]]
@@ -19,6 +22,9 @@ Form = Callable[[Options, int], Acts]
 
 def _limit(given: Options, m: int) -> Acts:
     """The command, or the nearest that is allowed; of a norm, the nearest in its direction."""
+    if given["limit"] is None:
+        least, most = (entries(given[name], m) for name in ("low", "high"))
+        return lambda u, x, period: (0 * x, np.median([least + 0 * u, u, most + 0 * u], axis=0))
     limit = entries(given["limit"], m)
 
     def acts(u: Array, x: Array, period: float | None) -> tuple[Array, Array]:
@@ -84,14 +90,62 @@ FORMS: dict[str, Form] = {
     "quantisation": _quantisation,
     "rate_limit": _rate_limit,
     "momentum_limit": _momentum_limit,
+    "thrusters": lambda given, m: SecondThrusters(given),
 }
 """By the registered name of the actuator."""
 
 STATES = {"lag": 1, "rate_limit": 1, "momentum_limit": 2}
 """How many states along each axis an actuator has that has any."""
 
+_SHORT = 1e-11
+"""Relative: less than that is rounding."""
 
-def second_actuator(actuator: Actuator, m: int, random: np.random.Generator) -> Acts | None:
+
+@dataclass(frozen=True)
+class SecondActuator:
+    """An actuator of one run.
+
+    Attributes
+    ----------
+    acts
+        Its form.
+    states
+        How many states it has.
+    at_limit
+        Where it is at a limit, from a command, its states and what it makes of the command.
+    moves
+        Whether it has rates.
+    sampled
+        Whether it acts at instants although it moves.
+    """
+
+    acts: Acts
+    states: int
+    at_limit: Callable[[Array, Array, Array], Array]
+    moves: bool
+    sampled: bool = False
+
+
+def second_actuator(
+    actuator: Actuator, G: MatrixLieGroup, random: np.random.Generator
+) -> SecondActuator | None:
     """An actuator of one run; None where it has no second form."""
     form = FORMS.get(actuator.name)
-    return None if form is None else form(redrawn(actuator, random), m)
+    if form is None:
+        return None
+    acts = form(redrawn(actuator, random), G.dimension)
+    if isinstance(acts, SecondThrusters):
+        return SecondActuator(acts, acts.states, acts.at_limit, acts.lags, acts.bounded)
+    states = STATES.get(actuator.name, 0) * G.dimension
+    falls_short = _falls_short if actuator.limits else _nowhere
+    return SecondActuator(acts, states, falls_short, actuator.name == "lag")
+
+
+def _falls_short(u: Array, x: Array, passed: Array) -> Array:
+    """Where less comes out than goes in, by more than rounding."""
+    short: Array = (np.abs(u - passed) > _SHORT * (1 + np.abs(u))).any(axis=-1)
+    return short
+
+
+def _nowhere(u: Array, x: Array, passed: Array) -> Array:
+    return np.zeros(u.shape[:-1], dtype=bool)
