@@ -54,6 +54,17 @@ def test_numbers_beyond_the_range_of_doubles_are_kept():
     assert [f"{value:.0e}" for value in found] == ["1e+900", "1e-900", "8e+0"]
 
 
+def test_an_arctangent_of_infinity_is_half_of_pi():
+    found = evaluated(
+        program(lambda x: arrays.apply("atan", 1.0 / x)), {"x": np.array([0.0, -0.0, 1.0])}
+    )
+    assert [f"{value:.9f}" for value in found["y"]] == [
+        "1.570796327",
+        "-1.570796327",
+        "0.785398163",
+    ]
+
+
 def test_what_is_not_chosen_may_be_undefined():
     def function(x):
         return np.array(
