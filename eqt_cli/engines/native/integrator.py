@@ -16,6 +16,7 @@ from eqt_cli.engines.native.source import Looking
 from eqt_cli.engines.problem import Problem, Span, Status
 from eqt_cli.engines.traced_loop import LoopPrograms, held_rows, parameter_rows
 from eqt_cli.program import Program
+from eqt_cli.vehicle.sensors.channels import Errors
 
 
 class Lanes(Integrator):
@@ -59,7 +60,7 @@ class Lanes(Integrator):
         """As numbers of all runs."""
         self._held = held_rows(self.problem.loop, np.array([span.start]))[0]
 
-    def at_instant(self, t: float, states: Array, errors: tuple[Array, Array] | None) -> Array:
+    def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
         """By compiled code; a law that is code by itself is called between two programs."""
         runs = len(states)
         given = [
@@ -71,8 +72,10 @@ class Lanes(Integrator):
         measured = [Rows(part.reshape(runs, -1), by_run=True) for part in errors or ()]
         around, program = self._law.around_code, self._law.after_instant
         if around is not None:
-            told = Told(**self._evaluated(around.told, runs, [*given, *measured]))
-            told = told._replace(t=t)
+            found = self._evaluated(around.told, runs, [*given, *measured])
+            if "state" in found:  # with what sensors hold
+                given[0] = Rows(found.pop("state"), by_run=True)
+            told = Told(**found)._replace(t=t)
             torque, memory = self.loop.answer(told, self.loop.memory(states), self._period)
             joined = np.concatenate([np.empty((runs, 0)), *memory.values()], axis=1)
             given += [Rows(torque, by_run=True), Rows(joined, by_run=True)]
