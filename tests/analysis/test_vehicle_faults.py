@@ -155,8 +155,8 @@ def backwards(exact, vehicle, start=0):
 
 
 def errors_with_the_other_sign(exact, vehicle, *rest):
-    pose, velocity = exact(vehicle, *rest)
-    return pose, -velocity
+    errors = exact(vehicle, *rest)
+    return errors._replace(velocity=-errors.velocity)
 
 
 def as_a_body_force(exact, force, G, t, Q, V, given):
