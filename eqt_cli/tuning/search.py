@@ -1,7 +1,7 @@
 """What is searched for: the section `tune` of a configuration, read for each of its laws."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from hashlib import sha256
@@ -59,6 +59,8 @@ class LawSearch:
         The experiment with this law only, its gains in the section `gains`.
     axes
         What is tuned, by key of that configuration.
+    index
+        Of its entry among the controllers that the user wrote.
     start
         Where the search starts, in the unit cube; None where that is not in it.
     """
@@ -67,7 +69,14 @@ class LawSearch:
     slug: str
     source: ConfigSource
     axes: dict[str, Drawn]
+    index: int
     start: tuple[float, ...] | None
+
+    def as_written(self, path: str, ranges: Iterable[str]) -> str:
+        """A path of its configuration as the user wrote it, who gave these ranges."""
+        keys = (key for key in ranges if _own_key(parse_key(key), self.index) == path)
+        own = path.replace("controllers[0]", f"controllers[{self.index}]", 1)
+        return max(keys, key=len, default=own)  # its own gains go before those of all
 
     def values(self, shares: Sequence[float]) -> dict[str, float]:
         """The values at a point of the unit cube, by key."""
@@ -319,7 +328,7 @@ def _laws(base: Experiment, ranges: dict[str, Drawn]) -> tuple[LawSearch, ...]:
         slug = _slug(label, [other.slug for other in found])
         data["name"] = f"{base.name}-{slug}"
         source = replace(base.source, data=data)
-        found.append(LawSearch(label, slug, source, axes, _start(data, axes)))
+        found.append(LawSearch(label, slug, source, axes, index, _start(data, axes)))
     return tuple(found)
 
 
@@ -366,7 +375,8 @@ def _check_ends(laws: Sequence[LawSearch], source: ConfigSource, problems: Probl
             except ConfigError as error:
                 for problem in error.problems:
                     at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"
-                    message = f"{at}: {problem.path}: {problem.message}"
+                    path = law.as_written(problem.path, source.data["tune"]["over"])
+                    message = f"{at}: {path}: {problem.message}"
                     problems.at("tune", "over").add(message)
 
 

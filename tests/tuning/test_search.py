@@ -127,6 +127,24 @@ def test_what_is_wrong_is_said_at_its_place(
     assert message.replace('["effort"]', "['effort']") in str(error.value)
 
 
+@pytest.mark.parametrize(
+    ("key", "wrong"),
+    [
+        ("controllers[2].slope", "expected a number greater than 0, got -1.0"),
+        ("controllers[1].gains.kp", "expected a weight whose navigation function"),
+    ],
+)
+def test_a_key_is_named_as_it_is_written(small: dict[str, Any], key: str, wrong: str) -> None:
+    law = small["controllers"][1]["kind"]
+    small["controllers"] = [*small["controllers"], "slotine_li"]
+    small["tune"]["over"] = {"gains.kd": [1, 2], key: [-1, 1]}
+    with pytest.raises(ConfigError) as error:
+        read(small)
+    law = "slotine_li" if "slope" in key else law
+    found = f"tune.over: at the lower ends, controller '{law}': {key}: {wrong}"
+    assert found in str(error.value)
+
+
 def test_a_configuration_without_the_section_is_told_what_to_add(small: dict[str, Any]) -> None:
     del small["tune"]
     with pytest.raises(EqtError, match="has no section `tune`; add one, such as tune:"):
