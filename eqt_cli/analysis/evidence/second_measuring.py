@@ -79,7 +79,9 @@ class SecondMeasuring:
                     name: self.agreed(signal, part.name, name)
                     for name in ("period", "delay", "dropout")
                 }
-                if said["period"] is None and not said["delay"] and not said["dropout"]:
+                own = [s for s in self.sensors(signal) if s.of is None or s.of == part.name]
+                loses = any(sensor.loses for sensor in own)
+                if said["period"] is None and not said["delay"] and not loses:
                     continue
                 every, random = (
                     self.every(signal, part.name),

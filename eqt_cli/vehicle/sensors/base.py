@@ -51,6 +51,18 @@ class Sensor(VehiclePart):
         depend on how many there are.
         """
 
+    @property
+    def loses(self) -> bool:
+        """Whether measurements may be lost on their way."""
+        return bool(self.dropout)
+
+    def lost(self, measurements: int, random: np.random.Generator) -> Array:
+        """Which of them never arrive, ``(measurements,)`` booleans; the first one always does.
+
+        The first ones do not depend on how many there are.
+        """
+        return random.random(measurements) < (self.dropout or 0.0)
+
     def coordinates(self, G: MatrixLieGroup) -> int:
         """How many coordinates it measures: those of the part, or m."""
         axes = (part.axes for part in G.parts if part.name == self.of)

@@ -53,8 +53,8 @@ class Channel:
         After how many control periods it is measured again.
     delay
         After how many a measurement arrives.
-    dropout
-        The probability that one does not.
+    loses
+        The sensor that says which do not; None where all do.
     holds
         Whether the law reads what was measured last, and not what is measured now.
     """
@@ -64,7 +64,7 @@ class Channel:
     shape: tuple[int, ...]
     every: int = 1
     delay: int = 0
-    dropout: float = 0.0
+    loses: Sensor | None = None
     holds: bool = False
 
     @property
@@ -106,8 +106,10 @@ class Channel:
     def arrivals(self, instants: int, random: np.random.Generator) -> Array:
         """What it does at the instants, ``(instants,)``; the first do not depend on how many."""
         found = np.full(instants, NOTHING)
-        count = len(found[:: self.every])
-        found[:: self.every] = np.where(random.random(count) < self.dropout, NOTHING, MEASURED)
+        found[:: self.every] = MEASURED
+        if self.loses is not None:
+            lost = self.loses.lost(len(found[:: self.every]), random)
+            found[:: self.every][lost] = NOTHING
         found[:1] = FIRST
         return found
 
@@ -134,7 +136,7 @@ def channels(
                 known = ((name, getattr(sensor, name)) for name in TIMING)
                 given |= {name: value for name, value in known if value is not None}
             every = 1 if given["period"] is None else round(given["period"] / period)
-            delay, dropout = given["delay"] or 0, given["dropout"] or 0.0
-            holds = given["period"] is not None or bool(delay or dropout)
+            delay, loses = given["delay"] or 0, next((s for s in own if s.loses), None)
+            holds = given["period"] is not None or bool(delay) or loses is not None
             block = G.identity[part.entries] if signal == "pose" else G.basis[part.axes, 0, 0]
-            yield Channel(signal, part, block.shape, every, delay, dropout, holds)
+            yield Channel(signal, part, block.shape, every, delay, loses, holds)
