@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-from eqt_cli.core.errors import suggestion
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.sensors import Sensor
@@ -29,8 +28,8 @@ def check_sensors(
     for index, sensor in sensors.items():
         here = problems.at(index)
         if sensor.of is not None and sensor.of not in known:
-            hint = suggestion(sensor.of, known) or f"; choose one of {', '.join(known)}"
-            here.at("of").add(f"{G.name} has no part '{sensor.of}'{hint}")
+            parts = ", ".join(known)
+            here.at("of").add(f"{G.name} has no part '{sensor.of}'; choose one of {parts}")
         if sensor.dropout is not None and not 0 <= sensor.dropout < 1:
             here.at("dropout").add(
                 f"expected a probability of at least 0 and less than 1, got {sensor.dropout:g}"
@@ -65,6 +64,6 @@ def _check_agreement(sensors: Mapping[int, Sensor], part: str, problems: Problem
                 first = index, value
             elif first[1] != value:
                 problems.at(index, name).add(
-                    f"entries of one part share their {name}: entry [{first[0]}] gives "
-                    f"{first[1]:g} for {part}, and this one {value:g}; give it at one of them"
+                    f"entries of one part share their {name}: {problems.at(first[0]).path} gives "
+                    f"{first[1]:g} for the {part}, and this entry {value:g}; give it at one of them"
                 )
