@@ -20,6 +20,10 @@ MIXED = "mixed"
 """The unit of what has different ones in different parts of the coordinates."""
 
 
+THRUSTER = "thruster"
+"""The dimension along which thrusters stand."""
+
+
 class Given(NamedTuple):
     """What the law asks, what the actuators give, and the law's function, over time.
 
@@ -29,6 +33,8 @@ class Given(NamedTuple):
         Body frame.
     at_limit : (...)
         1 where an actuator is at its limit, else 0.
+    thrust : (..., k)
+        What each thruster gives.
     lyapunov : (...)
         L, the function of the law.
     """
@@ -36,6 +42,7 @@ class Given(NamedTuple):
     torque: Array
     command: Array
     at_limit: Array
+    thrust: Array
     lyapunov: Array
 
 
@@ -155,6 +162,15 @@ SIGNALS = (
         lambda s, given: given.at_limit,
         stored_of=lambda vehicle: vehicle.limits,
     ),
+    Signal(
+        "thrust",
+        (THRUSTER,),
+        r"f",
+        "thrust of each thruster",
+        lambda part: "N",
+        lambda s, given: given.thrust,
+        stored_of=lambda vehicle: bool(vehicle.thruster_names),
+    ),
 )
 """Every signal, in the order of `compute`."""
 
@@ -197,8 +213,10 @@ def at_state(loop: ClosedLoop, s: Tracking, work: Array) -> Iterator[tuple[str, 
     """Every signal and L + W, by name, of floats or symbols."""
     command = loop.command(s)
     torque = loop.torque(s) if loop.vehicle.actuators or loop.vehicle.control else command
-    given = Given(torque, command, loop.at_limit(s), loop.lyapunov(s))
+    given = Given(torque, command, loop.at_limit(s), loop.thrust(s), loop.lyapunov(s))
     for signal in SIGNALS:
+        if THRUSTER in signal.dims and not loop.vehicle.thruster_names:
+            continue
         yield signal.name, signal.of(s, given)
         for part in signal.parts(loop.group):
             assert signal.of_part is not None

@@ -97,6 +97,10 @@ class ClosedLoop:
         torque, _ = self.vehicle.passed(self.group, self.command(s), s.vehicle)
         return torque
 
+    def thrust(self, s: Tracking) -> Array:
+        """What each thruster gives, ``(..., k)``."""
+        return self.vehicle.thrust(self.group, self.command(s), s.vehicle)
+
     def at_limit(self, s: Tracking) -> Array:
         """1 where an actuator is at its limit, else 0, ``(...)``."""
         if not self.vehicle.limits:
@@ -336,16 +340,34 @@ class ClosedLoop:
         torque, later = self.controller.answer(s, period)
         return torque + 0.0 * told.velocity, dict(later)
 
-    def answered(self, t: Any, state: Array, torque: Array, memory: Mapping[str, Array]) -> Array:
-        """A flat state after the law has answered at time t."""
+    def answered(
+        self,
+        t: Any,
+        state: Array,
+        torque: Array,
+        memory: Mapping[str, Array],
+        solved: Array | None = None,
+    ) -> Array:
+        """A flat state after the law has answered at time t.
+
+        Parameters
+        ----------
+        solved
+            What the vehicle solves for at an instant, where that is known.
+        """
         s = self.tracking(t, state)
-        vehicle = self.vehicle.after_instant(self.group, torque, s.vehicle)
+        vehicle = self.vehicle.after_instant(self.group, torque, s.vehicle, solved)
         found = self.layout.split(state)
         changed = _named(MEMORY, memory) | _named(VEHICLE, vehicle)
         if memory:  # L jumps with it, and W by as much the other way
             jump = self.lyapunov(dataclasses.replace(s, memory=memory)) - self.lyapunov(s)
             changed["work"] = found["work"] - jump[..., None]
         return self.layout.join(found | changed, state)
+
+    def solution(self, state: Array, torque: Array) -> Array:
+        """What the vehicle solves for when the law asks for a torque at a flat state."""
+        states = _of(VEHICLE, self.layout.split(state))
+        return self.vehicle.solution(self.group, torque, states)
 
     def after_instant(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
         """A flat state after a control instant; t and state are those before it.

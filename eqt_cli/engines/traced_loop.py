@@ -24,7 +24,7 @@ from eqt_cli.core.errors import TraceError
 from eqt_cli.engines.base import Reduction, SampledFunction
 from eqt_cli.engines.problem import Problem
 from eqt_cli.program import Program, traced
-from eqt_cli.program.chain import Chain
+from eqt_cli.program.chain import Chain, Places
 from eqt_cli.program.running import Memory, Running
 from eqt_cli.vehicle.sensors.channels import Errors
 
@@ -58,14 +58,19 @@ class LoopPrograms:
     field
         ``derivative``, the time derivative of a flat state.
     after_instant
-        ``state``, the state after a control instant; None where the law is not sampled, or is code.
+        ``state``, the state after a control instant; None where the law is not sampled, or where
+        code takes part in it that is not compiled here: a law of the user's own, or what a vehicle
+        solves for.
     around_code
-        What happens at a control instant before and after a law that is code is called.
+        What happens at a control instant around such code.
+    asked
+        ``torque`` and ``memory``, the answer of a law that is no such code, from the loop's inputs.
     """
 
     field: Program
     after_instant: Program | None
     around_code: InstantPrograms | None = None
+    asked: Program | None = None
 
 
 @lru_cache(maxsize=64)
@@ -95,6 +100,8 @@ def trace(loop: ClosedLoop) -> LoopPrograms:
     instant = at_instants(loop)
     if instant.law is None:
         return LoopPrograms(found, None, instant)
+    if loop.vehicle.solves:
+        return LoopPrograms(found, None, instant, instant.asked(loop))
     return LoopPrograms(found, instant.chained(loop))
 
 
@@ -111,7 +118,7 @@ class InstantPrograms:
         Its answer; None where the law is code.
     answered
         ``state``, from the loop's inputs, with the state that was measured, ``torque`` and the
-        ``memory`` of the law.
+        ``memory`` of the law, and where the vehicle solves for something what it has ``solved``.
     """
 
     told: Program
@@ -120,10 +127,28 @@ class InstantPrograms:
 
     def chained(self, loop: ClosedLoop) -> Program:
         """All of it: ``state`` from the loop's inputs, and with the very bits of each program."""
+        chain, inputs = self._begun()
+        torque, memory, measured = self._answer(loop, chain, inputs)
+        after = inputs | measured | {"torque": torque, "memory": memory}
+        state = chain.then(self.answered, after)["state"]
+        return chain.program({"state": ((loop.state_length,), state)})
+
+    def asked(self, loop: ClosedLoop) -> Program:
+        """What the law answers: ``torque``, ``memory`` where it has any, and the measured state."""
+        chain, inputs = self._begun()
+        torque, memory, measured = self._answer(loop, chain, inputs)
+        found = {"torque": torque} | ({"memory": memory} if memory else {}) | measured
+        return chain.program({name: ((len(places),), places) for name, places in found.items()})
+
+    def _begun(self) -> tuple[Chain, dict[str, Places]]:
+        chain = Chain(dict(self.told.inputs))
+        return chain, {group: chain.given(group) for group, _ in self.told.inputs}
+
+    def _answer(
+        self, loop: ClosedLoop, chain: Chain, inputs: dict[str, Places]
+    ) -> tuple[Places, Places, dict[str, Places]]:
         control = loop.vehicle.control
         assert control is not None and self.law is not None
-        chain = Chain(dict(self.told.inputs))
-        inputs = {group: chain.given(group) for group, _ in self.told.inputs}
         told = chain.then(self.told, inputs)
         given = {TOLD + entry.name: told[entry.source] for entry in self.law.told}
         for entry in self.law.numbers[:-1]:
@@ -135,9 +160,7 @@ class InstantPrograms:
         answer = chain.then(self.law.step, given)
         memory = [place for entry in self.law.memory for place in answer[MEMORY + entry.name]]
         measured = {"state": told["state"]} if "state" in told else {}
-        after = inputs | measured | {"torque": answer[TORQUE], "memory": memory}
-        state = chain.then(self.answered, after)["state"]
-        return chain.program({"state": ((loop.state_length,), state)})
+        return answer[TORQUE], memory, measured
 
 
 def law_of(loop: ClosedLoop) -> LawProgram:
@@ -174,17 +197,19 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         lengths = loop.controller.memory(loop.group)
         parts = np.split(given["memory"][None], np.cumsum([*lengths.values()]), axis=1)
         memory = dict(zip(lengths, parts, strict=False))
-        return {"state": symbolic.answered(t, state, given["torque"][None], memory)[0]}
+        solved = given["solved"][None] if "solved" in given else None
+        return {"state": symbolic.answered(t, state, given["torque"][None], memory, solved)[0]}
 
     m, holds = loop.group.dimension, bool(loop.vehicle.holding(loop.group))
     inputs = _inputs(loop, loop.state_length)
     measured = inputs | ({"errors": sum(_lengths(loop))} if loop.vehicle.measures else {})
     remembered = sum(loop.controller.memory(loop.group).values())
+    solved = {"solved": loop.vehicle.solves} if loop.vehicle.solves else {}
     with _explained(loop):
         return InstantPrograms(
             traced(told, measured),
             None if loop.controller.code else law_program(loop),
-            traced(answered, inputs | {"torque": m, "memory": remembered}),
+            traced(answered, inputs | {"torque": m, "memory": remembered} | solved),
         )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from math import prod
 from pathlib import Path
 
+from eqt_cli.closed_loop.signals import THRUSTER
 from eqt_cli.core.errors import ConfigError, InputProblem
 from eqt_cli.execution.compute_part import compute_part, shared_reference
 from eqt_cli.execution.executors import Executor, TaskContext
@@ -146,7 +147,9 @@ def _of_a_part(study: Study) -> int:
     """Bytes of the states, signals and errors of measurement of the largest part."""
     base, plan = study.base, study.plan
     G, states = base.group, max(loop.state_length for loop in base.loops.values())
-    sizes = {"axis": G.dimension, "row": G.size, "col": G.size}
+    vehicle = next(iter(base.loops.values())).vehicle
+    thrusters = len(vehicle.thruster_names)
+    sizes = {"axis": G.dimension, "row": G.size, "col": G.size, THRUSTER: thrusters}
     signals = sum(
         prod(sizes.get(dim, 1) for dim in entry.dims)
         for entry in quantities(base, study.vehicles)
@@ -154,7 +157,6 @@ def _of_a_part(study: Study) -> int:
     )
     runs = len(plan.part(0))
     told = 0
-    vehicle = next(iter(base.loops.values())).vehicle
     if vehicle.control is not None and vehicle.measures:
         instants = base.config.time.duration / vehicle.control.period
         told = int(8 * runs * instants * (G.size**2 + G.dimension))

@@ -15,6 +15,7 @@ from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.numerics import ill_conditioned, stiff
 from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.vehicle.vehicle import ACTUATORS
 
 SAMPLES = 2001
 """At which the reference is looked at, and on both sides of every known instant."""
@@ -149,9 +150,19 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
     """What a user should know of an experiment, and of its reference, before it is run."""
     return [
         *experiment.remarks,
+        *_of_actuators(experiment),
         *_hard_on_numbers(experiment, shown),
         *map(EqtWarning, limits_below_reference(experiment, shown)),
     ]
+
+
+def _of_actuators(experiment: Experiment) -> Iterator[EqtWarning]:
+    """What actuators say of themselves."""
+    vehicle = next(iter(experiment.loops.values())).vehicle
+    for index, actuator in enumerate(vehicle.actuators):
+        place = experiment.source.place((ACTUATORS, index))
+        for said in actuator.remarks(experiment.group):
+            yield EqtWarning(f"{place}: {ACTUATORS}[{index}]: {actuator.name} {said}")
 
 
 def _hard_on_numbers(experiment: Experiment, shown: Horizon | None) -> Iterator[EqtWarning]:
@@ -185,7 +196,9 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         if sizes is None:
             continue
         taken, there = sizes
-        when, axis = np.unravel_index(np.argmax(taken / there), taken.shape)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a limit may be 0
+            over = np.where(taken > there, taken / np.maximum(there, 0.0), 0.0)
+        when, axis = np.unravel_index(np.argmax(over), taken.shape)
         most = float(np.broadcast_to(there, taken.shape)[when, axis])
         if taken[when, axis] > most:
             t = shown.times[shown.finite][when]

@@ -109,14 +109,21 @@ def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
 
 def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: Problems) -> None:
     """Note actuators that act at instants only, where there are none, or no held command."""
-    moving = ""
+    moving, driven = "", False
     for index, actuator in parts.items():
         if actuator.sampled and without_clock:
-            problems.at(index).add(f"{actuator.name} acts at control instants; set control.period")
+            problems.at(index).add(
+                f"{actuator.acting_at_instants} acts at control instants; set control.period"
+            )
         elif actuator.sampled and moving:
             problems.at(index).add(
-                f"{actuator.name} acts on a held command; put it before {moving}"
+                f"{actuator.acting_at_instants} acts on a held command; put it before {moving}"
             )
+        if actuator.thruster_names and driven:
+            problems.at(index).add(
+                "a vehicle has one entry with thrusters; put all of them in the first one"
+            )
+        driven = driven or bool(actuator.thruster_names)
         moving = actuator.name if actuator.moves else moving
 
 

@@ -81,6 +81,12 @@ class MatrixLieGroup(ABC):
         """The parts of the coordinates that carry units of their own."""
 
     @property
+    def translation(self) -> Part | None:
+        """The one part whose velocity is in m/s; None where there is none, or more than one."""
+        found = [part for part in self.parts if part.velocity_unit == "m/s"]
+        return found[0] if len(found) == 1 else None
+
+    @property
     def compact(self) -> bool | None:
         """Whether the group is compact, so that every trajectory is bounded; None: not known."""
         return None

@@ -73,6 +73,12 @@ DEFAULT = (
     ),
     Wanted("torque"),
     Wanted("commands", needs="command"),
+    Wanted(
+        "commands",
+        {"thrusters": True},
+        "The thrust of each thruster in run 0; what is beyond its limits is shaded.",
+        needs="thrust",
+    ),
     Wanted("distributions"),
     Wanted("phase", {"runs": 10}),
     Wanted("certificates"),

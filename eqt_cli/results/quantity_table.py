@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from eqt_cli.closed_loop.signals import SIGNALS, signal_of
+from eqt_cli.closed_loop.signals import SIGNALS, THRUSTER, signal_of
 from eqt_cli.config.schema import Config
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Status
@@ -141,9 +141,12 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
         own if empty.
     """
     found, group = [], experiment.group
-    vehicles = vehicles or [next(iter(experiment.loops.values())).vehicle]
+    own = next(iter(experiment.loops.values())).vehicle
+    vehicles = vehicles or [own]
     for quantity in QUANTITIES.values():
-        if not (quantity.stored and any(map(quantity.stored_of, vehicles))):
+        # Points with and without thrusters are results of their own.
+        of = [own] if THRUSTER in quantity.dims else vehicles
+        if not (quantity.stored and any(map(quantity.stored_of, of))):
             continue
         quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
@@ -190,6 +193,9 @@ def coordinates(experiment: Experiment, kept: int) -> dict[str, Variable]:
         along("col", np.arange(G.size), "column of a pose matrix", units="1"),
         along("axis", np.array(G.axis_names, dtype=object), "algebra coordinate"),
     ]
+    thrusters = next(iter(experiment.loops.values())).vehicle.thruster_names
+    if thrusters and kept:
+        found.append(along(THRUSTER, np.array(thrusters, dtype=object), "thruster"))
     if 0 < kept < runs:
         stored = np.arange(kept)
         found.append(along("stored_run", stored, "run whose trajectory is stored", units="1"))

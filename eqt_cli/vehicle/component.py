@@ -51,8 +51,12 @@ class VehiclePart(Component):
     def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
         """Its numbers by option, in one run; with the means without a generator."""
         part, m = self.of_run(random), G.dimension
-        found = {name: vector(getattr(part, name), m, G) for name in self.vectors}
-        return found | {name: square(getattr(part, name), m, G) for name in self.matrices}
+        return {
+            name: shaped(value, m, G)
+            for names, shaped in ((self.vectors, vector), (self.matrices, square))
+            for name in names
+            if (value := getattr(part, name)) is not None
+        }
 
     @property
     def structure(self) -> tuple[Any, ...]:
@@ -67,6 +71,8 @@ class VehiclePart(Component):
         for names, shaped in ((self.vectors, vector), (self.matrices, square)):
             for name in names:
                 here, value = problems.at(name), getattr(self, name)
+                if value is None:
+                    continue
                 check_numbers(value, here, name in self.positive)
                 if not here:
                     with here.catching():

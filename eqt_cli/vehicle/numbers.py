@@ -115,6 +115,18 @@ Number = Annotated[
 ]
 """A number, or a distribution from which every run draws its own."""
 
+NumberOrExpression = Annotated[
+    Annotated[Real, Tag("number")]
+    | Annotated[str, Tag("expression")]
+    | Annotated[Uniform, Tag("uniform")]
+    | Annotated[Normal, Tag("normal")],
+    one_of(
+        lambda value: "expression" if isinstance(value, str) else _kind(value),
+        "a number, an expression in t, {uniform: [least, greatest]} or {normal: [mean, std]}",
+    ),
+]
+"""A number, a distribution, or an expression in t."""
+
 
 def _rank(value: Any) -> str | None:
     if not isinstance(value, list):
@@ -174,3 +186,21 @@ def check_numbers(value: Any, problems: Problems, positive: bool = False) -> Non
         value.check(problems, positive)
     elif positive and value <= 0:
         problems.add(f"expected a number greater than 0, got {value:g}")
+
+
+def check_limits(low: Any, high: Any, problems: Problems) -> None:
+    """Note a limit without its other one, and limits of which the lower is not less, by means."""
+    for name, value, other in (("low", low, high), ("high", high, low)):
+        if value is None and other is not None:
+            problems.at(name).add("missing; give both limits, low and high")
+        elif value is not None:
+            check_numbers(value, problems.at(name))
+    if problems or low is None:
+        return
+    lows, highs = (value if isinstance(value, list) else [value] for value in (low, high))
+    count = max(len(lows), len(highs))
+    pairs = zip(lows * (count // len(lows)), highs * (count // len(highs)), strict=False)
+    for index, (least, most) in enumerate((drawn(a, None), drawn(b, None)) for a, b in pairs):
+        if least >= most:
+            here = problems.at("low", index) if len(lows) > 1 else problems.at("low")
+            here.add(f"expected a number less than high, {most:g}, got {least:g}")

@@ -210,6 +210,30 @@ class Vehicle:
         """Whether an actuator can be at a limit."""
         return any(actuator.limits for actuator in self.actuators)
 
+    @property
+    def thruster_names(self) -> tuple[str, ...]:
+        """The names of the thrusters, which one actuator has."""
+        return next((part.thruster_names for part in self.actuators if part.thruster_names), ())
+
+    def thrust_limits(self, numbers: Mapping[str, Array]) -> tuple[Array, Array] | None:
+        """The least and the largest thrust of each thruster; None where it has no limits.
+
+        Parameters
+        ----------
+        numbers
+            Those of `numbers`.
+        """
+        for index, part in enumerate(self.actuators):
+            if part.thruster_names and part.limits:
+                place = f"{ACTUATORS}[{index}]"
+                return numbers[f"{place}.low"], numbers[f"{place}.high"]
+        return None
+
+    @property
+    def solves(self) -> int:
+        """How many numbers are found at control instants by code that no engine compiles."""
+        return sum(len(part.thruster_names) for part in self.actuators if part.solves)
+
     def limiting(self) -> Iterator[tuple[str, Actuator, Given]]:
         """The actuators that can be at a limit, by place, with their numbers."""
         for index, actuator in enumerate(self.actuators):
@@ -292,19 +316,74 @@ class Vehicle:
         return states[COMMANDS][..., -G.dimension :]
 
     def after_instant(
-        self, G: MatrixLieGroup, asked: Array, states: Mapping[str, Array]
+        self,
+        G: MatrixLieGroup,
+        asked: Array,
+        states: Mapping[str, Array],
+        solved: Array | None = None,
     ) -> dict[str, Array]:
-        """The states after a control instant, at which the law asks for a torque."""
-        assert self.control is not None
+        """The states after a control instant, at which the law asks for a torque.
+
+        Parameters
+        ----------
+        solved
+            The `solution`, where it is known.
+        """
+
+        def solve(actuator: Actuator, command: Array, given: Given) -> Array:
+            return actuator.solution(G, command, given) if solved is None else solved
+
+        return self._after_instant(G, asked, states, solve)
+
+    def solution(self, G: MatrixLieGroup, asked: Array, states: Mapping[str, Array]) -> Array:
+        """What an actuator that `solves` finds at a control instant, ``(runs, n)``."""
+        found = []
+
+        def solve(actuator: Actuator, command: Array, given: Given) -> Array:
+            found.append(actuator.solution(G, command, given))
+            return found[0]
+
+        self._after_instant(G, asked, states, solve)
+        return found[0]
+
+    def _after_instant(
+        self,
+        G: MatrixLieGroup,
+        asked: Array,
+        states: Mapping[str, Array],
+        solve: Callable[[Actuator, Array, Given], Array],
+    ) -> dict[str, Array]:
         before = states[COMMANDS]
         queue = np.concatenate([before[..., G.dimension :], asked], axis=-1)
         found, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
-        for place, actuator, given in list(self._chain())[: self._at_instants]:
+        # The first actuator that moves may have a part that acts at instants, too.
+        for index, (place, actuator, given) in enumerate(self._chain()):
+            if index > self._at_instants:
+                break
             x = states.get(place, command[..., :0])
             if place in states:
-                x = found[place] = actuator.step(G, command, x, given, self.control.period)
+                taken = solve(actuator, command, given) if actuator.solves else command
+                x = found[place] = actuator.step(G, taken, x, given, self._period)
+            if index < self._at_instants:
+                command = actuator.output(G, command, x, given)
+        return {**found, HELD: command} if self._at_instants else found
+
+    @property
+    def _period(self) -> float:
+        """Between control instants, s."""
+        assert self.control is not None
+        return self.control.period
+
+    def thrust(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
+        """What each thruster gives, ``(..., k)``."""
+        if self.control is not None:
+            command = states[COMMANDS][..., : G.dimension]
+        for place, actuator, given in self._chain():
+            x = states.get(place, command[..., :0])
+            if actuator.thruster_names:
+                return actuator.thrust(G, command, x, given)
             command = actuator.output(G, command, x, given)
-        return {**found, HELD: command}
+        return command[..., :0]
 
     def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
         """Where any actuator is given more than its limit, ``(...)``."""

@@ -199,7 +199,7 @@ class ActuatorsAgain(VehicleCheck):
             yield float(wrong.mean()), ROUNDING, "at a limit"
             for index, here in alone.items():
                 passed, _ = again.chain(command[k], own, range(index, index + 1))
-                wrong = here[k] != again.at_limit_of(index, command[k], passed)
+                wrong = here[k] != again.at_limit_of(index, command[k], own, passed)
                 yield float(wrong.mean()), ROUNDING, f"at the limit of actuators[{index}]"
 
 

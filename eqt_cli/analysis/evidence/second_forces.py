@@ -34,9 +34,31 @@ def _expression(G: MatrixLieGroup, given: Options, random: np.random.Generator) 
 
 
 def _drag(G: MatrixLieGroup, given: Options, random: np.random.Generator) -> Acting:
-    """−Σ_j (D₁_ij + D₂_ij |V_j|) V_j, which is against V."""
+    """−Σ_j (D₁_ij + D₂_ij |U_j|) U_j, which is against U = V − V_c.
+
+    The pose of what the medium carries has the rate Q V_c^, and that is c in its column of places.
+    """
     D1, D2 = (tensor(given[name], G.dimension) for name in ("linear", "quadratic"))
-    return lambda t, Q, V: -applied(D1 + D2 * np.abs(V)[..., None, :], V)
+
+    def acting(t: Array, Q: Array, V: Array) -> Array:
+        U = V if given["current"] is None else V - carried(t, Q)
+        return -applied(D1 + D2 * np.abs(U)[..., None, :], U)
+
+    def carried(t: Array, Q: Array) -> Array:
+        c = np.array([[_at(entry, at) for entry in given["current"]] for at in t.tolist()])
+        (place,) = [part for part in G.parts if part.velocity_unit == "m/s"]
+        rate = np.zeros_like(Q)
+        rate[(..., *place.entries)] = c[..., None]
+        if given["frame"] == "spatial":
+            return np.einsum("...ij,kij->...k", rate, G.basis)
+        return np.einsum("...ij,kij->...k", np.linalg.solve(Q, rate), G.basis)
+
+    return acting
+
+
+def _at(entry: Any, t: float) -> float:
+    """A number, or an expression at a time."""
+    return float(formula(entry).evaluate({"t": t})) if isinstance(entry, str) else float(entry)
 
 
 def _gust(G: MatrixLieGroup, given: Options, random: np.random.Generator) -> Acting:

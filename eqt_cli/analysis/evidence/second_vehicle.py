@@ -12,7 +12,7 @@ from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.analysis.evidence.numbers import floats, rate_of, with_rate
 from eqt_cli.analysis.evidence.redrawn import number, tensor
 from eqt_cli.analysis.evidence.running_error import lifted
-from eqt_cli.analysis.evidence.second_actuators import STATES, Acts
+from eqt_cli.analysis.evidence.second_actuators import SecondActuator
 from eqt_cli.analysis.evidence.second_measuring import SecondMeasuring
 from eqt_cli.core.arrays import Array
 from eqt_cli.ensemble.seeds import Stream, generator_at
@@ -77,20 +77,21 @@ class SecondVehicle:
         return _constant(true, self.m, random, len(times))
 
     @cached_property
-    def actuators(self) -> list[Acts | None]:
+    def actuators(self) -> list[SecondActuator | None]:
         """In the order in which a command passes them; None where one has no second form."""
+        G = self.flight.problem.loop.group
         return [
-            second_actuators.second_actuator(part, self.m, self.random(f"actuators[{k}]"))
+            second_actuators.second_actuator(part, G, self.random(f"actuators[{k}]"))
             for k, part in enumerate(self.vehicle.actuators)
         ]
 
     @property
     def at_instants(self) -> int:
-        """How many actuators act at control instants: those in front of the first lag."""
+        """How many actuators act at control instants: those in front of the first that moves."""
         if self.vehicle.control is None:
             return 0
-        names = [part.name for part in self.vehicle.actuators]
-        return names.index("lag") if "lag" in names else len(names)
+        moving = [part is not None and part.moves for part in self.actuators]
+        return [*moving, True].index(True)
 
     @property
     def is_known(self) -> bool:
@@ -105,9 +106,9 @@ class SecondVehicle:
             found["commands"] = (self.vehicle.control.delay + 1) * self.m
             if self.at_instants:
                 found["held"] = self.m
-        for k, part in enumerate(self.vehicle.actuators):
-            if part.name in STATES:
-                found[f"actuators_{k}"] = STATES[part.name] * self.m
+        for k, part in enumerate(self.actuators):
+            if part is not None and part.states:
+                found[f"actuators_{k}"] = part.states
         if self.vehicle.control is not None:
             G = self.measuring.G
             for signal, part, delay, _ in self.measuring.held():
@@ -124,10 +125,10 @@ class SecondVehicle:
         """What some actuators make of a command, and their states after it or their rates."""
         found = {}
         for k in parts:
-            acts, place = self.actuators[k], f"actuators_{k}"
-            assert acts is not None
+            part, place = self.actuators[k], f"actuators_{k}"
+            assert part is not None
             x = states.get(place, command[..., :0])
-            later, command = acts(command, x, period)
+            later, command = part.acts(command, x, period)
             if place in states:
                 found[place] = later
         return command, found
@@ -145,12 +146,14 @@ class SecondVehicle:
         assert control is not None
         waiting = np.concatenate([states["commands"], asked], axis=-1)[..., self.m :]
         found = {**states, "commands": waiting}
-        if not self.at_instants:
-            return found
-        arrived = waiting[..., : self.m]
-        parts = range(self.at_instants)
-        held, moved = self.chain(arrived, states, parts, control.period)
-        return found | moved | {"held": held}
+        first, arrived = self.at_instants, waiting[..., : self.m]
+        held, moved = self.chain(arrived, states, range(first), control.period)
+        found |= moved | ({"held": held} if first else {})
+        behind = self.actuators[first : first + 1]
+        if any(part is not None and part.sampled for part in behind):
+            _, moved = self.chain(held, states, range(first, first + 1), control.period)
+            found |= moved
+        return found
 
     def at_limit(self, command: Array, states: dict[str, Array]) -> Array:
         """Where a limit lets less through than it is given."""
@@ -160,14 +163,14 @@ class SecondVehicle:
         for k in range(len(self.actuators)):
             given = command
             command, _ = self.chain(given, states, range(k, k + 1))
-            found |= self.at_limit_of(k, given, command)
+            found |= self.at_limit_of(k, given, states, command)
         return found
 
-    def at_limit_of(self, k: int, given: Array, passed: Array) -> Array:
-        """Where an actuator that has a limit lets less through than it is given."""
-        short = np.abs(given - passed) > _SHORT * (1 + np.abs(given))
-        here: Array = short.any(axis=-1) & self.vehicle.actuators[k].limits
-        return here
+    def at_limit_of(self, k: int, given: Array, states: dict[str, Array], passed: Array) -> Array:
+        """Where an actuator that has a limit is at it."""
+        part = self.actuators[k]
+        assert part is not None
+        return part.at_limit(given, states.get(f"actuators_{k}", given[..., :0]), passed)
 
     @cached_property
     def measuring(self) -> SecondMeasuring:
@@ -180,10 +183,6 @@ class SecondVehicle:
         """n and b of every instant; None where a sensor has no second form."""
         n, b = self.measuring.total("pose"), self.measuring.total("velocity")
         return None if n is None or b is None else (n, b)
-
-
-_SHORT = 1e-11
-"""Relative: less than that is rounding."""
 
 
 def second_vehicles(flight: Flight) -> list[SecondVehicle]:

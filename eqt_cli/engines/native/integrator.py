@@ -14,7 +14,12 @@ from eqt_cli.engines.native import library
 from eqt_cli.engines.native.library import Measuring, Rows
 from eqt_cli.engines.native.source import Looking
 from eqt_cli.engines.problem import Problem, Span, Status
-from eqt_cli.engines.traced_loop import LoopPrograms, held_rows, parameter_rows
+from eqt_cli.engines.traced_loop import (
+    InstantPrograms,
+    LoopPrograms,
+    held_rows,
+    parameter_rows,
+)
 from eqt_cli.program import Program
 from eqt_cli.vehicle.sensors.channels import Errors
 
@@ -61,7 +66,7 @@ class Lanes(Integrator):
         self._held = held_rows(self.problem.loop, np.array([span.start]))[0]
 
     def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
-        """By compiled code; a law that is code by itself is called between two programs."""
+        """By compiled code; what is code by itself is called between two programs."""
         runs = len(states)
         given = [
             Rows(states, by_run=True),
@@ -72,18 +77,30 @@ class Lanes(Integrator):
         measured = [Rows(part.reshape(runs, -1), by_run=True) for part in errors or ()]
         around, program = self._law.around_code, self._law.after_instant
         if around is not None:
-            found = self._evaluated(around.told, runs, [*given, *measured])
-            if "state" in found:  # with what sensors hold
-                given[0] = Rows(found.pop("state"), by_run=True)
-            told = Told(**found)._replace(t=t)
-            torque, memory = self.loop.answer(told, self.loop.memory(states), self._period)
-            joined = np.concatenate([np.empty((runs, 0)), *memory.values()], axis=1)
-            given += [Rows(torque, by_run=True), Rows(joined, by_run=True)]
+            torque, memory, states = self._answer(t, states, around, [*given, *measured])
+            given[0] = Rows(states, by_run=True)  # with what sensors hold
+            given += [Rows(torque, by_run=True), Rows(memory, by_run=True)]
+            if self.loop.vehicle.solves:
+                given.append(Rows(self.loop.solution(states, torque), by_run=True))
             program = around.answered
         else:
             given += measured
         assert program is not None
         return self._evaluated(program, runs, given)["state"]
+
+    def _answer(
+        self, t: float, states: Array, around: InstantPrograms, given: list[Rows]
+    ) -> tuple[Array, Array, Array]:
+        """The torque that the law asks for, its memory, and the measured states, a row for each."""
+        runs, none = len(states), np.empty((len(states), 0))
+        if self._law.asked is not None:
+            found = self._evaluated(self._law.asked, runs, given)
+            return found["torque"], found.get("memory", none), found.get("state", states)
+        found = self._evaluated(around.told, runs, given)
+        states = found.pop("state", states)
+        told = Told(**found)._replace(t=t)
+        torque, memory = self.loop.answer(told, self.loop.memory(states), self._period)
+        return torque, np.concatenate([none, *memory.values()], axis=1), states
 
     def advance(self, span: Span, states: Array) -> SpanResult:
         """All runs that have not failed; the others stay where they are."""

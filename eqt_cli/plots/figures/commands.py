@@ -13,7 +13,7 @@ from matplotlib.patches import Patch
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.plots.base import OverTime
-from eqt_cli.plots.drawing.labels import force_component, quantity
+from eqt_cli.plots.drawing.labels import force_component, free_text, in_words, quantity
 from eqt_cli.plots.drawing.layout import (
     add_legend,
     add_title,
@@ -32,6 +32,10 @@ _ANY = 0.7
 """The share of ink in the grey that stands for every controller's colour in the legend."""
 _SHADE = 0.13
 """The share of ink in what lies behind the curves."""
+_MARGIN = 0.06
+"""Of the range of a thruster, shown on either side of it."""
+_MOST_NAME = 16
+"""Characters of the name of a thruster."""
 
 
 @dataclass(frozen=True)
@@ -44,11 +48,14 @@ class Commands(OverTime):
     ----------
     run
         Which run, by its number.
+    thrusters
+        Show the thrust of each thruster instead, a row each; what is beyond its limits is shaded.
     """
 
     name: ClassVar[str] = "commands"
 
     run: int = 0
+    thrusters: bool = False
 
     def check(self, problems: Problems) -> None:
         """A run has a number from 0."""
@@ -63,19 +70,39 @@ class Commands(OverTime):
                 f"has a column of panels per controller, and width '{width}' has room for "
                 f"{most}, not {len(shown)}; choose some with the option 'controllers'"
             )
-        rows = [[f"{axis} {e.label}" for e in shown] for axis, _ in runs.axes]
+        names = runs.thrusters if self.thrusters else [axis for axis, _ in runs.axes]
+        rows = [[f"{name} {e.label}" for e in shown] for name in names]
         drawing, panels = sheet(width, rows, runs.span, runs.unit("time"))
         grid = [[panels[name] for name in row] for row in rows]
-        for row, (axis, unit) in zip(grid, runs.axes, strict=True):
+        labels = [quantity(force_component(axis, unit), unit) for axis, unit in runs.axes]
+        if self.thrusters:
+            labels = [in_words(free_text(name, _MOST_NAME), runs.unit("thrust")) for name in names]
+        for row, label in zip(grid, labels, strict=True):
             share_scale(row)
-            name_scale(row[0], quantity(force_component(axis, unit), unit))
+            name_scale(row[0], label)
         hide_inner_scales(panels, rows)
-        limited = False
+        fill, limited = self._fill_thrusts if self.thrusters else self._fill, False
         for column, ensemble in zip(zip(*grid, strict=True), shown, strict=True):
             add_title(column[0], ensemble.title, WIDTHS[width] / len(shown))
-            limited |= self._fill(column, runs, ensemble)
+            limited |= fill(column, runs, ensemble)
         self._add_legend(drawing, limited)
         return drawing
+
+    def _fill_thrusts(self, column: tuple[Axes, ...], runs: ShownRuns, ensemble: Ensemble) -> bool:
+        """Draw the thrusts of a controller; whether they have limits."""
+        times, thrust = runs.times(ensemble), runs.of_run("thrust", ensemble, self.run)
+        limits = runs.thrust_limits(ensemble, self.run)
+        colour = line_style(ensemble.look)["color"]
+        for k, axes in enumerate(column):
+            axes.plot(times, thrust[:, k], color=colour, label="thrust")
+            if limits is None:
+                continue
+            low, high = limits[0][k], limits[1][k]
+            beyond = _MARGIN * (high - low)
+            for start, end in ((low - beyond, low), (high, high + beyond)):
+                axes.axhspan(start, end, facecolor=ink(_SHADE), linewidth=0, zorder=0)
+            axes.set_ylim(low - beyond, high + beyond)
+        return limits is not None
 
     def _fill(self, column: tuple[Axes, ...], runs: ShownRuns, ensemble: Ensemble) -> bool:
         """Draw the panels of a controller; whether its run is ever at a limit."""
@@ -94,12 +121,13 @@ class Commands(OverTime):
         return bool(at_limit.any())
 
     def _add_legend(self, drawing: Drawing, limited: bool) -> None:
-        handles: dict[str, Artist] = {
-            "given by the actuators": Line2D([], [], color=ink(_ANY)),
-            "asked by the law": Line2D([], [], color=ink(), **_ASKED),
-        }
+        given = "thrust" if self.thrusters else "given by the actuators"
+        handles: dict[str, Artist] = {given: Line2D([], [], color=ink(_ANY))}
+        if not self.thrusters:
+            handles["asked by the law"] = Line2D([], [], color=ink(), **_ASKED)
         if limited:
-            handles["at a limit"] = Patch(facecolor=ink(_SHADE), linewidth=0)
+            words = "beyond its limits" if self.thrusters else "at a limit"
+            handles[words] = Patch(facecolor=ink(_SHADE), linewidth=0)
         add_legend(drawing, list(handles.values()), list(handles))
 
 

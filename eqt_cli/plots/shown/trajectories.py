@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from eqt_cli.closed_loop.signals import MIXED
 from eqt_cli.core.arrays import Array
+from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.angles import turn_of_distance
 from eqt_cli.mechanics.tracking import Tracking
@@ -178,6 +179,25 @@ class ShownRuns(ShownControllers):
             for part in self.group.parts:
                 units[part.axes] = [part.force_unit] * len(axes[part.axes])
         return list(zip(axes, units, strict=True))
+
+    @property
+    def thrusters(self) -> list[str]:
+        """The names of the thrusters.
+
+        Raises
+        ------
+        EqtError
+            If the vehicle has none, or their thrusts are not stored.
+        """
+        self._check_stored(self.results[0], "thrust")
+        return [str(name) for name in self.results[0].coordinate("thruster")]
+
+    def thrust_limits(self, ensemble: Ensemble, run: int) -> tuple[Array, Array] | None:
+        """The least and the largest thrust of each thruster in a run; None where it has none."""
+        experiment = ensemble.results.experiment()
+        vehicle = experiment.loops[ensemble.law].vehicle
+        random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, run)
+        return vehicle.thrust_limits(vehicle.numbers(experiment.group, random_of))
 
     def notes(self) -> list[str]:
         """As `ShownControllers.notes`, after what flies and how many runs have trajectories."""

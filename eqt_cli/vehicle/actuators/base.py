@@ -1,12 +1,13 @@
 """What an actuator is: what becomes of a command; it knows no law, no plant and no engine."""
 
 from abc import abstractmethod
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, where
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.component import Given, VehiclePart
 
@@ -18,15 +19,43 @@ class Actuator(VehiclePart):
     It takes the command that it is given, and its own states where it has any, which start at 0.
     """
 
-    limits: ClassVar[bool] = False
-    """Whether it can be at a limit."""
-    moves: ClassVar[bool] = False
-    """Whether it has states that change between instants, by a `state_rate`."""
-    sampled: ClassVar[bool] = False
-    """Whether it acts at control instants only, on a command that is held."""
-
     has_closed_form: ClassVar[bool] = False
     """Whether `after` says where a held command leads its states."""
+
+    # Most actuators give these by a class variable.
+
+    @property
+    def limits(self) -> bool:
+        """Whether it can be at a limit."""
+        return False
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has states that change between instants, by a `state_rate`."""
+        return False
+
+    @property
+    def sampled(self) -> bool:
+        """Whether it acts at control instants only, on a command that is held.
+
+        One that also `moves` takes the command by its `step` at an instant.
+        """
+        return False
+
+    @property
+    def solves(self) -> bool:
+        """Whether `solution` says what its `step` is given; no engine compiles that."""
+        return False
+
+    @property
+    def acting_at_instants(self) -> str:
+        """What of it acts at control instants, as a message calls it."""
+        return self.name
+
+    @property
+    def thruster_names(self) -> tuple[str, ...]:
+        """The names of its thrusters, where it has any."""
+        return ()
 
     def states(self, G: MatrixLieGroup) -> int:
         """How many states it has."""
@@ -52,6 +81,14 @@ class Actuator(VehiclePart):
         """Its states after a control instant, of an actuator that is `sampled`."""
         return x
 
+    def solution(self, G: MatrixLieGroup, command: Array, given: Given) -> Array:
+        """What it finds for commands ``(runs, m)`` at an instant, ``(runs, n)``, by any code."""
+        return command
+
+    def thrust(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """What each of its thrusters gives, ``(..., k)``."""
+        return command[..., :0]
+
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
         """Where a command is beyond its limit, ``(...)``; None where it has none.
 
@@ -68,3 +105,13 @@ class Actuator(VehiclePart):
         None where that does not depend on the torque at one time alone.
         """
         return None
+
+    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
+        """What a user should know of it before it is run, and no error is."""
+        yield from ()
+
+
+def against(values: Array, low: Array, high: Array) -> tuple[Array, Array]:
+    """The sizes of values, and the limits on their side of 0."""
+    below = values < 0
+    return where(below, -values, values), where(below, -low, high)

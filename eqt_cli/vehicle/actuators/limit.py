@@ -1,15 +1,16 @@
 """A hard limit of the torque."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, clip, less, norm, where
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.actuators.base import Actuator, against
 from eqt_cli.vehicle.component import Given
-from eqt_cli.vehicle.numbers import Numbers
+from eqt_cli.vehicle.numbers import Numbers, check_limits
 
 
 @dataclass(frozen=True)
@@ -19,40 +20,63 @@ class Limit(Actuator):
     Attributes
     ----------
     limit
-        The largest value along each axis, or a list of m.
+        The largest value along each axis in both directions, or a list of m.
     norm
         Limit the Euclidean norm instead; the direction is kept. Along different axes, limits then
-        count in proportion.
+        count in proportion. Only with `limit`.
+    low, high
+        Instead of `limit`: the least and the largest value along each axis, or lists of m.
     """
 
     name: ClassVar[str] = "limit"
     departs: ClassVar[str] = "torque limited"
-    vectors: ClassVar[tuple[str, ...]] = ("limit",)
+    vectors: ClassVar[tuple[str, ...]] = ("limit", "low", "high")
     positive: ClassVar[tuple[str, ...]] = ("limit",)
     limits: ClassVar[bool] = True
 
-    limit: Numbers
+    limit: Numbers | None = None
     norm: bool = False
+    low: Numbers | None = None
+    high: Numbers | None = None
+
+    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
+        """The limits in both directions, or that of the norm."""
+        found = super().numbers(G, random)
+        if self.norm or "limit" not in found:
+            return found
+        return {"low": -found["limit"], "high": found["limit"]}
 
     def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
         """The command, cut off."""
-        limit = given["limit"]
         if not self.norm:
-            return clip(command, -limit, limit)
-        size = norm(command / limit)[..., None]
+            return clip(command, given["low"], given["high"])
+        size = norm(command / given["limit"])[..., None]
         return where(less(1.0, size), command / size, command)
 
     def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
         """Where it cuts off."""
-        limit = given["limit"]
         if self.norm:
-            return np.array(norm(command / limit) > 1.0)
-        return np.array((np.abs(command) > limit).any(axis=-1))
+            return np.array(norm(command / given["limit"]) > 1.0)
+        beyond = (command < given["low"]) | (command > given["high"])
+        return np.array(beyond.any(axis=-1))
 
     def most(self, G: MatrixLieGroup, torque: Array, given: Given) -> tuple[Array, Array] | None:
         """Sizes along the axes, or the norm in the unit of the largest limit; and the limits."""
-        limit = given["limit"]
         if not self.norm:
-            return np.abs(torque), limit
+            return against(torque, given["low"], given["high"])
+        limit = given["limit"]
         largest = limit.max(axis=-1, keepdims=True)
         return norm(torque / limit)[..., None] * largest, largest
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Both ways to give a limit, or none, or limits that leave nothing between them."""
+        given: Any = [name for name in ("low", "high") if getattr(self, name) is not None]
+        if self.limit is not None and given:
+            problems.add(f"expected limit, or low and high, got limit and {' and '.join(given)}")
+        elif self.limit is None and not given:
+            problems.add("expected limit, or low and high, got neither; add limit: 1.0")
+        elif self.norm and given:
+            problems.at("norm").add("needs limit, got low and high; use limit, or remove this key")
+        super().check(G, problems)
+        if not problems:
+            check_limits(self.low, self.high, problems)

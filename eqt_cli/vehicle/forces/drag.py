@@ -1,18 +1,24 @@
-"""Drag, linear and quadratic in the velocity."""
+"""Drag, linear and quadratic in the velocity, in a medium that may flow."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, ClassVar
 
-from eqt_cli.core.arrays import Array, absolute, apply_matrix
+import numpy as np
+
+from eqt_cli.core.arrays import Array, absolute, apply_matrix, stack
+from eqt_cli.core.expressions import Expression, formula
+from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.references.base import instants_of
 from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.forces.base import Force
-from eqt_cli.vehicle.numbers import Matrix
+from eqt_cli.vehicle.numbers import Matrix, NumberOrExpression, check_numbers
 
 
 @dataclass(frozen=True)
 class Drag(Force):
-    """The drag −(D₁ + D₂ diag|V|) V.
+    """The drag −(D₁ + D₂ diag|U|) U, with U = V − Ad_{Q⁻¹} (0, c) in a current c, else U = V.
 
     Attributes
     ----------
@@ -20,6 +26,9 @@ class Drag(Force):
         D₁: a number, a list (the diagonal) or a matrix.
     quadratic
         D₂, likewise.
+    current
+        c, the velocity of the medium in the spatial frame, m/s: numbers or expressions in t, one
+        for each axis of the translation of the group; at rest if left out.
     """
 
     name: ClassVar[str] = "drag"
@@ -28,8 +37,72 @@ class Drag(Force):
 
     linear: Matrix = 0.0
     quadratic: Matrix = 0.0
+    current: list[NumberOrExpression] | None = None
+
+    @cached_property
+    def _expressions(self) -> dict[int, Expression]:
+        """Those of the current, by its axis."""
+        written = enumerate(self.current or ())
+        return {axis: formula(entry) for axis, entry in written if isinstance(entry, str)}
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """The frame, whether there is a current, and its expressions."""
+        texts = [entry if isinstance(entry, str) else None for entry in self.current or ()]
+        return type(self), self.frame, repr(texts)
+
+    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
+        """The two tensors, and the current with 0 for its expressions."""
+        part = self.of_run(random)
+        found = super(Drag, part).numbers(G, None)
+        if part.current is None:
+            return found
+        entries = [0.0 if isinstance(entry, str) else entry for entry in part.current]
+        return found | {"current": np.array(entries, dtype=float)}
+
+    def instants(self) -> Array:
+        """Where an expression changes its piece."""
+        return instants_of(self._expressions.values())
 
     def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
-        """−D₁ V − D₂ (|V| V)."""
+        """−D₁ U − D₂ (|U| U)."""
+        if self.current is not None:
+            V = V - self._flow(G, t, Q, given["current"])
         squares = apply_matrix(given["quadratic"], absolute(V) * V)
         return -apply_matrix(given["linear"], V) - squares
+
+    def _flow(self, G: MatrixLieGroup, t: Any, Q: Array, numbers: Array) -> Array:
+        """The velocity of the medium in the frame of the force, ``(..., m)``."""
+        part = G.translation
+        assert part is not None
+        entries: list[Any] = [0.0] * G.dimension
+        for axis in range(numbers.shape[-1]):
+            expression = self._expressions.get(axis)
+            value = numbers[..., axis] if expression is None else expression.evaluate({"t": t})
+            entries[part.axes.start + axis] = value
+        flow = stack(entries)
+        return flow if self.frame == "spatial" else G.Ad(G.inverse(Q), flow)
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """Numbers that are none, and a current on a group without a translation."""
+        super().check(G, problems)
+        if self.current is None:
+            return
+        here, part = problems.at("current"), G.translation
+        if part is None:
+            here.add(
+                f"needs a group with one translation in m/s, as SE2 and SE3, got {G.name}; remove "
+                "this key"
+            )
+            return
+        axes = part.axes.stop - part.axes.start
+        if len(self.current) != axes:
+            here.add(
+                f"expected {axes} numbers or expressions for {G.name}, got {len(self.current)}"
+            )
+        for index, entry in enumerate(self.current):
+            if isinstance(entry, str):
+                with here.catching(index):
+                    formula(entry)
+            else:
+                check_numbers(entry, here.at(index))

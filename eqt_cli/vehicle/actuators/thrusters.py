@@ -1,0 +1,344 @@
+"""Thrusters that together give the torque: how it is shared among them, their limits, their lag."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, apply_matrix, clip, exp
+from eqt_cli.core.option_types import Real
+from eqt_cli.core.problems import Problems
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.vehicle.actuators.base import Actuator, against
+from eqt_cli.vehicle.component import Given
+from eqt_cli.vehicle.numbers import Numbers, check_limits, check_numbers
+
+SMALLEST = 1e-10
+"""Singular values of B, relative to the largest, that count as 0."""
+
+
+@dataclass(frozen=True)
+class Thruster:
+    """One thruster of SE2 or SE3, in the body frame.
+
+    Attributes
+    ----------
+    at
+        Where it pushes, m.
+    along
+        The direction of its thrust; the length does not matter.
+    turns
+        The torque about `along` for each N of thrust, from the drag of its propeller, m; SE3 only.
+    name
+        What figures call it; `thruster 1`, … if left out.
+    """
+
+    # Not strict, as of drawn numbers: see `Drawn`.
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": False}
+
+    at: list[Real]
+    along: list[Real]
+    turns: Real = 0.0
+    name: str = ""
+
+    def wrench(self, G: EuclideanGroup) -> Array:
+        """The torque and force of a thrust of 1, ``(m,)``: ⟨f, V⟩ is the power at the point."""
+        along = np.array(self.along, dtype=float)
+        along = along / np.linalg.norm(along)
+        point = np.append(np.array(self.at, dtype=float), 1.0)
+        found = np.einsum("a,iab,b->i", along, G.basis[:, : G.space], point)
+        if G.space == G.rotations:
+            found[: G.rotations] += self.turns * along
+        return found
+
+
+@dataclass(frozen=True)
+class Thrusters(Actuator):
+    """The torque B f of k thrusts f, which follow from the command: limited and lagging one by one.
+
+    Torque and command are in the body frame and in the order of the coordinates of the group, on
+    SE2 and SE3 the torque before the force. Without limits and lag, and with B of rank m, the
+    torque is the command.
+
+    Attributes
+    ----------
+    matrix
+        B, m rows of k numbers: what each N of thrust gives along each axis.
+    thrusters
+        Instead of `matrix`, on SE2 and SE3: place and direction of each thruster in the body frame,
+        `{at: [x, y, z], along: [x, y, z], turns: 0, name: left}`.
+    low, high
+        The least and the largest thrust of each, N, or lists of k; none if left out.
+    time_constant
+        T of a lag of first order, s, of each, or a list of k; none if left out.
+    weights
+        The thrusts have the least sum of weight · thrust²; a number each, or a list of k.
+    allocation
+        `pseudo_inverse`: thrusts B⁺ · command, each cut off at its limits. `bounded`: thrusts
+        within the limits whose torque is nearest to the command, by least squares over its m
+        numbers as they are; solved at control instants.
+    """
+
+    name: ClassVar[str] = "thrusters"
+    departs: ClassVar[str] = "thrusters"
+    has_closed_form: ClassVar[bool] = True
+
+    matrix: list[list[Real]] | None = None
+    thrusters: list[Thruster] | None = None
+    low: Numbers | None = None
+    high: Numbers | None = None
+    time_constant: Numbers | None = None
+    weights: Numbers | None = None
+    allocation: Literal["pseudo_inverse", "bounded"] = "pseudo_inverse"
+
+    @property
+    def limits(self) -> bool:
+        """Where thrusts have limits."""
+        return self.low is not None
+
+    @property
+    def moves(self) -> bool:
+        """Where thrusts lag."""
+        return self.time_constant is not None
+
+    @property
+    def sampled(self) -> bool:
+        """Where thrusts are solved for."""
+        return self.allocation == "bounded"
+
+    solves = sampled
+
+    @property
+    def acting_at_instants(self) -> str:
+        """The option."""
+        return "allocation: bounded"
+
+    @cached_property
+    def count(self) -> int:
+        """k."""
+        return len(self.thrusters or (self.matrix or [[]])[0])
+
+    @property
+    def thruster_names(self) -> tuple[str, ...]:
+        """As given, or numbered from 1."""
+        given = [each.name for each in self.thrusters or ()] or [""] * self.count
+        return tuple(name or f"thruster {index}" for index, name in enumerate(given, 1))
+
+    @property
+    def structure(self) -> tuple[Any, ...]:
+        """What there is, and how many."""
+        return type(self), self.allocation, self.limits, self.moves, self.thruster_names
+
+    def columns(self, G: MatrixLieGroup) -> Array:
+        """B, ``(m, k)``."""
+        if self.matrix is not None:
+            return np.array(self.matrix, dtype=float)
+        assert isinstance(G, EuclideanGroup)
+        return np.stack([each.wrench(G) for each in self.thrusters or ()], axis=-1)
+
+    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
+        """B, its weighted pseudo-inverse, and of each thruster what is given."""
+        part, B = self.of_run(random), self.columns(G)
+        given = {
+            name: np.broadcast_to(np.array(value, dtype=float), (self.count,)).copy()
+            for name in ("low", "high", "time_constant")
+            if (value := getattr(part, name)) is not None
+        }
+        scale = 1 / np.sqrt(np.ones(self.count) * np.array(part.weights or 1.0, dtype=float))
+        inverse = scale[:, None] * np.linalg.pinv(B * scale, rcond=SMALLEST)
+        found = {"matrix": B, "inverse": inverse, **given}
+        return found | {"scale": scale} if self.sampled else found
+
+    def states(self, G: MatrixLieGroup) -> int:
+        """The thrusts that are solved for, then those that lag."""
+        return (self.sampled + self.moves) * self.count
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """B f."""
+        return apply_matrix(given["matrix"], self.thrust(G, command, x, given))
+
+    def thrust(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """The state of the lag, or what is asked."""
+        return x[..., -self.count :] if self.moves else self._asked(command, x, given)
+
+    def _asked(self, command: Array, x: Array, given: Given) -> Array:
+        """What each is asked for, within its limits."""
+        if self.sampled:
+            return x[..., : self.count]
+        asked = apply_matrix(given["inverse"], command)
+        return clip(asked, given["low"], given["high"]) if self.limits else asked
+
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """(asked − x) / T; what is solved for waits for the next instant."""
+        asked = self._asked(command, x, given)
+        rate: Array = (asked - x[..., -self.count :]) / given["time_constant"]
+        return np.concatenate([0.0 * asked, rate], axis=-1) if self.sampled else rate
+
+    def after(
+        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, duration: Array
+    ) -> Array:
+        """Asked + (x − asked) e^(−t/T)."""
+        asked = self._asked(command, x, given)
+        left = (x[..., -self.count :] - asked) * exp(-duration / given["time_constant"])
+        later: Array = asked + left
+        return np.concatenate([asked, later], axis=-1) if self.sampled else later
+
+    def step(
+        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, period: float
+    ) -> Array:
+        """The thrusts that were solved for; those that lag stay."""
+        if not self.sampled:
+            return x
+        return np.concatenate([command, x[..., self.count :]], axis=-1) if self.moves else command
+
+    def solution(self, G: MatrixLieGroup, command: Array, given: Given) -> Array:
+        """Thrusts within the limits with the torque nearest to the command; run by run."""
+        names = "matrix", "inverse", "scale", "low", "high"
+        shapes = {"matrix": 2, "inverse": 2}
+        found = np.empty((*command.shape[:-1], self.count))
+        numbers = [
+            np.broadcast_to(given[name], (*command.shape[:-1], *given[name].shape[-axes:]))
+            for name in names
+            for axes in [shapes.get(name, 1)]
+        ]
+        for run in np.ndindex(command.shape[:-1]):
+            found[run] = _nearest(command[run], *(each[run] for each in numbers))
+        return found
+
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
+        """Where a thruster is asked for more than it can, or for its limit by a solution."""
+        if not self.limits:
+            return None
+        if self.sampled:
+            asked = x[..., : self.count]
+            there = (asked <= given["low"]) | (asked >= given["high"])
+        else:
+            asked = apply_matrix(given["inverse"], command)
+            there = (asked < given["low"]) | (asked > given["high"])
+        return np.array(there.any(axis=-1))
+
+    def most(self, G: MatrixLieGroup, torque: Array, given: Given) -> tuple[Array, Array] | None:
+        """The thrusts and their limits; of least squares, others may do."""
+        if self.sampled:
+            return None
+        return against(apply_matrix(given["inverse"], torque), given["low"], given["high"])
+
+    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
+        """The directions in which no thrust pushes."""
+        lost = unreachable(self.columns(G))
+        if len(lost):
+            named = ", ".join(_in_words(row, G.axis_names) for row in lost)
+            rank = f"rank {G.dimension - len(lost)} of {G.dimension}"
+            yield f"push along {rank} coordinates of {G.name} only: none along {named}"
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """A matrix or places that are none, and numbers that do not fit them."""
+        if (self.matrix is None) == (self.thrusters is None):
+            got = "neither" if self.matrix is None else "both"
+            problems.add(f"expected either matrix or thrusters, got {got}")
+        elif self.matrix is not None:
+            self._check_matrix(G, problems.at("matrix"))
+        else:
+            self._check_places(G, problems.at("thrusters"))
+        if problems:
+            return
+        for name in ("low", "high", "time_constant", "weights"):
+            here, value = problems.at(name), getattr(self, name)
+            if value is not None:
+                check_numbers(value, here, positive=name in ("time_constant", "weights"))
+            if isinstance(value, list) and len(value) != self.count:
+                here.add(f"expected {self.count} entries, one for each thruster, got {len(value)}")
+        if not problems:
+            check_limits(self.low, self.high, problems)
+        if self.sampled and not self.limits and not problems:
+            problems.at("allocation").add("bounded needs limits; give low and high")
+
+    def _check_matrix(self, G: MatrixLieGroup, problems: Problems) -> None:
+        rows, order = self.matrix or [], ", ".join(G.axis_names)
+        if len(rows) != G.dimension:
+            problems.add(
+                f"expected {G.dimension} rows for {G.name}, in the order {order}, got {len(rows)}"
+            )
+        for index, row in enumerate(rows):
+            if not row or len(row) != len(rows[0]):
+                expected = f"{len(rows[0])} numbers, as in row 1" if rows[0] else "a number or more"
+                problems.at(index).add(f"expected {expected}, got {len(row)}")
+
+    def _check_places(self, G: MatrixLieGroup, problems: Problems) -> None:
+        if not (isinstance(G, EuclideanGroup) and G.rotations and len(G.columns) == 1):
+            problems.add(f"places of thrusters need group SE2 or SE3, got {G.name}; give matrix")
+            return
+        if not self.thrusters:
+            problems.add("expected one thruster or more, got none")
+        for index, each in enumerate(self.thrusters or ()):
+            here = problems.at(index)
+            for option, value in (("at", each.at), ("along", each.along)):
+                if len(value) != G.space:
+                    here.at(option).add(
+                        f"expected {G.space} numbers for {G.name}, got {len(value)}"
+                    )
+            if not any(each.along):
+                here.at("along").add("expected a direction, got a vector of zeros")
+            if each.turns and G.space != G.rotations:
+                here.at("turns").add(
+                    f"a torque about along has no part in the plane of {G.name}; remove this key"
+                )
+        names = self.thruster_names
+        for index, name in enumerate(names):
+            if name in names[:index]:
+                first = names.index(name)
+                problems.at(index).at("name").add(
+                    f"expected a name of its own, got '{name}', which thrusters[{first}] has"
+                )
+
+
+def unreachable(B: Array) -> Array:
+    """Directions n with nᵀB = 0 in as few coordinates as possible, the rows ``(m − rank, m)``."""
+    U, sizes, _ = np.linalg.svd(B)
+    rank = int((sizes > SMALLEST * max(sizes[0], np.finfo(float).tiny)).sum())
+    rows = U[:, rank:].T.copy()
+    done = 0
+    for column in range(rows.shape[1]):  # Gauss-Jordan, largest entries first
+        if done == len(rows):
+            break
+        best = done + int(np.argmax(np.abs(rows[done:, column])))
+        if abs(rows[best, column]) < np.sqrt(SMALLEST):
+            continue
+        rows[[done, best]] = rows[[best, done]]
+        rows[done] /= rows[done, column]
+        others = np.arange(len(rows)) != done
+        rows[others] -= np.outer(rows[others, column], rows[done])
+        done += 1
+    return np.where(np.abs(rows) < np.sqrt(SMALLEST), 0.0, rows)
+
+
+def _in_words(direction: Array, names: Sequence[str]) -> str:
+    """A direction by the names of the coordinates: ``vx``, ``ωy − 0.5 vx``."""
+    words = ""
+    for number, name in zip(direction.tolist(), names, strict=True):
+        if number:
+            sign = ("−" if number < 0 else "") if not words else (" − " if number < 0 else " + ")
+            size = "" if abs(abs(number) - 1) < SMALLEST else f"{abs(number):.3g} "
+            words += f"{sign}{size}{name}"
+    return words
+
+
+def _nearest(
+    command: Array, B: Array, inverse: Array, scale: Array, low: Array, high: Array
+) -> Array:
+    """Thrusts within limits whose torque is nearest to a command."""
+    if not np.isfinite(command).all():
+        return np.full(len(low), np.nan)
+    free: Array = inverse @ command
+    if (free >= low).all() and (free <= high).all():
+        return free
+    from scipy.optimize import lsq_linear  # slow to import
+
+    # An active set ends at the very optimum, but counts each change of the set as an iteration.
+    limits, most = (low / scale, high / scale), 100 * len(low)
+    solved = lsq_linear(B * scale, command, limits, method="bvls", tol=1e-14, max_iter=most)
+    at = solved.active_mask
+    return np.where(at < 0, low, np.where(at > 0, high, np.clip(scale * solved.x, low, high)))
