@@ -11,7 +11,11 @@ TIGHT = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-13}
 
 
 def basis(group):
-    """The basis of so(3) or se(3), rotation first."""
+    """The basis of so(3), se(3) or se(2), rotation first."""
+    if group == "SE2":
+        found = np.zeros((3, 3, 3))
+        found[0, 1, 0], found[0, 0, 1], found[1, 0, 2], found[2, 1, 2] = 1.0, -1.0, 1.0, 1.0
+        return found
     d = {"SO3": 3, "SE3": 4}[group]
     found = []
     for k in range(3):
@@ -33,7 +37,8 @@ class Plain:
         self.m, self.d = len(self.E), self.E.shape[1]
         self.I, self.K, self.D = np.diag(inertia), kp * np.eye(self.d), kd * np.eye(self.m)
         self.J = self.I if true is None else np.diag(true)
-        self.torque, self.limit = torque, limit
+        self.torque = torque
+        self.low, self.high = limit if isinstance(limit, tuple) else (-limit, limit)
         self.push = (lambda t: np.zeros(self.m)) if push is None else push
 
     def hat(self, v):
@@ -71,7 +76,7 @@ class Plain:
 
     def field(self, t, y, asked, lag):
         Q, V, Qd, Pd, x = self.split(y)
-        limited = np.clip(asked(t, y), -self.limit, self.limit)
+        limited = np.clip(asked(t, y), self.low, self.high)
         given = limited if lag is None else x
         V_dot = np.linalg.solve(self.J, self.ad(V).T @ (self.J @ V) + given + self.push(t))
         Vd = np.linalg.solve(self.I, Pd)

@@ -25,6 +25,7 @@ CASES = {
     "wrong inertia": {"true": True},
     "push": {"push": True},
     "limit": {"limit": True},
+    "unequal limits": {"limit": (-0.4, [0.5, 0.2, 0.6, 1.0, 0.3, 0.7])},
     "lag": {"lag": True},
     "all": {"true": True, "push": True, "limit": True, "lag": True},
     "period": {"period": 0.1},
@@ -42,7 +43,10 @@ def text(group, engine, case):
     if case.get("push"):
         entries = [PUSH, "0.1*sin(t)"] + [0] * (m - 2)
         plant += ["  forces:", f"    - {{kind: expression, force: {entries}}}"]
-    if case.get("limit"):
+    if isinstance(case.get("limit"), tuple):
+        low, high = case["limit"]
+        actuators.append(f"  - {{kind: limit, low: {low}, high: {high[:m]}}}")
+    elif case.get("limit"):
         actuators.append(f"  - {{kind: limit, limit: {LIMIT}}}")
     if case.get("lag"):
         actuators.append(f"  - {{kind: lag, time_constant: {LAG}}}")
@@ -77,6 +81,9 @@ def expected(group, name):
     def push(t):
         return np.array([PUSH, 0.1 * np.sin(t), 0, 0, 0, 0][:m])
 
+    limit = LIMIT
+    if isinstance(case.get("limit"), tuple):
+        limit = case["limit"][0], np.array(case["limit"][1][:m])
     program = plain.Plain(
         group,
         INERTIA[group],
@@ -85,7 +92,7 @@ def expected(group, name):
         torque,
         true=TRUE[group] if case.get("true") else None,
         push=push if case.get("push") else None,
-        limit=LIMIT if case.get("limit") else np.inf,
+        limit=limit if case.get("limit") else np.inf,
     )
     start = np.array([0.9, -0.5, 0.7, 0.3, -0.2, 0.4][:m])
     d = program.d

@@ -232,7 +232,7 @@ class Thrusters(Actuator):
         if len(lost):
             named = ", ".join(_in_words(row, G.axis_names) for row in lost)
             rank = f"rank {G.dimension - len(lost)} of {G.dimension}"
-            yield f"push along {rank} coordinates of {G.name} only: none along {named}"
+            yield f"with {rank} cannot push along {named}; what a law asks for there is lost"
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A matrix or places that are none, and numbers that do not fit them."""

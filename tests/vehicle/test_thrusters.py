@@ -1,0 +1,469 @@
+"""Thrusters and currents: against plain programs, against SciPy, and through whole experiments."""
+
+import importlib.util
+from functools import cache, partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from scipy.optimize import lsq_linear
+
+from eqt_cli.api import load_experiment, verify
+from eqt_cli.core.errors import EqtError
+from eqt_cli.execution.executors import Executor
+from eqt_cli.execution.executors.serial import Serial
+from eqt_cli.execution.run_study import execute
+from eqt_cli.experiment.horizon import remarks
+from eqt_cli.groups import group_named
+from eqt_cli.results.result import open_result
+from eqt_cli.vehicle.actuators.thrusters import Thruster, Thrusters, unreachable
+from eqt_cli.vehicle.forces.drag import Drag
+
+SPEC = importlib.util.spec_from_file_location(
+    "plain_thrusters", Path(__file__).with_name("plain_thrusters.py")
+)
+plain = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(plain)
+
+TOLERANCE = 1e-6
+"""As in test_against_plain.py."""
+
+DURATION, SAMPLES = 1.5, 16
+SE2, SE3 = group_named("SE2"), group_named("SE3")
+INERTIA = {"SE2": [1.0, 2.0, 2.5], "SE3": [1.0, 2.0, 2.5, 3.0, 4.0, 5.0]}
+START = [0.9, -0.5, 0.7, 0.3, -0.2, 0.4]
+EIGHT = [
+    {"at": [0.4, 0.3, 0.1], "along": [1, -1, 0], "turns": 0.02},
+    {"at": [0.4, -0.3, 0.1], "along": [1, 1, 0], "turns": -0.02},
+    {"at": [-0.4, 0.3, 0.1], "along": [-1, -1, 0]},
+    {"at": [-0.4, -0.3, 0.1], "along": [-1, 1, 0]},
+    {"at": [0.3, 0.5, 0], "along": [0, 0, -1]},
+    {"at": [0.3, -0.5, 0], "along": [0, 0, -2]},
+    {"at": [-0.3, 0.5, 0], "along": [0, 0, -1]},
+    {"at": [-0.3, -0.5, 0], "along": [0, 0, -1]},
+]
+FOUR = [
+    {"at": [0.5, 0.0], "along": [0, 1]},
+    {"at": [-0.5, 0.1], "along": [0, 3]},
+    {"at": [0.0, 0.4], "along": [1, 0]},
+    {"at": [0.0, -0.4], "along": [1, 0.5]},
+]
+# One thruster has narrow limits, and another a slow lag.
+HIGH = {4: [0.1, 5.0, 5.0, 5.0], 8: [5.0, 5.0, 5.0, 5.0, 0.3, 5.0, 5.0, 5.0]}
+LOW = {k: [-0.8 * each for each in high] for k, high in HIGH.items()}
+LAG = {k: [0.05] * (k - 1) + [0.4] for k in (4, 8)}
+CURRENT = {"SE2": [0.3, "0.2*sin(2*t)"], "SE3": [0.3, "0.2*sin(2*t)", -0.1]}
+
+
+def flow(group):
+    return lambda t: np.array([0.3, 0.2 * np.sin(2 * t), -0.1][: {"SE2": 2, "SE3": 3}[group]])
+
+
+CASES = {
+    "saturated and lagging": {"lag": True},
+    "current": {"drag": True},
+    "bounded": {"period": 0.1, "bounded": True},
+    "all": {"lag": True, "drag": True, "period": 0.1, "delay": 1},
+}
+
+
+def text(group, engine, case):
+    m, places = len(INERTIA[group]), EIGHT if group == "SE3" else FOUR
+    k = len(places)
+    part = {"kind": "thrusters", "thrusters": places, "low": LOW[k], "high": HIGH[k]}
+    if case.get("lag"):
+        part["time_constant"] = LAG[k]
+    if case.get("bounded"):
+        part["allocation"] = "bounded"
+    drag = {"kind": "drag", "linear": 0.2, "quadratic": 0.6, "current": CURRENT[group]}
+    config = {
+        "group": group,
+        "inertia": INERTIA[group],
+        "gains": {"kp": 1.5, "kd": 1.2},
+        "reference": {"torque": ["0.3*cos(t)", "0.2*sin(t)", 0.1, 0.2, 0, "0.1*t"][:m]},
+        "controllers": ["eqt"],
+        "actuators": [part],
+        "initial": {
+            "pose": {"kind": "exp_normal", "std": 0.0, "centre": START[:m]},
+            "velocity": {"kind": "fixed", "coordinates": START[:m][::-1]},
+        },
+        "time": {"duration": DURATION, "samples": SAMPLES},
+        "solver": {"engine": engine, "rtol": 1e-10},
+    }
+    if case.get("drag"):
+        config["plant"] = {"forces": [drag]}
+    if case.get("period"):
+        config["control"] = {"period": case["period"], "delay": case.get("delay", 0)}
+    return yaml.safe_dump(config)
+
+
+@cache
+def expected(group, name):
+    """Q, V and the thrusts at the sample times, for all engines."""
+    case, times = CASES[name], np.linspace(0.0, DURATION, SAMPLES)
+    m, places = len(INERTIA[group]), EIGHT if group == "SE3" else FOUR
+    k = len(places)
+
+    def torque(t):
+        return np.array([0.3 * np.cos(t), 0.2 * np.sin(t), 0.1, 0.2, 0, 0.1 * t][:m])
+
+    drag = {"linear": 0.2, "quadratic": 0.6, "current": flow(group)} if case.get("drag") else {}
+    lag = LAG[k] if case.get("lag") else None
+    program = plain.Vehicle(
+        group,
+        INERTIA[group],
+        1.5,
+        1.2,
+        torque,
+        places,
+        LOW[k],
+        HIGH[k],
+        lag=lag,
+        bounded=case.get("bounded", False),
+        **drag,
+    )
+    start, d = np.array(START[:m]), program.d
+    y = program.start(plain.plain.exp(group, start), start[::-1], np.eye(d), np.zeros(m))
+    y = program.run(y, times, period=case.get("period"), delay=case.get("delay", 0))
+    return (
+        y[:, : d * d].reshape(-1, d, d),
+        y[:, d * d : d * d + m],
+        None if lag is None else y[:, -k:],
+    )
+
+
+COMPILES = pytest.mark.slow("compiles the laws")
+
+slow = partial(pytest.param, marks=pytest.mark.slow("the plain program takes seconds there"))
+RUNS = [
+    pytest.param("SE2", "solve_ivp", "saturated and lagging"),
+    pytest.param("SE2", "solve_ivp", "current"),
+    pytest.param("SE2", "solve_ivp", "bounded"),
+    *(slow("SE2", engine, name) for engine in ("taylor", "native") for name in CASES),
+    *(slow("SE3", engine, name) for engine in ("solve_ivp", "taylor", "native") for name in CASES),
+]
+
+
+@pytest.mark.parametrize(("group", "engine", "name"), RUNS)
+def test_states_are_those_of_a_plain_program(solved, group, engine, name):
+    if engine == "taylor":
+        pytest.importorskip("heyoka")
+    problem, solution = solved(text(group, engine, CASES[name]))
+    assert solution.messages == [""]
+    s = problem.loop.tracking(problem.times, solution.states)
+    Q, V, thrust = expected(group, name)
+    np.testing.assert_allclose(s.Q[0], Q, rtol=0, atol=TOLERANCE)
+    np.testing.assert_allclose(s.V[0], V, rtol=0, atol=TOLERANCE)
+    found = problem.loop.thrust(s)[0]
+    if thrust is not None:
+        np.testing.assert_allclose(found, thrust, rtol=0, atol=TOLERANCE)
+    B = np.array([plain.column(**each) for each in (EIGHT if group == "SE3" else FOUR)]).T
+    np.testing.assert_allclose(problem.loop.torque(s)[0], found @ B.T, rtol=0, atol=1e-12)
+    assert problem.loop.at_limit(s)[0].any()
+    # A current and limits do work; the balance holds as far as the states do.
+    L, W = s.lyapunov[0], problem.loop.work(solution.states)[0]
+    np.testing.assert_allclose(L + W, L[0], rtol=0, atol=TOLERANCE)
+
+
+# What each part does.
+
+
+def test_a_thrust_has_the_power_of_its_point_in_the_order_of_the_group():
+    places = [Thruster(**each) for each in EIGHT]
+    found = Thrusters(thrusters=places).columns(SE3)
+    np.testing.assert_allclose(found.T, [plain.column(**each) for each in EIGHT], atol=1e-15)
+    found = Thrusters(thrusters=[Thruster(**each) for each in FOUR]).columns(SE2)
+    np.testing.assert_allclose(found.T, [plain.column(**each) for each in FOUR], atol=1e-15)
+
+
+def test_thrusts_have_the_least_weighted_sum_of_squares():
+    weights, tau = np.arange(1.0, 9.0), np.array([0.3, -0.2, 0.1, 1.0, 2.0, -0.7])
+    part = Thrusters(thrusters=[Thruster(**each) for each in EIGHT], weights=weights.tolist())
+    given = part.numbers(SE3, None)
+    f, B = part.thrust(SE3, tau, tau[:0], given), given["matrix"]
+    np.testing.assert_allclose(B @ f, tau, atol=1e-14)
+    across = np.linalg.svd(B)[2][6:]  # of the thrusts that give no torque
+    np.testing.assert_allclose(across @ (weights * f), 0, atol=1e-13)
+
+
+@pytest.mark.parametrize("size", [0.5, 3.0, 30.0])
+def test_bounded_thrusts_are_those_of_least_squares(size):
+    part = Thrusters(
+        thrusters=[Thruster(**each) for each in EIGHT],
+        low=[-1.0] * 4 + [0.0] * 4,
+        high=2.0,
+        allocation="bounded",
+    )
+    given, random = part.numbers(SE3, None), np.random.default_rng(3)
+    commands, B = size * random.standard_normal((20, 6)), given["matrix"]
+    limits, inside = (given["low"], given["high"]), 0
+    for command, f in zip(commands, part.solution(SE3, commands, given), strict=True):
+        assert (given["low"] <= f).all() and (f <= given["high"]).all()
+        best = lsq_linear(B, command, limits, method="trf", tol=1e-14)
+        np.testing.assert_allclose(B @ f, B @ best.x, atol=1e-6 * size)
+        # Of no thrust does the error fall towards the inside: the least squares are unique in B f.
+        slope = B.T @ (B @ f - command)
+        free = (given["low"] < f) & (f < given["high"])
+        np.testing.assert_allclose(slope[free], 0, atol=1e-10 * size)
+        assert (slope[f == given["low"]] >= 0).all() and (slope[f == given["high"]] <= 0).all()
+        inside += free.all()
+    assert inside < 20
+
+
+def test_a_run_that_is_lost_has_no_thrust():
+    part = Thrusters(matrix=[[1.0], [0], [0]], low=-1.0, high=1.0, allocation="bounded")
+    given = part.numbers(SE2, None)
+    assert np.isnan(part.solution(SE2, np.array([[np.nan, 0, 0]]), given)).all()
+
+
+def test_the_medium_carries_a_body_without_drag():
+    Q = SE3.exp(np.array([[0.4, -0.3, 0.8, 1.0, 2.0, 3.0]]))
+    c = np.array([0.3, -0.2, 0.1])
+    V = np.concatenate([np.zeros(3), Q[0, :3, :3].T @ c])[None]
+    for frame in ("body", "spatial"):
+        drag = Drag(linear=2.0, quadratic=3.0, current=[*c.tolist()], frame=frame)
+        given = drag.numbers(SE3, None)
+        np.testing.assert_allclose(drag.in_body(SE3, 0.0, Q, V, given), 0, atol=1e-15)
+        assert np.abs(drag.in_body(SE3, 0.0, Q, 0 * V, given)).max() > 0.1
+
+
+def test_directions_without_thrust_are_the_fewest_coordinates():
+    quadrotor = np.zeros((6, 4))
+    quadrotor[:3, :3], quadrotor[5, 3] = np.eye(3), 1.0
+    np.testing.assert_array_equal(unreachable(quadrotor), np.eye(6)[[3, 4]])
+    assert len(unreachable(np.eye(6))) == 0
+
+
+# Whole experiments.
+
+FLIGHT = {
+    "group": "SE2",
+    "inertia": [1, 2, 2.5],
+    "gains": {"kp": 1.5, "kd": 1.2},
+    "reference": {"torque": ["0.3*cos(t)", 0.1, 0]},
+    "controllers": ["eqt", "gt"],
+    "plant": {
+        "forces": [
+            {"kind": "drag", "quadratic": 0.5, "current": [{"uniform": [0, 0.3]}, "0.1*cos(t)"]}
+        ]
+    },
+    "actuators": [
+        {
+            "kind": "thrusters",
+            "thrusters": [{**each, "name": name} for each, name in zip(FOUR, "abcd", strict=True)],
+            "low": -0.4,
+            "high": {"uniform": [0.3, 0.6]},
+            "time_constant": 0.1,
+            "allocation": "bounded",
+        }
+    ],
+    "control": {"period": 0.1, "delay": 1},
+    "initial": {"pose": {"kind": "exp_normal", "std": 1.0}, "velocity": "normal"},
+    "ensemble": {"runs": 4, "seed": 1},
+    "time": {"duration": 1.0, "samples": 11},
+    "solver": {"rtol": 1e-7, "cross_check": 0},
+}
+
+
+class Halfway(Executor):
+    """Does one part, and is then interrupted."""
+
+    workers = 1
+
+    def outcomes(self, task, items, progress):
+        yield from Serial().outcomes(task, items[:1], progress)
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize("engine", ["solve_ivp", pytest.param("native", marks=COMPILES)])
+def test_thrusts_are_stored_and_go_on_bit_for_bit(folder, monkeypatch, engine):
+    monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 2)
+    monkeypatch.setattr("eqt_cli.engines.native.Native.part_runs", 2)
+    study = load_experiment(FLIGHT | {"solver": FLIGHT["solver"] | {"engine": engine}}).study
+    execute(study, Path("whole"))
+    with pytest.raises(KeyboardInterrupt):
+        execute(study, Path("halves"), executor=Halfway())
+    assert 0 < execute(study, Path("halves")).resumed < 8
+    with open_result(Path("whole")) as one, open_result(Path("halves")) as other:
+        for name in ("pose", "velocity", "thrust", "saturated_share", "energy_residual"):
+            np.testing.assert_array_equal(one[name], other[name])
+        assert one.dims("thrust") == ("controller", "run", "time", "thruster")
+        assert one.coordinate("thruster").tolist() == ["a", "b", "c", "d"]
+        assert one.units("thrust") == "N"
+        B = np.array([plain.column(**each) for each in FOUR]).T
+        np.testing.assert_allclose(one["thrust"] @ B.T, one["torque"], atol=1e-14)
+        assert (np.abs(one["thrust"]) <= 0.6).all() and one["saturated_share"].max() > 0
+        assert one["energy_residual"].max() < 1e-6
+
+
+@pytest.mark.slow("verifies a whole experiment")
+@pytest.mark.parametrize("allocation", ["bounded", "pseudo_inverse"])
+def test_what_flies_is_what_a_second_writing_says(folder, allocation):
+    actuators = [FLIGHT["actuators"][0] | {"allocation": allocation}]
+    execute(load_experiment(FLIGHT | {"actuators": actuators}).study, Path("out"))
+    rows = {row.name: row.verdict.value for row in verify(Path("out")).rows}
+    written_twice = "forces", "actuators"
+    for part in written_twice:
+        assert rows[f"{part} are those of the configuration"] == "holds"
+    assert rows["plant moves by its forces"] == rows["energy balance"] == "holds"
+
+
+def test_points_with_other_thrusters_have_their_own(folder):
+    parts = [
+        None,
+        [{"kind": "thrusters", "matrix": np.eye(3).tolist()}],
+        FLIGHT["actuators"],
+        [{**FLIGHT["actuators"][0], "low": -0.2}],
+    ]
+    sweep = {"sweep": [{"grid": {"actuators": parts}}]}
+    few = {"ensemble": {"runs": 1}, "time": {"duration": 0.2, "samples": 3}}
+    execute(load_experiment(FLIGHT | few | sweep).study, Path("out"))
+    found = []
+    for point in range(len(parts)):
+        with open_result(Path("out"), point) as one:
+            found.append(one["thrust"].shape[-1] if one.has("thrust") else None)
+    assert found == [None, 3, 4, 4]
+
+
+QUAD = (
+    "{kind: thrusters, matrix: [[0, 1, 0], [1, 0, 0], [0.5, 0, 0]], low: [-0.1, -2, -2], high: 2}"
+)
+
+
+def test_a_direction_without_thrust_is_named(experiment):
+    found = experiment(
+        group="SE2", inertia="[1, 2, 2]", reference="{torque: [0, 0, 0]}", actuators=f"[{QUAD}]"
+    )
+    assert [str(remark) for remark in remarks(found)] == [
+        "c.yaml:10:13: actuators[0]: thrusters with rank 2 of 3 cannot push along vx − 2 vy; what "
+        "a law asks for there is lost"
+    ]
+
+
+PART = "{kind: thrusters, matrix: [[1], [0], [1]]"
+BAD = [
+    (
+        "[{kind: limit, limit: 1, low: -1}]",
+        "actuators[0]: expected limit, or low and high, got limit and low",
+    ),
+    (
+        "[limit]",
+        "actuators[0]: expected limit, or low and high, got neither; add limit: 1.0",
+    ),
+    (
+        "[{kind: limit, low: -1}]",
+        "actuators[0].high: missing; give both limits, low and high",
+    ),
+    (
+        "[{kind: limit, low: [-1, 2, -1], high: 1}]",
+        "actuators[0].low[1]: expected a number less than high, 1, got 2",
+    ),
+    (
+        "[{kind: limit, low: 1, high: 1}]",
+        "actuators[0].low: expected a number less than high, 1, got 1",
+    ),
+    (
+        "[{kind: limit, low: -1, high: 1, norm: true}]",
+        "actuators[0].norm: needs limit, got low and high; use limit, or remove this key",
+    ),
+    (
+        "[{kind: limit, low: [-1, -2], high: 1}]",
+        "actuators[0].low: expected 3 entries for SE2, got 2",
+    ),
+    ("[thrusters]", "actuators[0]: expected either matrix or thrusters, got neither"),
+    (
+        "[{kind: thrusters, matrix: [[1]], thrusters: []}]",
+        "actuators[0]: expected either matrix or thrusters, got both",
+    ),
+    (
+        "[{kind: thrusters, matrix: [[1, 0], [0, 1]]}]",
+        "actuators[0].matrix: expected 3 rows for SE2, in the order ω, vx, vy, got 2",
+    ),
+    (
+        "[{kind: thrusters, matrix: [[1, 0], [0], [1, 1]]}]",
+        "actuators[0].matrix[1]: expected 2 numbers, as in row 1, got 1",
+    ),
+    (
+        f"[{PART}, low: [-1, -1], high: 1}}]",
+        "actuators[0].low: expected 1 entries, one for each thruster, got 2",
+    ),
+    (
+        f"[{PART}, time_constant: 0}}]",
+        "actuators[0].time_constant: expected a number greater than 0, got 0",
+    ),
+    (
+        f"[{PART}, allocation: bounded}}]",
+        "actuators[0].allocation: bounded needs limits; give low and high",
+        {"control": "{period: 0.1}"},
+    ),
+    (
+        f"[{PART}, low: -1, high: 1, allocation: bounded}}]",
+        "actuators[0]: allocation: bounded acts at control instants; set control.period",
+    ),
+    (
+        f"[{PART}}}, {PART}}}]",
+        "actuators[1]: a vehicle has one entry with thrusters; put all of them in the first one",
+    ),
+    (
+        "[{kind: thrusters, thrusters: [{at: [0, 0, 0], along: [1, 0]}]}]",
+        "actuators[0].thrusters[0].at: expected 2 numbers for SE2, got 3",
+    ),
+    (
+        "[{kind: thrusters, thrusters: [{at: [0, 0], along: [0, 0]}]}]",
+        "actuators[0].thrusters[0].along: expected a direction, got a vector of zeros",
+    ),
+    (
+        "[{kind: thrusters, thrusters: [{at: [0, 0], along: [0, 1], turns: 0.1}]}]",
+        "actuators[0].thrusters[0].turns: a torque about along has no part in the plane of SE2; "
+        "remove this key",
+    ),
+    (
+        "[{kind: thrusters, thrusters: [{at: [0, 0], along: [0, 1], name: a}, "
+        "{at: [0, 0], along: [1, 0], name: a}]}]",
+        "actuators[0].thrusters[1].name: expected a name of its own, got 'a', which thrusters[0] "
+        "has",
+    ),
+    (
+        "[{kind: thrusters, thrusters: []}]",
+        "actuators[0].thrusters: expected one thruster or more, got none",
+    ),
+]
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_what_is_wrong_is_said_at_its_place(experiment, case):
+    actuators, message, *more = case
+    refused(experiment, message, actuators=actuators, **dict(*more))
+
+
+def refused(experiment, message, group="SE2", **sections):
+    sections = {"inertia": "[1, 2, 2]", "reference": "{torque: [0, 0, 0]}", **sections}
+    with pytest.raises(EqtError) as caught:
+        experiment(group=group, **sections)
+    assert str(caught.value).split(": ", 1)[1] == message
+
+
+@pytest.mark.parametrize(
+    ("group", "current", "message"),
+    [
+        (
+            "SO3",
+            "[0.3, 0, 0]",
+            "needs a group with one translation in m/s, as SE2 and SE3, got SO3; remove this key",
+        ),
+        ("SE2", "[0.3, 0, 0]", "expected 2 numbers or expressions for SE2, got 3"),
+    ],
+)
+def test_a_current_that_is_none_is_told(experiment, group, current, message):
+    plant = f"{{forces: [{{kind: drag, linear: 1, current: {current}}}]}}"
+    refused(experiment, f"plant.forces[0].current: {message}", group, plant=plant)
+
+
+def test_places_need_rigid_motions(experiment):
+    refused(
+        experiment,
+        "actuators[0].thrusters: places of thrusters need group SE2 or SE3, got SO3; give matrix",
+        "SO3",
+        actuators="[{kind: thrusters, thrusters: [{at: [0, 0, 0], along: [1, 0, 0]}]}]",
+    )
