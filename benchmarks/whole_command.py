@@ -17,6 +17,9 @@ NOW, BEFORE = "now", "before"
 PAPER = 800
 """Runs of configs/paper.yaml."""
 
+FLIGHTS = 10
+"""Runs of each law of configs/se3_bluerov2_thrusters.yaml, of 10 s."""
+
 MANY = (100_000,)
 """Runs of the commands that keep metrics only."""
 
@@ -86,6 +89,10 @@ def _plan(many: Sequence[int]) -> Iterator[tuple[str, list[str], int]]:
     """Names, arguments, and how many of the paper's runs they integrate."""
     paper = ["run", "configs/paper.yaml", "--engine"]
     yield "run se3 by taylor", ["run", "configs/se3.yaml", "--engine", "taylor"], 0
+    few = ["--set", f"ensemble.runs={FLIGHTS}", "--set", "time.duration=10"]
+    for engine in ("solve_ivp", "native", "taylor"):
+        thrusters = ["run", "configs/se3_bluerov2_thrusters.yaml", "--engine", engine, *few]
+        yield f"run {FLIGHTS} runs of each law with eight thrusters by {engine}", thrusters, 0
     yield "run paper by solve_ivp", [*paper, "solve_ivp"], PAPER
     yield "run paper by native", [*paper, "native"], PAPER
     yield "run paper by taylor", [*paper, "taylor"], PAPER

@@ -102,3 +102,9 @@ def test_an_earlier_commit_is_checked_out_for_a_while(tmp_path, monkeypatch):
     assert not tree.exists()
     with pytest.raises(LookupError, match="no-such"), whole_command.earlier("no-such"):
         pass
+
+
+def test_whole_commands_run_configurations_that_there_are():
+    ran = [arguments[1] for _, arguments, _ in whole_command._plan([]) if arguments[0] == "run"]
+    assert "configs/se3_bluerov2_thrusters.yaml" in ran
+    assert all((whole_command.ROOT / name).exists() for name in ran)

@@ -262,10 +262,11 @@ class Vehicle:
         later: Mapping[str, Array],
         duration: Array,
     ) -> tuple[Array, Array]:
-        """Its states after a time without an instant, by its closed form and as they are later."""
+        """Its moving states after a command was held, by its closed form and as they are later."""
         place, actuator, given = next(self._chain(self._at_instants))
         held = self._held(G, states)
-        return actuator.after(G, held, states[place], given, duration), later[place]
+        found = actuator.after(G, held, states[place], given, duration)
+        return found, later[place][..., -found.shape[-1] :]
 
     def _held(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
         """The command that is held, as the actuators at instants have left it."""

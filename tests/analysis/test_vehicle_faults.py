@@ -21,6 +21,7 @@ from eqt_cli.vehicle.actuators.limit import Limit
 from eqt_cli.vehicle.actuators.momentum_limit import MomentumLimit
 from eqt_cli.vehicle.actuators.quantisation import Quantisation
 from eqt_cli.vehicle.actuators.rate_limit import RateLimit
+from eqt_cli.vehicle.actuators.thrusters import Thrusters
 from eqt_cli.vehicle.component import VehiclePart
 from eqt_cli.vehicle.forces.base import Force
 from eqt_cli.vehicle.forces.drag import Drag
@@ -72,6 +73,27 @@ actuators:
   - {kind: limit, limit: 5}
   - {kind: lag, time_constant: {uniform: [0.1, 0.2]}}
 """
+THRUSTERS = """plant:
+  forces:
+    - {kind: drag, quadratic: 0.5, current: [0.3, "0.2*sin(t)", {uniform: [0, 0.2]}]}
+    - {kind: drag, linear: 0.5, current: [0.1, 0.2, 0.3], frame: spatial}
+control: {period: 0.1}
+actuators:
+  - kind: thrusters
+    thrusters:
+      - {at: [0.4, 0.3, 0.1], along: [1, -1, 0], turns: 0.1}
+      - {at: [0.4, -0.3, 0.1], along: [1, 1, 0]}
+      - {at: [-0.4, 0.3, 0.1], along: [-1, -1, 0]}
+      - {at: [-0.4, -0.3, 0.1], along: [-1, 1, 0]}
+      - {at: [0.3, 0.5, 0], along: [0, 0, -1]}
+      - {at: [0.3, -0.5, 0], along: [0, 0, -1]}
+      - {at: [-0.3, 0.5, 0], along: [0, 0, -1]}
+      - {at: [-0.3, -0.5, 0], along: [0, 0, -1]}
+    low: -3
+    high: {uniform: [3, 4]}
+    time_constant: 0.2
+    weights: [1, 2, 3, 4, 1, 1, 1, 1]
+"""
 SENSORS = """control: {period: 0.05}
 sensors:
   pose: [{kind: noise, std: 0.01}, {kind: bias, value: {normal: [0, 0.01]}, walk: 0.01}]
@@ -82,6 +104,8 @@ EXPERIMENTS = {
     "forces": RUNNING + CONSTANT + FORCES,
     "actuators": RUNNING + CONSTANT + ACTUATORS,
     "sensors": RUNNING + CONSTANT + SENSORS,
+    "thrusters": RUNNING + CONSTANT + THRUSTERS,
+    "bounded thrusters": RUNNING + CONSTANT + THRUSTERS + "    allocation: bounded\n",
     "true tensor": RUNNING + CONSTANT + "plant: {inertia: [2, 2, 2, 3, 4, {uniform: [5, 6]}]}\n",
     "tensor in time": RUNNING + CONSTANT + VARYING,
     "share of a tensor in time": RUNNING + MOVING + "plant: {inertia: {relative: 0.3}}\n",
@@ -136,11 +160,11 @@ def forces_with_the_other_sign(exact, vehicle, s, torque):
     return exact(vehicle, s, torque)
 
 
-def held_at_once(exact, vehicle, G, asked, states):
+def held_at_once(exact, vehicle, G, asked, states, *solved):
     """The command does not wait."""
     now = np.concatenate([asked] * (vehicle.control.delay + 1), axis=-1)
-    return exact(vehicle, G, asked, states) | {
-        "held": exact(vehicle, G, asked, {**states, "commands": now})["held"]
+    return exact(vehicle, G, asked, states, *solved) | {
+        "held": exact(vehicle, G, asked, {**states, "commands": now}, *solved)["held"]
     }
 
 
@@ -204,14 +228,16 @@ def third_of_it(exact, force, G, t, Q, V, given):
     return exact(force, G, t, Q, V, given) / 3
 
 
-def exchanged(u, given):
-    return clip(u, given["limit"], -given["limit"])
+def exchanged(exact, part, G, u, x, given):
+    if part.norm:
+        return exact(part, G, u, x, given)
+    return clip(u, given["high"], given["low"])
 
 
 def norm_along_each_axis(exact, part, G, u, x, given):
-    limit = given["limit"]
     if not part.norm:
         return exact(part, G, u, x, given)
+    limit = given["limit"]
     return u / where(norm(u)[..., None] > limit, norm(u)[..., None] / limit, 1.0)
 
 
@@ -340,7 +366,7 @@ PLANTS = {
         in_numbers(Lag, time_constant=lambda T: 2 * T),
     ),
     "lag: half the rate": ("actuators", in_method(Lag, "state_rate", twice_as_slow)),
-    "limit: low and high exchanged": ("actuators", in_output(Limit, exchanged)),
+    "limit: low and high exchanged": ("actuators", in_method(Limit, "output", exchanged)),
     "limit: norm not in proportion": (
         "actuators",
         in_method(Limit, "output", norm_along_each_axis),
@@ -358,7 +384,9 @@ PLANTS = {
         in_method(
             Limit,
             "most",
-            lambda exact, part, G, torque, given: exact(part, G, torque, {"limit": torque}),
+            lambda exact, part, G, torque, given: exact(
+                part, G, torque, dict.fromkeys(given, torque)
+            ),
         ),
     ),
     "momentum limit: without the period": (
@@ -408,6 +436,42 @@ PLANTS = {
         "forces",
         lambda monkeypatch: monkeypatch.setattr(Vehicle, "departures", ""),
     ),
+    # thrusters.py, and the current of drag.py
+    "thrusters: force before torque": (
+        "thrusters",
+        in_method(Thrusters, "columns", lambda exact, part, G: np.roll(exact(part, G), 3, axis=0)),
+    ),
+    "thrusters: weights left out": (
+        "thrusters",
+        in_method(
+            Thrusters,
+            "numbers",
+            lambda exact, part, *rest: exact(dataclasses.replace(part, weights=None), *rest),
+        ),
+    ),
+    "thrusters: half the rate": ("thrusters", in_method(Thrusters, "state_rate", twice_as_slow)),
+    "thrusters: solved without limits": (
+        "bounded thrusters",
+        in_method(
+            Thrusters,
+            "solution",
+            lambda exact, part, G, u, given: u @ given["inverse"].swapaxes(-1, -2)[0],
+        ),
+    ),
+    "current: in the body frame": (
+        "thrusters",
+        in_method(
+            Drag,
+            "_flow",
+            lambda exact, part, G, t, Q, c: exact(
+                dataclasses.replace(part, frame="spatial"), G, t, Q, c
+            ),
+        ),
+    ),
+    "current: against the body": (
+        "thrusters",
+        in_method(Drag, "_flow", lambda exact, *rest: -exact(*rest)),
+    ),
     # sensors/
     "noise: none": (
         "sensors",
@@ -453,6 +517,12 @@ EXPECTED = {
     **{fault: {PLANT} for fault in PLANTS if "relative" in fault or "true tensor" in fault},
     "delay: one period too long": {ACTUATOR, ARRIVES},
     "lag: half the rate": {ACTUATOR, CLOSED_FORM},
+    "thrusters: force before torque": {ACTUATOR, PLANT},
+    "thrusters: weights left out": {ACTUATOR},
+    "thrusters: half the rate": {ACTUATOR, CLOSED_FORM},
+    "thrusters: solved without limits": {ACTUATOR},
+    "current: in the body frame": {FORCE, PLANT},
+    "current: against the body": {FORCE, PLANT},
     "limit: most of another limit": set(),  # of a hypothesis, which cannot fail
     "departures: none": set(),  # words
     "noise: none": {TOLD, COVARIANCE},

@@ -70,3 +70,37 @@ def test_a_figure_says_what_the_loop_contains(flown):
 
 def test_of_the_papers_loop_there_is_nothing_to_say(so3, opened):
     assert Paper().draw([opened(so3)]).get_supxlabel() == "Curves: mean over runs, n = 6."
+
+
+THRUSTERS = {
+    "kind": "thrusters",
+    "matrix": [[1, 0, 0, 0.5], [0, 1, 0, 0.5], [0, 0, 1, 0.5]],
+    "low": [-1, -1, -1, -0.5],
+    "high": {"uniform": [1.0, 2.0]},
+    "time_constant": 0.1,
+}
+
+
+def test_thrusts_are_drawn_within_the_limits_of_the_run(simulate, opened):
+    result = opened(simulate(actuators=[THRUSTERS]))
+    drawing = Commands(run=2, thrusters=True).draw([result])
+    axes = {panel.get_label(): panel for panel in drawing.axes}
+    highs = set()
+    for k in range(4):
+        panel = axes[f"thruster {k + 1} eqt"]
+        (line,) = panel.lines
+        np.testing.assert_array_equal(line.get_ydata(), result["thrust"][0, 2, :, k])
+        below, above = (patch.get_y() for patch in panel.patches)
+        low = below + panel.patches[0].get_height()
+        assert low == pytest.approx(-0.5 if k == 3 else -1.0)
+        assert panel.get_ylabel() == f"thruster {k + 1} $(\\mathrm{{N}})$"
+        highs.add(above)
+    assert len(highs) == 1 and 1.0 < highs.pop() < 2.0
+
+
+def test_without_thrusters_the_figure_says_so(flown):
+    with pytest.raises(EqtError) as caught:
+        Commands(thrusters=True).draw([flown])
+    assert str(caught.value).removeprefix(str(flown.path)) == (
+        ": figure 'commands' finds no thrusters on this vehicle; leave out the option 'thrusters'"
+    )

@@ -143,7 +143,7 @@ def test_a_limit_is_reached_by_more_than_it():
     assert whole.at_limit(SO3, command, none, of_norm).tolist() == [True, True, False]
     sizes, most = each.most(SO3, command, given)
     np.testing.assert_array_equal(sizes, np.abs(command))
-    np.testing.assert_array_equal(most, [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(most, np.broadcast_to([1.0, 2.0, 3.0], (3, 3)))
     sizes, most = whole.most(SO3, command[:1], of_norm)  # of the ellipsoid, in its longest axis
     assert (sizes.item(), most.item()) == (pytest.approx(3 * np.sqrt(3)), 3.0)
 

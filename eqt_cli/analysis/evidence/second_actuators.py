@@ -6,11 +6,11 @@ the states after the instant, or their rates where there is none, and what it ma
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
 from eqt_cli.analysis.evidence.redrawn import Options, entries, redrawn
+from eqt_cli.analysis.evidence.second_thrusters import SecondThrusters
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators import Actuator
@@ -83,97 +83,6 @@ def _momentum_limit(given: Options, m: int) -> Acts:
     return acts
 
 
-@dataclass(frozen=True)
-class SecondThrusters:
-    """Thrusters of one run: u becomes thrusts f within limits, T ẋ + x = f, and B x comes out.
-
-    Attributes
-    ----------
-    given
-        Their options.
-    G
-        The group.
-    """
-
-    given: Options
-    G: MatrixLieGroup
-
-    @cached_property
-    def B(self) -> Array:
-        """As given, or each place times its force."""
-        if self.given["matrix"] is not None:
-            return np.array(self.given["matrix"], dtype=float)
-        found = []
-        for each in self.given["thrusters"]:
-            a = np.array(each.along) / np.sqrt(np.square(each.along).sum())
-            if len(a) == 2:
-                found.append([each.at[0] * a[1] - each.at[1] * a[0], *a])
-            else:
-                found.append([*(np.cross(each.at, a) + each.turns * a), *a])
-        return np.array(found).T
-
-    @property
-    def bounded(self) -> bool:
-        """Whether thrusts are solved for."""
-        return bool(self.given["allocation"] == "bounded")
-
-    def of_each(self, name: str) -> Array:
-        """An option of every thruster."""
-        return entries(self.given[name], self.B.shape[1])
-
-    @cached_property
-    def scale(self) -> Array:
-        """1/√w."""
-        given = self.given["weights"]
-        return np.ones(self.B.shape[1]) if given is None else self.of_each("weights") ** -0.5
-
-    def free(self, u: Array) -> Array:
-        """The least Σ w f² with B f = u or nearest to it: f = S z, z the least of norm."""
-        S = self.scale
-        z = np.linalg.lstsq(self.B * S, u.reshape(-1, len(self.B)).T, rcond=1e-10)[0]
-        return (S * z.T).reshape(*u.shape[:-1], -1)
-
-    def nearest(self, u: Array) -> Array:
-        """Within the limits, by SciPy."""
-        from scipy.optimize import lsq_linear
-
-        least, most, f = self.of_each("low"), self.of_each("high"), self.free(u)
-        S = self.scale
-        for run in zip(*np.nonzero(((f < least) | (f > most)).any(axis=-1)), strict=True):
-            z = lsq_linear(
-                self.B * S, u[run], (least / S, most / S), method="bvls", tol=1e-14, max_iter=1000
-            ).x
-            f[run] = S * z
-        return f
-
-    def __call__(self, u: Array, x: Array, period: float | None) -> tuple[Array, Array]:
-        """As `Acts`."""
-        k = self.B.shape[1]
-        if self.bounded and period is not None:
-            f = self.nearest(u)
-            later = np.concatenate([f, x[..., k:]], axis=-1)
-        elif self.bounded:
-            f, later = x[..., :k], 0 * x
-        else:
-            f, later = self.free(u), 0 * x
-            if self.given["low"] is not None:
-                f = np.maximum(np.minimum(f, self.of_each("high")), self.of_each("low"))
-        if self.given["time_constant"] is None:
-            return later, f @ self.B.T
-        lagging = x[..., -k:]
-        if period is None:
-            rate = (f - lagging) / self.of_each("time_constant")
-            later = np.concatenate([later[..., :-k], rate], axis=-1)
-        return later, lagging @ self.B.T
-
-    def at_limit(self, u: Array, x: Array) -> Array:
-        """Where a thruster is asked for more than its limit; or for its limit, where solved for."""
-        least, most = self.of_each("low"), self.of_each("high")
-        f = x[..., : self.B.shape[1]] if self.bounded else self.free(u)
-        inside = (least < f) & (f < most) if self.bounded else (least <= f) & (f <= most)
-        return np.array(~inside.all(axis=-1))
-
-
 FORMS: dict[str, Form] = {
     "limit": _limit,
     "lag": _lag,
@@ -181,6 +90,7 @@ FORMS: dict[str, Form] = {
     "quantisation": _quantisation,
     "rate_limit": _rate_limit,
     "momentum_limit": _momentum_limit,
+    "thrusters": lambda given, m: SecondThrusters(given),
 }
 """By the registered name of the actuator."""
 
@@ -220,24 +130,15 @@ def second_actuator(
     actuator: Actuator, G: MatrixLieGroup, random: np.random.Generator
 ) -> SecondActuator | None:
     """An actuator of one run; None where it has no second form."""
-    given = redrawn(actuator, random)
-    if actuator.name == "thrusters":
-        again, lags = SecondThrusters(given, G), given["time_constant"] is not None
-        states = (again.bounded + lags) * again.B.shape[1]
-        limited = given["low"] is not None
-        return SecondActuator(
-            again,
-            states,
-            lambda u, x, passed: again.at_limit(u, x) if limited else _nowhere(u),
-            lags,
-            again.bounded,
-        )
     form = FORMS.get(actuator.name)
     if form is None:
         return None
+    acts = form(redrawn(actuator, random), G.dimension)
+    if isinstance(acts, SecondThrusters):
+        return SecondActuator(acts, acts.states, acts.at_limit, acts.lags, acts.bounded)
     states = STATES.get(actuator.name, 0) * G.dimension
-    falls_short = _falls_short if actuator.limits else lambda u, x, passed: _nowhere(u)
-    return SecondActuator(form(given, G.dimension), states, falls_short, actuator.name == "lag")
+    falls_short = _falls_short if actuator.limits else _nowhere
+    return SecondActuator(acts, states, falls_short, actuator.name == "lag")
 
 
 def _falls_short(u: Array, x: Array, passed: Array) -> Array:
@@ -246,5 +147,5 @@ def _falls_short(u: Array, x: Array, passed: Array) -> Array:
     return short
 
 
-def _nowhere(u: Array) -> Array:
+def _nowhere(u: Array, x: Array, passed: Array) -> Array:
     return np.zeros(u.shape[:-1], dtype=bool)

@@ -187,10 +187,16 @@ class ShownRuns(ShownControllers):
         Raises
         ------
         EqtError
-            If the vehicle has none, or their thrusts are not stored.
+            If a vehicle has none, or others than the first.
         """
-        self._check_stored(self.results[0], "thrust")
-        return [str(name) for name in self.results[0].coordinate("thruster")]
+        for one in self.results:
+            if not one.has("thrust"):
+                message = "finds no thrusters on this vehicle; leave out the option 'thrusters'"
+                raise error_of(one, self.figure, message)
+        names = [[str(name) for name in one.coordinate("thruster")] for one in self.results]
+        if any(each != names[0] for each in names):
+            raise self.error("has a row for each thruster, and the results have other thrusters")
+        return names[0]
 
     def thrust_limits(self, ensemble: Ensemble, run: int) -> tuple[Array, Array] | None:
         """The least and the largest thrust of each thruster in a run; None where it has none."""

@@ -72,7 +72,10 @@ class Actuator(VehiclePart):
     def after(
         self, G: MatrixLieGroup, command: Array, x: Array, given: Given, duration: Array
     ) -> Array:
-        """Its states after a command was held for so long, where it has a closed form."""
+        """Its states after a command was held for so long, where it has a closed form.
+
+        What changes at instants only stands in front of its states, and is left out.
+        """
         return x
 
     def step(

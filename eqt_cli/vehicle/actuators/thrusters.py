@@ -184,7 +184,7 @@ class Thrusters(Actuator):
         asked = self._asked(command, x, given)
         left = (x[..., -self.count :] - asked) * exp(-duration / given["time_constant"])
         later: Array = asked + left
-        return np.concatenate([asked, later], axis=-1) if self.sampled else later
+        return later
 
     def step(
         self, G: MatrixLieGroup, command: Array, x: Array, given: Given, period: float
