@@ -69,23 +69,34 @@ def _require_words(part: Any) -> None:
 def _try_sensor(loop: ClosedLoop, part: Sensor, seed: int, place: str) -> None:
     control, name = loop.vehicle.control, _named(part)
     assert control is not None
-    drawn, function = [], type(part).errors
-    for count in MEASUREMENTS:
-        random = generator_at(seed, Stream.VEHICLE, 0, place)
+
+    def drawn(count: int) -> tuple[Array, Array]:
+        random = (generator_at(seed, Stream.VEHICLE, 0, place) for _ in range(2))
         with failing(name):
-            drawn.append(part.errors(loop.group, count, control.period, random))
-        shape = count, part.coordinates(loop.group)
-        if np.shape(drawn[-1]) != shape:
+            errors = part.errors(loop.group, count, control.period, next(random))
+            lost = np.asarray(part.lost(count, next(random)))
+        shape, at_errors = (count, part.coordinates(loop.group)), type(part).errors
+        if np.shape(errors) != shape:
             raise InputError(
-                f"{name}: {place_of_function(function)}: errors returns an array of shape "
-                f"{np.shape(drawn[-1])} for {count} measurements; expected {shape}"
+                f"{name}: {place_of_function(at_errors)}: errors returns an array of shape "
+                f"{np.shape(errors)} for {count} measurements; expected {shape}"
             )
-    few, many = drawn
-    if not np.array_equal(few, many[: len(few)]):
-        raise InputError(
-            f"{name}: {place_of_function(function)}: the first errors depend on how many are "
-            "drawn; draw the numbers of each measurement in a row of its own"
-        )
+        if lost.shape != (count,) or lost.dtype != bool:
+            raise InputError(
+                f"{name}: {place_of_function(type(part).lost)}: lost returns an array of "
+                f"{lost.dtype} of shape {lost.shape} for {count} measurements; expected booleans "
+                f"of shape ({count},)"
+            )
+        return errors, lost
+
+    few, many = map(drawn, MEASUREMENTS)
+    for method, first, more in zip(("errors", "lost"), few, many, strict=True):
+        if not np.array_equal(first, more[: len(first)]):
+            where = place_of_function(getattr(type(part), method))
+            raise InputError(
+                f"{name}: {where}: {method}: the first values depend on how many are drawn; draw "
+                "the numbers of each measurement in a row of its own"
+            )
 
 
 def _try_part(loop: ClosedLoop, part: Any, place: str, whole: Array) -> None:

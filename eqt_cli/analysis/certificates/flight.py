@@ -10,6 +10,7 @@ import numpy as np
 from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
 from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.analysis.evidence.runs import STATES_PER_RTOL, Runs
+from eqt_cli.closed_loop.told import Told
 from eqt_cli.core.arrays import Array
 from eqt_cli.vehicle.sensors.channels import Errors
 
@@ -80,13 +81,18 @@ def _at_instants(flight: Flight) -> Array:
 
 def _asked(flight: Flight) -> Array:
     """What the law asks at every sample, told with the errors of its period."""
-    loop, problem, errors = flight.loop, flight.problem, flight.problem.errors
+    loop = flight.loop
+    s = told_at_samples(flight).tracking(loop.group, loop.inertia, loop.gains, {})
+    return loop.controller.torque(s) + 0.0 * s.P
+
+
+def told_at_samples(flight: Flight) -> Told:
+    """What the law would be told at every sample, with the errors of its period."""
+    problem, errors = flight.problem, flight.problem.errors
     if errors is not None:
         k = np.minimum(flight.periods, problem.control_instants - 1)
         errors = Errors(*(part[:, k] for part in errors))
-    told = loop.told(problem.times, flight.states, errors)
-    s = told.tracking(loop.group, loop.inertia, loop.gains, {})
-    return loop.controller.torque(s) + 0.0 * s.P
+    return flight.loop.told(problem.times, flight.states, errors)
 
 
 class ActuatorsInClosedForm(FlightCheck):

@@ -11,7 +11,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
-from eqt_cli.analysis.certificates.flight import ROUNDING
+from eqt_cli.analysis.certificates.flight import ROUNDING, told_at_samples
 from eqt_cli.analysis.evidence.flight import SLACK, Flight
 from eqt_cli.analysis.evidence.plain_algebra import ad_matrix, applied, exponential
 from eqt_cli.analysis.evidence.runs import Runs
@@ -290,7 +290,7 @@ class TruthAndErrors(VehicleCheck):
 class MeasurementsArrive(VehicleCheck):
     """What the law reads in a period is the last measurement, `delay` periods before that.
 
-    So it is in the stored states, wherever they hold the instant of the measurement.
+    So it is wherever the stored states hold the instant of the measurement.
     """
 
     name: ClassVar[str] = "measurements are held and arrive late"
@@ -309,7 +309,7 @@ class MeasurementsArrive(VehicleCheck):
     def differences(self, flight: Flight) -> Iterator[Difference]:
         """Of every part that is held, sample by sample."""
         times, G, periods = flight.problem.times, flight.loop.group, flight.periods
-        s = flight.loop.tracking(times, flight.states)
+        s, read = flight.loop.tracking(times, flight.states), told_at_samples(flight)
         # The last sample is the state before its instant.
         at_instants = np.abs(times - periods * flight.period) <= SLACK * flight.period
         sample_of = {int(periods[k]): k for k in np.flatnonzero(at_instants[:-1])}
@@ -318,7 +318,6 @@ class MeasurementsArrive(VehicleCheck):
             assert told is not None
             n, b = told
             for signal, part, delay, measured in again.measuring.held():
-                held = s.vehicle[f"measured_{signal}_{part.name}"][run]
                 for sample, period in enumerate(periods[:-1].tolist()):
                     last = max((i for i in measured if i <= period - delay), default=0)
                     at = sample_of.get(last)
@@ -326,9 +325,10 @@ class MeasurementsArrive(VehicleCheck):
                         continue
                     if signal == "pose":
                         expected = (s.Q[run, at] @ exponential(G, n[last]))[part.entries]
+                        found = read.pose[run, sample][part.entries]
                     else:
                         expected = (s.V[run, at] + b[last])[part.axes]
-                    found = held[sample, : expected.size].reshape(expected.shape)
+                        found = read.velocity[run, sample][part.axes]
                     place = f"sensors.{signal}, {part.name}, at t = {times[sample]:g} s"
                     yield _difference(found, expected, place)
 
