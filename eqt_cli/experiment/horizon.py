@@ -202,8 +202,10 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         most = float(np.broadcast_to(there, taken.shape)[when, axis])
         if taken[when, axis] > most:
             t = shown.times[shown.finite][when]
+            names = actuator.thruster_names
+            who = f"'{names[axis]}'" if names else actuator.name
             found.append(
-                f"{place}: {actuator.name} gives at most {most:.4g}, but the reference alone needs "
+                f"{place}: {who} gives at most {most:.4g}, but the reference alone needs "
                 f"{taken[when, axis]:.4g} at t = {t:.4g} s; no law can follow it there"
             )
     return found

@@ -19,6 +19,7 @@ from eqt_cli.groups import group_named
 from eqt_cli.results.result import open_result
 from eqt_cli.vehicle.actuators.thrusters import Thruster, Thrusters, unreachable
 from eqt_cli.vehicle.forces.drag import Drag
+from eqt_cli.vehicle.numbers import Normal, Uniform
 
 SPEC = importlib.util.spec_from_file_location(
     "plain_thrusters", Path(__file__).with_name("plain_thrusters.py")
@@ -29,7 +30,7 @@ SPEC.loader.exec_module(plain)
 TOLERANCE = 1e-6
 """As in test_against_plain.py."""
 
-DURATION, SAMPLES = 1.5, 16
+DURATION, SAMPLES = 1.0, 11
 SE2, SE3 = group_named("SE2"), group_named("SE3")
 INERTIA = {"SE2": [1.0, 2.0, 2.5], "SE3": [1.0, 2.0, 2.5, 3.0, 4.0, 5.0]}
 START = [0.9, -0.5, 0.7, 0.3, -0.2, 0.4]
@@ -211,6 +212,19 @@ def test_bounded_thrusts_are_those_of_least_squares(size):
     assert inside < 20
 
 
+def test_numbers_of_thrusters_are_drawn_once_each_in_their_order():
+    part = Thrusters(
+        matrix=np.eye(3).tolist(),
+        low=Uniform([-2.0, -1.0]),
+        high=[Uniform([1.0, 2.0]), 1.5, Uniform([1.0, 2.0])],
+        time_constant=Normal([0.1, 1.0]),
+    )
+    numbers = [part.numbers(SE2, np.random.default_rng(seed)) for seed in range(30)]
+    assert min(given["time_constant"].min() for given in numbers) > 0
+    assert all(np.ptp(given["low"]) == 0 and -2 <= given["low"][0] < -1 for given in numbers)
+    assert all(given["high"][1] == 1.5 != given["high"][0] != given["high"][2] for given in numbers)
+
+
 def test_a_run_that_is_lost_has_no_thrust():
     part = Thrusters(matrix=[[1.0], [0], [0]], low=-1.0, high=1.0, allocation="bounded")
     given = part.numbers(SE2, None)
@@ -242,7 +256,7 @@ FLIGHT = {
     "inertia": [1, 2, 2.5],
     "gains": {"kp": 1.5, "kd": 1.2},
     "reference": {"torque": ["0.3*cos(t)", 0.1, 0]},
-    "controllers": ["eqt", "gt"],
+    "controllers": ["eqt"],
     "plant": {
         "forces": [
             {"kind": "drag", "quadratic": 0.5, "current": [{"uniform": [0, 0.3]}, "0.1*cos(t)"]}
@@ -261,8 +275,8 @@ FLIGHT = {
     "control": {"period": 0.1, "delay": 1},
     "initial": {"pose": {"kind": "exp_normal", "std": 1.0}, "velocity": "normal"},
     "ensemble": {"runs": 4, "seed": 1},
-    "time": {"duration": 1.0, "samples": 11},
-    "solver": {"rtol": 1e-7, "cross_check": 0},
+    "time": {"duration": 0.5, "samples": 6},
+    "solver": {"rtol": 1e-6, "cross_check": 0},
 }
 
 
@@ -280,11 +294,13 @@ class Halfway(Executor):
 def test_thrusts_are_stored_and_go_on_bit_for_bit(folder, monkeypatch, engine):
     monkeypatch.setattr("eqt_cli.engines.Engine.part_runs", 2)
     monkeypatch.setattr("eqt_cli.engines.native.Native.part_runs", 2)
-    study = load_experiment(FLIGHT | {"solver": FLIGHT["solver"] | {"engine": engine}}).study
+    solver = FLIGHT["solver"] | {"engine": engine}
+    solver |= {"block": 2} if engine == "solve_ivp" else {}
+    study = load_experiment(FLIGHT | {"solver": solver}).study
     execute(study, Path("whole"))
     with pytest.raises(KeyboardInterrupt):
         execute(study, Path("halves"), executor=Halfway())
-    assert 0 < execute(study, Path("halves")).resumed < 8
+    assert 0 < execute(study, Path("halves")).resumed < 4
     with open_result(Path("whole")) as one, open_result(Path("halves")) as other:
         for name in ("pose", "velocity", "thrust", "saturated_share", "energy_residual"):
             np.testing.assert_array_equal(one[name], other[name])
@@ -294,7 +310,7 @@ def test_thrusts_are_stored_and_go_on_bit_for_bit(folder, monkeypatch, engine):
         B = np.array([plain.column(**each) for each in FOUR]).T
         np.testing.assert_allclose(one["thrust"] @ B.T, one["torque"], atol=1e-14)
         assert (np.abs(one["thrust"]) <= 0.6).all() and one["saturated_share"].max() > 0
-        assert one["energy_residual"].max() < 1e-6
+        assert one["energy_residual"].max() < 1e-5
 
 
 @pytest.mark.slow("verifies a whole experiment")
@@ -309,6 +325,13 @@ def test_what_flies_is_what_a_second_writing_says(folder, allocation):
     assert rows["plant moves by its forces"] == rows["energy balance"] == "holds"
 
 
+@COMPILES
+def test_a_run_has_the_same_bits_beside_any_others(solved):
+    native = FLIGHT | {"solver": FLIGHT["solver"] | {"engine": "native"}}
+    together, alone = (solved(yaml.safe_dump(native), runs=runs)[1] for runs in ([0, 1, 2], [1]))
+    np.testing.assert_array_equal(together.states[1], alone.states[0])
+
+
 def test_points_with_other_thrusters_have_their_own(folder):
     parts = [
         None,
@@ -317,7 +340,7 @@ def test_points_with_other_thrusters_have_their_own(folder):
         [{**FLIGHT["actuators"][0], "low": -0.2}],
     ]
     sweep = {"sweep": [{"grid": {"actuators": parts}}]}
-    few = {"ensemble": {"runs": 1}, "time": {"duration": 0.2, "samples": 3}}
+    few = {"ensemble": {"runs": 1}, "time": {"duration": 0.1, "samples": 2}}
     execute(load_experiment(FLIGHT | few | sweep).study, Path("out"))
     found = []
     for point in range(len(parts)):
@@ -338,6 +361,20 @@ def test_a_direction_without_thrust_is_named(experiment):
     assert [str(remark) for remark in remarks(found)] == [
         "c.yaml:10:13: actuators[0]: thrusters with rank 2 of 3 cannot push along vx − 2 vy; what "
         "a law asks for there is lost"
+    ]
+
+
+def test_a_thruster_that_the_reference_asks_for_too_much_is_named(experiment):
+    found = experiment(
+        group="SE2",
+        inertia="[1, 2, 2]",
+        reference="{torque: [0, 0, 0.5]}",
+        actuators="[{kind: thrusters, thrusters: [{at: [0, 0], along: [0, 1], name: side}, "
+        "{at: [0, 1], along: [1, 0]}, {at: [0, -1], along: [1, 0]}], low: 0, high: 0.2}]",
+    )
+    assert [str(remark).split("c.yaml")[-1] for remark in remarks(found)] == [
+        "actuators[0]: 'side' gives at most 0.2, but the reference alone needs 0.5 at t = 0 s; "
+        "no law can follow it there"
     ]
 
 

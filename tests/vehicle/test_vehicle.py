@@ -448,6 +448,17 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
             "at t = 1 s; no law can follow it there",
         ),
         ("limit: [0.5, 0.3, 1]", None),
+        (
+            "low: [0, -0.2, -1], high: 1",
+            "actuators[0]: limit gives at most 0.2, but the reference alone needs 0.3 "
+            "at t = 1 s; no law can follow it there",
+        ),
+        ("low: [0, -0.3, -1], high: [0.4, 0, 1]", None),
+        (
+            "low: [-1, 0, -1], high: 1",
+            "actuators[0]: limit gives at most 0, but the reference alone needs 0.00015 "
+            "at t = 0.0005 s; no law can follow it there",
+        ),
     ],
 )
 def test_a_limit_below_what_the_reference_takes_is_warned_of(tmp_path, invoke, limit, warning):

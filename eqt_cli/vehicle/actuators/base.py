@@ -117,4 +117,4 @@ class Actuator(VehiclePart):
 def against(values: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """The sizes of values, and the limits on their side of 0."""
     below = values < 0
-    return where(below, -values, values), where(below, -low, high)
+    return where(below, 0.0 - values, values), where(below, 0.0 - low, high)

@@ -84,6 +84,7 @@ class Thrusters(Actuator):
 
     name: ClassVar[str] = "thrusters"
     departs: ClassVar[str] = "thrusters"
+    positive: ClassVar[tuple[str, ...]] = ("time_constant", "weights")
     has_closed_form: ClassVar[bool] = True
 
     matrix: list[list[Real]] | None = None
@@ -196,15 +197,14 @@ class Thrusters(Actuator):
 
     def solution(self, G: MatrixLieGroup, command: Array, given: Given) -> Array:
         """Thrusts within the limits with the torque nearest to the command; run by run."""
-        names = "matrix", "inverse", "scale", "low", "high"
-        shapes = {"matrix": 2, "inverse": 2}
-        found = np.empty((*command.shape[:-1], self.count))
+        runs = command.shape[:-1]
+        axes = {"matrix": 2, "inverse": 2, "scale": 1, "low": 1, "high": 1}
         numbers = [
-            np.broadcast_to(given[name], (*command.shape[:-1], *given[name].shape[-axes:]))
-            for name in names
-            for axes in [shapes.get(name, 1)]
+            np.broadcast_to(given[name], (*runs, *given[name].shape[-count:]))
+            for name, count in axes.items()
         ]
-        for run in np.ndindex(command.shape[:-1]):
+        found = np.empty((*runs, self.count))
+        for run in np.ndindex(runs):
             found[run] = _nearest(command[run], *(each[run] for each in numbers))
         return found
 
@@ -248,7 +248,7 @@ class Thrusters(Actuator):
         for name in ("low", "high", "time_constant", "weights"):
             here, value = problems.at(name), getattr(self, name)
             if value is not None:
-                check_numbers(value, here, positive=name in ("time_constant", "weights"))
+                check_numbers(value, here, name in self.positive)
             if isinstance(value, list) and len(value) != self.count:
                 here.add(f"expected {self.count} entries, one for each thruster, got {len(value)}")
         if not problems:
