@@ -21,6 +21,7 @@ from eqt_cli.core.arrays import absolute as absolute
 from eqt_cli.core.arrays import apply_matrix as apply_matrix
 from eqt_cli.core.arrays import clip as clip
 from eqt_cli.core.arrays import cos as cos
+from eqt_cli.core.arrays import cross as cross
 from eqt_cli.core.arrays import dot as dot
 from eqt_cli.core.arrays import exp as exp
 from eqt_cli.core.arrays import frobenius as frobenius

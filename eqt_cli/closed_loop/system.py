@@ -24,6 +24,7 @@ from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
 from eqt_cli.references.base import Desired
 from eqt_cli.vehicle import Vehicle
+from eqt_cli.vehicle.sensors.channels import Errors
 
 _STRETCH = {"pose": "desired_pose", "velocity": "desired_momentum"}
 DESIRED = tuple(_STRETCH.values())
@@ -305,19 +306,31 @@ class ClosedLoop:
 
     # The instants at which a sampled law is evaluated.
 
-    def told(self, t: Any, state: Array, errors: tuple[Array, Array] | None = None) -> Told:
-        """What the law is told at time t and a flat state.
+    def measured(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
+        """A flat state behind the measurements of time t, which sensors may hold for the law."""
+        if errors is None or not self.vehicle.holding(self.group):
+            return state
+        s = self.tracking(t, state)
+        states = self.vehicle.after_measuring(
+            self.group, s.Q @ errors.pose, s.V + errors.velocity, errors.arrived, s.vehicle
+        )
+        return self.layout.join(self.layout.split(state) | _named(VEHICLE, states), state)
+
+    def told(self, t: Any, state: Array, errors: Errors | None = None) -> Told:
+        """What the law is told at time t and a flat state, which is `measured`.
 
         Parameters
         ----------
         errors
             E and b of the measurement Q E, V + b: ``(..., d, d)`` and ``(..., m)``.
         """
-        told = Told.of(self.tracking(t, state))
+        s = self.tracking(t, state)
+        told = Told.of(s)
         if errors is None:
             return told
-        E, b = errors
-        return told._replace(pose=told.pose @ E, velocity=told.velocity + b)
+        Q, V = told.pose @ errors.pose, told.velocity + errors.velocity
+        Q, V = self.vehicle.as_arrived(self.group, Q, V, s.vehicle)
+        return told._replace(pose=Q, velocity=V)
 
     def answer(
         self, told: Told, memory: Mapping[str, Array], period: Any
@@ -356,14 +369,13 @@ class ClosedLoop:
         states = _of(VEHICLE, self.layout.split(state))
         return self.vehicle.solution(self.group, torque, states)
 
-    def after_instant(
-        self, t: Any, state: Array, errors: tuple[Array, Array] | None = None
-    ) -> Array:
+    def after_instant(self, t: Any, state: Array, errors: Errors | None = None) -> Array:
         """A flat state after a control instant; t and state are those before it.
 
         The law is evaluated at what it is `told`, with these errors of measurement.
         """
         assert self.vehicle.control is not None
+        state = self.measured(t, state, errors)
         told, memory = self.told(t, state, errors), self.memory(state)
         torque, memory = self.answer(told, memory, self.vehicle.control.period)
         return self.answered(t, state, torque, memory)

@@ -282,6 +282,9 @@ class ControlSection(Section):
 class SensorsSection(Section):
     """Errors of what the laws are told; each is a list whose entries add up.
 
+    An entry with `of` is of one part. Entries of one part share `period`, `delay` and `dropout`,
+    given at one of them. Parts that no entry names are known exactly at every control instant.
+
     Attributes
     ----------
     pose

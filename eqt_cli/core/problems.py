@@ -39,10 +39,15 @@ class Problems:
         inner._path = (*self._path, *steps)
         return inner
 
+    @property
+    def path(self) -> str:
+        """The place, as users write it."""
+        return dotted(self._path)
+
     def add(self, message: str, remedies: tuple[Remedy, ...] = ()) -> None:
         """Note what is wrong at this place; the same is noted once."""
         place = self._located(self._path)
-        problem = InputProblem(dotted(self._path), message, place, remedies)
+        problem = InputProblem(self.path, message, place, remedies)
         self._found.setdefault(problem, self._path)
         if len(self._found) > MOST_PROBLEMS:
             first = sorted(list(self._found)[:MOST_PROBLEMS], key=_position)

@@ -13,6 +13,7 @@ import numpy as np
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines.problem import Problem, Span, Status
+from eqt_cli.vehicle.sensors.channels import Errors
 
 NO_LONGER_FINITE = "the state or its derivative is no longer finite"
 
@@ -94,7 +95,7 @@ class Integrator(ABC):
         """Take these runs in hand, at their initial states."""
         self.loop = self.problem.select(runs).batched_loop()
 
-    def at_instant(self, t: float, states: Array, errors: tuple[Array, Array] | None) -> Array:
+    def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
         """The states after the law has been evaluated at a control instant, with these errors."""
         return self.loop.after_instant(t, states, errors)
 

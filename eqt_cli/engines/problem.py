@@ -7,12 +7,12 @@ from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
+from eqt_cli.vehicle.sensors.channels import Errors
 
 ROUNDING = 1e-12
 """Relative: what times that are meant to be equal, as 3·0.1 and 0.3, may differ by."""
@@ -86,15 +86,15 @@ class Problem:
     varying
         Parameters that differ from run to run, by name, ``(runs, …)``.
     errors
-        Those of the measured pose and velocity at every control instant, ``(runs, instants, d, d)``
-        and ``(runs, instants, m)``; None where the law is told the truth.
+        What sensors do at every control instant, ``(runs, instants, …)``; None where the law is
+        told the truth.
     """
 
     loop: ClosedLoop
     states: Array
     times: Array
     varying: Mapping[str, Array] = field(default_factory=dict)
-    errors: tuple[Array, Array] | None = None
+    errors: Errors | None = None
 
     @property
     def runs(self) -> int:
@@ -146,15 +146,14 @@ class Problem:
     def select(self, runs: slice | Array) -> Problem:
         """The same problem for some of its runs."""
         varying = {name: values[runs] for name, values in self.varying.items()}
-        errors = None if self.errors is None else (self.errors[0][runs], self.errors[1][runs])
+        errors = None if self.errors is None else Errors(*(part[runs] for part in self.errors))
         return Problem(self.loop, self.states[runs], self.times, varying, errors)
 
-    def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> tuple[Array, Array] | None:
-        """The errors of measurement at a control instant, in these runs."""
+    def errors_at(self, tick: int, runs: slice | Array = slice(None)) -> Errors | None:
+        """What sensors do at a control instant, in these runs."""
         if self.errors is None:
             return None
-        pose, velocity = self.errors
-        return pose[runs, tick], velocity[runs, tick]
+        return Errors(*(part[runs, tick] for part in self.errors))
 
     @staticmethod
     def joined(problems: Sequence[Problem]) -> Problem:
@@ -170,8 +169,8 @@ class Problem:
         ]
         varying = {name: np.concatenate([p[name] for p in parameters]) for name in parameters[0]}
         states = np.concatenate([problem.states for problem in problems])
-        pairs = [problem.errors for problem in problems if problem.errors is not None]
-        errors: Any = tuple(map(np.concatenate, zip(*pairs, strict=True))) or None
+        known = [problem.errors for problem in problems if problem.errors is not None]
+        errors = Errors(*map(np.concatenate, zip(*known, strict=True))) if known else None
         return Problem(first.loop, states, first.times, varying, errors)
 
     def batched_loop(self, extra_axes: int = 0) -> ClosedLoop:

@@ -26,13 +26,14 @@ from eqt_cli.engines.problem import Problem
 from eqt_cli.program import Program, traced
 from eqt_cli.program.chain import Chain, Places
 from eqt_cli.program.running import Memory, Running
+from eqt_cli.vehicle.sensors.channels import Errors
 
 MOST_RUNNING = 512
 """Numbers that a reduction may keep from sample to sample."""
 
 Given = Mapping[str, Array]
 """Symbols by the names of the groups of inputs: ``state``, ``time``, ``parameters``, ``held``, and
-at a control instant ``errors``, those of the measured pose and velocity one after the other."""
+at a control instant ``errors``, the numbers of `Errors` one after the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,12 +112,13 @@ class InstantPrograms:
     Attributes
     ----------
     told
-        What the law is told, by the names of `Told`, from the loop's inputs.
+        What the law is told, by the names of `Told`, from the loop's inputs; and ``state``, where
+        sensors hold what they measure.
     law
         Its answer; None where the law is code.
     answered
-        ``state``, from the loop's inputs, ``torque`` and the ``memory`` of the law, and where the
-        vehicle solves for something what it has ``solved``.
+        ``state``, from the loop's inputs, with the state that was measured, ``torque`` and the
+        ``memory`` of the law, and where the vehicle solves for something what it has ``solved``.
     """
 
     told: Program
@@ -126,17 +128,17 @@ class InstantPrograms:
     def chained(self, loop: ClosedLoop) -> Program:
         """All of it: ``state`` from the loop's inputs, and with the very bits of each program."""
         chain, inputs = self._begun()
-        torque, memory = self._answer(loop, chain, inputs)
-        after = inputs | {"torque": torque, "memory": memory}
+        torque, memory, measured = self._answer(loop, chain, inputs)
+        after = inputs | measured | {"torque": torque, "memory": memory}
         state = chain.then(self.answered, after)["state"]
         return chain.program({"state": ((loop.state_length,), state)})
 
     def asked(self, loop: ClosedLoop) -> Program:
-        """What the law answers: ``torque``, and ``memory`` where it has any."""
+        """What the law answers: ``torque``, ``memory`` where it has any, and the measured state."""
         chain, inputs = self._begun()
-        torque, memory = self._answer(loop, chain, inputs)
-        found = {"torque": ((len(torque),), torque)}
-        return chain.program(found | ({"memory": ((len(memory),), memory)} if memory else {}))
+        torque, memory, measured = self._answer(loop, chain, inputs)
+        found = {"torque": torque} | ({"memory": memory} if memory else {}) | measured
+        return chain.program({name: ((len(places),), places) for name, places in found.items()})
 
     def _begun(self) -> tuple[Chain, dict[str, Places]]:
         chain = Chain(dict(self.told.inputs))
@@ -144,7 +146,7 @@ class InstantPrograms:
 
     def _answer(
         self, loop: ClosedLoop, chain: Chain, inputs: dict[str, Places]
-    ) -> tuple[Places, Places]:
+    ) -> tuple[Places, Places, dict[str, Places]]:
         control = loop.vehicle.control
         assert control is not None and self.law is not None
         told = chain.then(self.told, inputs)
@@ -157,7 +159,8 @@ class InstantPrograms:
             given[MEMORY + entry.name] = chain.given("state", where)
         answer = chain.then(self.law.step, given)
         memory = [place for entry in self.law.memory for place in answer[MEMORY + entry.name]]
-        return answer[TORQUE], memory
+        measured = {"state": told["state"]} if "state" in told else {}
+        return answer[TORQUE], memory, measured
 
 
 def law_of(loop: ClosedLoop) -> LawProgram:
@@ -183,8 +186,10 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
 
     def told(given: Given) -> Mapping[str, Array]:
         symbolic, (t,), state = _symbolic(loop, given), given["time"], given["state"][None]
-        found = symbolic.told(t, state, _errors(loop, given))
-        arrays = {name: np.asarray(value) for name, value in found._asdict().items()}
+        errors = _errors(loop, given)
+        state = symbolic.measured(t, state, errors)
+        found = symbolic.told(t, state, errors)._asdict() | ({"state": state} if holds else {})
+        arrays = {name: np.asarray(value) for name, value in found.items()}
         return {name: value if name == "t" else value[0] for name, value in arrays.items()}
 
     def answered(given: Given) -> Mapping[str, Array]:
@@ -195,9 +200,9 @@ def at_instants(loop: ClosedLoop) -> InstantPrograms:
         solved = given["solved"][None] if "solved" in given else None
         return {"state": symbolic.answered(t, state, given["torque"][None], memory, solved)[0]}
 
-    d, m = loop.group.size, loop.group.dimension
+    m, holds = loop.group.dimension, bool(loop.vehicle.holding(loop.group))
     inputs = _inputs(loop, loop.state_length)
-    measured = inputs | ({"errors": d * d + m} if loop.vehicle.measures else {})
+    measured = inputs | ({"errors": sum(_lengths(loop))} if loop.vehicle.measures else {})
     remembered = sum(loop.controller.memory(loop.group).values())
     solved = {"solved": loop.vehicle.solves} if loop.vehicle.solves else {}
     with _explained(loop):
@@ -351,13 +356,19 @@ def _cut(symbols: Array, numbers: Mapping[str, Array]) -> dict[str, Array]:
     return {name: part.reshape(1, *value.shape) for (name, value), part in parts}
 
 
-def _errors(loop: ClosedLoop, given: Given) -> tuple[Array, Array] | None:
-    """The errors of measurement at an instant."""
+def _errors(loop: ClosedLoop, given: Given) -> Errors | None:
+    """What sensors do at an instant."""
     if "errors" not in given:
         return None
-    d, m = loop.group.size, loop.group.dimension
-    pose, velocity = np.split(given["errors"], [d * d])
-    return pose.reshape(1, d, d), velocity.reshape(1, m)
+    d = loop.group.size
+    pose, velocity, arrived = np.split(given["errors"], np.cumsum(_lengths(loop))[:-1])
+    return Errors(pose.reshape(1, d, d), velocity[None], arrived[None])
+
+
+def _lengths(loop: ClosedLoop) -> tuple[int, int, int]:
+    """How many numbers the parts of `Errors` have."""
+    G = loop.group
+    return G.size**2, G.dimension, len(loop.vehicle.holding(G))
 
 
 def parameter_rows(problem: Problem) -> Array:

@@ -15,6 +15,7 @@ from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
+from eqt_cli.vehicle.sensors.channels import Errors
 
 
 @dataclass(frozen=True)
@@ -142,14 +143,12 @@ def _drawn(
     return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
 
-def _errors(
-    problem: Problem, experiments: list[Experiment], which: Array, runs: Array
-) -> tuple[Array, Array]:
-    """The errors of measurement in each run."""
+def _errors(problem: Problem, experiments: list[Experiment], which: Array, runs: Array) -> Errors:
+    """What the sensors do in each run."""
     G, vehicle, instants = problem.loop.group, problem.loop.vehicle, problem.control_instants
     randoms = (random_of for _, random_of in _by_run(experiments, which, runs))
     found = [vehicle.measurement_errors(G, instants, random_of) for random_of in randoms]
-    return np.array([pose for pose, _ in found]), np.array([velocity for _, velocity in found])
+    return Errors(*map(np.array, zip(*found, strict=True)))
 
 
 def _by_run(

@@ -47,6 +47,7 @@ from eqt_cli.experiment.laws_in_code import LawsInCode, check_calls
 from eqt_cli.experiment.solver import Solver, solver_from
 from eqt_cli.experiment.start import Start, start_from_file
 from eqt_cli.experiment.trial_evaluation import probe
+from eqt_cli.experiment.trial_of_parts import probe_parts
 from eqt_cli.experiment.vehicle import resolved as resolved_vehicle
 from eqt_cli.experiment.vehicle import vehicle_from
 from eqt_cli.groups import MatrixLieGroup, group_named
@@ -251,6 +252,8 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         replace(source, stored_plugins=plugins | code.texts),
         desired.files | start.files,
     )
+    probe_parts(experiment, problems)
+    problems.raise_if_any()
     probe(experiment, problems)
     problems.raise_if_any()
     return experiment

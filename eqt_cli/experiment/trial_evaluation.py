@@ -36,7 +36,7 @@ def probe(experiment: Experiment, problems: Problems) -> None:
     if not any(is_foreign(type(part).__module__) for part in [*parts, poses, velocities]):
         return
     first, seed = next(iter(loops.values())), experiment.config.ensemble.seed
-    with problems.catching("initial"), _failing("the initial states"):
+    with problems.catching("initial"), failing("the initial states"):
         Q, V = draw_initial_states(
             first.group, poses, velocities, Qd=Qd, Vd=Vd, seed=seed, runs=[0]
         )
@@ -50,7 +50,7 @@ def probe(experiment: Experiment, problems: Problems) -> None:
     for index, loop in enumerate(loops.values()):
         path, name = _suspect(loop.controller, ("controllers", index), "controller", loop)
         with problems.catching(*path):
-            with _failing(name):
+            with failing(name):
                 state = loop.initial_state(Q, V, Qd, Vd)[0]  # with the memory of this law
             _probe_law(loop, state, name)
 
@@ -63,37 +63,37 @@ def _suspect(part: Any, path: KeyPath, kind: str, loop: ClosedLoop) -> tuple[Key
 
 
 def _probe_reference(loop: ClosedLoop, state: Array, name: str) -> None:
-    states = _repeated(loop, state)[:, 0]
-    with _failing(name):
+    states = repeated(loop, state)[:, 0]
+    with failing(name):
         torque = loop.tracking(0.0, states).tau_d
     function = type(loop.reference).driving_torque
-    _require_fit(torque, states, (loop.group.dimension,), name, function)
+    require_fit(torque, states, (loop.group.dimension,), name, function)
 
 
 def _probe_law(loop: ClosedLoop, state: Array, name: str) -> None:
     """The law as engines call it, on runs at one time, and as it is measured, on all samples."""
     law = loop.controller
-    whole = _repeated(loop, state)
+    whole = repeated(loop, state)
     for t, states in ((0.0, whole[:, 0]), (np.zeros(whole.shape[1]), whole)):
-        with _failing(name):
+        with failing(name):
             s = loop.tracking(t, states)
             torque, dissipation = law.torque(s), law.dissipation(s)
         axes = (loop.group.dimension,)
-        _require_fit(torque, states, axes, name, type(law).torque, exact=True)
+        require_fit(torque, states, axes, name, type(law).torque, exact=True)
         if dissipation is not None:
-            _require_fit(dissipation, states, (), name, type(law).dissipation)
-    with _failing(name):
+            require_fit(dissipation, states, (), name, type(law).dissipation)
+    with failing(name):
         loop.vector_field(0.0, whole[:, 0])
         compute(loop, np.zeros(whole.shape[1]), whole)
 
 
-def _repeated(loop: ClosedLoop, state: Array) -> Array:
+def repeated(loop: ClosedLoop, state: Array) -> Array:
     """The state for some runs and samples, as many of each as nothing else in the loop has."""
     m = loop.group.dimension
     return np.broadcast_to(state, (m + 2, m + 3, len(state))).copy()
 
 
-def _require_fit(
+def require_fit(
     value: Any,
     states: Array,
     axes: tuple[int, ...],
@@ -129,7 +129,7 @@ def _unfit(value: Any, leading: tuple[int, ...], axes: tuple[int, ...], exact: b
 
 
 @contextmanager
-def _failing(name: str) -> Iterator[None]:
+def failing(name: str) -> Iterator[None]:
     """Turn an exception into an `InputError` with the line of the user's component it is from."""
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):

@@ -1,8 +1,8 @@
 """The sections `plant` and `actuators`: what is between the laws and the motion."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 from eqt_cli.config.schema import (
     Config,
@@ -16,9 +16,10 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
 from eqt_cli.core.validation import as_section, component
 from eqt_cli.experiment.inertia import inertia_from
+from eqt_cli.experiment.sensors import check_sensors
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle import Vehicle
-from eqt_cli.vehicle.actuators import actuators
+from eqt_cli.vehicle.actuators import Actuator, actuators
 from eqt_cli.vehicle.forces import forces
 from eqt_cli.vehicle.inertia import (
     ConstantInertia,
@@ -31,6 +32,8 @@ from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors import sensors
 from eqt_cli.vehicle.vehicle import CONTROL
 
+T = TypeVar("T")
+
 MOST_INSTANTS = 1_000_000
 """Of a run, at which a law is evaluated."""
 
@@ -41,10 +44,13 @@ SECTIONS = ("plant", "actuators", "control", "sensors")
 def decides_parts(key: str, values: Iterable[Any]) -> bool:
     """Whether values of a key in these sections may differ in parts, or in how many states it has.
 
-    Plain numbers do not, but for the delay, each period of which is a command on its way.
+    Plain numbers do not, but for a delay, each period of which is a command or a measurement on its
+    way, and for a dropout: with none, a sensor need not hold anything.
     """
     numbers = all(isinstance(value, int | float) for value in values)
-    return not numbers or key == f"{CONTROL}.delay"
+    section, _, option = key.partition(".")
+    late = section in (CONTROL, "sensors") and option.rpartition(".")[2] in ("delay", "dropout")
+    return not numbers or late
 
 
 def vehicle_from(
@@ -57,18 +63,26 @@ def vehicle_from(
     if plant.inertia is not None:
         inertia = _inertia(plant.inertia, G, horizon, at_plant.at("inertia"))
     clock, told = sections["control"], sections["sensors"] or SensorsSection()
-    at_sensors = problems.at("sensors")
+    at_sensors, at_actuators = problems.at("sensors"), problems.at("actuators")
+    acting = _parts(actuators, sections["actuators"], G, at_actuators)
+    sensing = {
+        name: _parts(sensors, getattr(told, name), G, at_sensors.at(name))
+        for name in ("pose", "velocity")
+    }
     found = Vehicle(
         inertia,
-        _parts(forces, plant.forces, G, at_plant.at("forces")),
-        _parts(actuators, sections["actuators"], G, problems.at("actuators")),
+        tuple(_parts(forces, plant.forces, G, at_plant.at("forces")).values()),
+        tuple(acting.values()),
         None if clock is None else Sampling(clock.period, clock.delay),
-        _parts(sensors, told.pose, G, at_sensors.at("pose")),
-        _parts(sensors, told.velocity, G, at_sensors.at("velocity")),
+        tuple(sensing["pose"].values()),
+        tuple(sensing["velocity"].values()),
     )
-    if found.measures and clock is None:
+    without_clock = clock is None and not problems.at("control")
+    if found.measures and without_clock:
         at_sensors.add("act at control instants; set control.period")
-    _check_order(found, problems.at("actuators"))
+    _check_order(acting, without_clock, at_actuators)
+    for name, parts in sensing.items():
+        check_sensors(parts, G, None if clock is None else clock.period, at_sensors.at(name))
     if clock is not None and horizon / clock.period > MOST_INSTANTS:
         problems.at("control").at("period").add(
             f"expected at least {horizon / MOST_INSTANTS:g} s, which makes {MOST_INSTANTS:,} "
@@ -93,11 +107,11 @@ def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
     return dumped
 
 
-def _check_order(vehicle: Vehicle, problems: Problems) -> None:
+def _check_order(parts: Mapping[int, Actuator], without_clock: bool, problems: Problems) -> None:
     """Note actuators that act at instants only, where there are none, or no held command."""
     moving, driven = "", False
-    for index, actuator in enumerate(vehicle.actuators):
-        if actuator.sampled and vehicle.control is None:
+    for index, actuator in parts.items():
+        if actuator.sampled and without_clock:
             problems.at(index).add(
                 f"{actuator.acting_at_instants} acts at control instants; set control.period"
             )
@@ -114,13 +128,14 @@ def _check_order(vehicle: Vehicle, problems: Problems) -> None:
 
 
 def _parts(
-    registry: Registry[Any], entries: list[Any] | None, G: MatrixLieGroup, problems: Problems
-) -> tuple[Any, ...]:
-    found = (
-        component(registry, entry, problems.at(index), group=G)
+    registry: Registry[T], entries: list[Any] | None, G: MatrixLieGroup, problems: Problems
+) -> dict[int, T]:
+    """Those that are right, by the number of their entry."""
+    found = {
+        index: component(registry, entry, problems.at(index), group=G)
         for index, entry in enumerate(entries or ())
-    )
-    return tuple(part for part in found if part is not None)
+    }
+    return {index: part for index, part in found.items() if part is not None}
 
 
 def _inertia(

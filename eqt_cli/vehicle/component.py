@@ -81,9 +81,16 @@ class VehiclePart(Component):
 
 def check_deviations(value: Numbers, G: MatrixLieGroup, problems: Problems) -> None:
     """Note a negative standard deviation, or a wrong number of them."""
+    check_count(value, G.dimension, G.name, problems, deviations=True)
+
+
+def check_count(
+    value: Numbers, count: int, of: str, problems: Problems, deviations: bool = False
+) -> None:
+    """Note distributions that are none, a negative one of `deviations`, or a wrong number."""
     check_numbers(value, problems)
     for entry in value if isinstance(value, list) else [value]:
-        if not problems and lowest(entry) < 0:
+        if deviations and not problems and lowest(entry) < 0:
             problems.add(f"expected a standard deviation of at least 0, got {lowest(entry):g}")
-    if isinstance(value, list) and len(value) != G.dimension:
-        problems.add(f"expected {G.dimension} entries for {G.name}, got {len(value)}")
+    if isinstance(value, list) and len(value) != count:
+        problems.add(f"expected {count} entries for {of}, got {len(value)}")

@@ -17,6 +17,7 @@ from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.inertia import TrueInertia
 from eqt_cli.vehicle.sampling import Sampling
 from eqt_cli.vehicle.sensors import Sensor
+from eqt_cli.vehicle.sensors.channels import Channel, Errors, channels
 
 INERTIA = "plant.inertia"
 """Where the true inertia stands in a configuration."""
@@ -127,26 +128,70 @@ class Vehicle:
         pairs = (POSE, self.pose_sensors), (VELOCITY, self.velocity_sensors)
         return {f"{name}[{k}]": part for name, parts in pairs for k, part in enumerate(parts)}
 
-    def measurement_errors(
-        self, G: MatrixLieGroup, instants: int, random_of: RandomOf
-    ) -> tuple[Array, Array]:
-        """exp(n) with Q_m = Q exp(n), and b with V_m = V + b, at the control instants of a run.
+    def channels(self, G: MatrixLieGroup) -> list[Channel]:
+        """The parts of the measured pose and velocity that have sensors."""
+        if self.control is None:
+            return []
+        signals = {"pose": self.pose_sensors, "velocity": self.velocity_sensors}
+        return list(channels(G, signals, self.control.period))
 
-        Returns
-        -------
-        pose : (instants, d, d)
-        velocity : (instants, m)
+    def holding(self, G: MatrixLieGroup) -> list[Channel]:
+        """Those of which the law reads what was measured last."""
+        return [channel for channel in self.channels(G) if channel.holds]
+
+    def drawings(self, G: MatrixLieGroup) -> Iterator[tuple[str, Sensor, int, Any, Any]]:
+        """Place and sensor, with each of its rates: the periods between measurements, and axes.
+
+        The axes are those of the group, and which of the sensor's own coordinates they are.
+        """
+        for place, sensor in self.sensors().items():
+            signal, rates = place.partition("[")[0], dict[int, list[int]]()
+            for channel in self.channels(G):
+                if f"sensors.{channel.signal}" == signal and sensor.of in (None, channel.part.name):
+                    axes = rates.setdefault(channel.every, [])
+                    axes += range(G.dimension)[channel.part.axes]
+            for every, axes in rates.items():
+                own = axes if sensor.of is None else slice(None)
+                yield place, sensor, every, axes, own
+
+    def measurement_errors(self, G: MatrixLieGroup, instants: int, random_of: RandomOf) -> Errors:
+        """What the sensors do at the control instants of a run.
+
+        What a sensor draws for a part depends on the number of the measurement and on nothing else.
         """
         assert self.control is not None
-        pose, velocity = (
-            sum(
-                sensor.errors(G, instants, self.control.period, random_of(f"{name}[{index}]"))
-                for index, sensor in enumerate(sensors)
-            )
-            + np.zeros((instants, G.dimension))
-            for name, sensors in ((POSE, self.pose_sensors), (VELOCITY, self.velocity_sensors))
-        )
-        return G.exp(pose), velocity
+        n = {name: np.zeros((instants, G.dimension)) for name in (POSE, VELOCITY)}
+        for place, sensor, every, axes, own in self.drawings(G):
+            count, period = -(-instants // every), every * self.control.period
+            drawn = sensor.errors(G, count, period, random_of(place))
+            n[place.partition("[")[0]][:, axes] += np.repeat(drawn[:, own], every, 0)[:instants]
+        arrived = [
+            channel.arrivals(instants, random_of(f"{channel.name}.arrived"))
+            for channel in self.holding(G)
+        ]
+        found = np.array(arrived).reshape(len(arrived), instants).T
+        return Errors(G.exp(n[POSE]), n[VELOCITY], found)
+
+    def after_measuring(
+        self, G: MatrixLieGroup, Q: Array, V: Array, arrived: Array, states: Mapping[str, Array]
+    ) -> dict[str, Array]:
+        """The states of the sensors behind an instant at which Q and V may be measured."""
+        found = {}
+        for k, channel in enumerate(self.holding(G)):
+            value = Q if channel.signal == "pose" else V
+            found[channel.name] = channel.measured(value, states[channel.name], arrived[..., k])
+        return found
+
+    def as_arrived(
+        self, G: MatrixLieGroup, Q: Array, V: Array, states: Mapping[str, Array]
+    ) -> tuple[Array, Array]:
+        """A measured pose and velocity, with the parts in them that have arrived before."""
+        for channel in self.holding(G):
+            if channel.signal == "pose":
+                Q = channel.read(Q, states[channel.name])
+            else:
+                V = channel.read(V, states[channel.name])
+        return Q, V
 
     # From the command to the force that moves the momentum.
 
@@ -237,7 +282,8 @@ class Vehicle:
         if self.control is None:
             return found
         held = {HELD: G.dimension} if self._at_instants else {}
-        return {COMMANDS: (self.control.delay + 1) * G.dimension, **held, **found}
+        told = {channel.name: channel.states for channel in self.holding(G)}
+        return {COMMANDS: (self.control.delay + 1) * G.dimension, **held, **found, **told}
 
     def _chain(self, start: int = 0) -> Iterator[tuple[str, Actuator, Given]]:
         """The actuators from the first that counts, with the names of their states."""

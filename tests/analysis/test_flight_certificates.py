@@ -83,8 +83,9 @@ def test_a_command_that_moves_between_instants(flight):
 
 
 def test_a_command_of_what_was_not_told(flight):
-    pose, velocity = flight.problem.errors
-    problem = replace(flight.problem, errors=(pose, velocity + 1e-9))
+    errors = flight.problem.errors
+    changed = errors._replace(velocity=errors.velocity + 1e-9)
+    problem = replace(flight.problem, errors=changed)
     assert verdicts(replace(flight, problem=problem))[0] is Verdict.FAILS
 
 

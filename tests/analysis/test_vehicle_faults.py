@@ -30,7 +30,9 @@ from eqt_cli.vehicle.forces.gust import SINES, Gust
 from eqt_cli.vehicle.forces.restoring import Restoring
 from eqt_cli.vehicle.inertia import ConstantInertia, RelativeInertia, VaryingInertia
 from eqt_cli.vehicle.numbers import Normal, Uniform
+from eqt_cli.vehicle.sensors import Sensor
 from eqt_cli.vehicle.sensors.bias import Bias
+from eqt_cli.vehicle.sensors.channels import Channel
 from eqt_cli.vehicle.sensors.noise import Noise
 
 RUNNING = """group: SE3
@@ -100,10 +102,17 @@ sensors:
   velocity: [{kind: noise, density: 0.01}, {kind: bias, value: 0.02}]
 """
 
+SLOW = """control: {period: 0.05}
+sensors:
+  pose: [{kind: noise, std: 0.01, of: translation, period: 0.1, delay: 1, dropout: 0.4}]
+  velocity: [{kind: noise, std: 0.01, period: 0.1}]
+"""
+
 EXPERIMENTS = {
     "forces": RUNNING + CONSTANT + FORCES,
     "actuators": RUNNING + CONSTANT + ACTUATORS,
     "sensors": RUNNING + CONSTANT + SENSORS,
+    "slow sensors": RUNNING + CONSTANT + SLOW,
     "thrusters": RUNNING + CONSTANT + THRUSTERS,
     "bounded thrusters": RUNNING + CONSTANT + THRUSTERS + "    allocation: bounded\n",
     "true tensor": RUNNING + CONSTANT + "plant: {inertia: [2, 2, 2, 3, 4, {uniform: [5, 6]}]}\n",
@@ -179,8 +188,12 @@ def backwards(exact, vehicle, start=0):
 
 
 def errors_with_the_other_sign(exact, vehicle, *rest):
-    pose, velocity = exact(vehicle, *rest)
-    return pose, -velocity
+    errors = exact(vehicle, *rest)
+    return errors._replace(velocity=-errors.velocity)
+
+
+def newest(exact, channel, value, held):
+    return exact(channel, value, held[..., -channel.size :])
 
 
 def as_a_body_force(exact, force, G, t, Q, V, given):
@@ -299,6 +312,24 @@ PLANTS = {
     "measured velocity: sign of its errors": (
         "sensors",
         in_method(Vehicle, "measurement_errors", errors_with_the_other_sign),
+    ),
+    # sensors/channels.py
+    "measurement: read before it arrives": ("slow sensors", in_method(Channel, "read", newest)),
+    "measurement: the first one is late": (
+        "slow sensors",
+        in_method(
+            Channel, "arrivals", lambda exact, channel, *rest: np.minimum(exact(channel, *rest), 1)
+        ),
+    ),
+    "measurement: lost ones arrive": (
+        "slow sensors",
+        in_method(Sensor, "lost", lambda exact, sensor, count, random: np.zeros(count, dtype=bool)),
+    ),
+    "measurement: at every instant": (
+        "slow sensors",
+        in_method(
+            Channel, "arrivals", lambda exact, channel, *rest: np.maximum(exact(channel, *rest), 1)
+        ),
     ),
     # inertia.py
     "relative inertia: inverse unscaled": (
@@ -506,6 +537,7 @@ PLANTS = {
 
 FORCE, PLANT = "forces are those of the configuration", "plant moves by its forces"
 ACTUATOR, ARRIVES = "actuators are those of the configuration", "command arrives after its delay"
+HELD = "measurements are held and arrive late"
 CLOSED_FORM = "actuator follows its closed form"
 TOLD, COVARIANCE = "measurements err as configured", "noise has its covariance"
 
@@ -513,6 +545,7 @@ EXPECTED = {
     **{fault: {FORCE, PLANT} for fault, (where, _) in PLANTS.items() if where == "forces"},
     **{fault: {ACTUATOR} for fault, (where, _) in PLANTS.items() if where == "actuators"},
     **{fault: {TOLD} for fault, (where, _) in PLANTS.items() if where == "sensors"},
+    **{fault: {HELD} for fault, (where, _) in PLANTS.items() if where == "slow sensors"},
     **{fault: {PLANT} for fault in PLANTS if fault.split(":")[0] == "plant"},
     **{fault: {PLANT} for fault in PLANTS if "relative" in fault or "true tensor" in fault},
     "delay: one period too long": {ACTUATOR, ARRIVES},
@@ -539,6 +572,7 @@ FAST = (
     "deadband: half passes",
     "restoring: sign of buoyancy's torque",
     "bias: dropped",
+    "measurement: lost ones arrive",
 )
 """One of every kind; `make test-all` plants all of them."""
 

@@ -19,6 +19,7 @@ from eqt_cli.references.constant import ConstantReference
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.sensors.channels import Errors
 from eqt_cli.vehicle.sensors.noise import Noise
 
 RUNS, SAMPLES, DURATION, RTOL = 5, 9, 4.0, 1e-7
@@ -115,7 +116,7 @@ def sampled(loop_with):
         "controller.stiffness": STIFFNESS,
         "controller.damping": np.full((RUNS, 1), 0.4),
     }
-    errors = problem.loop.group.exp(pose), velocity
+    errors = Errors(problem.loop.group.exp(pose), velocity, np.empty((RUNS, instants, 0)))
     x, v, pushes = np.ones(RUNS), np.zeros(RUNS), []
     for k in range(instants):
         told, speed = x + pose[:, k, 0], v + velocity[:, k, 0]

@@ -244,7 +244,7 @@ def c_of(batch, lanes):
 
 def errors_of(problem, tick):
     found = problem.errors_at(tick, np.arange(problem.runs))
-    return [each.reshape(problem.runs, -1) for each in found or ()]
+    return [each.reshape(problem.runs, -1) for each in found or () if each.size]
 
 
 def numbers_of(batch):

@@ -2,7 +2,6 @@
 
 from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import combinations
 from typing import ClassVar
 
@@ -11,7 +10,9 @@ import numpy as np
 from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
 from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.analysis.evidence.runs import STATES_PER_RTOL, Runs
+from eqt_cli.closed_loop.told import Told
 from eqt_cli.core.arrays import Array
+from eqt_cli.vehicle.sensors.channels import Errors
 
 ROUNDING = 1e-12
 """Relative to the largest command, or 1: a law by a compiler and by NumPy."""
@@ -80,13 +81,18 @@ def _at_instants(flight: Flight) -> Array:
 
 def _asked(flight: Flight) -> Array:
     """What the law asks at every sample, told with the errors of its period."""
-    loop, problem = flight.loop, flight.problem
-    s = loop.tracking(problem.times, flight.states)
-    if problem.errors is not None:
-        pose, velocity = problem.errors
-        k = np.minimum(flight.periods, problem.control_instants - 1)
-        s = replace(s, Q=s.Q @ pose[:, k], P=s.inertia.momentum(s.V + velocity[:, k]))
+    loop = flight.loop
+    s = told_at_samples(flight).tracking(loop.group, loop.inertia, loop.gains, {})
     return loop.controller.torque(s) + 0.0 * s.P
+
+
+def told_at_samples(flight: Flight) -> Told:
+    """What the law would be told at every sample, with the errors of its period."""
+    problem, errors = flight.problem, flight.problem.errors
+    if errors is not None:
+        k = np.minimum(flight.periods, problem.control_instants - 1)
+        errors = Errors(*(part[:, k] for part in errors))
+    return flight.loop.told(problem.times, flight.states, errors)
 
 
 class ActuatorsInClosedForm(FlightCheck):
@@ -168,9 +174,9 @@ class StreamsApart(FlightCheck):
         found = list(flight.white_noise())
         pairs = [(values[1:], values[:-1]) for values in found if len(values) > 1]
         pairs += [
-            (one[..., :axes], other[..., :axes])
+            (one[:, :count, :axes], other[:, :count, :axes])
             for one, other in combinations(found, 2)
-            for axes in [min(one.shape[-1], other.shape[-1])]
+            for _, count, axes in [np.minimum(one.shape, other.shape).tolist()]
         ]
         return [
             (np.abs(_correlation(one, other)).max(), DEVIATIONS / np.sqrt(one[..., 0].size))

@@ -11,8 +11,8 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.analysis.certificates.base import Row, TrajectoryCheck, Verdict
-from eqt_cli.analysis.certificates.flight import ROUNDING
-from eqt_cli.analysis.evidence.flight import Flight
+from eqt_cli.analysis.certificates.flight import ROUNDING, told_at_samples
+from eqt_cli.analysis.evidence.flight import SLACK, Flight
 from eqt_cli.analysis.evidence.plain_algebra import ad_matrix, applied, exponential
 from eqt_cli.analysis.evidence.runs import Runs
 from eqt_cli.analysis.evidence.second_vehicle import SecondVehicle, second_vehicles
@@ -283,8 +283,54 @@ class TruthAndErrors(VehicleCheck):
             told = again.told()
             assert told is not None
             n, b = told
-            yield _difference(errors[0][again.index], exponential(G, n), "sensors.pose")
-            yield _difference(errors[1][again.index], b, "sensors.velocity")
+            yield _difference(errors.pose[again.index], exponential(G, n), "sensors.pose")
+            yield _difference(errors.velocity[again.index], b, "sensors.velocity")
+
+
+class MeasurementsArrive(VehicleCheck):
+    """What the law reads in a period is the last measurement, `delay` periods before that.
+
+    So it is wherever the stored states hold the instant of the measurement.
+    """
+
+    name: ClassVar[str] = "measurements are held and arrive late"
+    statement: ClassVar[str] = "rate, delay and dropout of sensors"
+    section: ClassVar[float] = 9.32
+
+    def is_about(self, loop: ClosedLoop) -> bool:
+        """Where the law reads what was measured last."""
+        return bool(loop.vehicle.holding(loop.group))
+
+    def without_second_form(self, again: SecondVehicle) -> Iterator[str]:
+        """The sensors of plugins."""
+        if again.told() is None:
+            yield "a sensor has no second form"
+
+    def differences(self, flight: Flight) -> Iterator[Difference]:
+        """Of every part that is held, sample by sample."""
+        times, G, periods = flight.problem.times, flight.loop.group, flight.periods
+        s, read = flight.loop.tracking(times, flight.states), told_at_samples(flight)
+        # The last sample is the state before its instant.
+        at_instants = np.abs(times - periods * flight.period) <= SLACK * flight.period
+        sample_of = {int(periods[k]): k for k in np.flatnonzero(at_instants[:-1])}
+        for again in second_vehicles(flight):
+            told, run = again.told(), again.index
+            assert told is not None
+            n, b = told
+            for signal, part, delay, measured in again.measuring.held():
+                for sample, period in enumerate(periods[:-1].tolist()):
+                    last = max((i for i in measured if i <= period - delay), default=0)
+                    at = sample_of.get(last)
+                    if at is None:
+                        continue
+                    if signal == "pose":
+                        expected = (s.Q[run, at] @ exponential(G, n[last]))[part.entries]
+                        found = read.pose[run, sample][part.entries]
+                    else:
+                        expected = (s.V[run, at] + b[last])[part.axes]
+                        found = read.velocity[run, sample][part.axes]
+                    place = f"sensors.{signal}, {part.name}, at t = {times[sample]:g} s"
+                    yield _difference(found, expected, place)
 
 
 def _unknown_forces(again: SecondVehicle) -> Iterator[str]:

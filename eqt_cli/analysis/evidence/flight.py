@@ -64,25 +64,27 @@ class Flight:
         return np.flatnonzero(ends == self.periods[:-1] + 1)
 
     def white_noise(self) -> Iterator[Array]:
-        """What each sensor of white noise tells each run, ``(runs, instants, m)``, of variance 1.
+        """What each sensor of white noise tells each run, ``(runs, instants, n)``, of variance 1.
 
-        That is its noise divided by the deviation that the configuration says. Along axes without
-        noise it is left out.
+        That is its noise divided by the deviation that the configuration says, at each of its
+        rates. Along axes without noise it is left out.
         """
-        G, count = self.problem.loop.group, self.problem.control_instants
-        for place, sensor in self.problem.loop.vehicle.sensors().items():
-            found = []
+        problem, vehicle = self.problem, self.problem.loop.vehicle
+        G = problem.loop.group
+        for place, sensor, every, _, axes in vehicle.drawings(G):
+            count, period, found = -(-problem.control_instants // every), every * self.period, []
             for run in self.numbers.tolist():
                 random = generator_at(self.seed, Stream.VEHICLE, run, place)
                 own = sensor.of_run(random)
-                deviation = own.white_deviation(G, self.period)
+                deviation = own.white_deviation(G, period)
                 if deviation is None:
                     break
                 again = generator_at(self.seed, Stream.VEHICLE, run, place)
-                configured = configured_deviation(sensor, G.dimension, self.period, again)
+                size = sensor.coordinates(G)
+                configured = configured_deviation(sensor, size, period, again)
                 if configured is not None:  # else a plugin's, which alone knows it
                     deviation = configured
-                errors = own.errors(G, count, self.period, random)[:, deviation > 0]
-                found.append(errors / deviation[deviation > 0])
+                errors, deviation = own.errors(G, count, period, random)[:, axes], deviation[axes]
+                found.append(errors[:, deviation > 0] / deviation[deviation > 0])
             if len(found) == len(self.numbers) and found and found[0].size:
                 yield np.array(found)

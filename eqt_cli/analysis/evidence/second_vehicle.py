@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from eqt_cli.analysis.evidence import second_actuators, second_forces, second_sensors
+from eqt_cli.analysis.evidence import second_actuators, second_forces
 from eqt_cli.analysis.evidence.flight import Flight
 from eqt_cli.analysis.evidence.numbers import floats, rate_of, with_rate
 from eqt_cli.analysis.evidence.redrawn import number, tensor
 from eqt_cli.analysis.evidence.running_error import lifted
 from eqt_cli.analysis.evidence.second_actuators import SecondActuator
+from eqt_cli.analysis.evidence.second_measuring import SecondMeasuring
 from eqt_cli.core.arrays import Array
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.mechanics.inertia import InertiaLaw
@@ -108,6 +109,14 @@ class SecondVehicle:
         for k, part in enumerate(self.actuators):
             if part is not None and part.states:
                 found[f"actuators_{k}"] = part.states
+        if self.vehicle.control is not None:
+            G = self.measuring.G
+            for signal, part, delay, _ in self.measuring.held():
+                blocks = {
+                    "pose": G.identity[part.entries],
+                    "velocity": np.arange(self.m)[part.axes],
+                }
+                found[f"measured_{signal}_{part.name}"] = (delay + 1) * blocks[signal].size
         return found
 
     def chain(
@@ -163,25 +172,17 @@ class SecondVehicle:
         assert part is not None
         return part.at_limit(given, states.get(f"actuators_{k}", given[..., :0]), passed)
 
+    @cached_property
+    def measuring(self) -> SecondMeasuring:
+        """What its sensors do."""
+        problem = self.flight.problem
+        instants = problem.control_instants
+        return SecondMeasuring(problem.loop.group, self.vehicle, instants, self.random)
+
     def told(self) -> tuple[Array, Array] | None:
         """n and b of every instant; None where a sensor has no second form."""
-        control, instants = self.vehicle.control, self.flight.problem.control_instants
-        assert control is not None
-        found = []
-        for name, sensors in (
-            ("sensors.pose", self.vehicle.pose_sensors),
-            ("sensors.velocity", self.vehicle.velocity_sensors),
-        ):
-            total = np.zeros((instants, self.m))
-            for k, sensor in enumerate(sensors):
-                errors = second_sensors.second_errors(
-                    sensor, self.m, instants, control.period, self.random(f"{name}[{k}]")
-                )
-                if errors is None:
-                    return None
-                total = total + errors
-            found.append(total)
-        return found[0], found[1]
+        n, b = self.measuring.total("pose"), self.measuring.total("velocity")
+        return None if n is None or b is None else (n, b)
 
 
 def second_vehicles(flight: Flight) -> list[SecondVehicle]:

@@ -21,6 +21,7 @@ from eqt_cli.engines.traced_loop import (
     parameter_rows,
 )
 from eqt_cli.program import Program
+from eqt_cli.vehicle.sensors.channels import Errors
 
 
 class Lanes(Integrator):
@@ -64,7 +65,7 @@ class Lanes(Integrator):
         """As numbers of all runs."""
         self._held = held_rows(self.problem.loop, np.array([span.start]))[0]
 
-    def at_instant(self, t: float, states: Array, errors: tuple[Array, Array] | None) -> Array:
+    def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
         """By compiled code; what is code by itself is called between two programs."""
         runs = len(states)
         given = [
@@ -76,7 +77,8 @@ class Lanes(Integrator):
         measured = [Rows(part.reshape(runs, -1), by_run=True) for part in errors or ()]
         around, program = self._law.around_code, self._law.after_instant
         if around is not None:
-            torque, memory = self._answer(t, states, around, [*given, *measured])
+            torque, memory, states = self._answer(t, states, around, [*given, *measured])
+            given[0] = Rows(states, by_run=True)  # with what sensors hold
             given += [Rows(torque, by_run=True), Rows(memory, by_run=True)]
             if self.loop.vehicle.solves:
                 given.append(Rows(self.loop.solution(states, torque), by_run=True))
@@ -88,15 +90,17 @@ class Lanes(Integrator):
 
     def _answer(
         self, t: float, states: Array, around: InstantPrograms, given: list[Rows]
-    ) -> tuple[Array, Array]:
-        """The torque that the law asks for and its memory, a row for each run."""
+    ) -> tuple[Array, Array, Array]:
+        """The torque that the law asks for, its memory, and the measured states, a row for each."""
         runs, none = len(states), np.empty((len(states), 0))
         if self._law.asked is not None:
             found = self._evaluated(self._law.asked, runs, given)
-            return found["torque"], found.get("memory", none)
-        told = Told(**self._evaluated(around.told, runs, given))._replace(t=t)
+            return found["torque"], found.get("memory", none), found.get("state", states)
+        found = self._evaluated(around.told, runs, given)
+        states = found.pop("state", states)
+        told = Told(**found)._replace(t=t)
         torque, memory = self.loop.answer(told, self.loop.memory(states), self._period)
-        return torque, np.concatenate([none, *memory.values()], axis=1)
+        return torque, np.concatenate([none, *memory.values()], axis=1), states
 
     def advance(self, span: Span, states: Array) -> SpanResult:
         """All runs that have not failed; the others stay where they are."""

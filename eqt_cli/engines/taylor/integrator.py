@@ -18,6 +18,7 @@ from eqt_cli.engines.taylor.expressions import Expressions
 from eqt_cli.engines.taylor.library import heyoka_module
 from eqt_cli.engines.taylor.switching import NUMBERS, Crossing, Switchboard, comparisons
 from eqt_cli.engines.traced_loop import LoopPrograms, parameter_rows
+from eqt_cli.vehicle.sensors.channels import Errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,7 +172,7 @@ class Batches(Integrator):
             same = np.repeat(held[:, None], len(self._filled), axis=1)
             self._numbers = np.concatenate([self._own, same])
 
-    def at_instant(self, t: float, states: Array, errors: tuple[Array, Array] | None) -> Array:
+    def at_instant(self, t: float, states: Array, errors: Errors | None) -> Array:
         """By compiled code, for all batches at once; on arrays where the law is code by itself."""
         numbers, code = self._numbers, self._batch.after_instant
         if code is None:

@@ -8,10 +8,8 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.component import check_deviations
-from eqt_cli.vehicle.numbers import Numbers, check_numbers
+from eqt_cli.vehicle.numbers import Numbers
 from eqt_cli.vehicle.sensors.base import Sensor
-from eqt_cli.written.poses import vector
 
 
 @dataclass(frozen=True)
@@ -21,7 +19,7 @@ class Bias(Sensor):
     Attributes
     ----------
     value
-        The offset at t = 0; one number for every coordinate, or a list of m.
+        The offset at t = 0; one number for every coordinate, or a list.
     walk
         Standard deviation of the drift after one second; it grows with √t.
     """
@@ -35,17 +33,13 @@ class Bias(Sensor):
     def errors(
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
     ) -> Array:
-        """value + walk √period Σ N(0, 1)^m, with a step from each instant to the next."""
-        m = G.dimension
+        """value + walk √period Σ N(0, 1)^n, with a step from each instant to the next."""
         part: Any = self.of_run(random)
-        steps = random.standard_normal((instants, m))
+        steps = random.standard_normal((instants, self.coordinates(G)))
         drift = np.cumsum(steps, axis=0) - steps[:1]
-        return vector(part.value, m, G) + vector(part.walk, m, G) * np.sqrt(period) * drift
+        return self.entries(part.value, G) + self.entries(part.walk, G) * np.sqrt(period) * drift
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A negative deviation of the walk, a wrong length."""
-        here = problems.at("value")
-        check_numbers(self.value, here)
-        if isinstance(self.value, list) and len(self.value) != G.dimension:
-            here.add(f"expected {G.dimension} entries for {G.name}, got {len(self.value)}")
-        check_deviations(self.walk, G, problems.at("walk"))
+        self.check_entries(self.value, G, problems.at("value"))
+        self.check_entries(self.walk, G, problems.at("walk"), deviations=True)

@@ -1,0 +1,142 @@
+"""When the parts of a pose and of a velocity are measured, and when the law is told of it.
+
+A part that no entry gives a rate, a delay or a dropout is measured at every control instant. It
+knows no law and no engine.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, less, where
+from eqt_cli.groups import MatrixLieGroup, Part
+from eqt_cli.vehicle.sensors.base import Sensor
+
+NOTHING, MEASURED, FIRST = 0.0, 1.0, 2.0
+"""What a channel does at a control instant; the first measurement is there from the start."""
+
+TIMING = ("period", "delay", "dropout")
+"""The options that the entries of one part share."""
+
+
+class Errors(NamedTuple):
+    """What sensors do to a truth at control instants, of runs and instants along leading axes.
+
+    Attributes
+    ----------
+    pose : (..., d, d)
+        E with Q_m = Q E.
+    velocity : (..., m)
+        b with V_m = V + b.
+    arrived : (..., channels)
+        `NOTHING`, `MEASURED` or `FIRST`, of every channel that holds.
+    """
+
+    pose: Array
+    velocity: Array
+    arrived: Array
+
+
+@dataclass(frozen=True)
+class Channel:
+    """A part of the measured pose or velocity.
+
+    Attributes
+    ----------
+    signal
+        ``"pose"`` or ``"velocity"``.
+    shape
+        Of its block of a pose, or of its coordinates of a velocity.
+    every
+        After how many control periods it is measured again.
+    delay
+        After how many a measurement arrives.
+    loses
+        The sensor that says which do not; None where all do.
+    holds
+        Whether the law reads what was measured last, and not what is measured now.
+    """
+
+    signal: str
+    part: Part
+    shape: tuple[int, ...]
+    every: int = 1
+    delay: int = 0
+    loses: Sensor | None = None
+    holds: bool = False
+
+    @property
+    def name(self) -> str:
+        """Of its states: ``measured_pose_translation``."""
+        return f"measured_{self.signal}_{self.part.name}"
+
+    @property
+    def entries(self) -> Any:
+        """Where it is in a pose, or in a velocity."""
+        return (..., *self.part.entries) if self.signal == "pose" else (..., self.part.axes)
+
+    @property
+    def size(self) -> int:
+        """How many numbers are measured."""
+        return int(np.prod(self.shape))
+
+    @property
+    def states(self) -> int:
+        """How many states it has: measurements on their way, the first to arrive first."""
+        return (self.delay + 1) * self.size if self.holds else 0
+
+    def measured(self, value: Array, held: Array, arrived: Array) -> Array:
+        """Its states after an instant at which its part of `value` may be measured."""
+        now = value[self.entries].reshape(*held.shape[:-1], self.size)
+        last = held[..., -self.size :]
+        fresh = less(0.5 * MEASURED, arrived[..., None])
+        first = less(0.5 * (MEASURED + FIRST), arrived[..., None])
+        waiting = [held[..., k : k + self.size] for k in range(self.size, self.states, self.size)]
+        found = [where(first, now, entry) for entry in waiting]
+        return np.concatenate([*found, where(fresh, now, last)], axis=-1)
+
+    def read(self, value: Array, held: Array) -> Array:
+        """The value with its part as it has arrived."""
+        found = value.copy()
+        found[self.entries] = held[..., : self.size].reshape(*held.shape[:-1], *self.shape)
+        return found
+
+    def arrivals(self, instants: int, random: np.random.Generator) -> Array:
+        """What it does at the instants, ``(instants,)``; the first do not depend on how many."""
+        found = np.full(instants, NOTHING)
+        found[:: self.every] = MEASURED
+        if self.loses is not None:
+            lost = self.loses.lost(len(found[:: self.every]), random)
+            found[:: self.every][lost] = NOTHING
+        found[:1] = FIRST
+        return found
+
+
+def channels(
+    G: MatrixLieGroup, signals: Mapping[str, tuple[Sensor, ...]], period: float
+) -> Iterator[Channel]:
+    """The parts of the measured pose and velocity that have sensors, in their order.
+
+    Parameters
+    ----------
+    signals
+        The sensors of the pose and of the velocity.
+    period
+        Of control, s.
+    """
+    for signal, sensors in signals.items():
+        for part in G.parts:
+            own = [sensor for sensor in sensors if sensor.of in (None, part.name)]
+            if not own:
+                continue
+            given: dict[str, Any] = dict.fromkeys(TIMING)
+            for sensor in own:
+                known = ((name, getattr(sensor, name)) for name in TIMING)
+                given |= {name: value for name, value in known if value is not None}
+            every = 1 if given["period"] is None else round(given["period"] / period)
+            delay, loses = given["delay"] or 0, next((s for s in own if s.loses), None)
+            holds = given["period"] is not None or bool(delay) or loses is not None
+            block = G.identity[part.entries] if signal == "pose" else G.basis[part.axes, 0, 0]
+            yield Channel(signal, part, block.shape, every, delay, loses, holds)
