@@ -170,7 +170,8 @@ def choose_executor(
     if scheduler:
         return make(workers, scheduler)
     if name in (None, "auto"):
-        return make(workers, experiment.experiment.engine.threads)
+        engine = experiment.experiment.engine
+        return make(workers, engine.threads, workers <= engine.as_fast_in_threads)
     return make(workers)
 
 

@@ -60,6 +60,8 @@ class Engine(Component):
     """Whether a second, tighter solve is cheap enough to estimate every run's error by default."""
     threads: ClassVar[bool] = False
     """Whether it computes outside Python, so that threads of one process use several cores."""
+    as_fast_in_threads: ClassVar[int] = 1
+    """Up to how many threads are as fast as so many processes, which take a second to start."""
     calls_laws: ClassVar[bool] = True
     """Whether it calls a law as it is, at any time, rather than compile it."""
     cross_check_rank: ClassVar[int | None] = None

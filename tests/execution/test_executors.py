@@ -11,6 +11,7 @@ from importlib.util import find_spec
 
 import pytest
 
+from eqt_cli.api import choose_executor, load_experiment
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.interruptions import ASKED_BY, Interrupted, as_exceptions
 from eqt_cli.execution.executors import MOST_TRIES, Outcome, auto, executors
@@ -231,6 +232,27 @@ def test_auto_takes_processes_only_where_they_are_worth_it(threads, task, tmp_pa
     found = list(Auto(2, threads).outcomes(task, items, lambda amount: None))
     assert sorted(outcome.item for outcome in found) == items
     assert len(processes()) > 1
+
+
+def test_auto_stays_in_threads_that_are_as_fast(task, tmp_path, monkeypatch):
+    monkeypatch.setattr(auto, "WORTH_LEAVING_THREADS", 0.0)
+    list(Auto(2, threads=True, stays=True).outcomes(task, [1, 2, 3], lambda amount: None))
+    names = {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
+    assert names == {str(os.getpid())}
+
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@pytest.mark.parametrize(
+    ("engine", "workers", "stays"),
+    [("native", 2, True), ("native", 3, False), ("taylor", 2, False)],
+)
+def test_auto_stays_in_threads_where_that_was_measured(engine, workers, stays):
+    found = choose_executor(
+        load_experiment(CONFIGS / "paper.yaml", {"solver.engine": engine}), workers
+    )
+    assert found == Auto(workers, threads=True, stays=stays)
 
 
 def test_threads_take_an_item_when_it_can_begin(task):

@@ -67,6 +67,7 @@ class Native(Engine):
     name: ClassVar[str] = "native"
     estimates_errors: ClassVar[bool] = True
     threads: ClassVar[bool] = True
+    as_fast_in_threads: ClassVar[int] = 2  # measured on two cores
     calls_laws: ClassVar[bool] = False
     cross_check_rank: ClassVar[int | None] = 3
     part_runs: ClassVar[int] = 2500

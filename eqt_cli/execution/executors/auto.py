@@ -19,8 +19,8 @@ WORTH_STARTING = 3.0
 """s of work that is left; a process takes a second or two to start."""
 
 WORTH_LEAVING_THREADS = 10.0
-"""s, for an engine that computes outside Python: two processes are 1.3 times as fast as two
-threads, which take turns at all that Python does."""
+"""s, for an engine that computes outside Python: with `taylor`, two processes are 1.3 times as fast
+as two threads, which take turns at all that Python does."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,13 @@ class Auto(Executor):
     ----------
     threads
         Whether it begins in threads, for an engine that computes outside Python.
+    stays
+        Whether it stays in them.
     """
 
     name: ClassVar[str] = "auto"
     threads: bool = False
+    stays: bool = False
 
     def at_once(self, items: int, each: float) -> int:
         """As it begins, or as many as `local` after that."""
@@ -84,4 +87,4 @@ class Auto(Executor):
 
     def _worth_starting(self, left: int, each: float) -> bool:
         enough = WORTH_LEAVING_THREADS if self.threads else WORTH_STARTING
-        return left > 1 and self.workers > 1 and left * each > enough
+        return left > 1 and self.workers > 1 and not self.stays and left * each > enough
