@@ -19,7 +19,7 @@ from matplotlib.transforms import Bbox
 
 from eqt_cli.analysis.verification import verify_stored
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.base import OfCertificates, OfReference, OfSweep, OfTuning, OverTime
+from eqt_cli.plots.base import OfCertificates, OfReference, OfSweep, OfTuning, OfWorst, OverTime
 from eqt_cli.plots.drawing.style import WIDTHS, house_style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.figures.certificates import Certificates
@@ -29,11 +29,11 @@ from eqt_cli.results.result import open_result
 
 FORMATS = ("pdf", "svg", "png")  # the pixels of the last one are looked at
 
-# Figures of sweeps and certificates are of something else: see test_sweep.py, test_certificates.py.
+# Figures of sweeps, searches and certificates are of something else, and have tests of their own.
 NAMES = [
     name
     for name in figures.names()
-    if not issubclass(figures.get(name), OfSweep | OfCertificates | OfTuning)
+    if not issubclass(figures.get(name), OfSweep | OfCertificates | OfTuning | OfWorst)
 ]
 MANY_PANELS = ("commands", "phase", "runs")
 

@@ -333,13 +333,13 @@ def test_a_run_has_the_same_bits_beside_any_others(solved):
 
 
 def test_points_with_other_thrusters_have_their_own(folder):
-    parts = [
-        None,
-        [{"kind": "thrusters", "matrix": np.eye(3).tolist()}],
-        FLIGHT["actuators"],
-        [{**FLIGHT["actuators"][0], "low": -0.2}],
-    ]
-    sweep = {"sweep": [{"grid": {"actuators": parts}}]}
+    parts = {
+        "none": [],
+        "three": [{"kind": "thrusters", "matrix": np.eye(3).tolist()}],
+        "as given": FLIGHT["actuators"],
+        "other limits": [{**FLIGHT["actuators"][0], "low": -0.2}],
+    }
+    sweep = {"sweep": [{"cases": {name: {"actuators": own} for name, own in parts.items()}}]}
     few = {"ensemble": {"runs": 1}, "time": {"duration": 0.1, "samples": 2}}
     execute(load_experiment(FLIGHT | few | sweep).study, Path("out"))
     found = []
