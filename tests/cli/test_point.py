@@ -159,6 +159,7 @@ def test_report_and_animate(eqt: Eqt) -> None:
     )
 
 
+@pytest.mark.slow("computes sweeps")
 @pytest.mark.parametrize(
     "command",
     [
@@ -192,6 +193,7 @@ def test_the_summary_of_a_sweep_over_durations_names_none(
     assert "law  runs  mean ‖τ‖, first 5 s  mean ‖I − Q_E‖  final ‖I − Q_E‖" in shown
 
 
+@pytest.mark.slow("computes sweeps")
 def test_dry_run_tells_the_size_of_groups(eqt: Eqt) -> None:
     expected = json.loads(eqt("sweep", "c.yaml", *RAGGED, "--dry-run", "--json").out)
     eqt("sweep", "c.yaml", *RAGGED, "--out", "out", "--quiet")

@@ -302,6 +302,7 @@ def test_a_broken_entry_point(
     assert (done.code, done.out, done.err) == (2, "", f"eqt: {said}\n")
 
 
+@pytest.mark.slow("starts a process for each stream")
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="has no device that is always full")
 @pytest.mark.parametrize(
     "arguments",

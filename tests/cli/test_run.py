@@ -155,6 +155,7 @@ def test_json_is_one_document(eqt: Eqt) -> None:
     assert [row["early_torque"] for row in document["controllers"]] == torque.tolist()
 
 
+@pytest.mark.slow("computes experiments that fail")
 def test_quiet_prints_nothing_but_errors(eqt: Eqt, plugins: None) -> None:
     for again in (False, True):
         done = eqt("run", "c.yaml", "--quiet")
@@ -345,6 +346,7 @@ def test_equal_messages_of_failed_runs_are_one_line(eqt: Eqt, folder: Path) -> N
     assert "\ncross-check: nothing to compare, since its runs failed\n" in done.out
 
 
+@pytest.mark.slow("computes experiments that fail")
 def test_failed_runs_are_remembered(eqt: Eqt, plugins: None) -> None:
     eqt("run", "c.yaml", *FAILING)
     done = eqt("run", "c.yaml", *FAILING)

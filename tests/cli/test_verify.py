@@ -182,6 +182,7 @@ def test_a_result_is_verified_by_what_it_holds(eqt: Eqt) -> None:
             assert one["measured"] == pytest.approx(other["measured"], rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.slow("verifies another result")
 def test_a_result_file_is_a_result(eqt: Eqt) -> None:
     eqt("run", "c.yaml", "--quiet")
     assert eqt("verify", "results/c/results.h5").out == eqt("verify", "results/c").out
@@ -274,6 +275,7 @@ def test_a_plugin_may_bring_a_certificate(eqt: Eqt) -> None:
     assert (own["verdict"], own["statement"]) == ("holds", "my notes, p. 3")
 
 
+@pytest.mark.slow("verifies another result")
 def test_runs_bounds_what_is_integrated(eqt: Eqt) -> None:
     assert json.loads(eqt("verify", "c.yaml", "--json", "--runs", 1).out)["runs"] == 2
     assert json.loads(eqt("verify", "c.yaml", "--json", "--runs", 99).out)["runs"] == 6

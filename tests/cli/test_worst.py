@@ -43,6 +43,7 @@ def test_it_prints_what_was_found_and_draws_it(eqt: Eqt, config: Path) -> None:
     assert Path("results/t-worst/figures/worst.json").exists()
 
 
+@pytest.mark.slow("searches again")
 def test_a_law_that_is_worse_than_it_may_be_ends_with_4(eqt: Eqt, config: Path) -> None:
     done = eqt("worst", config, "--json", "--fail-above", "0")
     assert done.code == 4

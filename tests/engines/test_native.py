@@ -102,7 +102,13 @@ def built(monkeypatch):
     return by
 
 
-@pytest.mark.parametrize("lanes", [1, 2, 4])
+few_lanes = pytest.mark.parametrize(
+    "lanes",
+    [4, *(pytest.param(n, marks=pytest.mark.slow("compiles it again")) for n in (1, 2))],
+)
+
+
+@few_lanes
 def test_lanes_change_no_bit(batch, expected, built, lanes):
     built(lanes)
     assert solved(batch) == expected
@@ -125,7 +131,14 @@ def test_the_compiler_in_a_wheel_changes_no_bit(batch, expected, built):
 
 
 # On x86-64, the first has vectors of two numbers, and fused products in a function of libm only.
-@pytest.mark.parametrize("flags", [(), ("-O0",), ("-O3", "-march=native")])
+@pytest.mark.parametrize(
+    "flags",
+    [
+        pytest.param((), marks=pytest.mark.slow("as without optimisation")),
+        ("-O0",),
+        ("-O3", "-march=native"),
+    ],
+)
 def test_processors_and_optimisation_change_no_bit(batch, expected, built, flags):
     built(lanes=1 if "-O3" not in flags else 8, flags=flags)
     assert solved(batch) == expected
@@ -153,7 +166,7 @@ def test_other_runs_change_no_bit(batch):
     assert backwards.states[::-1].tobytes() == together.states.tobytes()
 
 
-@pytest.mark.parametrize("lanes", [1, 2, 4])
+@few_lanes
 def test_lanes_change_no_bit_of_what_is_stored(loop, built, lanes):
     """Signals and metrics, too."""
     expected = stored(loop)

@@ -458,6 +458,7 @@ def test_runs_of_a_lost_part_are_rows_with_a_status(make, tmp_path):
         assert np.isnan(results["effort"][1, :3]).all()
 
 
+@pytest.mark.slow("computes an experiment three times")
 @pytest.mark.parametrize(
     "text",
     [

@@ -182,6 +182,7 @@ def test_an_interrupted_one_continues_and_ends_the_same(make, text, whole, tmp_p
     assert execute(make(text), out).was_complete
 
 
+@pytest.mark.slow("computes a sweep anew")
 @only(["times"])
 def test_a_damaged_part_is_computed_again(make, text, whole, tmp_path):
     out = tmp_path / "out"
@@ -210,6 +211,7 @@ def test_shards_and_pack_give_the_same_bits(make, text, whole, tmp_path):
     assert_same(contents(out), whole)
 
 
+@pytest.mark.slow("computes a sweep anew")
 def test_rerun_failed_mends_lost_parts_bit_for_bit(make, text, whole, tmp_path):
     out = tmp_path / "out"
     first = execute(make(text), out, executor=Losing(1))
@@ -270,6 +272,7 @@ def test_compressed_groups(make, tmp_path, whole):
     assert_same(contents(tmp_path / "out"), whole)
 
 
+@pytest.mark.slow("computes a sweep anew")
 def test_xarray_opens_root_and_groups(finished):
     xarray = pytest.importorskip("xarray")
     file = finished[0] / "results.h5"
@@ -396,6 +399,7 @@ def test_more_groups_than_a_file_should_have(make, tmp_path):
 # The laws among the points.
 
 
+@pytest.mark.slow("computes a sweep anew")
 def test_points_that_are_registered_laws(make, tmp_path):
     text = """\
 sweep:

@@ -224,6 +224,7 @@ def test_the_energy_balance_holds(results: Callable[..., ResultFile]) -> None:
 ANOTHER = pytest.mark.slow("runs an experiment once more")
 
 
+@pytest.mark.slow("computes everything by each engine")
 @pytest.mark.parametrize(
     ("override", "kept"),
     [

@@ -81,6 +81,7 @@ THRUSTERS = {
 }
 
 
+@pytest.mark.slow("flies a vehicle with thrusters")
 def test_thrusts_are_drawn_within_the_limits_of_the_run(simulate, opened):
     result = opened(simulate(actuators=[THRUSTERS]))
     drawing = Commands(run=2, thrusters=True).draw([result])

@@ -50,6 +50,7 @@ def test_a_second_figure_reads_nothing_again(read: list[tuple[Any, ...]]) -> Non
     assert len(read) == before
 
 
+@pytest.mark.slow("reads the fonts of another style")
 def test_another_style_reads_for_itself(read: list[tuple[Any, ...]]) -> None:
     _draw(Style(), "$x$")
     before = len(read)

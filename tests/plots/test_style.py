@@ -148,6 +148,7 @@ def test_a_style_holds_for_the_file_too(style, so3, opened):
     assert b"EqT</text>" in svg
 
 
+@pytest.mark.slow("draws every format twice")
 @unarranged
 def test_equal_styles_give_equal_files(style, so3, opened, tmp_path):
     mine = style("font.size: 9", "axes.grid: False").sheets

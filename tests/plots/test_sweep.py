@@ -349,6 +349,7 @@ def settled_by(results, time):
     return (results["settling_time"] <= time).sum(axis=-1)
 
 
+@pytest.mark.slow("computes a sweep of its own")
 def test_an_envelope_shows_the_share_that_settles_with_its_intervals(swept):
     results = swept(LAGS, **FLIES)
     (panel,) = Envelope().draw([results]).axes

@@ -115,6 +115,7 @@ def test_factors_of_a_product_have_units_and_glyphs(simulate, opened, caplog):
     assert not caplog.records  # Matplotlib would say which letters its fonts lack
 
 
+@pytest.mark.slow("arranges a figure for each number")
 @pytest.mark.parametrize("width", WIDTHS)
 def test_any_number_of_controllers_shares_the_panels(width, simulate, opened):
     path = simulate(

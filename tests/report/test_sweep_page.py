@@ -22,6 +22,7 @@ def text(page_of, swept_result):
     return page_of(swept_result).read_text(encoding="utf-8")
 
 
+@pytest.mark.slow("draws the page of a sweep")
 def test_the_lead_says_what_was_swept(text):
     assert (
         "6 points over gains.kp and gains.kd, each with 5 runs of 4 s for each of 4 controllers "
@@ -83,6 +84,7 @@ def test_the_best_point_has_the_least_mean(results):
         assert row[4] == f"{means[point, controller]:.4g}"
 
 
+@pytest.mark.slow("draws the page of a sweep")
 def test_its_figures_are_those_of_sweeps(text):
     assert text.count("<figure id=") == 4
     assert 'id="picker"' not in text and 'id="claims"' not in text and "All points" in text
@@ -117,10 +119,12 @@ def test_equal_sweeps_give_equal_pages(results):
     assert report(results) == report(results)
 
 
+@pytest.mark.slow("draws the page of a sweep")
 def test_the_page_holds_valid_data(text):
     table = json.loads(re.search(r'id="data-runs"[^>]*>(.*?)</script>', text, re.DOTALL)[1])
     assert table["item"] == "point"
 
 
+@pytest.mark.slow("draws the page of a sweep")
 def test_a_sweep_is_verified_too(text):
     assert "could not be verified" not in text

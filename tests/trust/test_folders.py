@@ -320,15 +320,7 @@ def replaced_by_link(path: Path, target: Path) -> None:
     path.symlink_to(target)
 
 
-FAST = (
-    "run --shard",
-    "tune",
-    "tune --force",
-    "plot",
-    "report",
-    "animate",
-    "config new",
-)
+FAST = ("run --shard", "tune", "plot", "report", "config new")
 """Every kind of command; the others go through links one by one, too."""
 
 

@@ -180,6 +180,7 @@ def test_times_of_waypoints_have_bounds(sent, eqt, times):
     assert TIMES[times] in done.err
 
 
+@pytest.mark.slow("computes what is at the bounds")
 def test_times_at_the_bounds_are_taken(sent, eqt):
     rows = "-1e9,0,0,0\n0,0,0,1\n1e-9,0,0,2\n1,0,0,1\n1e9,0,0,0\n"
     Path("w.csv").write_text("t,wx,wy,wz\n" + rows, encoding="utf-8")
@@ -289,6 +290,7 @@ RECORDS = [
 ]
 
 
+@pytest.mark.slow("computes what is at the bounds")
 def test_a_search_of_another_shape_is_none(sent, eqt):
     eqt("run", "c.yaml", "--out", "own", "--quiet")
     expected = eqt("compare", "own").out

@@ -89,6 +89,7 @@ def test_more_generations_go_on_where_fewer_ended(small: dict[str, Any], tmp_pat
         assert np.array_equal(one["mean_pose_error"], other["mean_pose_error"])
 
 
+@pytest.mark.slow("searches twice")
 def test_another_search_is_not_mixed_into_the_folder(small: dict[str, Any], tmp_path: Path) -> None:
     small["tune"]["budget"] = 1
     api.tune(small, tmp_path / "t")
@@ -205,6 +206,7 @@ def test_the_winners_of_all_searches_stand_side_by_side_on_held_out_runs(
         assert len(result.labels) == 6
 
 
+@pytest.mark.slow("searches twice")
 def test_the_luck_of_the_searches_is_in_the_tables(
     searched_twice: tuple[Path, dict[str, Any]],
 ) -> None:

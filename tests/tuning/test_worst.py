@@ -59,6 +59,7 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Worst, Path]:
         return api.worst(deepcopy(WHEEL), folder), folder
 
 
+@pytest.mark.slow("searches, and runs what was found")
 def test_the_worst_run_is_given_again_bit_for_bit_by_its_own_configuration(
     searched: tuple[Worst, Path], tmp_path: Path
 ) -> None:
