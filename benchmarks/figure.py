@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from benchmarks.table import TITLES, Results
 from eqt_cli.plots import save
+from eqt_cli.plots.drawing.layout import freeze
 from eqt_cli.plots.drawing.style import WIDTHS, house_style, line_style
 
 CASE = "paper"
@@ -30,6 +31,8 @@ def write(results: Results, folder: Path) -> None:
             drawings["runs_per_second"] = runs_per_second(results)
         if results.growth:
             drawings["growth"] = growth(results)
+        for drawing in drawings.values():
+            freeze(drawing)
     for name, drawing in drawings.items():
         for format in ("png", "svg"):
             file = folder / f"{name}.{format}"
