@@ -718,10 +718,8 @@ def test_step_limit_bounds_the_steps():
 
 def test_a_step_limit_that_a_period_has_used_up_ends_the_next():
     loop = dataclasses.replace(loop_of(EqT()), vehicle=Vehicle(control=Sampling(period=0.5)))
-    problem = problem_of(loop, runs=1)
-    first = dataclasses.replace(problem, times=problem.times[problem.times <= 0.5])
-    steps = int(Taylor().solve(first, quiet).steps[0])
-    solution = Taylor(max_steps=steps).solve(problem, quiet)
+    steps = int(Taylor().solve(problem_of(loop, 1, duration=0.5, samples=2), quiet).steps[0])
+    solution = Taylor(max_steps=steps).solve(problem_of(loop, 1, samples=3), quiet)
     assert solution.messages == [f"t = 0.5 s: step limit: {steps} steps (solver.max_steps)"]
 
 
