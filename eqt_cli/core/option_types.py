@@ -53,9 +53,15 @@ class _Angle(_FiniteReal):
         return core_schema.no_info_before_validator_function(_in_radians, number)
 
 
+def written_in_degrees(value: Any) -> str | None:
+    """What stands before ``deg`` in a text such as ``90 deg``; None of all else."""
+    found = re.fullmatch(r"(.*\S)\s*\bdeg", value.strip()) if isinstance(value, str) else None
+    return found[1] if found else None
+
+
 def _in_radians(value: Any) -> Any:
-    degrees = re.fullmatch(r"(.*\S)\s*\bdeg", value.strip()) if isinstance(value, str) else None
-    return math.radians(_evaluated(degrees.group(1))) if degrees else value
+    degrees = written_in_degrees(value)
+    return value if degrees is None else math.radians(_evaluated(degrees))
 
 
 def _evaluated(value: Any, *, in_degrees: bool = False) -> Any:

@@ -130,4 +130,4 @@ class Cells:
         names = numbers | key.texts
         texts = [free_text(names[levels[k]], _LONGEST) for k in shown]
         panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
-        panel.set(**{f"{direction}label": key_label(result, key.key)})
+        panel.set(**{f"{direction}label": key_label(result, key)})
