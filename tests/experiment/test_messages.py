@@ -756,7 +756,7 @@ def test_an_expression(message: Message, section: str, value: str | None, said: 
         (
             "initial",
             "{pose: {kind: fixed, coordinates: [-180 deg, 0, 0]}}",
-            "c.yaml:6:40: initial.pose.coordinates[0]: expected a number, got '-180 deg': angles are in "
+            "c.yaml:6:45: initial.pose.coordinates[0]: expected a number, got '-180 deg': angles are in "
             "radians here: write -180*pi/180",
         ),
         (
