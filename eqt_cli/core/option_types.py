@@ -93,6 +93,9 @@ Real = Annotated[float, _FiniteReal()]
 Angle = Annotated[float, _Angle()]
 """An angle in rad; in a configuration also a constant expression, or one such as ``90 deg``."""
 
+PositiveAngle = Annotated[float, _Angle(above=0.0)]
+"""An angle greater than 0, as `Angle`."""
+
 Positive = Annotated[float, _FiniteReal(above=0.0)]
 """A finite number greater than 0; in a configuration also a constant expression."""
 
