@@ -10,7 +10,7 @@ from eqt_cli.config.schema import Config
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Status
 from eqt_cli.experiment.build import Experiment
-from eqt_cli.results.metrics import METRICS, energy_residual
+from eqt_cli.results.metrics import METRICS, by_thresholds_of_parts, energy_residual
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.table import Variable
 from eqt_cli.vehicle import Vehicle
@@ -127,6 +127,9 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is Per.RUN and q.of and
 
 def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
     """The row of a table as the keys of a configuration make it."""
+    thresholds = config.settling_threshold
+    if isinstance(thresholds, dict) and "settling_threshold" in quantity.settings.values():
+        return by_thresholds_of_parts(quantity, thresholds)
     values = {name: getattr(config, key) for name, key in quantity.choices.items()}
     return quantity.with_choices(values)
 
@@ -150,9 +153,8 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
             continue
         quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
-        units = quantity.unit(
-            _SIGNALS[quantity.signals[0]].units(group) if quantity.signals else ""
-        )
+        signal = _SIGNALS.get(quantity.signals[0]) if quantity.signals else None
+        units = quantity.unit(signal.units(group) if signal else "")
         found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
         if quantity.per is Per.TRAJECTORY:
             signal = _SIGNALS[quantity.name]
