@@ -13,9 +13,10 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.logs.mapping import MAPPING, LogMapping, MappingError, TrajectoryFormat
+from eqt_cli.logs.reading import read_trajectory
 from eqt_cli.mechanics.motions import Pieces, spline
 from eqt_cli.references.base import PiecewiseReference
-from eqt_cli.written.files import TrajectoryFormat, read_trajectory
 from eqt_cli.written.poses import pose_from
 
 LATEST, CLOSEST = 1e9, 1e-9
@@ -52,6 +53,8 @@ class WaypointsReference(PiecewiseReference):
         A file that holds them instead, relative to the configuration.
     format
         Its format: ``csv`` with a header that names the columns, ``tum`` or ``euroc``.
+    mapping
+        What the file does not say of itself: columns, units, order of quaternions, frames, times.
     """
 
     name: ClassVar[str] = "waypoints"
@@ -59,6 +62,7 @@ class WaypointsReference(PiecewiseReference):
     points: list[Waypoint] | None = None
     file: str | None = None
     format: TrajectoryFormat = "csv"
+    mapping: LogMapping | None = None
     text: str | None = field(default=None, init=False, repr=False)
     digest: str = field(default="", init=False)
 
@@ -105,7 +109,7 @@ class WaypointsReference(PiecewiseReference):
             poses = [pose_from(point.pose, G, Problems()) for point in self.points]
             return np.array([point.t for point in self.points]), np.array(poses)
         assert self.text is not None and self.file is not None
-        return read_trajectory(self.text, self.file, self.format, G)
+        return read_trajectory(self.text, self.file, self.format, G, self.mapping)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Waypoints that will not do, in the configuration or in the file."""
@@ -113,13 +117,20 @@ class WaypointsReference(PiecewiseReference):
             given = "neither" if self.file is None else "both"
             problems.add(f"expected the waypoints as `points` or in a `file`, got {given}")
             return
+        if self.mapping is not None:
+            if self.file is None:
+                problems.at(MAPPING).add("describes a `file`, which is not given; remove this key")
+            self.mapping.check(problems.at(MAPPING))
         if self.points is not None:
             self._check_points(self.points, G, problems.at("points"))
         elif self.text is None:
             return  # it could not be read, which is noted
         if not problems:
             with problems.catching("points" if self.file is None else "file"):
-                self.prepared(G, self.pieces)
+                try:
+                    self.prepared(G, self.pieces)
+                except MappingError as error:
+                    problems.at(MAPPING, *error.path).add(str(error))
 
     def _check_points(self, points: list[Waypoint], G: MatrixLieGroup, problems: Problems) -> None:
         if len(points) < 2:

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import group_named
-from eqt_cli.written.files import read_starts, read_trajectory
+from eqt_cli.logs.reading import read_starts, read_trajectory
 
 TURNS = Rotation.from_rotvec([[0, 0, 0], [0.1, 0.2, 0.3], [0.3, 0.1, -0.2]])
 PLACES = np.array([[1.0, 2.0, 3.0], [1.5, 2.5, 3.0], [2.0, 3.0, 3.0]])
@@ -35,7 +35,7 @@ def test_columns_are_found_by_their_names():
 
 @pytest.mark.parametrize("name", ["SO2", "SO3", "SE2", "SE3", "SE23", "R3", "SE3*SO2"])
 def test_coordinates_of_any_group(name):
-    from eqt_cli.written.files import coordinate_names
+    from eqt_cli.logs.columns import coordinate_names
 
     G = group_named(name)
     V = np.random.default_rng(0).uniform(-1, 1, (3, G.dimension))
@@ -90,8 +90,8 @@ def test_euroc_subtracts_nanoseconds_as_integers():
         ("t,qx,qy,qz,qw,qx\n", "a.csv:1: two columns are named qx"),
         (
             "t,qx,qy,qw\n0,0,0,1\n1,0,0,1\n",
-            "a.csv:1: missing column qz; a pose of SO3 has qx, qy, qz, qw (or the coordinates "
-            "wx, wy, wz)",
+            "a.csv:1: missing column qz; a pose of SO3 has qx, qy, qz, qw (or yaw, pitch, "
+            "roll, or the coordinates wx, wy, wz)",
         ),
         ("qx,qy,qz,qw\n0,0,0,1\n", "a.csv:1: missing column t, the time in seconds"),
     ],

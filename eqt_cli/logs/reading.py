@@ -1,0 +1,162 @@
+"""Poses with their times, and initial states, from the text of a file."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.logs.columns import (
+    PoseColumns,
+    coordinate_names,
+    require_norms,
+    require_pose,
+    table_poses,
+)
+from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
+from eqt_cli.logs.table import Sheet, Table, open_sheet, with_units
+
+RECORDED = {"rates": ("wx", "wy", "wz"), "velocity": ("vx", "vy", "vz")}
+"""Columns of a velocity that was measured beside the poses, by what it is."""
+
+
+@dataclass(frozen=True)
+class Log:
+    """A recording.
+
+    Attributes
+    ----------
+    sheet
+        The file, with the names of all of its columns.
+    table
+        The numbers of those that are used, with their lines.
+    columns
+        Those of the poses.
+    times, poses : (n,), (n, d, d)
+        s, in the order of the file.
+    recorded
+        Columns of `RECORDED` that it has and that are no part of its poses.
+    """
+
+    sheet: Sheet
+    table: Table
+    columns: PoseColumns
+    times: Array
+    poses: Array
+    recorded: list[str]
+
+    @property
+    def unused(self) -> list[str]:
+        """The headings of columns that nothing was taken from."""
+        named = zip(self.sheet.names, self.sheet.headings, strict=True)
+        return [heading for name, heading in named if name not in self.table.columns]
+
+    def require_usable(self) -> None:
+        """Raise an `InputError` for what makes it no motion: its times, and its quaternions."""
+        if len(self.table) < 2:
+            raise self.table.error(-1, f"expected two rows or more, got {len(self.table)}")
+        steps = np.flatnonzero(np.diff(self.times) <= 0)
+        if len(steps):
+            row = int(steps[0]) + 1
+            before, here = self.times[row - 1], self.times[row]
+            raise self.table.error(row, f"expected a time after {before:.9g} s, got {here:.9g} s")
+        require_norms(self.table, self.columns)
+
+
+def read_log(
+    text: str, name: str, kind: TrajectoryFormat, G: MatrixLieGroup, said: LogMapping
+) -> Log:
+    """A recording as it is in a file, whether it can be used or not.
+
+    Raises
+    ------
+    InputError
+        That says in which line what is wrong; a `MappingError` for a mapping that does not fit it.
+    """
+    sheet = open_sheet(text, name, kind, said)
+    columns = require_pose(sheet, G, time=True)
+    beside = [
+        part
+        for part, names in RECORDED.items()
+        if set(names) <= set(sheet.names) - set(columns.names)
+    ]
+    used = ["t", *columns.names, *(name for part in beside for name in RECORDED[part])]
+    sheet = with_units(sheet, said, used)
+    table, times = _timed(sheet.table(used), kind, said)
+    return Log(sheet, table, columns, times, table_poses(table, columns, G, said), beside)
+
+
+def read_trajectory(
+    text: str,
+    name: str,
+    kind: TrajectoryFormat,
+    G: MatrixLieGroup,
+    said: LogMapping | None = None,
+) -> tuple[Array, Array]:
+    """Times ``(n,)``, s, and poses ``(n, d, d)`` from a file, in the order of time.
+
+    Times of TUM and EuRoC files count from their first row. Raises as `read_log`.
+    """
+    log = read_log(text, name, kind, G, said or LogMapping())
+    log.require_usable()
+    return log.times, log.poses
+
+
+def _timed(table: Table, kind: TrajectoryFormat, said: LogMapping) -> tuple[Table, Array]:
+    """The rows that the mapping keeps, and their times."""
+    asked, times, since = said.time, table.columns["t"], table.since
+    if kind != "csv":
+        times, since = times - times[0], 0.0
+    times, since = times * asked.scale, since * asked.scale
+    if asked.begin is not None or asked.end is not None:
+        begin = -np.inf if asked.begin is None else asked.begin
+        end = np.inf if asked.end is None else asked.end
+        kept = (begin - since <= times) & (times <= end - since)
+        if not kept.any():
+            low, high = float(times.min()) + since, float(times.max()) + since
+            key = "end" if end < low else "begin"
+            raise MappingError(
+                ("time", key),
+                f"no row of {table.name} is left: its times are from {low:.9g} to {high:.9g} s",
+            )
+        columns = {column: numbers[kept] for column, numbers in table.columns.items()}
+        lines = [table.lines[row] for row in np.flatnonzero(kept)]
+        table, times = Table(table.name, columns, lines, table.since), times[kept]
+    if asked.offset == "first":
+        return table, times - times[0]
+    return table, times + (since + asked.offset) if since + asked.offset else times
+
+
+def read_starts(text: str, name: str, G: MatrixLieGroup) -> tuple[Array, Array | None]:
+    """Poses ``(n, d, d)`` and velocities ``(n, m)``, if there are any, a row for each run.
+
+    Raises
+    ------
+    InputError
+        That says in which line what is wrong.
+    """
+    said = LogMapping()
+    sheet = open_sheet(text, name, "csv", said)
+    columns, coordinates = require_pose(sheet, G), coordinate_names(G)
+    velocity: list[str] = []
+    for names in (
+        [f"V{k}" for k in range(1, G.dimension + 1)],
+        [f"V_{coordinate}" for coordinate in coordinates],
+        coordinates,
+    ):
+        found = [column for column in names if column in sheet.names]
+        if found and not set(names) & set(columns.names):
+            if len(found) < len(names):
+                missing = ", ".join(column for column in names if column not in found)
+                raise InputError(
+                    f"{sheet.header_place}: missing column {missing}; a velocity on "
+                    f"{G.name} has {', '.join(names)}"
+                )
+            velocity = names
+            break
+    used = [*columns.names, *velocity]
+    table = with_units(sheet, said, used).table(used)
+    require_norms(table, columns)
+    poses = table_poses(table, columns, G, said)
+    return poses, table.get(velocity) if velocity else None
