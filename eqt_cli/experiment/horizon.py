@@ -150,10 +150,20 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
     """What a user should know of an experiment, and of its reference, before it is run."""
     return [
         *experiment.remarks,
+        *_of_reference(experiment),
         *_of_actuators(experiment),
         *_hard_on_numbers(experiment, shown),
         *map(EqtWarning, limits_below_reference(experiment, shown)),
     ]
+
+
+def _of_reference(experiment: Experiment) -> Iterator[EqtWarning]:
+    """What a reference says of its files."""
+    reference = next(iter(experiment.loops.values())).reference
+    for option in reference.files:
+        place = experiment.source.place(("reference", option))
+        for said in reference.remarks(experiment.group):
+            yield EqtWarning(f"{place}: reference.{option}: {said}")
 
 
 def _of_actuators(experiment: Experiment) -> Iterator[EqtWarning]:

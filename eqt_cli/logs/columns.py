@@ -29,7 +29,7 @@ class PoseColumns:
     way
         ``parts`` (a rotation and translations), ``coordinates`` or ``entries`` of the matrix.
     turn
-        Of rotations in space, in which columns they are: those of a quaternion, or of Euler's angles.
+        The columns of a rotation in space: those of a quaternion, or of Euler's angles.
     """
 
     names: list[str]

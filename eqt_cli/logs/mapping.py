@@ -1,8 +1,8 @@
 """What somebody says of a file of poses: its columns, units, frames and times; it reads none."""
 
 import re
-from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, TypeAlias
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Literal, Self, TypeAlias
 
 import numpy as np
 
@@ -22,6 +22,10 @@ _CHANGES: dict[str, Array] = {
 }
 _CHANGES |= {" to ".join(reversed(name.split(" to "))): A for name, A in _CHANGES.items()}
 """Axes of a file in those of eqt; each of them undoes itself."""
+
+PARTNERS = {"NED to ENU": "FRD to FLU", "ENU to NED": "FLU to FRD"}
+PARTNERS |= {body: world for world, body in PARTNERS.items()}
+"""Changes of axes that usually go together."""
 
 
 class MappingError(InputError):
@@ -69,7 +73,7 @@ class LogMapping:
         The order of columns ``q0 … q3``, ``q1 … q4``, ``q[0] … q[3]``, and of those of the formats
         tum and euroc where these have another than their own; w is the scalar part.
     euler
-        The order of ``yaw``, ``pitch`` and ``roll``: ZYX about the turned axes, zyx about the fixed.
+        The order of ``yaw``, ``pitch`` and ``roll``: ZYX about turned axes, zyx about fixed ones.
     attitude
         Whether the rotation takes coordinates of the body to those of the world, or back.
     world, body
@@ -96,6 +100,10 @@ class LogMapping:
     def axes(self, which: str) -> Array:
         """The rotation from the axes of the file to those that are wanted, ``(3, 3)``."""
         return _CHANGES.get(getattr(self, which), np.eye(3))
+
+    def but(self, **changes: Any) -> Self:
+        """The same with other values of some keys."""
+        return replace(self, **changes)
 
     def check(self, problems: Problems) -> None:
         """What is wrong with it, whatever the file is."""

@@ -1,6 +1,7 @@
 """Poses with their times, and initial states, from the text of a file."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -52,6 +53,11 @@ class Log:
         named = zip(self.sheet.names, self.sheet.headings, strict=True)
         return [heading for name, heading in named if name not in self.table.columns]
 
+    def first_row(self) -> Self:
+        """The same with its first row only."""
+        columns = {name: numbers[:1] for name, numbers in self.table.columns.items()}
+        return replace(self, table=replace(self.table, columns=columns, lines=self.table.lines[:1]))
+
     def require_usable(self) -> None:
         """Raise an `InputError` for what makes it no motion: its times, and its quaternions."""
         if len(self.table) < 2:
@@ -69,6 +75,8 @@ def read_log(
 ) -> Log:
     """A recording as it is in a file, whether it can be used or not.
 
+    Times of the formats tum and euroc count from their first row.
+
     Raises
     ------
     InputError
@@ -84,23 +92,8 @@ def read_log(
     used = ["t", *columns.names, *(name for part in beside for name in RECORDED[part])]
     sheet = with_units(sheet, said, used)
     table, times = _timed(sheet.table(used), kind, said)
+    sheet = replace(sheet, lines=[])  # as large as the file
     return Log(sheet, table, columns, times, table_poses(table, columns, G, said), beside)
-
-
-def read_trajectory(
-    text: str,
-    name: str,
-    kind: TrajectoryFormat,
-    G: MatrixLieGroup,
-    said: LogMapping | None = None,
-) -> tuple[Array, Array]:
-    """Times ``(n,)``, s, and poses ``(n, d, d)`` from a file, in the order of time.
-
-    Times of TUM and EuRoC files count from their first row. Raises as `read_log`.
-    """
-    log = read_log(text, name, kind, G, said or LogMapping())
-    log.require_usable()
-    return log.times, log.poses
 
 
 def _timed(table: Table, kind: TrajectoryFormat, said: LogMapping) -> tuple[Table, Array]:
@@ -121,7 +114,7 @@ def _timed(table: Table, kind: TrajectoryFormat, said: LogMapping) -> tuple[Tabl
                 f"no row of {table.name} is left: its times are from {low:.9g} to {high:.9g} s",
             )
         columns = {column: numbers[kept] for column, numbers in table.columns.items()}
-        lines = [table.lines[row] for row in np.flatnonzero(kept)]
+        lines = [table.lines[row] for row in np.flatnonzero(kept).tolist()]
         table, times = Table(table.name, columns, lines, table.since), times[kept]
     if asked.offset == "first":
         return table, times - times[0]

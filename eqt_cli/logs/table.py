@@ -6,8 +6,8 @@ Of a file with another header, no message shows a part: it may be any file.
 import csv
 import math
 import re
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,9 @@ _WITHOUT_HEADER = {
     "euroc": ("t", "x", "y", "z", "qw", "qx", "qy", "qz", "vx", "vy", "vz"),
 }
 """What stands in the columns of formats that have no header of their own."""
+
+LEAST = 8
+"""Entries of a row of them: a time and a pose."""
 
 LOOKS_LIKE = {"t": ("time", "timestamp", "stamp", "secs", "seconds")}
 """Headings that a column without eqt's name of it may have; eqt names them, and takes none."""
@@ -100,8 +103,12 @@ class Sheet:
         What parts the entries; None for spaces.
     lines, numbers
         The rows that are not empty, and where they stand.
+    head
+        The line of the header.
     more
         Whether rows may have entries beyond the columns.
+    order
+        That of its quaternions: xyzw or wxyz; empty where they are named.
     """
 
     name: str
@@ -110,9 +117,10 @@ class Sheet:
     units: dict[str, str]
     delimiter: str | None
     lines: list[str]
-    numbers: list[int]
+    numbers: Sequence[int]
     head: int
     more: bool = False
+    order: str = ""
 
     @property
     def header_place(self) -> str:
@@ -156,9 +164,7 @@ class Sheet:
             else:
                 found = len(_entries(line, self.delimiter))
             if found < width or (found > width and not self.more):
-                raise InputError(
-                    f"{self.name}:{number}: expected {width} entries, got {found}"
-                )
+                raise InputError(f"{self.name}:{number}: expected {width} entries, got {found}")
 
     def _numbers(self, names: list[str]) -> Array:
         places = [self.names.index(name) for name in names]
@@ -218,8 +224,8 @@ def open_sheet(text: str, name: str, kind: TrajectoryFormat, mapping: LogMapping
     """
     if kind != "csv":
         return _without_header(text, name, kind, mapping)
-    lines = list(_lines(text, name))
-    number, header = lines[0] if lines else (1, "")
+    lines, numbers = _lines(text, name)
+    number, header = (numbers[0], lines.pop(0)) if lines else (1, "")
     headings, units = [], {}
     for entry in _entries(header, ","):
         heading, unit = _heading(entry.removeprefix("#").strip())
@@ -230,10 +236,9 @@ def open_sheet(text: str, name: str, kind: TrajectoryFormat, mapping: LogMapping
             f"{name}:{number}: expected a header that names the columns, such as t, qx, qy, qz, qw"
         )
     eqt_names = _renamed(headings, mapping, f"{name}:{number}")
+    order = mapping.quaternion or ""
     known = {eqt: units[heading] for eqt, heading in zip(eqt_names, headings, strict=True)}
-    rows = [line for _, line in lines[1:]]
-    numbers = [where for where, _ in lines[1:]]
-    return Sheet(name, eqt_names, headings, known, ",", rows, numbers, number)
+    return Sheet(name, eqt_names, headings, known, ",", lines, numbers[1:], number, order=order)
 
 
 def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Sheet:
@@ -263,7 +268,7 @@ def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Shee
                 factor_of(name, units[name])
             except InputError as error:
                 raise InputError(f"{sheet.header_place}: {error.args[0]}") from None
-    return Sheet(**vars(sheet) | {"units": units})
+    return replace(sheet, units=units)
 
 
 def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
@@ -274,7 +279,9 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
             raise MappingError(("columns", name), f"{place}: no column '{heading}'{hint}")
     given = {heading: name for name, heading in mapping.columns.items()}
     # A column that has the name which the mapping gives to another is none of eqt's.
-    names = [given.get(each, f"{each} (file)" if each in mapping.columns else each) for each in headings]
+    names = [
+        given.get(each, f"{each} (file)" if each in mapping.columns else each) for each in headings
+    ]
     named = next((four for four in NUMBERED if set(four) <= set(names)), None)
     if named is None or set(QUATERNION) & set(names):
         if mapping.quaternion is not None:
@@ -301,21 +308,20 @@ def _without_header(text: str, name: str, kind: str, mapping: LogMapping) -> She
             ("columns",), f"the format {kind} has no header; remove this key, or use format: csv"
         )
     delimiter = "," if kind == "euroc" else None
-    pairs = [(number, line) for number, line in _lines(text, name) if line.lstrip()[0] != "#"]
+    lines, numbers = _lines(text, name, "#")
     names = list(_WITHOUT_HEADER[kind])
     if mapping.quaternion is not None:
-        order = iter(f"q{axis}" for axis in mapping.quaternion)
-        names = [next(order) if each in QUATERNION else each for each in names]
-    if pairs:
-        least, (number, line) = 8, pairs[0]
-        found = len(_entries(line, delimiter))
-        if found < least or (found > least and kind == "tum"):
-            raise InputError(f"{name}:{number}: expected {least} entries, got {found}")
-        widths = (len(names), *(len(_entries(line, delimiter)) for _, line in pairs))
-        names = names[: max(min(widths), least)]
+        parts = iter(f"q{axis}" for axis in mapping.quaternion)
+        names = [next(parts) if each in QUATERNION else each for each in names]
+    if lines:
+        found = len(_entries(lines[0], delimiter))
+        if found < LEAST or (found > LEAST and kind == "tum"):
+            raise InputError(f"{name}:{numbers[0]}: expected {LEAST} entries, got {found}")
+        names = names[: max(min(len(_entries(line, delimiter)) for line in lines), LEAST)]
     units = {"t": "ns"} if kind == "euroc" else {}
-    rows, numbers = [line for _, line in pairs], [number for number, _ in pairs]
-    return Sheet(name, names, names, units, delimiter, rows, numbers, 1, more=kind == "euroc")
+    order = mapping.quaternion or ("wxyz" if kind == "euroc" else "xyzw")
+    euroc = kind == "euroc"
+    return Sheet(name, names, names, units, delimiter, lines, numbers, 1, euroc, order)
 
 
 def _heading(entry: str) -> tuple[str, str]:
@@ -324,16 +330,21 @@ def _heading(entry: str) -> tuple[str, str]:
     return (found[1], (found[2] or found[3] or "").strip()) if found else (entry, "")
 
 
-def _lines(text: str, name: str) -> Iterator[tuple[int, str]]:
-    """Every line that is not empty, with its number."""
-    for number, line in enumerate(text.removeprefix("\ufeff").splitlines(), start=1):
-        if line.strip():
-            if len(line) > MOST_IN_LINE:
-                raise InputError(
-                    f"{name}:{number}: expected a line of at most {MOST_IN_LINE} characters, "
-                    f"got {len(line)}"
-                )
-            yield number, line
+def _lines(text: str, name: str, comment: str = "") -> tuple[list[str], Sequence[int]]:
+    """Every line that is not empty, nor begins as comments do, and their numbers."""
+    lines = text.removeprefix("\ufeff").splitlines()
+    numbers: Sequence[int] = range(1, len(lines) + 1)
+    if comment or not all(map(str.strip, lines)):
+        stripped = ((number, line.lstrip()) for number, line in zip(numbers, lines, strict=True))
+        numbers = [k for k, line in stripped if line and not (comment and line[0] == comment)]
+        lines = [lines[number - 1] for number in numbers]
+    if max(map(len, lines), default=0) > MOST_IN_LINE:
+        row = next(row for row, line in enumerate(lines) if len(line) > MOST_IN_LINE)
+        raise InputError(
+            f"{name}:{numbers[row]}: expected a line of at most {MOST_IN_LINE} characters, "
+            f"got {len(lines[row])}"
+        )
+    return lines, numbers
 
 
 def _entries(line: str, delimiter: str | None) -> list[str]:

@@ -27,12 +27,12 @@ _OF_COLUMNS: tuple[tuple[str, Mapping[str, float]], ...] = (
 def units_of(name: str) -> Mapping[str, float]:
     """The units that a column of this name may be in; the first is the one that eqt takes."""
     found = (units for pattern, units in _OF_COLUMNS if re.fullmatch(pattern, name))
-    return next(found, {"1": 1.0})
+    return next(found, {})
 
 
-def is_angle(name: str) -> bool:
-    """Whether a column of this name holds angles."""
-    return units_of(name) is _ANGLES
+def is_turn(name: str) -> bool:
+    """Whether a column of a pose holds angles by this name, or a part of a rotation vector."""
+    return units_of(name) in (_ANGLES, _RATES)
 
 
 def is_known(name: str, unit: str) -> bool:

@@ -1,6 +1,6 @@
 """A reference that goes through given poses at given times."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from hashlib import sha256
@@ -13,8 +13,9 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.logs.check import notes
 from eqt_cli.logs.mapping import MAPPING, LogMapping, MappingError, TrajectoryFormat
-from eqt_cli.logs.reading import read_trajectory
+from eqt_cli.logs.reading import Log, read_log
 from eqt_cli.mechanics.motions import Pieces, spline
 from eqt_cli.references.base import PiecewiseReference
 from eqt_cli.written.poses import pose_from
@@ -86,7 +87,9 @@ class WaypointsReference(PiecewiseReference):
         times, poses = self._waypoints(G)
         if not np.all(abs(times) <= LATEST):
             wrong = times[abs(times) > LATEST][0]
-            raise InputError(f"expected times from {-LATEST:g} to {LATEST:g} s, got {wrong:g} s")
+            hint = "" if self.file is None else "; add `time: {offset: first}` to `mapping`"
+            expected = f"expected times from {-LATEST:g} to {LATEST:g} s"
+            raise InputError(f"{expected}, got {wrong:g} s{hint}")
         steps = np.diff(times)
         if not np.all(steps >= CLOSEST):
             row = int(np.argmin(steps))
@@ -101,6 +104,12 @@ class WaypointsReference(PiecewiseReference):
         times, _ = self._waypoints(G)
         return float(times[0]), float(times[-1])
 
+    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
+        """What is odd in its file."""
+        if self.file is not None:
+            log, said = self.prepared(G, self._log, "log"), self.mapping or LogMapping()
+            yield from (f"{self.file}: {note}" for note in notes(log, said, G))
+
     def _waypoints(self, G: MatrixLieGroup) -> tuple[Array, Array]:
         return self.prepared(G, self._read, "waypoints")
 
@@ -108,8 +117,14 @@ class WaypointsReference(PiecewiseReference):
         if self.points is not None:
             poses = [pose_from(point.pose, G, Problems()) for point in self.points]
             return np.array([point.t for point in self.points]), np.array(poses)
+        log = self.prepared(G, self._log, "log")
+        return log.times, log.poses
+
+    def _log(self, G: MatrixLieGroup) -> Log:
         assert self.text is not None and self.file is not None
-        return read_trajectory(self.text, self.file, self.format, G, self.mapping)
+        log = read_log(self.text, self.file, self.format, G, self.mapping or LogMapping())
+        log.require_usable()
+        return log
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Waypoints that will not do, in the configuration or in the file."""

@@ -96,7 +96,8 @@ def test_a_file_that_is_too_large_is_not_read(config):
     (found,) = messages(config, "reference.file=huge.csv")
     path = config.parent / "huge.csv"
     assert found == (
-        f"{path}: cannot be read: expected at most 64,000,000 bytes, got 2,147,483,648"
+        f"{path}: cannot be read: expected at most 64,000,000 bytes, got 2,147,483,648; "
+        "keep the rows and columns that the configuration needs"
     )
 
 

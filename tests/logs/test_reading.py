@@ -6,7 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import group_named
-from eqt_cli.logs.reading import read_starts, read_trajectory
+from eqt_cli.logs.mapping import LogMapping
+from eqt_cli.logs.reading import read_log, read_starts
 
 TURNS = Rotation.from_rotvec([[0, 0, 0], [0.1, 0.2, 0.3], [0.3, 0.1, -0.2]])
 PLACES = np.array([[1.0, 2.0, 3.0], [1.5, 2.5, 3.0], [2.0, 3.0, 3.0]])
@@ -16,6 +17,12 @@ HEAD = "t,qx,qy,qz,qw\n"
 
 def lines(rows, parted=","):
     return "".join(parted.join(repr(float(x)) for x in row) + "\n" for row in rows)
+
+
+def trajectory(text, name, kind, G, **mapping):
+    log = read_log(text, name, kind, G, LogMapping(**mapping))
+    log.require_usable()
+    return log.times, log.poses
 
 
 def expected(G):
@@ -28,7 +35,7 @@ def test_columns_are_found_by_their_names():
         [p[2], t, *p[:2], w, *xyz] for t, p, (*xyz, w) in zip([0, 1, 2.5], PLACES, q, strict=True)
     ]
     text = "z,t,x,y,qw,qx,qy,qz\n" + lines(rows)
-    times, poses = read_trajectory(text, "a.csv", "csv", G)
+    times, poses = trajectory(text, "a.csv", "csv", G)
     np.testing.assert_array_equal(times, [0, 1, 2.5])
     np.testing.assert_allclose(poses, expected(G), rtol=0, atol=EXACT)
 
@@ -40,14 +47,14 @@ def test_coordinates_of_any_group(name):
     G = group_named(name)
     V = np.random.default_rng(0).uniform(-1, 1, (3, G.dimension))
     text = ",".join(["t", *coordinate_names(G)]) + "\n" + lines(np.c_[[0, 1, 2], V])
-    _, poses = read_trajectory(text, "a.csv", "csv", G)
+    _, poses = trajectory(text, "a.csv", "csv", G)
     np.testing.assert_allclose(poses, G.exp(V), rtol=0, atol=EXACT)
 
 
 def test_tum():
     G = group_named("SE3")
     rows = np.c_[[100.0, 100.5, 102.0], PLACES, TURNS.as_quat()]
-    times, poses = read_trajectory("# a comment\n" + lines(rows, " "), "a.txt", "tum", G)
+    times, poses = trajectory("# a comment\n" + lines(rows, " "), "a.txt", "tum", G)
     np.testing.assert_array_equal(times, [0, 0.5, 2])
     np.testing.assert_allclose(poses, expected(G), rtol=0, atol=EXACT)
 
@@ -58,7 +65,7 @@ def test_euroc_subtracts_nanoseconds_as_integers():
     given = zip(stamps, PLACES, q, strict=True)
     rows = [f"{t},{lines([[*p, *w]]).strip()},7" for t, p, w in given]
     text = "#timestamp,p_RS_R_x [m]\n" + "\n".join(rows) + "\n"
-    times, poses = read_trajectory(text, "data.csv", "euroc", G)
+    times, poses = trajectory(text, "data.csv", "euroc", G)
     np.testing.assert_allclose(times, [0, 0.005000001, 0.010000003], rtol=1e-15)
     np.testing.assert_allclose(poses, TURNS.as_matrix(), rtol=0, atol=EXACT)
 
@@ -98,7 +105,7 @@ def test_euroc_subtracts_nanoseconds_as_integers():
 )
 def test_what_is_wrong_is_said_with_its_line(text, message):
     with pytest.raises(InputError) as caught:
-        read_trajectory(text, "a.csv", "csv", group_named("SO3"))
+        trajectory(text, "a.csv", "csv", group_named("SO3"))
     assert str(caught.value) == message
 
 
@@ -127,7 +134,7 @@ EUROC = "#timestamp, p_RS_R_x [m]\n10,0,0,0,1,0,0,0\n"
 )
 def test_what_is_wrong_in_other_formats(kind, text, message):
     with pytest.raises(InputError) as caught:
-        read_trajectory(text, "a", kind, group_named("SE3"))
+        trajectory(text, "a", kind, group_named("SE3"))
     assert str(caught.value) == message
 
 
