@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup, groups
 from eqt_cli.groups.euclidean import EuclideanGroup
@@ -26,8 +27,8 @@ GAP = 5.0
 SLOWEST, FASTEST = 5.0, 1e-5
 """s between rows: what is beyond is unusual, and perhaps in another unit."""
 
-TILTED, LEVEL = np.deg2rad(90.0), np.deg2rad(20.0)
-"""A first pose that is tilted by more than the one, and in another order by less than the other."""
+TURNED, LEVEL = np.deg2rad(90.0), np.deg2rad(20.0)
+"""A first pose that is turned by more than the one, and in another order by less than the other."""
 
 MOST_NAMED = 10
 """Columns that are not used, in a remark; and gaps in a report."""
@@ -203,7 +204,7 @@ def notes(log: Log, said: LogMapping, G: MatrixLieGroup) -> Iterator[str]:
     yield from _turns_without_unit(log)
     yield from _times(log)
     yield from misfits(log, said, G)
-    yield from _tilt(log, said, G)
+    yield from _start(log, said, G)
     if unused := log.unused:
         named = ", ".join(unused[:MOST_NAMED])
         more = f" and {len(unused) - MOST_NAMED} more" if len(unused) > MOST_NAMED else ""
@@ -237,31 +238,34 @@ def _times(log: Log) -> Iterator[str]:
         yield f"{count} of {there}, where rows are {median:.4g} s apart"
 
 
-def _tilt(log: Log, said: LogMapping, G: MatrixLieGroup) -> Iterator[str]:
+def _start(log: Log, said: LogMapping, G: MatrixLieGroup) -> Iterator[str]:
     """A first pose that is level only with the other order of the quaternion, or other axes."""
     if not isinstance(G, EuclideanGroup) or G.rotations != 3:
         return
     one = log.first_row()
-    here = _tilt_of(one, said, G)
-    if here <= TILTED:
-        return
-    variants = []
     if set(QUATERNION) <= set(log.columns.names):
-        variants.append((other_order(log), reordered(one), said))
+        angles = [_angle(_rotation(each, said, G)) for each in (one, reordered(one))]
+        yield from _if_level("turned", other_order(log), *angles)
     for which, other in (("body", "world"), ("world", "body")):
         if getattr(said, which) is None and getattr(said, other) is not None:
             change = PARTNERS[getattr(said, other)]
-            variants.append((f"`{which}: {change}`", one, said.but(**{which: change})))
-    for words, turned, variant in variants:
-        there = _tilt_of(turned, variant, G)
-        if there < LEVEL:
-            yield (
-                f"the first pose is tilted by {np.rad2deg(here):.0f} deg, and with {words} by "
-                f"{np.rad2deg(there):.0f} deg; correct the mapping if the body was level then"
-            )
+            both = (said, said.but(**{which: change}))
+            tilts = [float(np.arccos(_rotation(one, each, G)[2, 2])) for each in both]
+            yield from _if_level("tilted", f"`{which}: {change}`", *tilts)
 
 
-def _tilt_of(one: Log, said: LogMapping, G: EuclideanGroup) -> float:
-    """The angle between the third axes of the body and of the world, rad."""
+def _if_level(how: str, words: str, here: float, there: float) -> Iterator[str]:
+    if here > TURNED and there < LEVEL:
+        yield (
+            f"the first pose is {how} by {np.rad2deg(here):.0f} deg, and with {words} by "
+            f"{np.rad2deg(there):.0f} deg; correct the mapping if the body was level then"
+        )
+
+
+def _rotation(one: Log, said: LogMapping, G: EuclideanGroup) -> Array:
     R = G.rotation(table_poses(one.table, one.columns, G, said))[0]
-    return float(np.arccos(np.clip(R[2, 2], -1.0, 1.0)))
+    return np.clip(R, -1.0, 1.0)  # rounding may leave more
+
+
+def _angle(R: Array) -> float:
+    return float(np.arccos(np.clip((np.trace(R) - 1) / 2, -1.0, 1.0)))

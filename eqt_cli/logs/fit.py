@@ -103,7 +103,7 @@ def _of_factor(part: str, factor: float) -> str:
         if abs(factor / known - 1) < FITS
     ]
     advice = f"add {', or '.join(found)}" if found else "check their units and those of t"
-    return f"{factor:.3g} times the velocity of the poses; {advice}"
+    return f"{float(f'{factor:.2g}'):g} times the velocity of the poses; {advice}"
 
 
 def _variants(log: Log, said: LogMapping, part: str) -> Iterator[tuple[str, LogMapping, Log]]:

@@ -6,6 +6,7 @@ import pytest
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import group_named
+from eqt_cli.logs.mapping import LogMapping
 from eqt_cli.references.path import PathFactor, PathReference
 from eqt_cli.references.slew import SlewReference
 from eqt_cli.references.waypoints import Waypoint, WaypointsReference
@@ -82,6 +83,36 @@ def test_times_are_within_bounds():
 def test_what_is_wrong_in_a_file_is_noted_at_its_name():
     found = WaypointsReference(file="plan.csv").with_files({"plan.csv": TEXT + "1,0,0,0,1\n"})
     assert notes(found) == [("file", "plan.csv:4: expected a time after 2 s, got 1 s")]
+
+
+def test_what_is_odd_in_a_file_is_a_remark():
+    text = TEXT.replace("t,", "battery,t,").replace("\n0,", "\n12,0,").replace("\n2,", "\n11,2,")
+    found = WaypointsReference(file="plan.csv").with_files({"plan.csv": text})
+    assert list(found.remarks(G)) == ["plan.csv: column battery is not used"]
+    assert list(WaypointsReference(POINTS).remarks(G)) == []
+
+
+def test_a_mapping_is_of_a_file_and_fits_it():
+    assert notes(WaypointsReference(POINTS, mapping=LogMapping())) == [
+        ("mapping", "describes a `file`, which is not given; remove this key")
+    ]
+    mapping = LogMapping(units={"t": "m"})
+    found = WaypointsReference(file="plan.csv", mapping=mapping).with_files({"plan.csv": TEXT})
+    assert notes(found) == [
+        ("mapping.units.t", "column t: expected a unit of s, sec, ms, us, ns, got 'm'")
+    ]
+
+
+def test_times_of_a_clock_are_told_what_to_do():
+    text = TEXT.replace("\n0,", "\n1700000000,").replace("\n2,", "\n1700000002,")
+    found = WaypointsReference(file="plan.csv").with_files({"plan.csv": text})
+    assert notes(found) == [
+        (
+            "file",
+            "expected times from -1e+09 to 1e+09 s, got 1.7e+09 s; add `time: {offset: first}` to "
+            "`mapping`",
+        )
+    ]
 
 
 @pytest.mark.parametrize(
