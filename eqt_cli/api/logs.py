@@ -77,8 +77,10 @@ def _mapping(
     given: str | os.PathLike[str] | Mapping[str, Any] | None,
 ) -> tuple[LogMapping, Problems]:
     """A mapping, and the problems of its places."""
-    if given is None or isinstance(given, Mapping):
-        source = yaml_source.load(_flow(given or {}), "mapping")
+    if given is None:
+        return LogMapping(), Problems()
+    if isinstance(given, Mapping):
+        source = yaml_source.load(_flow(given), "mapping")
     else:
         path = path_from("mapping", given, "a path or a mapping")
         source = yaml_source.load(text_of(path, "check the path"), str(path))
