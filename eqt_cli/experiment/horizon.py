@@ -158,12 +158,10 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
 
 
 def _of_reference(experiment: Experiment) -> Iterator[EqtWarning]:
-    """What a reference says of its files."""
-    reference = next(iter(experiment.loops.values())).reference
-    for option in reference.files:
-        place = experiment.source.place(("reference", option))
-        for said in reference.remarks(experiment.group):
-            yield EqtWarning(f"{place}: reference.{option}: {said}")
+    """What a reference says of itself."""
+    place = experiment.source.place(("reference",))
+    for said in next(iter(experiment.loops.values())).reference.remarks(experiment.group):
+        yield EqtWarning(f"{place}: reference: {said}")
 
 
 def _of_actuators(experiment: Experiment) -> Iterator[EqtWarning]:

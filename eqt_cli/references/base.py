@@ -135,7 +135,7 @@ class Reference(Component):
         return self
 
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
-        """What a user should know of its files before it is run, and no error is."""
+        """What a user should know of it before it is run, and no error is."""
         yield from ()
 
     # Instants that are known in advance, at which the motion goes on in another way.

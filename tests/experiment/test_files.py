@@ -108,7 +108,7 @@ def test_a_file_of_poses_may_be_mapped_and_says_what_is_odd(config):
     mapping = "{columns: {t: stamp}, time: {offset: first}}"
     found = build(read_config(config, [f"reference.mapping={mapping}"]))
     (remark,) = [str(one) for one in remarks(found) if "plan.csv" in str(one)]
-    assert remark == f"{config}:5:30: reference.file: data/plan.csv: column ok is not used"
+    assert remark == f"{config}:5:1: reference: data/plan.csv: column ok is not used"
     resolved = config.parent / "resolved.yaml"
     resolved.write_text(dump(found.resolved))
     assert build(read_config(resolved)).digest == found.digest

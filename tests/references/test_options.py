@@ -144,3 +144,54 @@ def test_every_factor_of_a_path_is_looked_at():
         "factors[1].axis",
         "factors[2].by",
     ]
+
+
+TURNS = np.linspace(0.0, 3.0, 31)
+NOISY = [
+    Waypoint(float(t), {"rotvec": [float(np.sin(t) + e), 0.0, 0.0]})
+    for t, e in zip(TURNS, 0.02 * np.random.default_rng(0).normal(size=31), strict=True)
+]
+
+
+def test_the_residual_of_smoothed_waypoints_is_told():
+    found = WaypointsReference(NOISY, smoothing={"rotation": "1 deg"})
+    assert notes(found) == []
+    told = "smoothed: the root mean square residual of rotation is"
+    assert list(found.remarks(G)) == [f"{told} 1 deg"]
+    (auto,) = WaypointsReference(NOISY, smoothing="auto").remarks(G)
+    assert auto == f"{told} 0.718 deg"
+    (most,) = WaypointsReference(NOISY, smoothing={"rotation": "90 deg"}).remarks(G)
+    angles = [point.pose["rotvec"][0] for point in NOISY]
+    (squares,) = np.polyfit(TURNS, angles, 1, full=True)[1]  # λ → ∞: a constant velocity
+    line = np.rad2deg(np.sqrt(squares / len(TURNS)))
+    assert most == f"{told} {line:.3g} deg instead of 90 deg, and cannot be more"
+    Q, _, _ = found.motion(G, TURNS)
+    left = G.log(np.swapaxes(Q, -1, -2) @ WaypointsReference(NOISY).motion(G, TURNS)[0])
+    size = np.sqrt(np.mean(np.sum(left**2, axis=1)))
+    np.testing.assert_allclose(size, np.deg2rad(1.0), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("smoothing", "path", "message"),
+    [
+        (
+            {"rotation": "2 m"},
+            "smoothing.rotation",
+            "expected a number, got '2 m': write 2 without a unit",
+        ),
+        (
+            {"rotation": 0.1, "position": 1.0},
+            "smoothing.position",
+            "unknown key; did you mean 'rotation'?",
+        ),
+        ({}, "smoothing", "expected a deviation for each of rotation; missing rotation"),
+    ],
+)
+def test_what_is_wrong_with_a_smoothing(smoothing, path, message):
+    assert notes(WaypointsReference(NOISY, smoothing=smoothing)) == [(path, message)]
+
+
+def test_smoothing_takes_five_waypoints():
+    assert notes(WaypointsReference(POINTS, smoothing="auto")) == [
+        ("points", "expected at least 5 waypoints to smooth, got 2")
+    ]
