@@ -56,8 +56,12 @@ def check_log(
 
     Examples
     --------
-    >>> eqt_cli.check_log("flight.csv", {"units": {"t": "ms"}}).rate
-    100.0
+    >>> from pathlib import Path
+    >>> rows = "stamp,yaw (deg),pitch,roll\\n0,0,0,0\\n10,1,0,0\\n20,2,0,0\\n"
+    >>> _ = Path("flight.csv").write_text(rows)
+    >>> found = eqt_cli.check_log("flight.csv", {"columns": {"t": "stamp"}, "units": {"t": "ms"}})
+    >>> found.group, found.rate, found.notes
+    ('SO3', 100.0, [])
     """
     file = path_from("path", path)
     G = None if group is None else group_named(group)
