@@ -28,7 +28,7 @@ def check_log(
     format: TrajectoryFormat = "csv",
     group: str | None = None,
 ) -> LogCheck:
-    """Read a recording and say what it holds: columns, units, times, and what is odd in it.
+    r"""Read a recording and say what it holds: columns, units, times, and what is odd in it.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def check_log(
     Examples
     --------
     >>> from pathlib import Path
-    >>> rows = "stamp,yaw (deg),pitch,roll\\n0,0,0,0\\n10,1,0,0\\n20,2,0,0\\n"
+    >>> rows = "stamp,yaw (deg),pitch,roll\n0,0,0,0\n10,1,0,0\n20,2,0,0\n"
     >>> _ = Path("flight.csv").write_text(rows)
     >>> found = eqt_cli.check_log("flight.csv", {"columns": {"t": "stamp"}, "units": {"t": "ms"}})
     >>> found.group, found.rate, found.notes

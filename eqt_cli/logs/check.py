@@ -242,7 +242,7 @@ def _start(log: Log, said: LogMapping, G: MatrixLieGroup) -> Iterator[str]:
     """A first pose that is level only with the other order of the quaternion, or other axes."""
     if not isinstance(G, EuclideanGroup) or G.rotations != 3:
         return
-    one = log.first_row()
+    one = log.part(slice(1))
     if set(QUATERNION) <= set(log.columns.names):
         angles = [_angle(_rotation(each, said, G)) for each in (one, reordered(one))]
         yield from _if_level("turned", other_order(log), *angles)

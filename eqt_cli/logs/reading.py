@@ -53,10 +53,11 @@ class Log:
         named = zip(self.sheet.names, self.sheet.headings, strict=True)
         return [heading for name, heading in named if name not in self.table.columns]
 
-    def first_row(self) -> Self:
-        """The same with its first row only."""
-        columns = {name: numbers[:1] for name, numbers in self.table.columns.items()}
-        return replace(self, table=replace(self.table, columns=columns, lines=self.table.lines[:1]))
+    def part(self, rows: slice) -> Self:
+        """The same with some of its rows."""
+        columns = {name: numbers[rows] for name, numbers in self.table.columns.items()}
+        table = replace(self.table, columns=columns, lines=self.table.lines[rows])
+        return replace(self, table=table, times=self.times[rows], poses=self.poses[rows])
 
     def require_usable(self) -> None:
         """Raise an `InputError` for what makes it no motion: its times, and its quaternions."""

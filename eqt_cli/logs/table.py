@@ -6,6 +6,7 @@ Of a file with another header, no message shows a part: it may be any file.
 import csv
 import math
 import re
+from collections import Counter
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
@@ -129,8 +130,8 @@ class Sheet:
 
     def require_different(self) -> None:
         """Raise an `InputError` if two columns have one name."""
-        if len(set(self.names)) < len(self.names):
-            twice = next(entry for entry in self.names if self.names.count(entry) > 1)
+        counts = Counter(self.names)
+        if twice := next((name for name in self.names if counts[name] > 1), None):
             raise InputError(f"{self.header_place}: two columns are named {twice}")
 
     def table(self, wanted: Collection[str]) -> Table:
@@ -161,6 +162,8 @@ class Sheet:
         for number, line in zip(self.numbers, self.lines, strict=True):
             if self.delimiter and '"' not in line:
                 found = line.count(self.delimiter) + 1
+            elif self.delimiter and line.count('"') % 2:
+                raise InputError(f"{self.name}:{number}: expected quotes in pairs")
             else:
                 found = len(_entries(line, self.delimiter))
             if found < width or (found > width and not self.more):
@@ -176,7 +179,7 @@ class Sheet:
                     chunk,
                     delimiter=self.delimiter,
                     comments=None,
-                    quotechar='"',
+                    quotechar='"' if self.delimiter else None,
                     usecols=places,
                     ndmin=2,
                 )
@@ -197,7 +200,8 @@ class Sheet:
                     wanted = f"expected a finite number in column {name}"
                     place_of = f"{self.name}:{self.numbers[row]}"
                     return InputError(f"{place_of}: {wanted}, got {_shown(entry)}")
-        return InputError(f"{self.name}:{self.numbers[first]}: expected numbers, got text")
+        last = self.numbers[first + count - 1]
+        return InputError(f"{self.name}:{self.numbers[first]}: expected numbers up to line {last}")
 
     def _nanoseconds(self) -> tuple[float, Array]:
         """The first time and those after it, s; exact until they are divided."""

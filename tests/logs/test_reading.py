@@ -97,6 +97,11 @@ def test_euroc_subtracts_nanoseconds_as_integers():
             "a.csv:3: expected a finite number in column qy, got text",
         ),
         (HEAD + "0,0,0,0,1\n1,0,0,1\n", "a.csv:3: expected 5 entries, got 4"),
+        (
+            HEAD.strip() + ',note\n0,0,0,0,1,ok\n1,0,0,0,1,"no\n2,0,0,0,1,end\n',
+            "a.csv:3: expected quotes in pairs",
+        ),
+        (HEAD + "0,0,0,0,1\n1,1_0,0,0,1\n", "a.csv:2: expected numbers up to line 3"),
         ("t,qx,qy,qz,qw,qx\n", "a.csv:1: two columns are named qx"),
         (
             "t,qx,qy,qw\n0,0,0,1\n1,0,0,1\n",
