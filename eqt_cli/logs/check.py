@@ -12,11 +12,10 @@ from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.logs.columns import (
     pose_columns,
     quaternion_norms,
-    table_poses,
     used_columns,
 )
 from eqt_cli.logs.fit import misfits, other_order, reordered
-from eqt_cli.logs.mapping import PARTNERS, LogMapping, TrajectoryFormat
+from eqt_cli.logs.mapping import PARTNERS, LogMapping, MappingError, TrajectoryFormat
 from eqt_cli.logs.reading import RECORDED, Log, read_log
 from eqt_cli.logs.table import QUATERNION, open_sheet
 from eqt_cli.logs.units import is_turn, units_of
@@ -113,7 +112,8 @@ def check_text(
     InputError
         Where it holds none, or numbers that are none.
     """
-    log, G = _read(text, name, kind, said, G)
+    G = G or _fitting(text, name, kind, said)
+    log = read_log(text, name, kind, G, said)
     times, norms = log.times, quaternion_norms(log.table, log.columns)
     steps = np.diff(times)
     median = float(np.median(steps)) if len(steps) else np.nan
@@ -131,16 +131,12 @@ def check_text(
         gaps_of(log),
         (float(all_norms.min()), float(all_norms.max())) if len(all_norms) else None,
         problems,
-        [] if problems else list(notes(log, said, G)),
+        [] if problems else list(notes(log)),
     )
 
 
-def _read(
-    text: str, name: str, kind: TrajectoryFormat, said: LogMapping, G: MatrixLieGroup | None
-) -> tuple[Log, MatrixLieGroup]:
-    """A recording of poses of the group; without one, of the largest that its columns can be of."""
-    if G is not None:
-        return read_log(text, name, kind, G, said), G
+def _fitting(text: str, name: str, kind: TrajectoryFormat, said: LogMapping) -> MatrixLieGroup:
+    """The largest group that the columns of a file can be poses of."""
     names = set(open_sheet(text, name, kind, said).names)
     fitting = [
         group
@@ -154,8 +150,7 @@ def _read(
             "rotation and x, y, z for a position; name them in a mapping, "
             "`columns: {qx: …}`, or give the group"
         )
-    G = max(fitting, key=lambda group: len(pose_columns(group)))
-    return read_log(text, name, kind, G, said), G
+    return max(fitting, key=lambda group: len(pose_columns(group)))
 
 
 def _of_bodies() -> Iterator[EuclideanGroup]:
@@ -194,17 +189,19 @@ def _problems(log: Log) -> Iterator[str]:
     back = np.flatnonzero(np.diff(log.times) <= 0)
     try:
         log.require_usable()
+    except MappingError:
+        raise
     except InputError as error:
         more = f" ({len(back)} times in all)" if len(back) > 1 else ""
         yield f"{error}{more if 'a time after' in str(error) else ''}"
 
 
-def notes(log: Log, said: LogMapping, G: MatrixLieGroup) -> Iterator[str]:
+def notes(log: Log) -> Iterator[str]:
     """What is odd in a recording that can be used."""
     yield from _turns_without_unit(log)
     yield from _times(log)
-    yield from misfits(log, said, G)
-    yield from _start(log, said, G)
+    yield from misfits(log)
+    yield from _start(log)
     if unused := log.unused:
         named = ", ".join(unused[:MOST_NAMED])
         more = f" and {len(unused) - MOST_NAMED} more" if len(unused) > MOST_NAMED else ""
@@ -238,19 +235,19 @@ def _times(log: Log) -> Iterator[str]:
         yield f"{count} of {there}, where rows are {median:.4g} s apart"
 
 
-def _start(log: Log, said: LogMapping, G: MatrixLieGroup) -> Iterator[str]:
+def _start(log: Log) -> Iterator[str]:
     """A first pose that is level only with the other order of the quaternion, or other axes."""
-    if not isinstance(G, EuclideanGroup) or G.rotations != 3:
+    if not isinstance(log.group, EuclideanGroup) or log.group.rotations != 3:
         return
     one = log.part(slice(1))
     if set(QUATERNION) <= set(log.columns.names):
-        angles = [_angle(_rotation(each, said, G)) for each in (one, reordered(one))]
+        angles = [_angle(_rotation(each)) for each in (one, reordered(one))]
         yield from _if_level("turned", other_order(log), *angles)
     for which, other in (("body", "world"), ("world", "body")):
-        if getattr(said, which) is None and getattr(said, other) is not None:
-            change = PARTNERS[getattr(said, other)]
-            both = (said, said.but(**{which: change}))
-            tilts = [float(np.arccos(_rotation(one, each, G)[2, 2])) for each in both]
+        if getattr(log.said, which) is None and getattr(log.said, other) is not None:
+            change = PARTNERS[getattr(log.said, other)]
+            both = (one, one.by(**{which: change}))
+            tilts = [float(np.arccos(_rotation(each)[2, 2])) for each in both]
             yield from _if_level("tilted", f"`{which}: {change}`", *tilts)
 
 
@@ -262,9 +259,9 @@ def _if_level(how: str, words: str, here: float, there: float) -> Iterator[str]:
         )
 
 
-def _rotation(one: Log, said: LogMapping, G: EuclideanGroup) -> Array:
-    R = G.rotation(table_poses(one.table, one.columns, G, said))[0]
-    return np.clip(R, -1.0, 1.0)  # rounding may leave more
+def _rotation(one: Log) -> Array:
+    assert isinstance(one.group, EuclideanGroup)
+    return np.clip(one.group.rotation(one.poses)[0], -1.0, 1.0)  # rounding may leave more
 
 
 def _angle(R: Array) -> float:

@@ -111,6 +111,7 @@ def table_poses(table: Table, columns: PoseColumns, G: MatrixLieGroup, said: Log
     return poses
 
 
+@np.errstate(over="ignore")  # which is not 1, either
 def quaternion_norms(table: Table, columns: PoseColumns) -> dict[str, Array]:
     """The norm of the quaternion in each row, by the suffix of its columns."""
     suffixes = [name.removeprefix("qw") for name in columns.names if name.startswith("qw")]

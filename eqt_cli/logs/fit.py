@@ -11,10 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, norm, transpose
-from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
-from eqt_cli.logs.columns import table_poses
-from eqt_cli.logs.mapping import LogMapping
 from eqt_cli.logs.reading import RECORDED, Log
 from eqt_cli.logs.table import QUATERNION
 
@@ -62,8 +59,9 @@ class _Fit(NamedTuple):
     """The difference that is left behind the factor."""
 
 
-def misfits(log: Log, said: LogMapping, G: MatrixLieGroup) -> Iterator[str]:
+def misfits(log: Log) -> Iterator[str]:
     """For each velocity that does not fit the poses, how far it is off and what would fit."""
+    G = log.group
     if not isinstance(G, EuclideanGroup) or G.space != 3 or len(log.table) < 3:
         return
     log = log.part(slice(None, None, -(-len(log.table) // MOST_ROWS)))
@@ -72,21 +70,21 @@ def misfits(log: Log, said: LogMapping, G: MatrixLieGroup) -> Iterator[str]:
             part == "velocity" and "position" not in G.columns
         ):
             continue
-        as_said = _fit(log, said, G, part)
+        as_said = _fit(log, G, part)
         if as_said is None or as_said.difference <= DOUBT:
             continue
-        yield f"{', '.join(RECORDED[part])} {_said_of(log, said, G, part, as_said)}"
+        yield f"{', '.join(RECORDED[part])} {_said_of(log, G, part, as_said)}"
 
 
-def _said_of(log: Log, said: LogMapping, G: EuclideanGroup, part: str, as_said: _Fit) -> str:
+def _said_of(log: Log, G: EuclideanGroup, part: str, as_said: _Fit) -> str:
     """How far they are off, and what of a mapping would make them fit."""
     if as_said.shape <= FITS:
         return f"are {_of_factor(part, as_said.factor)}"
     seen = f"differ from the velocity of the poses by {100 * as_said.difference:.0f} %"
     found = [
         (fit, words)
-        for words, variant, turned in _variants(log, said, part)
-        if (fit := _fit(turned, variant, G, part)) is not None and fit.shape <= FITS
+        for words, variant in _variants(log, part)
+        if (fit := _fit(variant, G, part)) is not None and fit.shape <= FITS
     ]
     if not found:
         return (
@@ -110,15 +108,15 @@ def _of_factor(part: str, factor: float) -> str:
     return f"{float(f'{factor:.2g}'):g} times the velocity of the poses; {advice}"
 
 
-def _variants(log: Log, said: LogMapping, part: str) -> Iterator[tuple[str, LogMapping, Log]]:
-    """Other mappings that people mean, with the file as it is then."""
-    frame = "spatial" if getattr(said, part) == "body" else "body"
-    other = said.but(**{part: frame})
-    yield f"`{part}: {frame}`", other, log
-    attitude = "body_to_world" if said.attitude == "world_to_body" else "world_to_body"
-    yield f"`attitude: {attitude}`", said.but(attitude=attitude), log
+def _variants(log: Log, part: str) -> Iterator[tuple[str, Log]]:
+    """The recording by other mappings that people mean."""
+    frame = "spatial" if getattr(log.said, part) == "body" else "body"
+    yield f"`{part}: {frame}`", log.by(**{part: frame})
+    known = log.said.attitude == "world_to_body"
+    attitude = "body_to_world" if known else "world_to_body"
+    yield f"`attitude: {attitude}`", log.by(attitude=attitude)
     if set(QUATERNION) <= set(log.columns.names):
-        yield other_order(log), said, reordered(log)
+        yield other_order(log), reordered(log)
 
 
 def other_order(log: Log) -> str:
@@ -137,14 +135,15 @@ def reordered(log: Log) -> Log:
     return replace(log, table=replace(log.table, columns=columns | swapped))
 
 
-def _fit(log: Log, said: LogMapping, G: EuclideanGroup, part: str) -> _Fit | None:
+@np.errstate(all="ignore")  # of numbers that are no velocity, and fit nothing
+def _fit(log: Log, G: EuclideanGroup, part: str) -> _Fit | None:
     """Velocities against those of the poses, in the axes of the world; None where nothing moves."""
-    poses = table_poses(log.table, log.columns, G, said)
+    poses = log.poses
     R, given = G.rotation(poses), log.table.get(RECORDED[part])
-    if getattr(said, part) == "body":
-        given = apply_matrix(R, given @ said.axes("body").T)
+    if getattr(log.said, part) == "body":
+        given = apply_matrix(R, given @ log.said.axes("body").T)
     else:
-        given = given @ said.axes("world").T
+        given = given @ log.said.axes("world").T
     if part == "rates":
         rows = _windows(lambda i, j: norm(_turns(R[i], R[j])), len(R), TURN)
         derived = None if rows is None else _turns(R[rows[0]], R[rows[1]])
@@ -165,7 +164,7 @@ def _fit(log: Log, said: LogMapping, G: EuclideanGroup, part: str) -> _Fit | Non
     moved = np.concatenate([np.zeros((1, 3)), np.cumsum((given[1:] + given[:-1]) / 2 * steps, 0)])
     measured = moved[last] - moved[first]
     size = float(np.sum(derived * derived))
-    if size == 0.0 or not np.isfinite(measured).all():
+    if size == 0.0 or not np.isfinite([size, np.sum(measured * measured)]).all():
         return None
     factor = float(np.sum(measured * derived)) / size
     difference = float(np.sqrt(np.sum((measured - derived) ** 2) / size))

@@ -1,8 +1,8 @@
 """What somebody says of a file of poses: its columns, units, frames and times; it reads none."""
 
 import re
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar, Literal, Self, TypeAlias
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
@@ -100,10 +100,6 @@ class LogMapping:
     def axes(self, which: str) -> Array:
         """The rotation from the axes of the file to those that are wanted, ``(3, 3)``."""
         return _CHANGES.get(getattr(self, which), np.eye(3))
-
-    def but(self, **changes: Any) -> Self:
-        """The same with other values of some keys."""
-        return replace(self, **changes)
 
     def check(self, problems: Problems) -> None:
         """What is wrong with it, whatever the file is."""

@@ -1,7 +1,8 @@
 """Poses with their times, and initial states, from the text of a file."""
 
 from dataclasses import dataclass, replace
-from typing import Self
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 
@@ -34,18 +35,26 @@ class Log:
         The numbers of those that are used, with their lines.
     columns
         Those of the poses.
-    times, poses : (n,), (n, d, d)
+    times : (n,)
         s, in the order of the file.
     recorded
         Columns of `RECORDED` that it has and that are no part of its poses.
+    group, said
+        That of its poses, and the mapping.
     """
 
     sheet: Sheet
     table: Table
     columns: PoseColumns
     times: Array
-    poses: Array
     recorded: list[str]
+    group: MatrixLieGroup
+    said: LogMapping
+
+    @cached_property
+    def poses(self) -> Array:
+        """Its poses ``(n, d, d)``, where it is usable."""
+        return table_poses(self.table, self.columns, self.group, self.said)
 
     @property
     def unused(self) -> list[str]:
@@ -53,14 +62,18 @@ class Log:
         named = zip(self.sheet.names, self.sheet.headings, strict=True)
         return [heading for name, heading in named if name not in self.table.columns]
 
+    def by(self, **changes: Any) -> Self:
+        """The same by a mapping with other values of some keys."""
+        return replace(self, said=replace(self.said, **changes))
+
     def part(self, rows: slice) -> Self:
         """The same with some of its rows."""
         columns = {name: numbers[rows] for name, numbers in self.table.columns.items()}
         table = replace(self.table, columns=columns, lines=self.table.lines[rows])
-        return replace(self, table=table, times=self.times[rows], poses=self.poses[rows])
+        return replace(self, table=table, times=self.times[rows])
 
     def require_usable(self) -> None:
-        """Raise an `InputError` for what makes it no motion: its times, and its quaternions."""
+        """Raise an `InputError` for what makes it no motion: its times, its poses, their axes."""
         if len(self.table) < 2:
             raise self.table.error(-1, f"expected two rows or more, got {len(self.table)}")
         steps = np.flatnonzero(np.diff(self.times) <= 0)
@@ -69,6 +82,7 @@ class Log:
             before, here = self.times[row - 1], self.times[row]
             raise self.table.error(row, f"expected a time after {before:.9g} s, got {here:.9g} s")
         require_norms(self.table, self.columns)
+        _ = self.poses
 
 
 def read_log(
@@ -94,7 +108,7 @@ def read_log(
     sheet = with_units(sheet, said, used)
     table, times = _timed(sheet.table(used), kind, said)
     sheet = replace(sheet, lines=[])  # as large as the file
-    return Log(sheet, table, columns, times, table_poses(table, columns, G, said), beside)
+    return Log(sheet, table, columns, times, beside, G, said)
 
 
 def _timed(table: Table, kind: TrajectoryFormat, said: LogMapping) -> tuple[Table, Array]:

@@ -120,8 +120,8 @@ class WaypointsReference(PiecewiseReference):
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
         """What is odd in its file, and how far the motion is from the waypoints."""
         if self.file is not None:
-            log, said = self.prepared(G, self._log, "log"), self.mapping or LogMapping()
-            yield from (f"{self.file}: {note}" for note in notes(log, said, G))
+            log = self.prepared(G, self._log, "log")
+            yield from (f"{self.file}: {note}" for note in notes(log))
         if self.smoothing is None:
             return
         found = self.prepared(G, self._smoothed, "smoothed")

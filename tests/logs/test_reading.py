@@ -330,7 +330,7 @@ def test_a_mapping_that_does_not_fit_its_file(text, mapping, path, message):
     ],
 )
 def test_a_mapping_that_its_group_or_format_cannot_have(name, kind, mapping, message):
-    text = "t,angle,x,y\n0,0,0,0\n" if kind == "csv" else "0 0 0 0 0 0 0 1\n"
+    text = "t,angle,x,y\n0,0,0,0\n1,0,0,0\n" if kind == "csv" else "0 0 0 0 0 0 0 1\n"
     with pytest.raises(MappingError) as caught:
         trajectory(text, "a.csv", kind, group_named(name), **mapping)
     assert str(caught.value) == message
@@ -379,3 +379,10 @@ def test_a_million_rows_take_seconds():
     times, _ = trajectory(text, "a.csv", "csv", group_named("SE3"))
     assert len(times) == 1_000_000
     assert process_time() - began < 10
+
+
+@pytest.mark.parametrize(("entry", "norm"), [("0", "0"), ("1e308", "inf")])
+def test_a_quaternion_of_any_size_is_told(entry, norm):
+    with pytest.raises(InputError) as caught:
+        trajectory(HEAD + f"0,0,0,0,1\n1,0,0,0,{entry}\n", "a.csv", "csv", group_named("SO3"))
+    assert str(caught.value) == f"a.csv:3: expected a quaternion of norm 1, got norm {norm}"
