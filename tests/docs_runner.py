@@ -45,7 +45,7 @@ FEW = [
     "--set=tune.confirm.runs=5",
 ]
 SHORT = ["--set=time.duration=0.5", "--set=time.samples=11"]
-CHEAP = ("config", "list", "--version")
+CHEAP = ("config", "list", "log", "--version")
 """Commands that are carried out where a page is only read."""
 
 
