@@ -20,9 +20,6 @@ from eqt_cli.logs.reading import RECORDED, Log, read_log
 from eqt_cli.logs.table import QUATERNION, open_sheet
 from eqt_cli.logs.units import is_turn, units_of
 
-GAP = 5.0
-"""Times the median step: what is longer is a gap."""
-
 SLOWEST, FASTEST = 5.0, 1e-5
 """s between rows: what is beyond is unusual, and perhaps in another unit."""
 
@@ -177,11 +174,8 @@ def _uses(log: Log) -> Iterator[ColumnUse]:
 
 def gaps_of(log: Log) -> list[tuple[float, float]]:
     """When a gap begins, and how long it is, s."""
-    steps = np.diff(log.times)
-    if len(steps) < 3:
-        return []
-    rows = np.flatnonzero(steps > GAP * np.median(steps))
-    return [(float(log.times[row]), float(steps[row])) for row in rows]
+    begin = log.times[log.gaps]
+    return list(zip(begin.tolist(), (log.times[log.gaps + 1] - begin).tolist(), strict=True))
 
 
 def _problems(log: Log) -> Iterator[str]:

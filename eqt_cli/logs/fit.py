@@ -28,9 +28,6 @@ count; a window is a row if they change by more."""
 LARGEST_TURN = 0.5
 """rad in a window, beyond which a rate is no constant."""
 
-WITHOUT_GAP = 1.5
-"""Times the median duration of a window: in one of more, rows are missing."""
-
 FITS, DOUBT = 0.25, 0.5
 """Relative differences: below the one velocities fit, and beyond the other they do not."""
 
@@ -157,8 +154,10 @@ def _fit(log: Log, G: EuclideanGroup, part: str) -> _Fit | None:
     if part == "rates" and np.median(norm(derived)) > LARGEST_TURN:
         return None
     first, last = rows
-    took = log.times[last] - log.times[first]
-    whole = took <= WITHOUT_GAP * np.median(took)
+    missing = np.zeros(len(log.times), int)
+    missing[log.gaps + 1] = 1
+    before = np.cumsum(missing)
+    whole = before[first] == before[last]
     first, last, derived = first[whole], last[whole], derived[whole]
     steps = np.diff(log.times)[:, None]
     moved = np.concatenate([np.zeros((1, 3)), np.cumsum((given[1:] + given[:-1]) / 2 * steps, 0)])

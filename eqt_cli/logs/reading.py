@@ -22,6 +22,9 @@ from eqt_cli.logs.table import Sheet, Table, open_sheet, with_units
 RECORDED = {"rates": ("wx", "wy", "wz"), "velocity": ("vx", "vy", "vz")}
 """Columns of a velocity that was measured beside the poses, by what it is."""
 
+GAP = 5.0
+"""Times the median step: what is longer is a gap."""
+
 
 @dataclass(frozen=True)
 class Log:
@@ -61,6 +64,14 @@ class Log:
         """The headings of columns that nothing was taken from."""
         named = zip(self.sheet.names, self.sheet.headings, strict=True)
         return [heading for name, heading in named if name not in self.table.columns]
+
+    @cached_property
+    def gaps(self) -> Array:
+        """The rows behind which others are missing."""
+        steps = np.diff(self.times)
+        return (
+            np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) > 2 else np.empty(0, int)
+        )
 
     def by(self, **changes: Any) -> Self:
         """The same by a mapping with other values of some keys."""

@@ -21,14 +21,18 @@ def turned(t):
     return Rotation.from_euler("ZYX", np.c_[0.8 * t, 0.4 * np.cos(1.3 * t), 0.6 * np.sin(t)])
 
 
-R = turned(T)
-MADE = {
-    "t": T,
-    "q": R.as_quat(),
-    "p": np.c_[np.cos(T), np.sin(2 * T), 0.3 * T],
-    "w": (turned(T - STEP).inv() * turned(T + STEP)).as_rotvec() / (2 * STEP),
-    "v": np.c_[-np.sin(T), 2 * np.cos(2 * T), 0.3 + 0 * T],
-}
+def made(t):
+    """Times, quaternions, positions, body rates and velocities of a motion."""
+    return {
+        "t": t,
+        "q": turned(t).as_quat(),
+        "p": np.c_[np.cos(t), np.sin(2 * t), 0.3 * t],
+        "w": (turned(t - STEP).inv() * turned(t + STEP)).as_rotvec() / (2 * STEP),
+        "v": np.c_[-np.sin(t), 2 * np.cos(2 * t), 0.3 + 0 * t],
+    }
+
+
+R, MADE = turned(T), made(T)
 
 
 def recording(head=HEAD, **others):
@@ -152,6 +156,14 @@ def test_the_remedy_makes_them_fit(remedy):
     assert check(recording(**recorded), **mapping).notes == []
 
 
+def test_velocities_are_not_compared_where_rows_are_missing():
+    t = np.concatenate([5.0 * k + np.arange(0.0, 0.5, 1 / 16) for k in range(8)])
+    (gaps,) = check(recording(**made(t))).notes
+    assert (
+        gaps == "7 gaps, the longest of 4.562 s after t = 0.4375 s, where rows are 0.0625 s apart"
+    )
+
+
 def test_noise_is_no_mistake():
     noise = 0.02 * np.random.default_rng(0).normal(size=MADE["p"].shape)
     assert check(recording(p=MADE["p"] + noise)).notes == []
@@ -227,6 +239,9 @@ def test_from_python_and_as_a_command(tmp_path, monkeypatch, invoke):
         "1 error in log.yaml\n"
         "log.yaml:1:11: columns.t: log.csv:1: no column 'stmp'; did you mean 'stamp'?\n"
     )
+    (tmp_path / "back.csv").write_text("t,yaw,pitch,roll\n1,0,0,0\n0,0,0,0\n")
+    done = invoke("log", "check", "back.csv", code=2)
+    assert done.stderr == "back.csv:3: expected a time after 1 s, got 0 s\n"
     with pytest.raises(ConfigError) as caught:
         eqt_cli.check_log("log.csv", {"quaternion": "zyxw"})
     assert "quaternion: expected 'xyzw' or 'wxyz', got 'zyxw'" in str(caught.value)
