@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eqt_cli.analysis.comparison.findings import listed
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.cli.shared.output import complain, count_of, laid_out, number, print_text
 from eqt_cli.results.result import HEADLINE, Result
@@ -50,18 +51,31 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
 
 
 def _headline(result: Result) -> Text:
-    """One line per controller: torque, tracking error, final errors, energy residual."""
+    """One line per controller: torque, tracking error, final errors, energy residual.
+
+    Where parts have units of their own, a block for each of them.
+    """
+    parts = [name.removeprefix(first) for first in HEADLINE for name in result.in_parts(first)]
+    blocks = [_block(result, end) for end in dict.fromkeys(filter(None, parts))]
+    measures = [result.quantity(name).plain for name in HEADLINE]
+    spare = (measures[-1], "runs", *reversed(measures[1:-1]))
+    header = ["law", "runs", *measures]
+    blocks = blocks or [_block(result, "")]
+    return laid_out(TextTable("headline", "", header, blocks, spare=spare))
+
+
+def _block(result: Result, part: str) -> Block:
+    """The lines of a part, by the end of its names: ``_rotation``; of all together if empty."""
+    names = [name + part * (name + part in result.metrics) for name in HEADLINE]
     rows = []
     for row in result.headline():
-        *means, residual = (row[name] for name in HEADLINE)
+        *means, residual = (row[name] for name in names)
         runs = str(row["runs"] - row["failed"])
         rows.append(
             [result.titled[row["controller"]], runs, *map(number, means), number(residual, 1)]
         )
-    measures = [result.quantity(name).plain for name in HEADLINE]
-    spare = (measures[-1], "runs", *reversed(measures[1:-1]))
-    header = ["law", "runs", *measures]
-    return laid_out(TextTable("headline", "", header, [Block("", rows)], spare=spare))
+    units = listed([u for u in dict.fromkeys(result.units(name) for name in names) if u != "1"])
+    return Block(f"{part[1:].replace('_', ' ')}, in {units}" if part else "", rows)
 
 
 def _shares(result: Result) -> Iterator[str]:
