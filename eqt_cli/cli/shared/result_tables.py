@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.findings import listed
+from eqt_cli.analysis.comparison.shares import share
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.cli.shared.output import complain, count_of, laid_out, number, print_text
 from eqt_cli.results.result import HEADLINE, Result
@@ -20,6 +22,9 @@ FAR_ABOVE = 1000.0
 
 In 13 shipped configurations it is 64 at most, and 433 where a limit or a jump of the law is in the
 way of `solve_ivp`."""
+
+MANY, RARE = 1000, 0.01
+"""Runs from which on, and the share below which, those that do not settle are counted exactly."""
 
 MOST_FAILURES = 10
 """Different messages shown of failed runs."""
@@ -84,9 +89,28 @@ def _shares(result: Result) -> Iterator[str]:
     if all("settled" in row for _, row in rows):
         counts = ", ".join(f"{title} {row['settled']} of {row['runs']}" for title, row in rows)
         yield f"settled runs: {counts}"
+        yield from _rare(result, {title: row["runs"] - row["settled"] for title, row in rows})
     if all("saturated_share" in row for _, row in rows):
         shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
         yield f"time at a limit: {shares}"
+
+
+def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
+    """The shares of runs that did not settle, of laws where these are few of many."""
+    runs = result.good[..., 0, :].size
+    few = {title: count for title, count in unsettled.items() if count < RARE * runs}
+    if runs < MANY or not few:
+        return
+    found = {
+        title: share(count, runs, Resampling.confidence, exact=True) for title, count in few.items()
+    }
+    told = "; ".join(
+        f"{title} {few[title]} of {runs}, {value:.2g} [{low:.2g}, {high:.2g}]"
+        for title, (value, low, high) in found.items()
+    )
+    yield f"not settled: {told} (exact {100 * Resampling.confidence:g} % intervals)"
+    if any(few.values()) and not result.is_sweep:
+        yield f"`eqt show {result.path.parent} --unsettled` lists their starts"
 
 
 def _accuracy(result: Result) -> Iterator[str]:
