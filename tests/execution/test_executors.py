@@ -269,7 +269,7 @@ def test_what_is_asked_of_an_executor_rules():
     [
         ("lokal", "executor: kind: unknown executor 'lokal'; did you mean 'local'?"),
         ("auto:threads=3", "executor: threads: expected true or false, got 3"),
-        ("dask:adress=a", "executor: adress: unknown key; did you mean 'scheduler'?"),
+        ("dask:schedular=a", "executor: schedular: unknown key; did you mean 'scheduler'?"),
         ("local:workers=0", "executor: workers: expected a whole number of at least 1, got 0"),
         ("local:2", "--executor: expected NAME:KEY=VALUE, got 'local:2'"),
     ],
