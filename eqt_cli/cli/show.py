@@ -47,7 +47,7 @@ def show(
     ] = False,
     table: Annotated[
         bool,
-        options.flag("--table", "Print the metrics of every run, one run a row.", SELECTION),
+        options.flag("--table", "Print the metrics of every run, one row per run.", SELECTION),
     ] = False,
     format_: Annotated[
         str | None,
