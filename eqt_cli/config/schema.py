@@ -332,7 +332,7 @@ def _tuned_kind(value: Any) -> str | None:
 
 
 TunedAxis = Annotated[
-    Annotated[list[Real], Tag("ends")]
+    Annotated[list[Angle], Tag("ends")]
     | Annotated[LogRange, Tag("log")]
     | Annotated[Drawn, Tag("range")],
     one_of(_tuned_kind, "[low, high], {log: [low, high]} or {low: …, high: …, scale: …}"),

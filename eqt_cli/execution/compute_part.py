@@ -28,7 +28,7 @@ from eqt_cli.mechanics.settling import settling_error
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.results.metrics import SETTLING
 from eqt_cli.results.quantity import Per, Quantity
-from eqt_cli.results.quantity_table import DESIRED, MEASURED, with_keys_of
+from eqt_cli.results.quantity_table import DESIRED, measured_of
 from eqt_cli.store.reader import ResultFile
 from eqt_cli.store.table import Attribute, Table, Variable
 
@@ -340,7 +340,7 @@ def _in_rows(reference: Desired) -> Array:
 def _functions(batch: Batch, names: Sequence[str]) -> tuple[Sampled, Numbers]:
     """What is measured of a batch: at every sample, and of each run."""
     problem, config = batch.problem, batch.experiment.config
-    metrics = [with_keys_of(config, metric) for metric in MEASURED if metric.name in names]
+    metrics = [row for row in measured_of(config, problem.loop.group) if row.name in names]
     wanted = {*names, *(name for metric in metrics for name in metric.signals)}
     keys = {key for m in metrics for key in (*m.settings.values(), *m.choices.values())}
     values = {key: getattr(config, key) for key in sorted(keys)}

@@ -13,7 +13,7 @@ from eqt_cli.ensemble.designs.base import CASE
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.results.contract import check_status
 from eqt_cli.results.origin import KnownResult, law_title
-from eqt_cli.results.swept_key import SweptKey, degrees_of, log_keys
+from eqt_cli.results.swept_key import SweptKey, constant_of, degrees_of, log_keys
 from eqt_cli.store.reserved_names import POINT
 
 
@@ -116,6 +116,9 @@ class StoredRuns(KnownResult):
         degrees = [angle for text in written if (angle := degrees_of(text)) is not None]
         if len(degrees) == len(written):
             return SweptKey(key, np.array(degrees), {}, unit="deg")
+        constants = [found for text in written if (found := constant_of(text)) is not None]
+        if len(constants) == len(written):
+            return SweptKey(key, np.array([value for value, _ in constants]), dict(constants))
         numbers: dict[str, float] = {}  # in the order of the points
         places = [numbers.setdefault(text, float(len(numbers))) for text in written]
         return SweptKey(key, np.array(places), {place: text for text, place in numbers.items()})

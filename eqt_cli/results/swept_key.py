@@ -73,6 +73,14 @@ def degrees_of(text: str) -> float | None:
     return None
 
 
+def constant_of(text: str) -> tuple[float, str] | None:
+    """The number of an expression in quotes such as ``"-pi/2"``, and ``−π/2``; None of all else."""
+    given = text.strip('"')
+    with suppress(ExpressionError):
+        return constant(given), given.replace("*pi", "π").replace("pi", "π").replace("-", "−")
+    return None
+
+
 def log_keys(section: Any) -> Iterator[str]:
     """The keys of ranges with ``scale: log``, anywhere in the section of a sweep."""
     if isinstance(section, list):

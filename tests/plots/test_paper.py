@@ -104,6 +104,19 @@ def test_rotation_and_translation_are_shown_apart(se3, opened):
     assert [axes.get_title() for axes in drawing.axes[:2]] == ["rotation", "translation"]
 
 
+def test_parts_of_extended_poses_have_symbols_of_their_own(simulate, opened):
+    results = opened(simulate(group="SE23", inertia=1.0, reference={"kind": "constant"}))
+    labels = [axes.get_ylabel().split(" $(")[0] for axes in Paper().draw([results]).axes[:6]]
+    assert labels == [
+        r"$\|I - R_E\|_{\mathrm{F}}$",
+        r"$\|v_E\|$",
+        r"$\|p_E\|$",
+        r"$\|\omega - \omega_d\|$",
+        r"$\|V - V_d\|_{v}$",
+        r"$\|V - V_d\|_{p}$",
+    ]
+
+
 def test_a_norm_without_parts_says_the_units_of_all_parts(se3, altered, opened):
     parts = [name for name in opened(se3).names if name.endswith(("_rotation", "_translation"))]
     drawing = Paper().draw([altered(se3, **dict.fromkeys(parts))])

@@ -6,7 +6,7 @@ import pytest
 from eqt_cli.core.errors import EqtError
 from eqt_cli.engines import Status
 from eqt_cli.results.result import mean_over_runs
-from eqt_cli.results.swept_key import SweptKey, degrees_of
+from eqt_cli.results.swept_key import SweptKey, constant_of, degrees_of
 
 RUNS = 6
 NORMS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
@@ -139,6 +139,9 @@ def test_a_swept_key_has_numbers_or_texts():
         np.pi / 2,
         None,
     )
+    assert constant_of('"-pi/2"') == (-np.pi / 2, "−π/2")
+    assert constant_of("2*pi") == (2 * np.pi, "2π")
+    assert constant_of('"SO3"') is None
 
 
 def test_means_leave_out_what_is_missing():

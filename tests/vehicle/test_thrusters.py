@@ -265,6 +265,13 @@ def test_directions_without_thrust_are_the_fewest_coordinates():
     np.testing.assert_allclose(unreachable(along), [[1, 0, -1], [0, 1, 1]], atol=1e-15)
 
 
+def test_directions_without_thrust_are_said_by_their_coordinates():
+    [told] = Thrusters(matrix=[[1.0, 0.0], [0.0, 1.0], [2.0, 0.5]]).remarks(SE2)
+    assert told == (
+        "with rank 2 of 3 cannot push along ω + 0.25 vx − 0.5 vy; what a law asks for there is lost"
+    )
+
+
 # Whole experiments.
 
 FLIGHT = {

@@ -28,8 +28,6 @@ _LONGEST_NUMBER = 4
 _DARK = 0.55
 """Of a colour on which numbers are white."""
 
-_LIGHT_INK, _DARK_INK = "#fdfdfd", "#020202"
-"""Nearly white and black, which a report would replace by the colours of its page."""
 _WRITTEN: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5, "zorder": 4}
 
 _MOST_LEVELS = 6
@@ -74,8 +72,9 @@ class Cells:
 
     def draw(self, panel: Axes, values: Array, **look: Any) -> Any:
         """Colour the cells by the numbers of the points."""
-        rows, columns = self.shape
-        return panel.pcolormesh(np.arange(columns), np.arange(rows), self.grid(values), **look)
+        # The edges, since of a single row or column the middles do not say how far it reaches.
+        rows, columns = (np.arange(count + 1) - 0.5 for count in self.shape)
+        return panel.pcolormesh(columns, rows, self.grid(values), **look)
 
     def hatch(self, panel: Axes, points: Iterable[int], pattern: str) -> None:
         """Hatch the cells of some points."""
@@ -116,7 +115,7 @@ class Cells:
                 panel.annotate(
                     texts[point],
                     (self.columns[point], self.rows[point]),
-                    color=_LIGHT_INK if dark else _DARK_INK,
+                    color=ink(0) if dark else ink(),
                     bbox={"facecolor": ground, "edgecolor": "none", "pad": 0.6},
                     **_WRITTEN,
                 )

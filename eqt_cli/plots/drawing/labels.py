@@ -40,11 +40,12 @@ _POWER = re.compile(r"\(([^()]*)\)\^(-?\d+)")
 """A power of a product of units: ``(N m)^2``."""
 
 _OF_MOTIONS = {
-    "pose_error": (r"\|I - R_E\|_{\mathrm{F}}", r"\|x_E\|"),
-    "velocity_error": (r"\|\omega - \omega_d\|", r"\|v - v_d\|"),
-    "torque_norm": (r"\|\tau\|", r"\|f\|"),
+    "pose_error": (r"\|I - R_E\|_{\mathrm{F}}", r"\|x_E\|", r"\|%s_E\|"),
+    "velocity_error": (r"\|\omega - \omega_d\|", r"\|v - v_d\|", r"\|V - V_d\|_{%s}"),
+    "torque_norm": (r"\|\tau\|", r"\|f\|", r"\|f_{%s}\|"),
 }
-"""What the norms are in rigid motions: of the rotation, and of the translation."""
+"""What the norms are in rigid motions: of the rotation, of the only translation, and of one of
+several, by its initial."""
 
 
 def quantity(symbol: str, unit: str) -> str:
@@ -108,7 +109,7 @@ def metric_label(result: Result, metric: str, characters: int) -> str:
     unit = result.units(metric) if result.has(metric) else found.units
     if "{}" in found.label:
         part = _part(result, found)
-        label = found.label.removesuffix(f" {part_name(part.name)}") if part else found.label
+        label = found.label.replace(f"{{}} {part_name(part.name)}", "{}") if part else found.label
         return label.replace("{}", _labelled(result, metric, norm_symbol(result, found), unit))
     words = free_text(found.label or found.long_name, characters)
     return words + _labelled(result, metric, "", unit).removeprefix("$$")
@@ -117,16 +118,22 @@ def metric_label(result: Result, metric: str, characters: int) -> str:
 def norm_symbol(result: Result, found: Quantity) -> str:
     """The symbol of a quantity; that of its part where the group is one of rigid motions."""
     part = _part(result, found)
-    if part is None:
+    if part is None or result.group is None:
         return found.symbol
-    norm = found.signals[0].removesuffix(f"_{part.name}")
-    return _OF_MOTIONS[norm][0 if part.turns else 1]
+    rotation, only, one_of_several = _OF_MOTIONS[found.signals[0].removesuffix(f"_{part.name}")]
+    if part.turns:
+        return rotation
+    return only if len(result.group.parts) == 2 else one_of_several % part.name[0]
 
 
 def _part(result: Result, found: Quantity) -> Part | None:
-    """The part that a norm is of, on a group of one rotation and one translation; else None."""
+    """The part that a norm is of, on a group of one rotation and of vectors; else None."""
     parts = () if result.group is None else result.group.parts
-    if len(parts) != 2 or not parts[0].turns or (parts[1].pose_unit, parts[1].turns) != ("m", 0):
+    rotations, vectors = parts[:1], parts[1:]
+    initials = {part.name[0] for part in vectors}
+    if not (rotations and rotations[0].turns and vectors and len(initials) == len(vectors)):
+        return None
+    if any(part.turns for part in vectors) or (len(vectors) == 1 and vectors[0].pose_unit != "m"):
         return None
     of = found.signals[0] if found.signals else ""
     names = {f"{norm}_{part.name}": part for norm in _OF_MOTIONS for part in parts}
