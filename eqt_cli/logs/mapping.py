@@ -2,14 +2,16 @@
 
 import re
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
+from pydantic import Tag
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.option_types import Positive, Real
 from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.core.validation import one_of
 
 TrajectoryFormat: TypeAlias = Literal["csv", "tum", "euroc"]
 
@@ -26,6 +28,18 @@ _CHANGES |= {" to ".join(reversed(name.split(" to "))): A for name, A in _CHANGE
 PARTNERS = {"NED to ENU": "FRD to FLU", "ENU to NED": "FLU to FRD"}
 PARTNERS |= {body: world for world, body in PARTNERS.items()}
 """Changes of axes that usually go together."""
+
+
+def _offset_kind(value: Any) -> str | None:
+    if value == "first":
+        return "first"
+    return None if isinstance(value, str) and value.isidentifier() else "number"
+
+
+_Offset = Annotated[
+    Annotated[Literal["first"], Tag("first")] | Annotated[Real, Tag("number")],
+    one_of(_offset_kind, "a number of seconds, or first"),
+]
 
 
 class MappingError(InputError):
@@ -56,7 +70,7 @@ class TimeMapping:
     scale: Positive = 1.0
     begin: Real | None = None
     end: Real | None = None
-    offset: Literal["first"] | Real = 0.0
+    offset: _Offset = 0.0
 
 
 @dataclass(frozen=True)

@@ -243,5 +243,7 @@ def test_from_python_and_as_a_command(tmp_path, monkeypatch, invoke):
     done = invoke("log", "check", "back.csv", code=2)
     assert done.stderr == "back.csv:3: expected a time after 1 s, got 0 s\n"
     with pytest.raises(ConfigError) as caught:
-        eqt_cli.check_log("log.csv", {"quaternion": "zyxw"})
+        eqt_cli.check_log("log.csv", {"quaternion": "zyxw", "time": {"offset": "frist"}})
     assert "quaternion: expected 'xyzw' or 'wxyz', got 'zyxw'" in str(caught.value)
+    offset = "time.offset: expected a number of seconds, or first, got 'frist'"
+    assert offset in str(caught.value)
