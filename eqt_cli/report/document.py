@@ -15,13 +15,14 @@ from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.findings import findings
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import text_tables
+from eqt_cli.analysis.extreme_points import extreme_points
 from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.report.animation import animation
 from eqt_cli.report.environment import TEMPLATES, page
 from eqt_cli.report.experiment import given, laws
 from eqt_cli.report.figures import CASES, COMPARED, DEFAULT, FRONTS, SWEPT, Wanted, inline_figures
-from eqt_cli.report.point_table import best_points, point_table
+from eqt_cli.report.point_table import point_table
 from eqt_cli.report.run_curves import curves
 from eqt_cli.report.run_table import columns, run_table
 from eqt_cli.report.summary import accuracy, lead, provenance
@@ -151,7 +152,7 @@ def _of_sweep(result: Result) -> dict[str, Any]:
     record = worst_beside(result)
     if record:
         return {"worst": worst_table(result, record), "table": point_table(result)}
-    return {"best": best_points(result), "table": point_table(result)}
+    return {"best": extreme_points(result), "table": point_table(result)}
 
 
 def _compared(result: Result, steps: Steps) -> dict[str, Any]:
