@@ -116,6 +116,11 @@ class Vehicle:
         """The numbers of the part at a place."""
         return self._given[place]
 
+    @property
+    def linear(self) -> Self:
+        """The same without limits, steps and dead zones of actuators."""
+        return dataclasses.replace(self, actuators=tuple(part.linear for part in self.actuators))
+
     # What the law is told.
 
     @property
