@@ -18,8 +18,8 @@ from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle.sensors.channels import FIRST, MEASURED, Errors
 
 STEP = 1e-4
-"""Of a difference. Rounding then changes a derivative by 1e-12, and the terms that five points leave
-by less; a kink at the reference itself, as of quadratic drag at rest, by 1e-4 of its coefficient."""
+"""Of a difference. Rounding then changes a derivative by 1e-12, and the terms that are left out by
+less; a kink at the reference itself, as of quadratic drag at rest, by 1e-4 of its coefficient."""
 
 STENCIL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
 """Weights of the values at so many steps in a first derivative, to fourth order."""
@@ -28,7 +28,7 @@ MOST_ITERATIONS = 20
 """Of Newton's method for the place where a loop comes to rest; it takes 2 to 5."""
 
 AT_REST = 1e-6
-"""rad or m: a loop that is as near to rest as this is at rest. References are integrated to 1e-8."""
+"""rad or m: a loop that is as near to rest is at rest. References are integrated to 1e-8."""
 
 SAME = 1e-6
 """Relative: matrices that differ by less are the same."""
@@ -100,10 +100,10 @@ class _Derivative(NamedTuple):
 
 
 def linearised(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Linearised:
-    """The loop without its limits and steps, about its reference, or about where it rests beside it.
+    """The loop without its limits and steps, about its reference.
 
-    It comes to rest beside its reference where a force pushes, if what it is to first order does
-    not depend on the time.
+    If it does not depend on the time, to first order, and a force keeps it beside its reference, it
+    is linearised about where it stays.
 
     Parameters
     ----------
