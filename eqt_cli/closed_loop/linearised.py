@@ -5,7 +5,7 @@ actuators are those that a run has.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple, Self
@@ -70,6 +70,7 @@ class Linearised:
     flow: Array
     offset: Array
     is_constant: bool
+    about: "_About" = dataclasses.field(repr=False)
 
     @cached_property
     def closed(self) -> Array:
@@ -80,6 +81,15 @@ class Linearised:
     def eigenvalues(self) -> Array:
         """Of the closed loop, ``(times, n)``: rates, 1/s, or multipliers of one period."""
         return np.linalg.eigvals(self.closed)
+
+    def with_gains(self, factors: Mapping[str, float]) -> "Linearised":
+        """The loop about the same states with some of its gains, kp and kd, multiplied."""
+        loop = self.about.loop
+        gains = {name: factor * loop.parameters[name] for name, factor in factors.items()}
+        about = dataclasses.replace(self.about, loop=loop.with_parameters(loop.parameters | gains))
+        if self.period is not None:  # what moves under a held command knows no gains
+            vars(about).update(_flow=self.about._flow, held=self.about.held)
+        return about.linearised(self.is_constant)
 
 
 @dataclass(frozen=True)
@@ -219,16 +229,23 @@ class _About:
     def linearised(self, is_constant: bool = False) -> Linearised:
         """The matrices."""
         n, control = self.dimension, self.loop.vehicle.control
-        flow = self._flow.slope[:, :n, :n]
         whole = (self._flow if control is None else self._jump).slope
         closed, B, C = whole[:, :n, :n], whole[:, :n, n:], whole[:, n:, :n]
         A, period = closed - B @ C, None
         if control is not None:
-            from scipy.linalg import expm  # slow to import
+            A, B, period = self.held @ A, self.held @ B, control.period
+        flow = self._flow.slope[:, :n, :n]
+        return Linearised(A, B, C, period, flow, self.offset, is_constant, self)
 
-            held, period = expm(control.period * flow), control.period
-            A, B = held @ A, held @ B
-        return Linearised(A, B, C, period, flow, self.offset, is_constant)
+    @cached_property
+    def held(self) -> Array:
+        """What becomes of x in a period under a held command, ``(times, n, n)``."""
+        from scipy.linalg import expm  # slow to import
+
+        assert self.loop.vehicle.control is not None
+        n = self.dimension
+        found: Array = expm(self.loop.vehicle.control.period * self._flow.slope[:, :n, :n])
+        return found
 
     def step_to_rest(self) -> Array:
         """A step of Newton's method to where the loop stays, at the first time, ``(1, n)``."""

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from eqt_cli.closed_loop import ReferenceSystem
 from eqt_cli.core.arrays import Array, frobenius, norm
@@ -175,7 +176,8 @@ def _of_actuators(experiment: Experiment) -> Iterator[EqtWarning]:
 def _hard_on_numbers(experiment: Experiment, shown: Horizon | None) -> Iterator[EqtWarning]:
     """What rounding or stiffness do, with the section that is the reason."""
     along = along_reference(experiment, shown)
-    loops = linearised_loops(experiment, along, MOST_ENTRIES)
+    with threadpool_limits(1):
+        loops = linearised_loops(experiment, along, MOST_ENTRIES)
     for section, said in (
         ("inertia", ill_conditioned(experiment)),
         ("gains", stiff(experiment, loops)),

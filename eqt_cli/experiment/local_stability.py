@@ -63,8 +63,7 @@ def growth(loop: Linearised, times: Array) -> Growth:
     eigenvalues = loop.eigenvalues
     rates, known = eigenvalues.real, np.abs(eigenvalues)
     if loop.period is not None:
-        with np.errstate(divide="ignore"):
-            logarithms = np.log(eigenvalues) / loop.period
+        logarithms = np.log(np.where(known > 0.0, eigenvalues, np.finfo(float).tiny)) / loop.period
         rates, known = logarithms.real, np.where(known > GONE, np.abs(logarithms), 0.0)
     when, which = np.unravel_index(rates.argmax(), rates.shape)
     rate = float(rates[when, which])
