@@ -52,6 +52,7 @@ def margins(
     ...         "gains": {"kp": 1.0, "kd": 0.8},
     ...         "reference": {"kind": "constant"},
     ...         "controllers": ["eqt"],
+    ...         "time": {"duration": 10},
     ...     }
     ... ).laws
     >>> law.growth.is_stable, round(law.delay, 4)

@@ -60,7 +60,7 @@ class Growth(NamedTuple):
 
 def growth(loop: Linearised, times: Array) -> Growth:
     """How fast the errors of a loop grow, at the worst of the times."""
-    eigenvalues = loop.eigenvalues
+    eigenvalues = loop.eigenvalues.astype(complex)
     rates, known = eigenvalues.real, np.abs(eigenvalues)
     if loop.period is not None:
         logarithms = np.log(np.where(known > 0.0, eigenvalues, np.finfo(float).tiny)) / loop.period
