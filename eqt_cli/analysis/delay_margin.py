@@ -113,8 +113,7 @@ def _frequencies(loop: CutLoop) -> Array:
     closed = loop.A + loop.B @ loop.C
     poles = np.concatenate([np.linalg.eigvals(loop.A), np.linalg.eigvals(closed)])
     if loop.period is not None:
-        with np.errstate(divide="ignore"):
-            poles = np.log(poles[np.abs(poles) > 0]) / loop.period
+        poles = np.log(poles[np.abs(poles) > 0].astype(complex)) / loop.period
         highest = np.pi / loop.period
     else:  # |G| ≤ |B| |C| / (ω − |A|)
         highest = 2 * (_size(loop.A) + _size(loop.B) * _size(loop.C))

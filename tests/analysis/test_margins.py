@@ -38,8 +38,8 @@ LATE = {
     "actuators": [{"kind": "limit", "limit": 5.0}, {"kind": "lag", "time_constant": 0.2}],
     "control": {"period": 0.5, "delay": 1},
     "initial": {
-        "pose": {"kind": "exp_normal", "std": 1e-4},
-        "velocity": {"kind": "normal", "std": 1e-4},
+        "pose": {"kind": "exp_normal", "std": 1e-5},
+        "velocity": {"kind": "normal", "std": 1e-5},
     },
     "ensemble": {"runs": 6, "seed": 3},
     "time": {"duration": 8.0, "samples": 17},
@@ -116,8 +116,8 @@ def test_eigenvalues_are_those_of_the_period_that_stored_runs_show(tmp_path: Any
     M = np.linalg.lstsq(before / scale, after / scale)[0].T
     expected = by_size(np.linalg.eigvals(M))
     found = by_size(loop.eigenvalues[0])
-    # Second-order terms are 1e-4 of the first.
-    np.testing.assert_allclose(found, expected[: len(found)], atol=2e-4)
+    # Second-order terms are 1e-5 of the first, relative to it.
+    np.testing.assert_allclose(found, expected[: len(found)], atol=2e-5)
 
 
 def errors_of(experiment: Experiment, factors: list[tuple[float, float]]) -> Array:
