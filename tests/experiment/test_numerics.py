@@ -129,7 +129,7 @@ def test_shipped_configurations_are_well_conditioned(name):
     found = [str(remark) for remark in remarks(made, reference_over_horizon(made))]
     if (
         name == "se3_bluerov2_flies"
-    ):  # its runs oscillate at 1 Hz within the limits of the thrusters
+    ):  # its runs oscillate at 1 Hz
         [found_gt] = found
         assert "controllers: the loop of 'gt' is unstable: small errors grow at 0.497 " in found_gt
     else:
