@@ -127,9 +127,7 @@ def test_an_inertia_that_is_ill_later_says_when(experiment):
 def test_shipped_configurations_are_well_conditioned(name):
     made = build(read_config(Path(shipped.folder() / f"{name}.yaml"), []))
     found = [str(remark) for remark in remarks(made, reference_over_horizon(made))]
-    if (
-        name == "se3_bluerov2_flies"
-    ):  # its runs oscillate at 1 Hz
+    if name == "se3_bluerov2_flies":  # its runs oscillate at 1 Hz
         [found_gt] = found
         assert "controllers: the loop of 'gt' is unstable: small errors grow at 0.497 " in found_gt
     else:
