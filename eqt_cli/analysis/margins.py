@@ -120,7 +120,7 @@ def margins_of(experiment: Experiment, done: Callable[[float], None]) -> Margins
     ConfigError
         If the reference leaves the real numbers.
     InputError
-        If a loop has no finite derivatives about its reference.
+        If a loop has no derivative about its reference.
     """
     shown, problems = reference_over_horizon(experiment), Problems(experiment.source.place)
     check_reference(shown, None, problems.at("reference"))
@@ -141,8 +141,8 @@ def _of_law(label: str, loop: ClosedLoop, along: Along) -> LawMargins:
     found = linearised(loop, *along)
     if not np.isfinite(found.closed).all():
         raise InputError(
-            f"the loop of '{label}' has no finite derivatives about its reference; a law must be "
-            "differentiable where all errors are 0"
+            f"the loop of '{label}' has no derivative where all errors are 0, as of a law that "
+            "jumps there; leave this law out"
         )
     largest = growth(found, along.times)
     delay, gains = None, dict[str, GainMargin]()

@@ -24,6 +24,10 @@ less; a kink at the reference itself, as of quadratic drag at rest, by 1e-4 of i
 STENCIL = {-2: 1 / 12, -1: -2 / 3, 1: 2 / 3, 2: -1 / 12}
 """Weights of the values at so many steps in a first derivative, to fourth order."""
 
+SMOOTH = 0.1
+"""Relative: differences over one step and over two that differ by more are of a function that jumps
+or is not finite, and no derivative. Of a jump they differ by half."""
+
 MOST_ITERATIONS = 20
 """Of Newton's method for the place where a loop comes to rest; it takes 2 to 5."""
 
@@ -110,7 +114,7 @@ class _Derivative(NamedTuple):
 
 
 def linearised(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Linearised:
-    """The loop without its limits and steps, about its reference.
+    """The loop without limits and steps about its reference; NaN where it has no derivative.
 
     If it does not depend on the time, to first order, and a force keeps it beside its reference, it
     is linearised about where it stays.
@@ -243,8 +247,11 @@ class _About:
         from scipy.linalg import expm  # slow to import
 
         assert self.loop.vehicle.control is not None
-        n = self.dimension
-        found: Array = expm(self.loop.vehicle.control.period * self._flow.slope[:, :n, :n])
+        n, period = self.dimension, self.loop.vehicle.control.period
+        flow = self._flow.slope[:, :n, :n]
+        found: Array = (
+            expm(period * flow) if np.isfinite(flow).all() else np.full_like(flow, np.nan)
+        )
         return found
 
     def step_to_rest(self) -> Array:
@@ -278,8 +285,11 @@ class _About:
         points = STEP * np.concatenate([np.zeros((1, count)), *moved])
         with np.errstate(all="ignore"):
             values = function(points[:, None])
-        around = values[1:].reshape(len(STENCIL), count, *values.shape[1:])
-        slope = np.tensordot(np.array(list(STENCIL.values())), around, axes=1) / STEP
+        around = dict(zip(STENCIL, values[1:].reshape(-1, count, *values.shape[1:]), strict=True))
+        slope = sum(weight * around[number] for number, weight in STENCIL.items()) / STEP
+        near, far = ((around[k] - around[-k]) / (2 * k * STEP) for k in (1, 2))
+        if not np.abs(far - near).max() <= SMOOTH * np.abs(slope).max():
+            slope = np.full_like(slope, np.nan)
         return _Derivative(values[0], np.moveaxis(slope, 0, -1))
 
     def _flat(self, x: Array) -> Array:

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 Eqt = Callable[..., Any]
 
 LATE = """\
@@ -36,6 +38,19 @@ class Reversed(EqT):
 
     def torque(self, s):
         return super().torque(s) + 2 * s.G.Ad_star(s.Qd, s.gradient)
+"""
+JUMPS = """\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.controllers.eqt import EqT
+from eqt_cli.core.arrays import less, where
+
+@dataclass(frozen=True)
+class Jumps(EqT):
+    name: ClassVar[str] = "jumps"
+
+    def torque(self, s):
+        return super().torque(s) - where(less(s.V_tilde, 0 * s.P), -0.1, 0.1)
 """
 NOTES = """\
 
@@ -161,3 +176,19 @@ def test_margins_of_a_reference_that_leaves_the_real_numbers(eqt: Eqt) -> None:
     done = eqt("margins", "c.yaml", "--set", torque)
     assert done.code == 2
     assert "has no finite real value at about t = 0.5" in done.err
+
+
+@pytest.mark.parametrize("control", ["null", "{period: 0.5}"])
+def test_a_law_that_jumps_at_its_reference_has_no_margins(
+    eqt: Eqt, folder: Path, control: str
+) -> None:
+    (folder / "jumps.py").write_text(JUMPS)
+    law = ("--set", "plugins=[jumps.py]", "--set", "controllers=[jumps]", "--set")
+    done = eqt("margins", "c.yaml", *law, f"control={control}")
+    assert (done.code, done.out, done.err) == (
+        2,
+        "",
+        "eqt: the loop of 'jumps' has no derivative where all errors are 0, as of a law that jumps "
+        "there; leave this law out\n",
+    )
+    assert eqt("config", "check", "c.yaml", *law, f"control={control}").err == "c.yaml: valid\n"
