@@ -58,8 +58,6 @@ class Linearised:
     C : (times, m, n)
     period
         Of a sampled loop, s; None of a continuous one.
-    flow : (times, n, n)
-        The rates of x, of a sampled loop while its command is held.
     offset : (times, m)
         ε of the states about which it is linearised.
     is_constant
@@ -71,7 +69,6 @@ class Linearised:
     B: Array
     C: Array
     period: float | None
-    flow: Array
     offset: Array
     is_constant: bool
     about: "_About" = dataclasses.field(repr=False)
@@ -132,13 +129,22 @@ def linearised(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) 
         return about.linearised()
     first = about.at_first_time
     for _ in range(MOST_ITERATIONS):
-        step = first.step_to_rest()
+        step = first.steps_to_rest()
         if np.abs(step).max() <= AT_REST:
             return first.linearised(is_constant=True)
         if not np.isfinite(step).all():
             break
         first = first.moved(step)
     return about.linearised()
+
+
+def flow(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Array:
+    """The rates of x about the reference, of a sampled loop while its command is held.
+
+    ``(times, n, n)``; NaN where there is no derivative.
+    """
+    loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear)
+    return _About.reference(loop, times, poses, velocities).flow
 
 
 def _same(arrays: Array) -> bool:
@@ -217,7 +223,7 @@ class _About:
         found = (self._flow,) if self._is_continuous else (self._flow, self._jump)
         if not all(_same(each.slope) for each in found):
             return False
-        steps = self._steps(0)
+        steps = self.steps_to_rest()
         return bool(np.abs(steps - steps[0]).max() <= AT_REST)
 
     @property
@@ -238,8 +244,7 @@ class _About:
         A, period = closed - B @ C, None
         if control is not None:
             A, B, period = self.held @ A, self.held @ B, control.period
-        flow = self._flow.slope[:, :n, :n]
-        return Linearised(A, B, C, period, flow, self.offset, is_constant, self)
+        return Linearised(A, B, C, period, self.offset, is_constant, self)
 
     @cached_property
     def held(self) -> Array:
@@ -247,24 +252,25 @@ class _About:
         from scipy.linalg import expm  # slow to import
 
         assert self.loop.vehicle.control is not None
-        n, period = self.dimension, self.loop.vehicle.control.period
-        flow = self._flow.slope[:, :n, :n]
-        found: Array = (
-            expm(period * flow) if np.isfinite(flow).all() else np.full_like(flow, np.nan)
-        )
+        flow = self.loop.vehicle.control.period * self.flow
+        found: Array = expm(flow) if np.isfinite(flow).all() else np.full_like(flow, np.nan)
         return found
 
-    def step_to_rest(self) -> Array:
-        """A step of Newton's method to where the loop stays, at the first time, ``(1, n)``."""
-        return self._steps(0)[:1]
+    @property
+    def flow(self) -> Array:
+        """The rates of x, of a sampled loop while its command is held, ``(times, n, n)``."""
+        return self._flow.slope[:, : self.dimension, : self.dimension]
 
-    def _steps(self, at: int) -> Array:
-        """Such steps at all times, by the matrices at one of them."""
+    def steps_to_rest(self) -> Array:
+        """Steps of Newton's method to where the loop stays, ``(times, n)``.
+
+        All are by the matrices at the first time.
+        """
         n = self.dimension
-        value, slope = self._flow.value[:, :n], self._flow.slope[at, :n, :n]
+        value, slope = self._flow.value[:, :n], self._flow.slope[0, :n, :n]
         if not self._is_continuous:  # and no control instant changes anything
             value = np.concatenate([value, self._jump.value[:, :n]], axis=1)
-            slope = np.concatenate([slope, self._jump.slope[at, :n, :n] - np.eye(n)])
+            slope = np.concatenate([slope, self._jump.slope[0, :n, :n] - np.eye(n)])
         if not (np.isfinite(value).all() and np.isfinite(slope).all()):
             return np.full((len(value), n), np.nan)
         found: Array = -np.linalg.lstsq(slope, value.T)[0].T

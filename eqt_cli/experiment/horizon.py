@@ -14,7 +14,7 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.experiment.build import Experiment
-from eqt_cli.experiment.local_stability import Along, linearised_loops, unstable
+from eqt_cli.experiment.local_stability import Along, unstable
 from eqt_cli.experiment.numerics import ill_conditioned, stiff
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle.vehicle import ACTUATORS
@@ -36,9 +36,6 @@ LINEARISED = 9
 
 GOLDEN = (5**0.5 - 1) / 2
 """Its multiples, but for whole numbers, are spread evenly, and no two differences are the same."""
-
-MOST_ENTRIES = 100_000
-"""Of matrices of a loop at these times: one of more than 105 states is not looked at."""
 
 JUMP = 1e-6
 """Relative to the largest value on the horizon: what is less is not called a jump."""
@@ -176,18 +173,16 @@ def _of_actuators(experiment: Experiment) -> Iterator[EqtWarning]:
 def _hard_on_numbers(experiment: Experiment, shown: Horizon | None) -> Iterator[EqtWarning]:
     """What rounding or stiffness do, with the section that is the reason."""
     along = along_reference(experiment, shown)
-    with threadpool_limits(1):
-        loops = linearised_loops(experiment, along, MOST_ENTRIES)
-    for section, said in (
-        ("inertia", ill_conditioned(experiment)),
-        ("gains", stiff(experiment, loops)),
-    ):
+    with threadpool_limits(1):  # many small matrices, which threads take longer for
+        found = [
+            ("inertia", ill_conditioned(experiment)),
+            ("gains", stiff(experiment, along)),
+        ]
+        if len(along.times) > 1:
+            found += [("controllers", said) for said in unstable(experiment, along)]
+    for section, said in found:
         if said:
             yield EqtWarning(f"{experiment.source.place((section,))}: {section}: {said}")
-    if len(along.times) > 1:
-        place = experiment.source.place(("controllers",))
-        for said in unstable(experiment, loops):
-            yield EqtWarning(f"{place}: controllers: {said}")
 
 
 def along_reference(experiment: Experiment, shown: Horizon | None) -> Along:

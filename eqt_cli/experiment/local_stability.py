@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,9 @@ unstable. Derivatives are right to 1e-12, and double roots to the square root of
 
 GONE = 0.1
 """Multipliers below this are no rates: a command that has left the queue is gone at once."""
+
+MOST_ENTRIES = 100_000
+"""Of matrices of a loop at all times: one of more than 105 states is not looked at at 9 times."""
 
 
 class Along(NamedTuple):
@@ -71,29 +74,29 @@ def growth(loop: Linearised, times: Array) -> Growth:
     return Growth(complex(eigenvalues[when, which]), float(times[when]), rate, is_stable)
 
 
-def linearised_loops(
-    experiment: Experiment, along: Along, most: int | None = None
-) -> dict[str, Linearised]:
-    """The loops by the label of their law; without those that take more than so many numbers."""
-    return {
-        label: linearised(loop, *along)
-        for label, loop in experiment.loops.items()
-        if most is None or len(along.times) * loop.state_length**2 <= most
-    }
-
-
-def unstable(experiment: Experiment, loops: Mapping[str, Linearised]) -> Iterator[str]:
+def unstable(experiment: Experiment, along: Along) -> Iterator[str]:
     """What to say of loops that are unstable, and the same at all times, in words."""
-    for label, loop in loops.items():
-        if not loop.is_constant or (found := growth(loop, np.zeros(1))).is_stable is not False:
+    for label, loop in small_loops(experiment, along).items():
+        found = linearised(loop, *along)
+        if not found.is_constant or (largest := growth(found, along.times)).is_stable is not False:
             continue
-        many = "" if loop.period is None else f" (eigenvalue {size_of(found, loop):.4g} a period)"
-        omitted = ", ".join(left_out(experiment.loops[label]))
+        size = size_of(largest, found)
+        many = "" if found.period is None else f" (eigenvalue {size:.4g} a period)"
+        omitted = ", ".join(left_out(loop))
         yield (
-            f"the loop of '{label}' is unstable: small errors grow at {found.rate:.3g} 1/s{many}"
+            f"the loop of '{label}' is unstable: small errors grow at {largest.rate:.3g} 1/s{many}"
             + (f", leaving out {omitted}" if omitted else "")
             + "; check the signs and sizes of its gains, and the delays; `eqt margins` says more"
         )
+
+
+def small_loops(experiment: Experiment, along: Along) -> dict[str, ClosedLoop]:
+    """Those of which matrices at so many times are computed at once, by the label of their law."""
+    return {
+        label: loop
+        for label, loop in experiment.loops.items()
+        if len(along.times) * loop.state_length**2 <= MOST_ENTRIES
+    }
 
 
 def size_of(found: Growth, loop: Linearised) -> float:

@@ -1,16 +1,16 @@
 """Whether an experiment is numerically ill: an inertia that rounding spoils, a stiff loop."""
 
-from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.linearised import Linearised
+from eqt_cli.closed_loop.linearised import flow
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.local_stability import Along, small_loops
 from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
 
 EPSILON = float(np.finfo(float).eps)
@@ -78,7 +78,7 @@ def _condition_numbers(law: InertiaLaw, horizon: float) -> tuple[Array, Array]:
     return times, np.linalg.cond(matrices / (roots[:, :, None] * roots[:, None, :]))
 
 
-def stiff(experiment: Experiment, loops: Mapping[str, Linearised]) -> str:
+def stiff(experiment: Experiment, along: Along) -> str:
     """What a stiff loop costs by the engine, and what by others, in words; empty if none is stiff.
 
     A loop is stiff if the fastest decay of its errors asks for more than `ORDINARY` evaluations,
@@ -86,10 +86,10 @@ def stiff(experiment: Experiment, loops: Mapping[str, Linearised]) -> str:
 
     Parameters
     ----------
-    loops
-        By the labels of their laws; those that are missing are not looked at.
+    along
+        Where on the reference loops are linearised.
     """
-    found = _stiffest(experiment, loops)
+    found = _stiffest(experiment, along)
     if found is None:
         return ""
     loop, duration = experiment.loops[found.label], experiment.config.time.duration
@@ -120,12 +120,13 @@ def _rounded(count: float) -> str:
     return f"{float(f'{count:.2g}'):,.0f}"
 
 
-def _stiffest(experiment: Experiment, loops: Mapping[str, Linearised]) -> Stiff | None:
+def _stiffest(experiment: Experiment, along: Along) -> Stiff | None:
     """The loop that takes the engine longest, if that is longer than `ORDINARY`."""
     found, engine = [], experiment.engine
-    for label, loop in loops.items():
-        if np.isfinite(loop.flow).all():
-            rates = np.linalg.eigvals(loop.flow)
+    for label, loop in small_loops(experiment, along).items():
+        matrices = flow(loop, *along)
+        if np.isfinite(matrices).all():
+            rates = np.linalg.eigvals(matrices)
             work = engine.work_for_stability(rates, experiment.config.time.duration)
             found.append(Stiff(label, rates, work))
     slowest = max(found, key=lambda each: each.work, default=None)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from eqt_cli.closed_loop.linearised import linearised
+from eqt_cli.closed_loop.linearised import flow
 from eqt_cli.config import shipped
 from eqt_cli.config.source import read_config
 from eqt_cli.engines import Problem, engines
@@ -34,7 +34,7 @@ def test_the_work_that_is_told_is_within_a_factor_of_two(experiment, method, gai
     made = experiment(gains=STIFF[gains], solver=f"{{engine: {method}, rtol: 1.0e-4}}")
     loop, duration = made.loops["gt"], made.config.time.duration
     Qd, Vd = made.initial_pose, made.initial_velocity
-    rates = np.linalg.eigvals(linearised(loop, np.zeros(1), Qd[None], Vd[None]).flow)
+    rates = np.linalg.eigvals(flow(loop, np.zeros(1), Qd[None], Vd[None]))
     told = made.engine.work_for_stability(rates, duration)
     Q, V = draw_initial_states(
         made.group, made.poses, made.velocities, Qd=Qd, Vd=Vd, seed=1, runs=[0]
