@@ -103,8 +103,8 @@ def _pieces(found: Margins) -> Iterator[str | Text]:
             yield f"{titles[law.label]} stays {beside} beside its reference; linearised there"
     if any(law.is_indicative for law in found.laws):
         yield (
-            "indicative: the linearised loop changes in time; then eigenvalues at single times do "
-            "not decide whether it is stable, and all numbers are those at the worst time"
+            "indicative: the loop changes in time; then eigenvalues at single times do not decide "
+            "whether it is stable, and all numbers are those at the worst time"
         )
     if found.left_out:
         yield f"left out: {', '.join(found.left_out)}"

@@ -123,8 +123,9 @@ def test_margins_say_where_eigenvalues_decide_nothing(eqt: Eqt) -> None:
     assert (law, unit, rest) == ("EqT", "s", ["-", "-", "-", "-", "indicative"])
     assert float(value) > 0 and 0 <= float(at) <= 1
     assert done.out.endswith(
-        NOTES + "indicative: the linearised loop changes in time; then eigenvalues at single times "
-        "do not decide whether it is stable, and all numbers are those at the worst time\n"
+        NOTES
+        + "indicative: the loop changes in time; then eigenvalues at single times do not decide "
+        "whether it is stable, and all numbers are those at the worst time\n"
     )
 
 
