@@ -18,6 +18,9 @@ NEAR_A_POLE = np.array([-30, -10, -3, -1, -0.3, 0.0, 0.3, 1, 3, 10, 30])
 SLOWEST = 1e-4
 """Of the slowest pole that is not at rest: slower crossings are not looked for."""
 
+BISECTIONS = 45
+"""Of the interval between two frequencies, which then is as small as rounding."""
+
 SAME = 1e-7
 """Moduli and whole numbers that differ by less are equal."""
 
@@ -88,19 +91,17 @@ def _is_stable(loop: CutLoop, periods: int) -> bool:
 
 def _delays(loop: CutLoop) -> Iterator[float]:
     """Every delay that leaves a root on the boundary."""
-    from scipy.optimize import brentq  # slow to import
-
-    def beyond(logarithm: float, place: int) -> float:
-        return float(_moduli(loop, np.exp(np.array([logarithm])))[0, place]) - 1.0
-
     frequencies = _frequencies(loop)
     above = _moduli(loop, frequencies) > 1.0
-    for index, place in np.argwhere(above[:-1] != above[1:]):
-        ends = np.log(frequencies[index : index + 2])
-        crossing = np.exp(np.array([brentq(beyond, *ends, args=(place,), xtol=1e-13)]))
-        values = np.linalg.eigvals(loop.gain(crossing))[0]
+    index, place = np.nonzero(above[:-1] != above[1:])
+    low, high, before = frequencies[index], frequencies[index + 1], above[index, place]
+    for _ in range(BISECTIONS):
+        middle = np.sqrt(low * high)
+        is_low = (_moduli(loop, middle)[np.arange(len(place)), place] > 1.0) == before
+        low, high = np.where(is_low, middle, low), np.where(is_low, high, middle)
+    for crossing, values in zip(low, np.linalg.eigvals(loop.gain(low)), strict=True):
         phases = np.angle(values[np.abs(np.abs(values) - 1.0) < SAME])
-        yield from (phases % (2 * np.pi) / crossing[0]).tolist()
+        yield from (phases % (2 * np.pi) / crossing).tolist()
 
 
 def _moduli(loop: CutLoop, frequencies: Array) -> Array:

@@ -184,10 +184,12 @@ def _first_unstable(rate: Callable[[float], float], step: float) -> float | None
     """The factor nearest to 1 on one side at which the largest rate is 0; None if there is none."""
     from scipy.optimize import brentq  # slow to import
 
-    known = 1.0
-    while 1 / MOST <= known * step <= MOST:
-        if not rate(known * step) <= 0.0:
-            ends = np.log(known), np.log(known * step)
-            return float(np.exp(brentq(lambda x: rate(float(np.exp(x))), *ends, xtol=1e-5)))
-        known *= step
+    def rate_at(logarithm: float) -> float:
+        return rate(float(np.exp(logarithm)))
+
+    known, end = 0.0, np.log(step)
+    while abs(end) <= np.log(MOST) * (1 + 1e-12):
+        if not rate_at(end) <= 0.0:
+            return float(np.exp(brentq(rate_at, known, end, xtol=1e-5)))
+        known, end = end, end + np.log(step)
     return None
