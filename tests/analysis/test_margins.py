@@ -68,6 +68,19 @@ def test_the_delay_margin_of_a_wheel_is_the_phase_margin_over_the_crossover() ->
     assert sampled.delay == pytest.approx(margin, rel=0.01 + 1e-9)
 
 
+def test_the_delay_margin_of_a_body_that_turns_is_that_of_its_sampled_loop() -> None:
+    """Three commands at once, along a circle; the hold is a delay of half a period."""
+    start = {"position": [0.0, -2.0]}
+    circle = {"kind": "constant", "pose": start, "velocity": [0.5, 1.0, 0.0]}
+    body = {**WHEEL, "group": "SE2", "inertia": [1.0, 2.0, 3.0], "reference": circle}
+    margin = of(body).delay
+    assert margin is not None
+    period = margin / 20
+    sampled = of(body, control={"period": period})
+    assert sampled.delay_periods == 19
+    assert not sampled.is_indicative
+
+
 def test_the_gain_margin_of_a_wheel_with_lag_is_that_of_routh_and_hurwitz() -> None:
     T = 0.25  # TJs³ + Js² + ds + k is stable for d > Tk
     law = of(WHEEL, actuators=[{"kind": "lag", "time_constant": T}])
