@@ -116,7 +116,7 @@ def _cells(law: LawMargins, period: float | None) -> list[str]:
 
     gains = ["-" if not law.growth.is_stable else _factors(law.gains.get(name)) for name in GAINS]
     return [
-        f"{law.size:.4f}" if period is not None else f"{law.size:.3g}",
+        f"{law.size:.{3 if period is None else 6}g}",
         f"{law.growth.at:.3g} s" if law.is_indicative else "-",
         _delay(law),
         *gains,

@@ -123,7 +123,7 @@ def linearised(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) 
     poses, velocities
         Q_d and V_d there, ``(times, d, d)`` and ``(times, m)``.
     """
-    loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear)
+    loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear_part)
     about = _About.reference(loop, times, poses, velocities)
     if not about.is_same_at_all_times:
         return about.linearised()
@@ -143,7 +143,7 @@ def flow(loop: ClosedLoop, times: Array, poses: Array, velocities: Array) -> Arr
 
     ``(times, n, n)``; NaN where there is no derivative.
     """
-    loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear)
+    loop = dataclasses.replace(loop, vehicle=loop.vehicle.linear_part)
     return _About.reference(loop, times, poses, velocities).flow
 
 

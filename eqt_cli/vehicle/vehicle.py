@@ -117,9 +117,11 @@ class Vehicle:
         return self._given[place]
 
     @property
-    def linear(self) -> Self:
+    def linear_part(self) -> Self:
         """The same without limits, steps and dead zones of actuators."""
-        return dataclasses.replace(self, actuators=tuple(part.linear for part in self.actuators))
+        return dataclasses.replace(
+            self, actuators=tuple(part.linear_part for part in self.actuators)
+        )
 
     # What the law is told.
 

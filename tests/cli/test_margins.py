@@ -72,7 +72,7 @@ def test_margins_of_a_sampled_loop(eqt: Eqt, folder: Path) -> None:
     header, first, second = table(done.out)
     assert " ".join(header) == "law largest |eigenvalue| at delay margin kp kd both verdict"
     assert " ".join(first) == (
-        "EqT 0.9618 - 1 s (2 periods) below 4.35 0.196 to 3.52 below 3.25 stable"
+        "EqT 0.961796 - 1 s (2 periods) below 4.35 0.196 to 3.52 below 3.25 stable"
     )
     assert " ".join(second[:2]) == "sliding mode"
     assert " ".join(second[-4:]) == "not used any stable"
@@ -87,7 +87,7 @@ def test_an_unstable_loop_ends_with_4_and_config_check_warns_of_it(eqt: Eqt, fol
     unstable = ("late.yaml", "--set", "control.delay=4", "--set", "controllers=[eqt]")
     done = eqt("margins", *unstable)
     assert (done.code, done.err) == (4, "")
-    assert " ".join(table(done.out)[1]) == "EqT 1.0117 - - - - - unstable"
+    assert " ".join(table(done.out)[1]) == "EqT 1.01169 - - - - - unstable"
     quiet = eqt("margins", *unstable, "--quiet")
     said = "eqt: late.yaml: the loop of 'eqt' is unstable\n"
     assert (quiet.code, quiet.out, quiet.err) == (4, "", said)

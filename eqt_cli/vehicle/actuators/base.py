@@ -58,7 +58,7 @@ class Actuator(VehiclePart):
         return ()
 
     @property
-    def linear(self) -> "Actuator":
+    def linear_part(self) -> "Actuator":
         """It without limits, steps and dead zones; `PassThrough` where nothing is left of it."""
         return self
 

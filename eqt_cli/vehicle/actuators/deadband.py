@@ -22,7 +22,7 @@ class Deadband(Actuator):
 
     name: ClassVar[str] = "deadband"
     departs: ClassVar[str] = "deadband"
-    linear: ClassVar[Actuator] = PassThrough()
+    linear_part: ClassVar[Actuator] = PassThrough()
     vectors: ClassVar[tuple[str, ...]] = ("width",)
     positive: ClassVar[tuple[str, ...]] = ("width",)
     sampled: ClassVar[bool] = True

@@ -30,7 +30,7 @@ class Limit(Actuator):
 
     name: ClassVar[str] = "limit"
     departs: ClassVar[str] = "torque limited"
-    linear: ClassVar[Actuator] = PassThrough()
+    linear_part: ClassVar[Actuator] = PassThrough()
     vectors: ClassVar[tuple[str, ...]] = ("limit", "low", "high")
     positive: ClassVar[tuple[str, ...]] = ("limit",)
     limits: ClassVar[bool] = True

@@ -27,7 +27,7 @@ class MomentumLimit(Actuator):
 
     name: ClassVar[str] = "momentum_limit"
     departs: ClassVar[str] = "momentum of wheels limited"
-    linear: ClassVar[Actuator] = PassThrough()
+    linear_part: ClassVar[Actuator] = PassThrough()
     vectors: ClassVar[tuple[str, ...]] = ("momentum",)
     positive: ClassVar[tuple[str, ...]] = ("momentum",)
     limits: ClassVar[bool] = True

@@ -27,7 +27,7 @@ class Quantisation(Actuator):
 
     name: ClassVar[str] = "quantisation"
     departs: ClassVar[str] = "torque in steps"
-    linear: ClassVar[Actuator] = PassThrough()
+    linear_part: ClassVar[Actuator] = PassThrough()
     vectors: ClassVar[tuple[str, ...]] = ("resolution",)
     positive: ClassVar[tuple[str, ...]] = ("resolution",)
     sampled: ClassVar[bool] = True

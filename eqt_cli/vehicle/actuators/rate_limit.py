@@ -22,7 +22,7 @@ class RateLimit(Actuator):
 
     name: ClassVar[str] = "rate_limit"
     departs: ClassVar[str] = "rate of torque limited"
-    linear: ClassVar[Actuator] = PassThrough()
+    linear_part: ClassVar[Actuator] = PassThrough()
     vectors: ClassVar[tuple[str, ...]] = ("rate",)
     positive: ClassVar[tuple[str, ...]] = ("rate",)
     limits: ClassVar[bool] = True

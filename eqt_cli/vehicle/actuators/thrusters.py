@@ -118,7 +118,7 @@ class Thrusters(Actuator):
         return "allocation: bounded"
 
     @property
-    def linear(self) -> Actuator:
+    def linear_part(self) -> Actuator:
         """The same without limits, which gives what is asked where thrusters can."""
         return replace(self, low=None, high=None, allocation="pseudo_inverse")
 
