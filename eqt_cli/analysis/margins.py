@@ -12,6 +12,7 @@ from eqt_cli.analysis.delay_margin import CutLoop, delay_margin
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.linearised import Linearised, linearised
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.error_origin import blamed
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
 from eqt_cli.experiment.build import Experiment
@@ -107,6 +108,7 @@ class Margins:
     left_out: list[str]
 
 
+@blamed()
 def margins_of(experiment: Experiment, done: Callable[[float], None]) -> Margins:
     """The margins of every law of an experiment.
 
@@ -121,6 +123,8 @@ def margins_of(experiment: Experiment, done: Callable[[float], None]) -> Margins
         If the reference leaves the real numbers.
     InputError
         If a loop has no derivative about its reference.
+    ComponentError
+        If a component of the user's own fails.
     """
     shown, problems = reference_over_horizon(experiment), Problems(experiment.source.place)
     check_reference(shown, None, problems.at("reference"))

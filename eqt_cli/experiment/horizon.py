@@ -9,7 +9,8 @@ from threadpoolctl import threadpool_limits
 
 from eqt_cli.closed_loop import ReferenceSystem
 from eqt_cli.core.arrays import Array, frobenius, norm
-from eqt_cli.core.errors import EqtWarning
+from eqt_cli.core.error_origin import blamed
+from eqt_cli.core.errors import ComponentError, EqtWarning
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -172,14 +173,14 @@ def _of_actuators(experiment: Experiment) -> Iterator[EqtWarning]:
 
 def _hard_on_numbers(experiment: Experiment, shown: Horizon | None) -> Iterator[EqtWarning]:
     """What rounding or stiffness do, with the section that is the reason."""
-    along = along_reference(experiment, shown)
-    with threadpool_limits(1):  # many small matrices, which threads take longer for
-        found = [
-            ("inertia", ill_conditioned(experiment)),
-            ("gains", stiff(experiment, along)),
-        ]
-        if len(along.times) > 1:
-            found += [("controllers", said) for said in unstable(experiment, along)]
+    along, found = along_reference(experiment, shown), [("inertia", ill_conditioned(experiment))]
+    try:
+        with blamed(), threadpool_limits(1):  # small matrices, which threads take longer for
+            found.append(("gains", stiff(experiment, along)))
+            if len(along.times) > 1:
+                found += [("controllers", said) for said in unstable(experiment, along)]
+    except ComponentError as error:
+        found.append(("controllers", f"loops cannot be linearised: {error}"))
     for section, said in found:
         if said:
             yield EqtWarning(f"{experiment.source.place((section,))}: {section}: {said}")

@@ -52,6 +52,18 @@ class Jumps(EqT):
     def torque(self, s):
         return super().torque(s) - where(less(s.V_tilde, 0 * s.P), -0.1, 0.1)
 """
+BRANCHES = """\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
+
+@dataclass(frozen=True)
+class Branches(Goodarzi2013):
+    name: ClassVar[str] = "branches"
+
+    def memory_rate(self, s):
+        return super().memory_rate(s) if s.t < 1 else {"integral": 0 * s.P}
+"""
 NOTES = """\
 
 delay margin: further delay of the command with which the loop is still stable
@@ -193,3 +205,18 @@ def test_a_law_that_jumps_at_its_reference_has_no_margins(
         "there; leave this law out\n",
     )
     assert eqt("config", "check", "c.yaml", *law, f"control={control}").err == "c.yaml: valid\n"
+
+
+def test_a_law_that_takes_one_time_only_is_named_with_its_line(eqt: Eqt, folder: Path) -> None:
+    (folder / "branches.py").write_text(BRANCHES)
+    law = ("--set", "plugins=[branches.py]", "--set", "controllers=[branches]")
+    why = (
+        "ValueError: The truth value of an array with more than one element is ambiguous. Use "
+        "a.any() or a.all() at branches.py:10: return super().memory_rate(s) if s.t < 1 else "
+        '{"integral": 0 * s.P}\n'
+    )
+    done = eqt("margins", "c.yaml", *law)
+    assert (done.code, done.out, done.err) == (2, "", f"eqt: {why}")
+    checked = eqt("config", "check", "c.yaml", *law)
+    said = f"eqt: --set[1]: controllers: loops cannot be linearised: {why}c.yaml: valid\n"
+    assert (checked.code, checked.err) == (0, said)
