@@ -370,10 +370,10 @@ def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _F
 
 def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Found | None:
     """Laws at equal cost; None where the result is not of a search with two objectives."""
-    from eqt_cli.tuning.folder import record_beside
+    from eqt_cli.tuning.folder import TUNE
     from eqt_cli.tuning.fronts import at_equal_cost, equal_cost_table, fronts
 
-    record = record_beside(result)
+    record = TUNE.beside(result)
     if record is None or len(record["objectives"]) < 2:
         return None
     table = equal_cost_table(result, record, write, how)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,9 @@ from eqt_cli.results.result import Result, open_result
 from eqt_cli.store.reserved_names import FILE_NAME
 from eqt_cli.tuning.evolution import Population, first_points, generator, selected, trials
 from eqt_cli.tuning.folder import SearchFolder
-from eqt_cli.tuning.law_search import LawSearch, Searches, expanded
+from eqt_cli.tuning.law_search import LawSearch, coordinate_of, expanded
 from eqt_cli.tuning.ranking import Scores
+from eqt_cli.tuning.searches import Searches
 
 Told = Callable[[LawSearch, int, Population], None]
 """Told after every generation of a law: its number, counted over all searches for the law, and what
@@ -72,7 +74,7 @@ class Computing:
 
 
 def evolve(
-    search: Searches,
+    search: Searches[Any],
     law: LawSearch,
     folder: SearchFolder,
     do: Computing,
@@ -118,7 +120,7 @@ class Expected:
     workers: int
 
 
-def expected(search: Searches, executor: Executor) -> Expected:
+def expected(search: Searches[Any], executor: Executor) -> Expected:
     """Compute part of the first generation of each law, without keeping it, and scale."""
     section, seconds, workers = search.section, 0.0, 1
     for law in search.laws:
@@ -159,6 +161,6 @@ def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
         return False
     with open_result(out) as result:
         return all(
-            np.array_equal(result.coordinate(key.replace("[", ".").replace("]", "")), values)
+            np.array_equal(result.coordinate(coordinate_of(key)), values)
             for key, values in columns.items()
         )

@@ -11,7 +11,7 @@ _BOUND = {"metric", "bound", "above", "every_run"}
 _METRICS = {metric.name for metric in METRICS}
 
 
-def fits(record: dict[str, Any], result: Result) -> bool:
+def fits_tuning(record: dict[str, Any], result: Result) -> bool:
     """Whether it says what `tune` writes, of laws and metrics that the result has."""
     with suppress(TypeError, KeyError, AttributeError, ValueError):
         searches = [found for law in record["laws"] for found in law["searches"]]
@@ -50,7 +50,7 @@ def fits(record: dict[str, Any], result: Result) -> bool:
 
 
 def fits_worst(record: dict[str, Any], result: Result) -> bool:
-    """Whether it says what `find_worst` writes, of laws and a metric that the result has."""
+    """Whether it says what `worst` writes, of laws and a metric that the result has."""
     with suppress(TypeError, KeyError, AttributeError, ValueError):
         laws = record["laws"]
         labels = [law["label"] for law in laws]

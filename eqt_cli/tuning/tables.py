@@ -119,15 +119,21 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
 
 def _notes(result: Result, record: Record) -> Iterator[str]:
     """How long the search was, and runs that are not as they should be."""
-    generations = f"{record['generations']} generation{'s' if record['generations'] > 1 else ''}"
-    each = f"{record['runs']} run{'s' if record['runs'] > 1 else ''}"
     yield (
-        f"Searched: {generations} of {record['population']} points, each of "
-        f"{each}, for every law, with the seed{'s' if len(record['seeds']) > 1 else ''} "
-        f"{listed(list(map(str, record['seeds'])))}. The best of these searches is shown; over "
-        "searches: the smallest and the largest mean of their winners."
+        f"{searched(record)} The best of these searches is shown; over searches: the smallest and "
+        "the largest mean of their winners."
     )
     yield from _counted(result)
+
+
+def searched(record: Record) -> str:
+    """How long a search was, in a sentence."""
+    generations, runs, seeds = record["generations"], record["runs"], record["seeds"]
+    return (
+        f"Searched: {generations} generation{'s' if generations > 1 else ''} of "
+        f"{record['population']} points, each of {runs} run{'s' if runs > 1 else ''}, for every "
+        f"law, with the seed{'s' if len(seeds) > 1 else ''} {listed([*map(str, seeds)])}."
+    )
 
 
 def _counted(result: Result) -> Iterator[str]:

@@ -10,8 +10,9 @@ from eqt_cli.plots.shown.controllers import error_of, positions
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
+from eqt_cli.tuning.folder import WORST
 from eqt_cli.tuning.law_search import coordinate_of
-from eqt_cli.tuning.worst import costs_of_runs, worst_beside, worst_of
+from eqt_cli.tuning.worst import costs_of_runs
 
 
 @dataclass(frozen=True)
@@ -70,12 +71,12 @@ class ShownWorst:
 
     def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
         self.results = results
-        record = worst_beside(results) if results.is_sweep else None
+        record = WORST.beside(results)
         if record is None:
             raise error_of(results, figure, "shows what `eqt worst` found; this is none")
         shown = positions([results], figure, chosen)[0]
         self.objective: str = record["objective"]
-        costs = worst_of(costs_of_runs(results, self.objective))
+        costs = costs_of_runs(results, self.objective).max(axis=-1)
         quantity = results.quantity(self.objective)
         self.lines = []
         for law in record["laws"]:
