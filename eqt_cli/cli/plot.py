@@ -184,6 +184,7 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
     """The figures to draw where none is asked for."""
     from eqt_cli.results.result import open_result
     from eqt_cli.tuning.folder import WORST
+    from eqt_cli.tuning.held_out import side_by_side
 
     if result.suffix in YAML:
         return ["reference"]
@@ -194,7 +195,7 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
             return ["paper"]
         if WORST.beside(results):
             return ["worst"]
-        if results.compares_cases:
+        if side_by_side(results):
             return ["forest"]
         swept = results.swept_keys
     if 1 <= len(swept) <= 2:

@@ -390,6 +390,11 @@ class TuneSection(Section):
         the luck of a search.
     seed
         Of the first search. The first generations of one seed are the same points for all laws.
+    cases
+        By their names, what cases change of the task, as the design `cases` of a sweep: actuators,
+        delays, the inertia, …; a point is run in all of them.
+    over_cases
+        The objective over cases: their mean (default), or the worst of them. Bounds hold in each.
     confirm
         The held-out runs on which the winners and the starting gains are compared.
     """
@@ -402,6 +407,8 @@ class TuneSection(Section):
     population: Annotated[int, Field(ge=5)] = 32
     seeds: Count = 3
     seed: CountOrNone = 0
+    cases: dict[str, dict[str, Any]] | None = None
+    over_cases: Literal["mean", "worst"] | None = None
     confirm: ConfirmSection = Field(default_factory=ConfirmSection)
 
 

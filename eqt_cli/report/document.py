@@ -27,6 +27,7 @@ from eqt_cli.report.run_table import columns, run_table
 from eqt_cli.report.summary import accuracy, lead, provenance
 from eqt_cli.results.result import HEADLINE, Result
 from eqt_cli.tuning.folder import TUNE, WORST
+from eqt_cli.tuning.held_out import side_by_side
 from eqt_cli.tuning.tables import tuning_tables
 from eqt_cli.tuning.worst_tables import worst_tables
 
@@ -117,12 +118,14 @@ def _default(result: Result) -> Sequence[Wanted]:
     """The figures of a result of its kind."""
     if WORST.beside(result):
         return (Wanted("worst"),)
-    if result.is_sweep and result.compares_cases:
+    if _has_fronts(TUNE.beside(result)):
+        return FRONTS
+    if side_by_side(result):
         return CASES
     if result.is_sweep:
         mapped = len(result.labels) > 1 and len(result.swept_keys) in (1, 2)
         return (*SWEPT, COMPARED) if mapped else SWEPT
-    return FRONTS if _has_fronts(TUNE.beside(result)) else DEFAULT
+    return DEFAULT
 
 
 def _has_fronts(record: dict[str, Any] | None) -> bool:
@@ -144,7 +147,7 @@ def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
 
 def _of_sweep(result: Result) -> dict[str, Any]:
     """No means, since one over all points means little."""
-    best = None if WORST.beside(result) else best_points(result)
+    best = None if WORST.beside(result) or TUNE.beside(result) else best_points(result)
     return {"best": best, "table": point_table(result)}
 
 

@@ -83,7 +83,7 @@ def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, Own]:
     marked
         Whether a configuration is known by its mark, since others may have such a name.
     """
-    generation = OwnFolder(r"\d{3,}", OWN_RESULT, MANIFEST)
+    generation = OwnFolder(r"\d{3,}(-case-\d+)?", OWN_RESULT, MANIFEST)
     one_search = OwnFolder(r"seed-\d+", (generation,))
     winners = OwnFolder(slug, (*OWN_COPIES, OwnFile(_NUMBERED.name, marked)))
     run = OwnFolder(slug, OWN_RESULT, MANIFEST)
@@ -118,9 +118,11 @@ class SearchFolder:
         with refusals(self.path, "used", OTHER_FOLDER):
             write_record(self.path / self.kind.record, record)
 
-    def generation(self, law: LawSearch, seed: int, number: int) -> Path:
-        """The folder of one generation of a search, an ordinary sweep."""
-        return self.path / GENERATIONS / law.slug / f"seed-{seed}" / f"{number:03d}"
+    def generation(self, law: LawSearch, seed: int, number: int, cases: int = 1) -> list[Path]:
+        """The folders of one generation of a search, of each case an ordinary sweep."""
+        of_search = self.path / GENERATIONS / law.slug / f"seed-{seed}"
+        ends = [f"-case-{k + 1}" for k in range(cases)] if cases > 1 else [""]
+        return [of_search / f"{number:03d}{end}" for end in ends]
 
     def run_of(self, law: LawSearch) -> Path:
         """The folder of the result of what was found for a law."""

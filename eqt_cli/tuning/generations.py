@@ -82,7 +82,7 @@ def evolve(
     after: After,
 ) -> dict[int, Population]:
     """All generations of all searches for one law; returns what each has left, by its seed."""
-    section = search.section
+    section, cases = search.section, search.in_cases(law).values()
     searches: dict[int, Population] = {}
     for count, seed in enumerate(search.seeds):
         shares = first_points(section.population, list(law.axes), law.start, seed)
@@ -91,8 +91,9 @@ def evolve(
                 shares = trials(
                     searches[seed], generator(seed, law.label, number), search.keeps_ends
                 )
-            out = folder.generation(law, seed, number)
-            tried = Population(shares, do.generation(law, out, shares, scored))
+            outs = folder.generation(law, seed, number, len(cases))
+            each = [do.generation(*one, shares, scored) for one in zip(cases, outs, strict=True)]
+            tried = Population(shares, search.over_cases(each))
             searches[seed] = selected(searches[seed], tried) if number else tried
             after(count * section.budget + number + 1, searches)
     return searches
@@ -125,10 +126,11 @@ def expected(search: Searches[Any], executor: Executor) -> Expected:
     section, seconds, workers = search.section, 0.0, 1
     for law in search.laws:
         shares = first_points(section.population, list(law.axes), law.start, section.seed)
-        generation = study(_swept(law, _columns(law, shares)), trust_plugins=True)
-        found = estimate(generation, executor)
-        seconds += found.seconds * search.all_generations
-        workers = max(workers, found.workers)
+        for case in search.in_cases(law).values():
+            generation = study(_swept(case, _columns(law, shares)), trust_plugins=True)
+            found = estimate(generation, executor)
+            seconds += found.seconds * search.all_generations
+            workers = max(workers, found.workers)
     points = len(search.laws) * search.all_generations * section.population
     return Expected(
         points, search.all_runs, seconds * search.all_runs / search.searched_runs, workers

@@ -191,18 +191,16 @@ def check_overlaps(laws: Sequence[LawSearch], problems: Problems) -> None:
                 problems.at(other).add(f"{other} overlaps with {one}; remove one of them")
 
 
-def check_ends(laws: Sequence[LawSearch], problems: Problems) -> None:
-    """Build each law at both ends of all ranges; what is wrong there is said at the ranges."""
-    for law in laws:
-        for share in (0.0, 1.0):
-            try:
-                build(law.at(law.values([share] * len(law.axes))), trust_plugins=True)
-            except ConfigError as error:
-                for problem in error.problems:
-                    at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"
-                    path = law.as_written(problem.path)
-                    message = f"{at}: {path}: {problem.message}"
-                    problems.add(message)
+def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:
+    """Build a law at both ends of all ranges; what is wrong there is said at the ranges."""
+    for share in (0.0, 1.0):
+        try:
+            build(law.at(law.values([share] * len(law.axes))), trust_plugins=True)
+        except ConfigError as error:
+            for problem in error.problems:
+                at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"
+                path = law.as_written(problem.path)
+                problems.add(f"{where}{at}: {path}: {problem.message}")
 
 
 def without_search(data: dict[str, Any]) -> dict[str, Any]:

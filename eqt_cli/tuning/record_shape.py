@@ -33,6 +33,9 @@ def fits_tuning(record: dict[str, Any], result: Result) -> bool:
         flags = [bound[name] for bound in record["constraints"] for name in ("above", "every_run")]
         return (
             0 < len(wanted) <= 2
+            and len(record["cases"]) == (result.points if result.is_sweep else 0)
+            and all(isinstance(case, str) for case in record["cases"])
+            and record["over_cases"] in ("mean", "worst")
             and bool(labels)
             and len(set(wanted)) == len(wanted)
             and all(name in _METRICS and result.has(name) for name in metrics)

@@ -1,20 +1,24 @@
 """What is searched for: the section `tune` of a configuration, read for each of its laws."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 from eqt_cli.config.schema import TuneSection, WorstRunSection
-from eqt_cli.config.source import ConfigSource
-from eqt_cli.core.errors import InputError
+from eqt_cli.config.source import ConfigSource, changed_at
+from eqt_cli.core.errors import ConfigError, InputError
 from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.axes import Drawn
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.ensemble.designs.cases import Cases
+from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.config_at_point import section_of
+from eqt_cli.experiment.read_study import require_sweepable
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.tuning.folder import TUNE
-from eqt_cli.tuning.law_search import entries_of, require_metric, without_search
+from eqt_cli.tuning.law_search import LawSearch, entries_of, require_metric, without_search
+from eqt_cli.tuning.ranking import Scores
 from eqt_cli.tuning.searches import Searches
 
 MOST_TRAJECTORIES = 50
@@ -75,11 +79,33 @@ class Search(Searches[TuneSection]):
         return len(self.objectives) > 1
 
     @property
+    def cases(self) -> dict[str, dict[str, Any]]:
+        """What each case changes, by its name."""
+        return self.section.cases or {}
+
+    def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
+        found = {
+            name: replace(law, source=_changed(law.source, name, settings))
+            for name, settings in self.cases.items()
+        }
+        return found or super().in_cases(law)
+
+    def over_cases(self, cases: Sequence[Scores]) -> Scores:
+        if not self.cases:
+            return super().over_cases(cases)
+        return Scores.over_cases(cases, worst=self.section.over_cases == "worst")
+
+    @property
+    def runs_at_a_point(self) -> int:
+        return super().runs_at_a_point * max(1, len(self.cases))
+
+    @property
     def judging_runs(self) -> int:
         """Of all winners and starting gains, held out."""
         section = self.section
         winners = section.population if self.seeks_front else section.seeds
-        return len(self.laws) * (winners + 1) * section.confirm.runs
+        each = section.confirm.runs * max(1, len(self.cases))
+        return len(self.laws) * (winners + 1) * each
 
     def confirmation(self, chosen: dict[str, dict[str, dict[str, float]]]) -> ConfigSource:
         """Winners and starting gains side by side, from initial states that no search has seen.
@@ -101,6 +127,7 @@ class Search(Searches[TuneSection]):
         few = min(MOST_TRAJECTORIES, ensemble["runs"])
         store.setdefault("trajectories", "none" if self.seeks_front else few)
         own = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
+        own |= {"sweep": [{"cases": self.cases}]} if self.cases else {}
         return replace(self.base.source, data=without_search(data) | own)
 
     @classmethod
@@ -123,20 +150,22 @@ class Search(Searches[TuneSection]):
 
     @classmethod
     def _check(cls, section: TuneSection, base: Experiment, problems: Problems) -> None:
-        _check_objectives(section, base, problems)
+        for each in [base, *_bases_of_cases(section, base, problems)]:
+            _check_objectives(section, each, problems)
+            for name in section.subject_to:
+                with problems.catching("subject_to", name):
+                    require_metric(name, each)
+            if each.config.initial.file is not None:
+                problems.add(
+                    "initial.file gives all runs their states, so that none are held out; draw them"
+                )
         for name, bound in section.subject_to.items():
-            with problems.catching("subject_to", name):
-                require_metric(name, base)
             if isinstance(bound, WorstRunSection) and bound.max is None and bound.min is None:
                 problems.at("subject_to", name).add("expected `max` or `min`, got neither")
         if section.confirm.seed == base.config.ensemble.seed:
             problems.at("confirm", "seed").add(
                 f"expected another seed than ensemble.seed, got {section.confirm.seed}; winners "
                 "are judged on runs that did not choose them"
-            )
-        if base.config.initial.file is not None:
-            problems.add(
-                "initial.file gives all runs their states, so that none are held out; draw them"
             )
 
 
@@ -148,6 +177,46 @@ def started(label: str) -> str:
 def seeded(label: str, seed: int) -> str:
     """The label of a law as the search with a seed found it, where another one found better."""
     return f"{label}, seed {seed}"
+
+
+OF_LAWS = {
+    "gains": "belongs to the laws, and is tuned by `over`",
+    "controllers": "belongs to the laws, and is tuned by `over`",
+    "ensemble": "is that of the search and of `confirm`",
+}
+"""Sections that cases do not change, and why."""
+
+
+def _bases_of_cases(section: TuneSection, base: Experiment, problems: Problems) -> list[Experiment]:
+    """The experiment with all laws in each case; notes what is wrong with cases."""
+    if section.cases is None:
+        if section.over_cases is not None:
+            problems.at("over_cases").add("there are no cases; add `cases`, or leave it out")
+        return []
+    here = problems.at("cases")
+    Cases.read(section.cases, here)
+    for name, settings in section.cases.items() if not here else ():
+        for key in settings:
+            with here.catching(name, key):
+                require_sweepable(key)
+                if reason := OF_LAWS.get(section_of(key)):
+                    raise InputError(f"no case can change it: {section_of(key)} {reason}")
+    found = []
+    for name, settings in section.cases.items() if not here else ():
+        try:
+            found.append(build(_changed(base.source, name, settings), trust_plugins=True))
+        except ConfigError as error:
+            for problem in error.problems:
+                here.at(name).add(f"{problem.path}: {problem.message}")
+    return found
+
+
+def _changed(source: ConfigSource, case: str, settings: dict[str, Any]) -> ConfigSource:
+    """A configuration in a case."""
+    for key, value in settings.items():
+        place = source.place(("tune", "cases", case, key))
+        source = changed_at(source, parse_key(key), value, place)
+    return source
 
 
 def _named(section: TuneSection) -> tuple[str, ...]:

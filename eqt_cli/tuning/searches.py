@@ -2,6 +2,7 @@
 
 import json
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
@@ -16,6 +17,7 @@ from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.tuning.folder import Kind
 from eqt_cli.tuning.law_search import LawSearch, check_ends, check_overlaps, laws_of, range_of
+from eqt_cli.tuning.ranking import Scores
 
 S = TypeVar("S", TuneSection, WorstSection)
 
@@ -81,8 +83,8 @@ class Searches(ABC, Generic[S]):
             at_key = here.at("over", key)
             axis = range_of(given, at_key)
             with at_key.catching():
-                found = cls._axis(key, axis, base)
-                ranges |= {key: found} if found else {}
+                varied = cls._axis(key, axis, base)
+                ranges |= {key: varied} if varied else {}
         cls._check(section, base, here)
         problems.raise_if_any()
         laws = laws_of(base, ranges)
@@ -94,9 +96,12 @@ class Searches(ABC, Generic[S]):
                 )
         check_overlaps(laws, here.at("over"))
         problems.raise_if_any()
-        check_ends(laws, here.at("over"))
+        found = cls(base, section, laws)
+        for law in laws:
+            for name, case in found.in_cases(law).items():
+                check_ends(case, here.at("over"), f"in case '{name}', " if name else "")
         problems.raise_if_any()
-        return cls(base, section, laws)
+        return found
 
     @classmethod
     @abstractmethod
@@ -117,6 +122,15 @@ class Searches(ABC, Generic[S]):
     def folder(self) -> Path:
         """Where it keeps its results unless it is told."""
         return Path("results") / f"{self.name}-{self.kind.found}"
+
+    def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
+        """The search for a law in each case, by its name; one without a name if there are none."""
+        return {"": law}
+
+    def over_cases(self, cases: Sequence[Scores]) -> Scores:
+        """The scores of points over all cases."""
+        (only,) = cases
+        return only
 
     @property
     def seeds(self) -> range:
@@ -165,5 +179,6 @@ class Searches(ABC, Generic[S]):
     def digest(self) -> str:
         """Hash of all that decides where a generation looks, but for how many there are."""
         section = self.section.model_dump(exclude=set(self.continuing), warnings="none")
-        text = json.dumps([self.base.numeric_config, section], sort_keys=True)
+        ordered = json.dumps(section)  # of cases and keys, too
+        text = json.dumps([self.base.numeric_config, ordered], sort_keys=True)
         return sha256(text.encode()).hexdigest()

@@ -117,6 +117,8 @@ def tune(
     confirmed = do.execute(search.confirmation(chosen), folder.path)
     return confirmed, {
         "objectives": list(search.objectives),
+        "cases": list(search.cases),
+        "over_cases": search.section.over_cases or "mean",
         "constraints": [asdict(bound) for bound in search.constraints],
         "laws": [_law_record(search, each) for each in found],
     }

@@ -55,7 +55,7 @@ def worst(
             told(law, generation, reduce(selected, searches.values()))
 
         found[law.label] = evolve(search, law, folder, do, scored, after)
-        first[law.label] = [_first(folder.generation(law, k, 0), scored) for k in search.seeds]
+        first[law.label] = [_first(folder.generation(law, k, 0)[0], scored) for k in search.seeds]
     best = {label: reduce(selected, searches.values()) for label, searches in found.items()}
     shares = {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}
     alone = {}

@@ -96,7 +96,9 @@ def _print_plan(search: Searches[Any], executor: Executor, *, json: bool) -> Non
     from eqt_cli.tuning.generations import expected
 
     section, found = search.section, expected(search, executor)
-    runs = search.base.config.ensemble.runs
+    runs = count_of(search.base.config.ensemble.runs, "run")
+    cases = len(search.in_cases(search.laws[0]))
+    each = f"{runs} in each of {cases} cases" if cases > 1 else runs
     factors = [
         count_of(len(search.laws), "law"),
         f"{section.seeds} search{'es' if section.seeds > 1 else ''}",
@@ -105,7 +107,7 @@ def _print_plan(search: Searches[Any], executor: Executor, *, json: bool) -> Non
     ]
     lines = [
         f"{' × '.join(factors)} = {found.points}",
-        f"runs     {search.searched_runs} ({count_of(runs, 'run')} at each point), and at most "
+        f"runs     {search.searched_runs} ({each} at each point), and at most "
         f"{search.judging_runs} to judge the outcome",
         f"time     about {duration(found.seconds)} with {count_of(found.workers, 'worker')}",
     ]

@@ -1,5 +1,6 @@
 """The figure of cases: by how much two laws differ in each, and how many runs settle."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -7,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
+from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.comparison.bootstrap import FEWEST
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.analysis.comparison.ratios import relative_difference
@@ -18,6 +20,8 @@ from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
 from eqt_cli.plots.shown.sweep import ShownSweep
+from eqt_cli.results.result import Result
+from eqt_cli.tuning.held_out import side_by_side
 
 MOST_ROWS = 40
 
@@ -59,6 +63,12 @@ class Forest(OfSweep):
         if not 0 < self.confidence < 1:
             expected = "expected a number between 0 and 1"
             problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
+
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownSweep:
+        """The points; of a tuning, the winners unless others are chosen."""
+        shown = self._only(results, "sweep")
+        chosen = self.controllers or (side_by_side(shown) if shown.is_sweep else ())
+        return ShownSweep(shown, self.name, chosen)
 
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Two panels with the same rows, the first point on top."""
