@@ -86,8 +86,9 @@ def test_messages_name_the_group(path):
 
 
 def refusal(path):
-    with pytest.raises(ResultError) as caught, open_results(path):
-        pass
+    with pytest.raises(ResultError) as caught, open_results(path) as results:
+        for point in range(results.dimensions["point"]):  # a group is read when it is asked for
+            results.at(point)
     text = str(caught.value)
     assert text.startswith(f"{path}: refused: ") and text.endswith(f"; {AGAIN}")
     return text.removeprefix(f"{path}: refused: ").removesuffix(f"; {AGAIN}")
