@@ -78,6 +78,7 @@ def fits_worst(record: dict[str, Any], result: Result) -> bool:
             and names <= set(result.coordinates)
             and all(line["key"] in law["values"] for law in laws for line in law["lines"])
             and all(law["lines"] and law["searches"] for law in laws)
+            and all(set(law["log"]) <= set(law["values"]) for law in laws)
             and all(len(line["points"]) == 2 for line in lines)
             and all(isinstance(number, int) for number in (*ends, *counts, *record["seeds"]))
             and all(0 <= line["points"][0] < line["points"][1] <= result.points for line in lines)

@@ -118,10 +118,11 @@ def _searched(
 ) -> dict[str, Any]:
     """Where the worst was found, by which searches, and how many runs of the box settle."""
     worst = {seed: -float(left.scores.objectives[left.best, 0]) for seed, left in searches.items()}
-    axes = zip(law.given, law.axes.values(), strict=True)
+    axes = dict(zip(law.given, law.axes.values(), strict=True))
     points = sum(len(scored) for scored in first)
     return {
-        "over": {key: [axis.low, axis.high] for key, axis in axes},
+        "over": {key: [axis.low, axis.high] for key, axis in axes.items()},
+        "log": [key for key, axis in axes.items() if axis.scale == "log"],
         "values": dict(zip(law.given, law.values(shares).values(), strict=True)),
         "searches": [{"seed": seed, **_valued(search, cost)} for seed, cost in worst.items()],
         "agreeing": sum(_agree(cost, max(worst.values())) for cost in worst.values()),

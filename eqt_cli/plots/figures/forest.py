@@ -105,17 +105,21 @@ class Forest(OfSweep):
             panel.grid(axis="y", visible=False)
             panel.tick_params(axis="y", length=0)
         add_legend(drawing, right.lines[:2], swept.titles)
-        swept.remarks += self._remarks(swept, found)
+        swept.remarks += self._remarks(swept, found, first)
         return drawing
 
     def _difference(self, first: Array, second: Array) -> tuple[float, float, float]:
         return relative_difference(resolved_differences(first, second), second, self.confidence)
 
-    def _remarks(self, swept: ShownSweep, found: Array) -> list[str]:
-        of = f"{100 * self.confidence:g} %"
+    def _remarks(self, swept: ShownSweep, found: Array, first: str) -> list[str]:
+        better = {
+            "lower": f" Left of 0: {first} is better.",
+            "higher": f" Right of 0: {first} is better.",
+        }
         told = [
-            f"{swept.count} per row. Intervals of {of}, each by itself; filled: without 0. "
-            "Failed runs are no part of the differences."
+            f"{swept.count} per row.{better.get(swept.results.quantity(self.metric).better, '')} "
+            f"Intervals of {100 * self.confidence:g} %, each by itself; filled where they exclude "
+            "0. Failed runs are no part of the differences."
         ]
         if not np.isfinite(found).all():
             told.append(f"No interval from fewer than {FEWEST} runs, or where the mean may be 0.")

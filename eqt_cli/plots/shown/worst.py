@@ -78,6 +78,7 @@ class ShownWorst:
         self.objective: str = record["objective"]
         costs = costs_of_runs(results, self.objective).max(axis=-1)
         quantity = results.quantity(self.objective)
+        self._log = {key for law in record["laws"] for key in law["log"]}
         self.lines = []
         for law in record["laws"]:
             position = results.labels.index(law["label"])
@@ -106,8 +107,7 @@ class ShownWorst:
     def swept(self, key: str) -> SweptKey:
         """A key as a scale, with all values that its lines have."""
         values = np.concatenate([line.values for line in self.lines if line.key == key])
-        log = any(known.key == key and known.logarithmic for known in self.results.swept_keys)
-        return SweptKey(key, values, {}, log)
+        return SweptKey(key, values, {}, key in self._log)
 
     def notes(self) -> list[str]:
         """What a reader must know about the curves."""
