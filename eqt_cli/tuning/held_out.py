@@ -87,7 +87,8 @@ def side_by_side(result: Result) -> list[str]:
         return []
     found, record = result.labels, TUNE.beside(result)
     if record:
-        laws = [law for law in record["laws"] if law["winners"]]
+        one = len(record["objectives"]) == 1  # a front has many winners
+        laws = [law for law in record["laws"] if law["winners"] and one]
         found = [law["winners"][0]["label"] for law in laws]
         found += [law["start"] for law in laws[:1]] if len(found) == 1 else []
     return found if len(found) == 2 else []
