@@ -45,7 +45,7 @@ nitpick_ignore_regex = [("py:(class|exc)", ".*")]  # types of parameters; refere
 # What a command prints is not to be copied.
 copybutton_selector = "div:not(.highlight-output) > div.highlight > pre"
 
-# Appearance; nothing comes from a network.
+# Theme; nothing comes from a network.
 html_theme = "pydata_sphinx_theme"
 html_title = "eqt"
 html_static_path = ["_static"]

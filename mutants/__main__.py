@@ -42,6 +42,7 @@ TESTS = (
             "analysis/test_bootstrap.py",
             "analysis/test_comparison.py",
             "execution/test_compiled_signals.py",
+            "trust/test_input.py",
         )
     ),
     *(

@@ -181,7 +181,8 @@ def _is_said(node: ast.AST) -> bool:
 def _replacements(node: ast.AST) -> Iterator[ast.expr | ast.stmt]:  # noqa: C901 a case per fault
     match node:
         case ast.BinOp(left, ast.MatMult(), right):
-            yield ast.BinOp(right, ast.MatMult(), left)
+            if ast.dump(left) != ast.dump(right):
+                yield ast.BinOp(right, ast.MatMult(), left)
         case ast.BinOp(left, operator, right) if type(operator) in _BINARY:
             if not _of_types(left):
                 yield ast.BinOp(left, _BINARY[type(operator)](), right)

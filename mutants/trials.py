@@ -116,19 +116,17 @@ class Trials:
         return mutant.on_import or (mutant.path, mutant.function) in self.on_import
 
     def chosen(self, mutant: Mutant) -> list[str]:
-        """The tests to try: those that call the function, or for one on import the whole file.
+        """The tests to try: those that call the function, or, for one on import, its file.
 
-        Where nothing in the file is called, as in that of a law of numbers only, those of its
-        folder.
+        A test that reads a class, or is refused by it, calls nothing in its file. So for a fault on
+        import those of the same folder are tried, too.
         """
-        whole, folder = self.reads(mutant), f"/{Path(mutant.path).parts[1]}"
-        if whole and not any(mutant.path in known["calls"] for known in self.tests.values()):
-            return self._within_budget(n for n in self.tests if folder in n.partition("::")[0])
-        return self._within_budget(
-            nodeid
-            for nodeid, known in self.tests.items()
-            if (mutant.path in known["calls"] if whole else self._calls(nodeid, mutant))
-        )
+        if not self.reads(mutant):
+            return self._within_budget(n for n in self.tests if self._calls(n, mutant))
+        callers = (n for n, known in self.tests.items() if mutant.path in known["calls"])
+        folder = f"/{Path(mutant.path).parts[1]}"
+        beside = (n for n in self.tests if folder in n.partition("::")[0])
+        return list(dict.fromkeys([*self._within_budget(callers), *self._within_budget(beside)]))
 
     def _calls(self, nodeid: str, mutant: Mutant) -> bool:
         return mutant.function in self.tests[nodeid]["calls"].get(mutant.path, ())

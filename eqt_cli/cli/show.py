@@ -41,7 +41,7 @@ def show(
     failed: Annotated[bool, options.flag("--failed", "List all failed runs.", SELECTION)] = False,
     table: Annotated[
         bool,
-        options.flag("--table", "Print the metrics of every run, one run a row.", SELECTION),
+        options.flag("--table", "Print the metrics of every run, one row per run.", SELECTION),
     ] = False,
     format_: Annotated[
         str | None,

@@ -1,6 +1,7 @@
 """One JSON schema of configurations, for editors: the models, and every registered component."""
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeAlias
 
 from pydantic import TypeAdapter
@@ -118,10 +119,16 @@ def _mapping(component: type, shared: dict[str, Any], extra: dict[str, Any]) -> 
     }
 
 
+@cache
+def _generated(component: type) -> dict[str, Any]:
+    """The schema of a component alone, which takes pydantic milliseconds."""
+    return TypeAdapter(component).json_schema(schema_generator=_Generator)
+
+
 def _options(component: type, shared: dict[str, Any]) -> dict[str, Any]:
     """The object schema of a component's options; what it refers to goes to `shared`."""
-    schema = TypeAdapter(component).json_schema(schema_generator=_Generator)
-    shared |= schema.pop("$defs", {})
+    schema = _generated(component)
+    shared |= schema.get("$defs", {})
     properties = {name: schema["properties"][name] for name in option_names(component)}
     required = [name for name in schema.get("required", []) if name in properties]
     return {"properties": properties, "required": required}

@@ -26,29 +26,27 @@ def signal_path(config: Mapping[str, Any]) -> str:
 
 
 def loop_in_words(config: Mapping[str, Any]) -> str:
-    """What a loop has that the paper's has not, in a sentence; "" for the ideal loop.
+    """What a loop has that the paper's has not; "" for the ideal loop.
 
-    ``The loop has a sample period of 0.1 s; actuators (lag); errors of the measured pose (noise).``
+    ``Loop: sampled every 0.1 s; actuators: lag; measured pose: noise.``
     """
     plant, control = config.get("plant") or {}, config.get("control")
     sensors = config.get("sensors") or {}
     found = []
     if control:
         delay = control.get("delay", 0)
-        late = f" and a delay of {delay} period{'s' * (delay > 1)}" if delay else ""
-        found.append(f"a sample period of {control['period']:g} s{late}")
+        late = f", {delay} period{'s' * (delay > 1)} late" if delay else ""
+        found.append(f"sampled every {control['period']:g} s{late}")
     if kinds := _kinds(config.get("actuators")):
-        found.append(f"actuators ({', '.join(kinds)})")
+        found.append(f"actuators: {', '.join(kinds)}")
     if plant.get("inertia") is not None:
-        found.append("an inertia that the law does not know")
+        found.append("inertia error")
     if kinds := _kinds(plant.get("forces")):
-        found.append(f"forces ({', '.join(kinds)})")
+        found.append(f"forces: {', '.join(kinds)}")
     found += [
-        f"errors of the measured {name} ({_measured(entries)})"
-        for name, entries in sensors.items()
-        if entries
+        f"measured {name} ({_measured(entries)})" for name, entries in sensors.items() if entries
     ]
-    return f"The loop has {'; '.join(found)}." if found else ""
+    return f"Loop: {'; '.join(found)}." if found else ""
 
 
 def _measured(entries: Any) -> str:

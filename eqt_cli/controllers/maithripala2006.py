@@ -11,7 +11,7 @@ from eqt_cli.mechanics.tracking import Tracking
 
 @dataclass(frozen=True)
 class Maithripala2006(Controller):
-    """After Maithripala, Berg and Dayawansa (2006); damping of its own, not matched.
+    """After Maithripala, Berg and Dayawansa (2006); uses its own damping (gains not matched).
 
     τ = 𝕀(V̇_d + ∇_V V_d) − Ad*_{Q_d} L*dΥ(Q_E) − k_d 𝕀Ṽ: the damping is proportional to the
     momentum error, ∇ the Levi-Civita connection of 𝕀. IEEE Trans. Automatic Control 51 (2),

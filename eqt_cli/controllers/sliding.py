@@ -11,7 +11,7 @@ from eqt_cli.mechanics.tracking import Tracking
 
 @dataclass(frozen=True)
 class Sliding(SlidingVariable):
-    """Sliding mode with a smooth boundary layer; gains of its own, not matched.
+    """Sliding mode with a smooth boundary layer; uses its own gains (not matched).
 
     reaching = gain · tanh(s / layer), coordinate by coordinate: after Slotine and Li (1991), sec.
     7.2, with tanh for their saturation, which has its slope at 0 and its bounds, and no corners.

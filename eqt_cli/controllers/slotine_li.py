@@ -10,7 +10,7 @@ from eqt_cli.mechanics.tracking import Tracking
 
 @dataclass(frozen=True)
 class SlotineLi(SlidingVariable):
-    """After Slotine and Li (1987), with known inertia; a slope of its own, not matched.
+    """After Slotine and Li (1987), with known inertia; uses its own slope (gains not matched).
 
     reaching = K_d s. Int. J. Robotics Research 6 (3), 49-59, written for manipulators; the form on
     groups is that of the design of eqt, and the paper was not read.

@@ -111,8 +111,8 @@ CASES = (
 COMPARED = Wanted(
     "winners",
     {},
-    "Which law has the better mean pose error at each point, and by how many per cent; white where "
-    "the runs do not tell. All tests of the map are counted.",
+    "Which law has the better mean pose error at each point, and by how many per cent; white: "
+    "undecided. All tests of the map are counted.",
 )
 """What it shows besides, of several laws over one or two keys."""
 
@@ -121,7 +121,7 @@ FRONTS = (
         "fronts",
         {},
         "Winners of the search by both objectives, means over held-out runs with 95 % intervals. "
-        "The line joins those that no other betters on these runs; crosses are the starting gains.",
+        "The line joins the Pareto front of these runs; crosses are the starting gains.",
     ),
 )
 """What a report on a search with two objectives shows."""

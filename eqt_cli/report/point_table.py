@@ -70,7 +70,7 @@ def best_points(result: Result) -> TextTable:
         blocks.append(Block("settled, the largest share, with its 95 % interval", _most(result)))
     return TextTable(
         "best",
-        "Points where the mean over runs is least, of those at which no run failed",
+        "Points with the lowest mean over runs, among points without failed runs",
         ["controller", "point", *(key.key for key in result.swept_keys), "mean"],
         blocks,
     )

@@ -52,7 +52,7 @@ class Front:
 
     @property
     def best(self) -> Array:
-        """The winners that none betters on the held-out runs either, by rising cost."""
+        """The winners that are on the Pareto front of the held-out runs, too, by rising cost."""
         return front(*self.means.T)
 
     def at(self, cost: float) -> Array:

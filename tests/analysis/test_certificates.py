@@ -482,14 +482,14 @@ def velocity_errors(*levels, stays=(), scale=1.0):
 def test_runs_under_way_are_counted_and_their_decay_is_measured():
     row = trajectory("Q → Q_d", **pose_errors(0.005, 0.15))
     assert (row.verdict, row.measured, row.bound) == ("undecided", pytest.approx(0.3), 0.05)
-    assert row.remark == "1 of 2 runs not there at 10 s; L decays at 0.5 1/s (median)"
+    assert row.remark == "1 of 2 runs not settled at 10 s; L decays at 0.5 1/s (median)"
 
 
 def test_a_pose_error_that_stays_below_the_threshold_is_an_offset():
     row = trajectory("Q → Q_d", **pose_errors(0.001, 0.01, stays=[1]))
     assert row.verdict == "undecided"
     assert row.remark.startswith(
-        "1 of 2 runs not there at 10 s; an error of 0.02 stays in 1 of 2 runs"
+        "1 of 2 runs not settled at 10 s; an error of 0.02 stays in 1 of 2 runs"
     )
 
 
@@ -561,7 +561,7 @@ def test_the_offset_of_a_loop_that_no_theorem_covers_is_named():
         "Q → Q_d", **pose_errors(0.01, 0.01, stays=[0, 1]), departures="a constant force"
     )
     assert row.verdict == "not covered"
-    assert "a constant force; 2 of 2 runs not there" in row.remark
+    assert "a constant force; 2 of 2 runs not settled" in row.remark
     assert "an error of 0.02 stays in 2 of 2 runs" in row.remark
 
 
@@ -584,7 +584,7 @@ def test_a_run_that_is_not_there_and_whose_error_grows_speaks_against_convergenc
 
 
 @pytest.mark.parametrize(
-    ("final", "counted"), [(0.3, "1 of 1 runs not there at 10 s; "), (0.01, "")]
+    ("final", "counted"), [(0.3, "1 of 1 runs not settled at 10 s; "), (0.01, "")]
 )
 def test_convergence_without_trajectories_is_undecided(final, counted):
     none = {"lyapunov": None, "pose_error": None}

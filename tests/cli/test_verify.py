@@ -232,7 +232,14 @@ def test_a_statement_that_does_not_hold_ends_with_4(eqt: Eqt) -> None:
 
 @pytest.mark.usefixtures("plugins")
 def test_failed_runs_end_with_3(eqt: Eqt) -> None:
-    escape = ("--set", "plugins=[escape.py]", "--set", "controllers=[escape]")
+    escape = (
+        "--set",
+        "plugins=[escape.py]",
+        "--set",
+        "controllers=[escape]",
+        "--set",
+        "solver.rtol=1e-3",
+    )
     done = eqt("verify", "c.yaml", *escape, "--json")
     document = json.loads(done.out)
     assert (done.code, document["failed"]) == (3, 3)

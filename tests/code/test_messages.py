@@ -40,6 +40,11 @@ EVERYWHERE = "t = 0.5, pose = {"
             "controllers[0]: memory: lee_memory in lee.c has no field ei; it has unused",
         ),
         (
+            [],
+            {"memory": ["e i"]},
+            "controllers[0].memory[0]: expected a name in C, got 'e i'",
+        ),
+        (
             [("real unused;", "real ei[3], more;")],
             {"memory": ["ei"]},
             "controllers[0]: memory: lee_memory in lee.c has 4 numbers, and the fields that are "

@@ -274,12 +274,15 @@ def test_a_run_that_fails_at_an_instant_harms_no_other(engine, sampled):
     fails = np.full((RUNS, 1), 1e9)
     fails[2] = 1.7
     varying = {**problem.varying, "controller.fails_after": fails}
-    solution = engine.solve(dataclasses.replace(problem, varying=varying), quiet)
+    problem = dataclasses.replace(problem, varying=varying)
+    solution = engine.solve(problem, quiet)
     assert solution.status.tolist() == [0, 0, Status.NON_FINITE, 0, 0]
     known = problem.times < 1.8
     assert np.isnan(solution.states[2, ~known]).all()
     expected[2, ~known] = np.nan
     np.testing.assert_allclose(positions(problem, solution), expected, rtol=0, atol=ERROR)
+    alone = engine.solve(problem.select(slice(2, 3)), quiet)
+    assert solution.steps[2] == alone.steps[0]  # none behind its failure
 
 
 @pytest.mark.parametrize("kind", ["of a force", "that are held"])

@@ -18,6 +18,7 @@ from eqt_cli.core.activity import watched
 from eqt_cli.core.errors import EqtError
 from eqt_cli.engines.native import cache, compiler
 
+LANES = {(): 2, ("AVX",): 4, ("AVX", "AVX-512"): 8}
 SOURCE = "double f(double x) { return x + 1.0; }"
 ZIG = (sys.executable, "-m", "ziglang", "cc")
 CHOOSE = "set the variable CC to a C compiler, or remove it"
@@ -403,3 +404,9 @@ def test_two_processes_that_compile_the_same_both_have_it(cc, tmp_path):
     assert kept()
     forget()
     assert works() and cc() == (0, 0)
+
+
+@pytest.mark.parametrize("features", LANES)
+def test_lanes_fill_a_vector_of_the_processor(features):
+    found = compiler.Compiler(("cc",), (), "cc 1", features, "")
+    assert found.lanes == LANES[features]

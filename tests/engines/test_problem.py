@@ -21,6 +21,7 @@ from eqt_cli.engines.problem import Solution, Span, _nearest
         (0.5, 0.5),
         (0.0, 0.0),
         (1.0, 1.0),
+        (1.0 - 2e-16, 1.0),
         (0.31, 0.31),
         (2.0, 2.0),
     ],

@@ -41,6 +41,8 @@ from eqt_cli.references.rates import RatesReference
 from eqt_cli.references.slew import SlewReference
 from eqt_cli.references.torque import TorqueReference
 from eqt_cli.references.waypoints import Waypoint, WaypointsReference
+from eqt_cli.vehicle.sampling import Sampling
+from eqt_cli.vehicle.vehicle import Vehicle
 
 pytest.importorskip("heyoka", reason="the taylor extra is not installed")
 
@@ -712,6 +714,13 @@ def test_step_limit_bounds_the_steps():
     assert re.fullmatch(
         r"t = \d\.\d+ s: step limit: 5 steps \(solver\.max_steps\)", solution.messages[0]
     )
+
+
+def test_a_step_limit_that_a_period_has_used_up_ends_the_next():
+    loop = dataclasses.replace(loop_of(EqT()), vehicle=Vehicle(control=Sampling(period=0.5)))
+    steps = int(Taylor().solve(problem_of(loop, 1, duration=0.5, samples=2), quiet).steps[0])
+    solution = Taylor(max_steps=steps).solve(problem_of(loop, 1, samples=3), quiet)
+    assert solution.messages == [f"t = 0.5 s: step limit: {steps} steps (solver.max_steps)"]
 
 
 # Options ------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from eqt_cli.core.problems import Problems
+from eqt_cli.core.validation import component
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.seeds import Stream, generator
@@ -198,6 +199,17 @@ def test_draws_are_errors_to_the_desired_state(G):
 def test_options_that_do_not_fit_are_reported(distribution, group, options):
     problems = wrong_options(distribution, group_named(group))
     assert [option for option, _ in problems] == options
+
+
+def test_a_spread_is_one_or_numbers():
+    """Without a word, deviations are 1; `true` is no number."""
+    lengths = Spread().draw(4, generator(SEED, Stream.INITIAL_STATE, 0))
+    expected = generator(SEED, Stream.INITIAL_STATE, 0).standard_normal(4)
+    np.testing.assert_array_equal(lengths, expected)
+    problems = Problems()
+    given = {"kind": "haar", "position": {"std": True}}
+    assert component(pose_distributions, given, problems, group=group_named("SE3")) is None
+    assert [problem.path for problem in problems] == ["position.std"]
 
 
 # Distributions ------------------------------------------------------------------------------------

@@ -104,6 +104,7 @@ def test_momentum_and_velocity_undo_each_other(law):
 def test_many_instants_are_as_many_single_ones(law):
     t = np.linspace(0.0, 2.0, 5)
     together = law.at(t)
+    np.testing.assert_allclose(law.matrix_at(t), together.matrix, rtol=0, atol=ROUNDING)
     for k, instant in enumerate(t):
         alone = law.at(float(instant))
         np.testing.assert_allclose(together.matrix[k], alone.matrix, rtol=0, atol=ROUNDING)

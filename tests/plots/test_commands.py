@@ -64,7 +64,7 @@ def test_a_figure_says_what_the_loop_contains(flown):
         .draw([flown])
         .get_supxlabel()
         .replace("\n", " ")
-        .startswith("The loop has a sample period of 0.1 s; actuators (limit, lag). ")
+        .startswith("Loop: sampled every 0.1 s; actuators: limit, lag. ")
     )
 
 

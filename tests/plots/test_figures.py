@@ -61,10 +61,12 @@ every_figure_over_time = every(lambda kind: issubclass(kind, OverTime))
 unarranged = pytest.mark.usefixtures("unarranged")
 
 
+AGAIN = pytest.mark.slow("draws figures again, which are drawn once in fast tests")
+
+
 def slow_but(name):
     """The names of all figures, of which all others are slow."""
-    slow = pytest.mark.slow("draws figures again, which are drawn once in fast tests")
-    return [pytest.param(each, marks=[] if each == name else [slow]) for each in NAMES]
+    return [pytest.param(each, marks=[] if each == name else [AGAIN]) for each in NAMES]
 
 
 @dataclass
@@ -130,7 +132,10 @@ def test_nothing_sticks_out_of_the_sheet(name, se3, drawn):
     assert_inside(drawn(name, se3).drawing, "column")
 
 
-@pytest.mark.parametrize(("result", "width"), [("so3", "page"), ("odd_names", "column")])
+@pytest.mark.parametrize(
+    ("result", "width"),
+    [pytest.param("so3", "page", marks=AGAIN), ("odd_names", "column")],
+)
 @pytest.mark.parametrize("name", slow_but("paper"))
 def test_nothing_sticks_out_of_other_sheets(name, width, result, drawn, request):
     assert_inside(drawn(name, request.getfixturevalue(result), width).drawing, width)
@@ -154,7 +159,7 @@ def test_texts_do_not_overlap(name, se3, drawn):
     assert_apart(drawn(name, se3).texts)
 
 
-@pytest.mark.parametrize("result", ["so3", "odd_names"])
+@pytest.mark.parametrize("result", [pytest.param("so3", marks=AGAIN), "odd_names"])
 @pytest.mark.parametrize("name", slow_but("paper"))
 def test_other_texts_do_not_overlap(name, result, drawn, request):
     assert_apart(drawn(name, request.getfixturevalue(result)).texts)

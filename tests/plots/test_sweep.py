@@ -292,6 +292,12 @@ def test_winners_are_those_of_the_comparison(swept):
     assert drawn.T.ravel().tolist() == [cell.winner + 1 for cell in found.cells]
 
 
+def test_cells_over_one_key_are_as_high_as_the_panel(swept):
+    panel = Winners(metric="effort").draw([swept(TWO[:1])]).axes[0]
+    box = panel.collections[0].get_window_extent()
+    assert box.height == pytest.approx(panel.get_window_extent().height, rel=1e-3)
+
+
 CASES = [{"cases": {"ideal": {}, "soft": {"gains.kp": 0.5}, "stiff": {"gains.kp": 4}}}]
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import group_named
 from eqt_cli.references.path import PathFactor, PathReference
@@ -69,6 +70,13 @@ def test_each_waypoint_is_looked_at():
     assert pose == "points[1].pose"
     assert wrong
     assert time == ("points[1].t", "expected a time after 2 s, got 2 s")
+
+
+def test_times_are_within_bounds():
+    far = [Waypoint(-1e12, "identity"), Waypoint(1.0, "identity")]
+    with pytest.raises(InputError) as raised:
+        WaypointsReference(far).pieces(G)
+    assert str(raised.value) == "expected times from -1e+09 to 1e+09 s, got -1e+12 s"
 
 
 def test_what_is_wrong_in_a_file_is_noted_at_its_name():

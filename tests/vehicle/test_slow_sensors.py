@@ -195,8 +195,7 @@ def test_the_signal_path_says_when_a_part_is_measured(tmp_path):
         f"reference → law → hold 0.1 s → plant → {pose}, velocity (rotation: noise) → law"
     )
     assert loop_in_words(resolved) == (
-        f"The loop has a sample period of 0.1 s; errors of the measured {pose}; errors of the "
-        "measured velocity (rotation: noise)."
+        f"Loop: sampled every 0.1 s; measured {pose}; measured velocity (rotation: noise)."
     )
 
 

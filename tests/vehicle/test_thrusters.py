@@ -188,6 +188,18 @@ def test_thrusts_have_the_least_weighted_sum_of_squares():
     np.testing.assert_allclose(across @ (weights * f), 0, atol=1e-13)
 
 
+def test_what_thrusts_come_to_is_the_solution_of_their_rate(derivative):
+    part = Thrusters(thrusters=[Thruster(**each) for each in FOUR], time_constant=0.4)
+    given, command, x = part.numbers(SE2, None), np.array([1.0, -2.0, 3.0]), np.ones(4)
+
+    def after(duration):
+        return part.after(SE2, command, x, given, np.array(duration))
+
+    np.testing.assert_allclose(after(0.0), x, atol=1e-15)
+    rate = part.state_rate(SE2, command, after(0.7), given)
+    np.testing.assert_allclose(derivative(lambda h: after(0.7 + h)), rate, atol=1e-10)
+
+
 @pytest.mark.parametrize("size", [0.5, 3.0, 30.0])
 def test_bounded_thrusts_are_those_of_least_squares(size):
     part = Thrusters(
@@ -195,6 +207,7 @@ def test_bounded_thrusts_are_those_of_least_squares(size):
         low=[-1.0] * 4 + [0.0] * 4,
         high=2.0,
         allocation="bounded",
+        weights=np.linspace(0.5, 2.0, 8).tolist(),
     )
     given, random = part.numbers(SE3, None), np.random.default_rng(3)
     commands, B = size * random.standard_normal((20, 6)), given["matrix"]
@@ -207,7 +220,8 @@ def test_bounded_thrusts_are_those_of_least_squares(size):
         slope = B.T @ (B @ f - command)
         free = (given["low"] < f) & (f < given["high"])
         np.testing.assert_allclose(slope[free], 0, atol=1e-10 * size)
-        assert (slope[f == given["low"]] >= 0).all() and (slope[f == given["high"]] <= 0).all()
+        assert (slope[f == given["low"]] >= -1e-10 * size).all()
+        assert (slope[f == given["high"]] <= 1e-10 * size).all()
         inside += free.all()
     assert inside < 20
 
@@ -247,6 +261,15 @@ def test_directions_without_thrust_are_the_fewest_coordinates():
     quadrotor[:3, :3], quadrotor[5, 3] = np.eye(3), 1.0
     np.testing.assert_array_equal(unreachable(quadrotor), np.eye(6)[[3, 4]])
     assert len(unreachable(np.eye(6))) == 0
+    along = np.array([[1.0], [-1.0], [1.0]])
+    np.testing.assert_allclose(unreachable(along), [[1, 0, -1], [0, 1, 1]], atol=1e-15)
+
+
+def test_directions_without_thrust_are_said_by_their_coordinates():
+    [told] = Thrusters(matrix=[[1.0, 0.0], [0.0, 1.0], [2.0, 0.5]]).remarks(SE2)
+    assert told == (
+        "with rank 2 of 3 cannot push along ω + 0.25 vx − 0.5 vy; what a law asks for there is lost"
+    )
 
 
 # Whole experiments.
@@ -424,6 +447,10 @@ BAD = [
     (
         f"[{PART}, low: [-1, -1], high: 1}}]",
         "actuators[0].low: expected 1 entries, one for each thruster, got 2",
+    ),
+    (
+        f"[{PART}, low: 1, high: 1}}]",
+        "actuators[0].low: expected a number less than high, 1, got 1",
     ),
     (
         f"[{PART}, time_constant: 0}}]",

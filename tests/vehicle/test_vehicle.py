@@ -213,6 +213,13 @@ def test_gravity_gradient_is_the_torque_of_point_masses(G):
     assert not found[3:].any()
 
 
+def test_gravity_gradient_turns_bodies_in_space_only(noted):
+    force = GravityGradient(rate=0.3, inertia=[1.0, 2.0, 2.5])
+    for name in ("SE2", "SE23", "SO3*SO2"):
+        G = group_named(name)
+        assert ("", f"gravity_gradient needs group SO3 or SE3, got {G.name}") in noted(force, G)
+
+
 def test_gravity_pulls_no_torque_from_a_body_that_is_in_line_with_it():
     force = GravityGradient(rate=0.3, inertia=[1.0, 2.0, 2.5])
     found = acting(force, SE3, np.eye(4)[None], np.zeros((1, 6)))

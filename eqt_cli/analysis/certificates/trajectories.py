@@ -147,7 +147,7 @@ class Convergence(LyapunovCheck):
         rate, span = runs.decay_rate(), float(runs.times[-1] - runs.times[0])
         claimed = runs.claims_decrease and np.isfinite(rate)
         remark = _joined(
-            f"{late} of {len(final)} runs not there at {runs.times[-1]:g} s" if late else "",
+            f"{late} of {len(final)} runs not settled at {runs.times[-1]:g} s" if late else "",
             found.offsets if found else "the result holds no trajectories",
             f"L decays at {rate:.2g} 1/s (median)" if claimed else "",
             runs.remark,

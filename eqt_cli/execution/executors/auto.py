@@ -1,4 +1,4 @@
-"""Begins in this process, and takes more of them where what is left is worth starting them."""
+"""Starts in this process; starts workers where the work that remains is worth it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ as two threads, which take turns at all that Python does."""
 
 @dataclass(frozen=True)
 class Auto(Executor):
-    """Begins in this process; as soon as much is left, as `local`.
+    """Starts in this process; switches to workers when much work remains.
 
     Attributes
     ----------

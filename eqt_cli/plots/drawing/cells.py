@@ -72,8 +72,9 @@ class Cells:
 
     def draw(self, panel: Axes, values: Array, **look: Any) -> Any:
         """Colour the cells by the numbers of the points."""
-        rows, columns = self.shape
-        return panel.pcolormesh(np.arange(columns), np.arange(rows), self.grid(values), **look)
+        # The edges, since of a single row or column the middles do not say how far it reaches.
+        rows, columns = (np.arange(count + 1) - 0.5 for count in self.shape)
+        return panel.pcolormesh(columns, rows, self.grid(values), **look)
 
     def hatch(self, panel: Axes, points: Iterable[int], pattern: str) -> None:
         """Hatch the cells of some points."""

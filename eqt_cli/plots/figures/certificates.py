@@ -28,7 +28,7 @@ _STROKE: dict[str, Any] = {
     "markeredgewidth": 0.6,
 }
 _NO_LAW, _BEYOND = 0.65, 0.07
-"""Shares of ink: of markers of no law, and, transparent, of the ground beyond the bound."""
+"""Shares of ink: of markers of rows independent of the law, and of the ground beyond the bound."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Certificates(OfCertificates):
 
     Allowed are rounding for identities and a multiple of the solver's tolerance for trajectories.
     Values left of 1 hold (filled). Hollow: no claim about the finite time of the runs. Cross:
-    fails. The scale is logarithmic; behind the gap in it stands 0.
+    fails. The scale is logarithmic; 0 is left of the axis break.
     """
 
     name: ClassVar[str] = "certificates"
@@ -64,7 +64,7 @@ class Certificates(OfCertificates):
 def _legend(found: ShownCertificates, looks: dict[str, dict[str, Any]]) -> dict[str, Artist]:
     """Whose markers they are, and what each shape says."""
     shown = {row.controller for row in found.shown}
-    titles = {law.label: law.title for law in found.laws} | {"": "no law"}
+    titles = {law.label: law.title for law in found.laws} | {"": "independent of the law"}
     handles: dict[str, Artist] = {
         titles[label]: Line2D([], [], **_MARKER, **look)
         for label, look in looks.items()

@@ -51,7 +51,7 @@ class Distributions(OfMetrics):
     kind
         ``box``, or ``ecdf`` for the fraction of runs up to a value.
     log
-        Logarithmic scales; if not said, of the metrics that span more than a decade.
+        Logarithmic scales; by default, of the metrics that span more than a decade.
     """
 
     name: ClassVar[str] = "distributions"

@@ -26,13 +26,13 @@ _SMALL = 3.5
 class Fronts(OfTuning):
     """The winners of each law by both objectives on held-out runs, with 95 % intervals.
 
-    The line joins the points that no other betters on these runs; hollow ones are bettered there.
+    The line joins the Pareto front of these runs; hollow points are not on it.
     A cross marks the starting gains of each law.
 
     Attributes
     ----------
     log
-        Logarithmic scales, where all numbers are positive; if not said, of the objectives that span
+        Logarithmic scales, where all numbers are positive; by default, of the objectives that span
         more than a decade.
     """
 

@@ -28,9 +28,9 @@ _LONGEST, _ALONG = 40, 25
 
 @dataclass(frozen=True)
 class Pareto(OfSweep):
-    """Every point of a sweep by two metrics, less being better, and the front that none betters.
+    """Every point of a sweep by two metrics, of which lower is better, and the Pareto front.
 
-    Points are means over the runs; a line joins those that no other betters in both. On a page,
+    Points are means over the runs; a line joins the Pareto front of each law. On a page,
     few such points carry the values of the swept keys, as far as there is room.
 
     Attributes
@@ -38,7 +38,7 @@ class Pareto(OfSweep):
     cost, error
         The metrics across and up, by their names in the result.
     log
-        Logarithmic scales; if not said, of the metrics that span more than a decade.
+        Logarithmic scales; by default, of the metrics that span more than a decade.
     """
 
     name: ClassVar[str] = "pareto"
@@ -59,7 +59,7 @@ class Pareto(OfSweep):
             pale = {"color": look["color"], "alpha": _PALE, "linewidths": 0}
             panel.scatter(x, y, s=16, marker=look["marker"], label=title, **pale)
             best = front(x, y)
-            # Between two points of the front lies what the first of them betters.
+            # The first of two points of the front is better than all that lies between them.
             lines += panel.plot(x[best], y[best], drawstyle="steps-post", markersize=4.5, **look)
             fronts.append(best)
         panel.margins(0.03)

@@ -45,7 +45,7 @@ class Runs(OverTime):
     signal
         What is drawn over time.
     log
-        A logarithmic scale; if not said, for errors and L where they span more than a decade.
+        A logarithmic scale; by default, for errors and L where they span more than a decade.
     degrees
         The attitude error as the angle of the rotation, in degrees; of signal ``pose_error``.
     """

@@ -51,7 +51,7 @@ class SweepFigure(OfSweep):
     metric
         What to show, by its name in the result.
     log
-        A logarithmic scale of the metric; if not said, where it spans more than a decade.
+        A logarithmic scale of the metric; by default, where it spans more than a decade.
     """
 
     name: ClassVar[str] = "sweep"

@@ -36,12 +36,12 @@ class Winners(OfSweep):
     """Which law wins at each point of a sweep over one or two keys, and by how many per cent.
 
     A law wins where it is better than every other one, run by run, with all tests of the map
-    counted (`eqt compare` on the sweep). White: the runs do not tell. Hatched: some runs failed.
+    counted (`eqt compare` on the sweep). White: undecided. Hatched: some runs failed.
 
     Attributes
     ----------
     metric
-        By what, by its name in the result.
+        Metric to compare, by its name in the result.
     confidence
         1 minus the share of false wins that is allowed.
     """

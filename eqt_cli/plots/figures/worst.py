@@ -37,7 +37,7 @@ class WorstFigure(OfWorst):
     Attributes
     ----------
     log
-        A logarithmic scale, where all numbers are positive; if not said, where they span more than
+        A logarithmic scale, where all numbers are positive; by default, where they span more than
         a decade.
     """
 

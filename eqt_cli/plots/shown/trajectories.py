@@ -130,7 +130,7 @@ class ShownRuns(ShownControllers):
         result = ensemble.results
         if result.loop_in_words:
             raise self.error(
-                f"separates feedforward from feedback in ideal loops only: {result.loop_in_words}"
+                f"separates feedforward from feedback in ideal loops only. {result.loop_in_words}"
             )
         loop = result.experiment().loops[ensemble.law]
         poses, velocities = (self.values(name, ensemble) for name in ("pose", "velocity"))

@@ -37,7 +37,7 @@
     return column.unit === "mixed" ? "(mixed units)" : column.unit;
   }
 
-  // Appearance.
+  // Theme.
   $("theme").addEventListener("change", (event) => {
     const root = document.documentElement;
     if (event.target.value) root.dataset.theme = event.target.value;

@@ -14,7 +14,7 @@ from eqt_cli.vehicle.sensors.base import Sensor
 
 @dataclass(frozen=True)
 class Bias(Sensor):
-    """An offset, and a random walk that begins there.
+    """A constant offset plus a random walk.
 
     Attributes
     ----------
