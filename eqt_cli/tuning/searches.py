@@ -9,7 +9,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Self, TypeVar
 
-from eqt_cli.config.schema import TuneSection, WorstSection
+from eqt_cli.config.schema import SearchSection
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems
@@ -19,7 +19,7 @@ from eqt_cli.tuning.folder import Kind
 from eqt_cli.tuning.law_search import LawSearch, check_ends, check_overlaps, laws_of, range_of
 from eqt_cli.tuning.ranking import Scores
 
-S = TypeVar("S", TuneSection, WorstSection)
+S = TypeVar("S", bound=SearchSection)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result, mean_over_runs
 from eqt_cli.tuning.fronts import equal_cost_table
 from eqt_cli.tuning.held_out import cases_of, held_out
-from eqt_cli.tuning.luck import luck_table, seed_labels
+from eqt_cli.tuning.luck import luck_table, measured, seed_labels
 from eqt_cli.tuning.scores import excess
 from eqt_cli.tuning.search import Constraint
 
@@ -61,29 +61,28 @@ def _by_case(cases: Mapping[str, Result], record: Record, write: Plain) -> TextT
     rows = []
     for case, result in cases.items() if record["cases"] else ():
         values = result.counted(name)[[result.labels.index(label) for label in labels]]
-        found = intervals_of_means(values.T, Resampling())
-        ends = zip(found.mean.tolist(), found.low.tolist(), found.high.tolist(), strict=True)
-        rows.append([case, *(write.spread(*three) for three in ends)])
+        rows.append([case, *_spreads(values, Resampling(), write)])
     result = next(iter(cases.values()))
-    unit = write.unit(result.units(name))
-    what = write.name(result.quantity(name)) + (f" in {unit}" if unit else "")
     return TextTable(
         "cases",
-        f"{what} of the tuned laws in each case: means over {result.runs} held-out runs ± half "
-        "the 95 % interval",
+        f"{measured(result, name, write)} of the tuned laws in each case: means over "
+        f"{result.runs} held-out runs ± half the 95 % interval",
         ["case", *(result.titled[label] for label in labels)],
         [Block("", rows)] if rows and labels else [],
     )
 
 
+def _spreads(values: Array, how: Resampling, write: Plain) -> list[str]:
+    """The means over runs with half their intervals, of each row."""
+    found = intervals_of_means(values.T, how)
+    ends = zip(found.mean.tolist(), found.low.tolist(), found.high.tolist(), strict=True)
+    return [write.spread(*three) for three in ends]
+
+
 def _front_points(result: Result, record: Record, how: Resampling) -> TextTable:
     """Every winner of the fronts, and the starting gains."""
     write = Plain()
-    cells = []
-    for name in record["objectives"]:
-        found = intervals_of_means(result.counted(name).T, how)
-        ends = zip(found.mean.tolist(), found.low.tolist(), found.high.tolist(), strict=True)
-        cells.append([write.spread(*three) for three in ends])
+    cells = [_spreads(result.counted(name), how, write) for name in record["objectives"]]
     rows = []
     for law in record["laws"]:
         known = {law["start"]: "", **{w["label"]: values_text(w["values"]) for w in law["winners"]}}

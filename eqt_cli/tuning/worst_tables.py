@@ -7,6 +7,7 @@ from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result
+from eqt_cli.tuning.luck import measured
 from eqt_cli.tuning.tables import searched, values_text
 from eqt_cli.tuning.worst import AGREEING
 
@@ -23,10 +24,7 @@ def worst_tables(result: Result, record: Record) -> list[TextTable]:
     record
         Of the search, as its folder has it.
     """
-    write = Plain()
-    name = record["objective"]
-    unit = write.unit(result.units(name))
-    what = f"{write.name(result.quantity(name))}{f' in {unit}' if unit else ''}"
+    what = measured(result, record["objective"], Plain())
     rows = [
         [
             law_title(law["label"]),
