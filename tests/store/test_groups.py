@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import ResultError
+from eqt_cli.store import safety
 from eqt_cli.store.piecewise_writer import Blank, assemble
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.table import Variable
@@ -64,6 +65,22 @@ def test_points_are_read_from_their_groups(path):
             assert group["message"].tolist() == ["", f"of {point}"]
             assert group.units("pose_error") == "1"
             assert dict(group.attributes) == {"config": f"point: {point}\n", "title": "t"}
+
+
+def test_what_a_group_says_is_checked_once_and_not_before_it_is_read(path, monkeypatch):
+    seen, check = [], safety._contents
+
+    def noted(owner, *given):
+        seen.append(owner.name)
+        return check(owner, *given)
+
+    monkeypatch.setattr(safety, "_contents", noted)
+    with open_results(path) as results:
+        assert results["effort"].size
+        assert seen == ["/"]
+        for _ in range(2):
+            results.at(1)
+    assert seen == ["/", "/point_1"]
 
 
 def test_equal_groups_give_equal_bytes(tmp_path):

@@ -102,6 +102,8 @@ def test_every_law_is_run_along_every_key_through_what_was_found(
     done, folder = searched
     with open_result(folder) as result:
         assert WORST.beside(result) == done.record
+        shown = ShownWorst(result, "worst")
+        assert [key for key in shown.keys if shown.swept(key).logarithmic] == ["control.period"]
         for position, law in enumerate(done.record["laws"]):
             lines = {line["key"]: slice(*line["points"]) for line in law["lines"]}
             assert list(lines) == ["plant.inertia.relative", "control.period"]
