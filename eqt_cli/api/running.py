@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from eqt_cli.api.loading import Configuration, LoadedExperiment, load_experiment
 from eqt_cli.api.opening import open_results
 from eqt_cli.api.paths import ResultPath
 from eqt_cli.config.source import config_in
+from eqt_cli.core.problems import Problems
+from eqt_cli.core.validation import component
 from eqt_cli.execution.executors import Executor, Progress, executors
 from eqt_cli.execution.folder import CONFIG, ResultFolder
 from eqt_cli.execution.run_study import (
@@ -144,6 +146,7 @@ def choose_executor(
     workers: int = 1,
     name: str | None = None,
     scheduler: str | None = None,
+    options: Mapping[str, Any] | None = None,
 ) -> Executor:
     """Who computes an experiment.
 
@@ -155,6 +158,8 @@ def choose_executor(
         Of an executor. If not given: Dask for a scheduler, else `auto`.
     scheduler
         Address of a running Dask scheduler.
+    options
+        Of the executor, by name (`eqt list executors`).
 
     Returns
     -------
@@ -166,13 +171,14 @@ def choose_executor(
     >>> experiment = eqt_cli.load_experiment("configs/paper.yaml")
     >>> executor = eqt_cli.choose_executor(experiment, workers=2, name="threads")
     """
-    make: Callable[..., Executor] = executors.get("dask" if scheduler else name or "auto")
-    if scheduler:
-        return make(workers, scheduler)
-    if name in (None, "auto"):
-        engine = experiment.experiment.engine
-        return make(workers, engine.threads, workers <= engine.as_fast_in_threads)
-    return make(workers)
+    kind = name or ("dask" if scheduler else "auto")
+    address = {"scheduler": scheduler} if scheduler else {}
+    problems = Problems(lambda path: "executor")
+    asked = {"kind": kind, "workers": workers} | address | dict(options or {})
+    found = component(executors, asked, problems)
+    problems.raise_if_any()
+    assert found is not None
+    return found.for_engine(experiment.experiment.engine)
 
 
 def pack(folder: ResultPath, *, trust_plugins: bool = False, remark: Remark = warn) -> StoredResult:

@@ -1,7 +1,7 @@
 """Figures as SVG inside an HTML page; it knows no single figure beyond its name and options."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 from xml.etree import ElementTree
@@ -21,7 +21,6 @@ LARGEST = 700_000
 
 _SVG, _XLINK = "http://www.w3.org/2000/svg", "http://www.w3.org/1999/xlink"
 _NUMBER = re.compile(r"-?\d+\.\d{3,}")
-_GREY = re.compile(r"#([0-9a-f]{2})\1\1")
 _REFERENCE = re.compile(r"url\(#([^)]+)\)")
 
 
@@ -54,7 +53,7 @@ class Drawn:
     key
         Unique in the page; a prefix of every identifier in the SVG.
     svg
-        The element `<svg>`, which takes its ink from the colour of the text around it.
+        The element `<svg>`, in the colours of the file.
     caption
         Below it.
     """
@@ -191,8 +190,8 @@ def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row])
 def inlined(svg: bytes, key: str, label: str) -> str:
     """An SVG file as an element of a page.
 
-    Identifiers become unique in the page, black becomes the colour of the text, white backgrounds
-    vanish, coordinates are rounded to a hundredth of a point, and a label says what is drawn.
+    Identifiers become unique in the page, coordinates are rounded to a hundredth of a point, and a
+    label says what is drawn.
     """
     root = ElementTree.fromstring(svg)
     for parent in list(root.iter()):
@@ -206,7 +205,7 @@ def inlined(svg: bytes, key: str, label: str) -> str:
             element.attrib[name.removeprefix(f"{{{_XLINK}}}")] = _adapted(name, value, key)
     for name in ("width", "height", "version"):
         root.attrib.pop(name, None)
-    root.attrib |= {"role": "img", "aria-label": label, "fill": "currentColor"}
+    root.attrib |= {"role": "img", "aria-label": label}
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -219,24 +218,4 @@ def _adapted(name: str, value: str, key: str) -> str:
     value = _REFERENCE.sub(rf"url(#{key}-\1)", value)
     if local in ("d", "x", "y", "width", "height", "points"):
         return _NUMBER.sub(lambda match: f"{float(match[0]):.2f}", value)
-    if local == "style":
-        return "; ".join(_recoloured(value))
     return value
-
-
-def _recoloured(style: str) -> Iterator[str]:
-    """The declarations of a style, in the colours of the page."""
-    for declaration in style.split(";"):
-        name, _, value = (part.strip() for part in declaration.partition(":"))
-        if value in ("#000000", "black"):
-            value = "currentColor"
-        if name == "fill" and value in ("#ffffff", "white"):
-            value = "none"
-        if name == "stroke" and value == "#e2e2e2":  # the grid
-            value = "var(--grid, #e2e2e2)"
-        if name:
-            yield f"{name}: {value}"
-        if grey := _GREY.fullmatch(value):
-            # As much of the ink, whatever its colour; browsers from before 2023 keep the grey.
-            share = round(100 * (1 - int(grey[1], 16) / 255))
-            yield f"{name}: color-mix(in srgb, currentColor {share}%, transparent)"

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from eqt_cli.api import choose_executor, load_experiment
+from eqt_cli.cli.shared.run_and_report import executor_from
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.interruptions import ASKED_BY, Interrupted, as_exceptions
 from eqt_cli.execution.executors import MOST_TRIES, Outcome, auto, executors
@@ -254,6 +255,29 @@ def test_auto_stays_in_threads_where_that_was_measured(engine, workers, stays):
         load_experiment(CONFIGS / "paper.yaml", {"solver.engine": engine}), workers
     )
     assert found == Auto(workers, threads=True, stays=stays)
+
+
+def test_what_is_asked_of_an_executor_rules():
+    found = choose_executor(
+        load_experiment(CONFIGS / "paper.yaml"), 2, "auto", options={"workers": 3, "stays": True}
+    )
+    assert found == Auto(3, threads=False, stays=True)
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ("lokal", "executor: kind: unknown executor 'lokal'; did you mean 'local'?"),
+        ("auto:threads=3", "executor: threads: expected true or false, got 3"),
+        ("dask:schedular=a", "executor: schedular: unknown key; did you mean 'scheduler'?"),
+        ("local:workers=0", "executor: workers: expected a whole number of at least 1, got 0"),
+        ("local:2", "--executor: expected NAME:KEY=VALUE, got 'local:2'"),
+    ],
+)
+def test_what_is_wrong_with_an_executor_is_said(asked, message):
+    with pytest.raises(EqtError) as raised:
+        executor_from(load_experiment(CONFIGS / "paper.yaml"), asked, 2, None)
+    assert str(raised.value) == message
 
 
 def test_threads_take_an_item_when_it_can_begin(task):

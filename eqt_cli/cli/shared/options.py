@@ -116,7 +116,8 @@ ExecutorName = Annotated[
     named(
         "--executor",
         completion.names("executors"),
-        "auto, serial, threads, local or dask. Default: auto, or dask with --scheduler.",
+        "auto, serial, threads, local or dask, or NAME:KEY=VALUE with options of it (`eqt list "
+        "executors`). Default: auto, or dask with --scheduler.",
         COMPUTING,
     ),
 ]

@@ -44,14 +44,22 @@ def shard_from(text: str | None) -> Shard | None:
 
 
 def executor_from(
-    experiment: LoadedExperiment, name: str | None, workers: int | None, scheduler: str | None
+    experiment: LoadedExperiment, asked: str | None, workers: int | None, scheduler: str | None
 ) -> Executor:
-    """The executor asked for, or the one that suits."""
+    """The executor asked for, ``NAME`` or ``NAME:KEY=VALUE,KEY=VALUE``, or the one that suits."""
     from eqt_cli.api import choose_executor
+    from eqt_cli.config.yaml_source import parse_value
 
-    if scheduler and name not in (None, "dask"):
+    name, _, listed = (asked or "").partition(":")
+    if scheduler and name not in ("", "dask"):
         raise EqtError(f"--scheduler: is for --executor dask, got --executor {name}")
-    return choose_executor(experiment, workers or cores(), name, scheduler)
+    options = {}
+    for option in filter(None, listed.split(",")):
+        key, equals, value = option.partition("=")
+        if not equals:
+            raise EqtError(f"--executor: expected NAME:KEY=VALUE, got '{asked}'")
+        options[key.strip()] = parse_value(value, "--executor")
+    return choose_executor(experiment, workers or cores(), name or None, scheduler, options)
 
 
 def run_experiment(

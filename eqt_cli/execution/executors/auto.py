@@ -13,6 +13,7 @@ from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.executors.threads import Threads
 
 if TYPE_CHECKING:
+    from eqt_cli.engines import Engine
     from eqt_cli.execution.executors.local import Local
 
 WORTH_STARTING = 3.0
@@ -30,14 +31,20 @@ class Auto(Executor):
     Attributes
     ----------
     threads
-        Whether it begins in threads, for an engine that computes outside Python.
+        Whether it starts in threads; by default, with an engine that computes outside Python.
     stays
-        Whether it stays in them.
+        Whether it stays in them; by default, with an engine for which threads are as fast.
     """
 
     name: ClassVar[str] = "auto"
-    threads: bool = False
-    stays: bool = False
+    threads: bool | None = None
+    stays: bool | None = None
+
+    def for_engine(self, engine: Engine) -> Auto:
+        """As was measured with this engine, where nothing else is asked for."""
+        threads = engine.threads if self.threads is None else self.threads
+        as_fast = self.workers <= engine.as_fast_in_threads
+        return Auto(self.workers, threads, as_fast if self.stays is None else self.stays)
 
     def at_once(self, items: int, each: float) -> int:
         """As it begins, or as many as `local` after that."""

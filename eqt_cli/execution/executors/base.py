@@ -1,10 +1,18 @@
 """What an executor is: it has numbered items done somewhere; it must not know what they are."""
 
+from __future__ import annotations
+
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import TYPE_CHECKING, Protocol
+
+from eqt_cli.core.component import Component
+from eqt_cli.core.option_types import Count
+
+if TYPE_CHECKING:
+    from eqt_cli.engines import Engine
 
 Progress = Callable[[float], None]
 
@@ -47,7 +55,7 @@ class Outcome:
 
 
 @dataclass(frozen=True)
-class Executor(ABC):
+class Executor(Component):
     """Has items done, in any order.
 
     Attributes
@@ -56,8 +64,11 @@ class Executor(ABC):
         The most items at a time.
     """
 
-    name: ClassVar[str]
-    workers: int = 1
+    workers: Count = 1
+
+    def for_engine(self, engine: Engine) -> Executor:
+        """The same, with the options decided that it leaves to the engine."""
+        return self
 
     def at_once(self, items: int, each: float) -> int:
         """How many of so many items it does at a time, where one takes `each` s."""

@@ -26,8 +26,6 @@ _TENS = 10
 _DARK = 0.55
 """Of a colour on which numbers are white."""
 
-_LIGHT_INK, _DARK_INK = "#fdfdfd", "#020202"
-"""Nearly white and black, which a report would replace by the colours of its page."""
 _WRITTEN: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 6.5, "zorder": 4}
 
 _MOST_LEVELS = 6
@@ -100,7 +98,7 @@ class Cells:
                 panel.annotate(
                     f"{value:#.2g}" if abs(value) < _TENS else f"{value:.0f}",
                     (self.columns[point], self.rows[point]),
-                    color=_LIGHT_INK if dark else _DARK_INK,
+                    color=ink(0) if dark else ink(),
                     bbox={"facecolor": ground, "edgecolor": "none", "pad": 0.6},
                     **_WRITTEN,
                 )

@@ -23,8 +23,6 @@
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
   const turned = (r, v) => [0, 3, 6].map((i) => r[i] * v[0] + r[i + 1] * v[1] + r[i + 2] * v[2]);
-  // On a dark page a law's colour is lighter; animation.css says by how much.
-  const ink = (look) => (look.colour === "#000000" ? "currentColor" : `color-mix(in oklab, ${look.colour} var(--own), white)`);
 
   // The camera: rows to the right, up, and towards the eye.
   function camera() {
@@ -67,7 +65,7 @@
       const found = pose(data.bodies[c], k);
       if (found) past.push(data.moves ? found.place : turned(found.rotation, [data.length, 0, 0]));
     }
-    parts.push(element("path", { class: "trail", stroke: ink(look), d: line(past.map(at)) }));
+    parts.push(element("path", { class: "trail", stroke: look.colour, d: line(past.map(at)) }));
 
     // A block with its axes: the body in colour, the target as its ghost.
     function block(found, paint, ghost) {
@@ -95,8 +93,8 @@
     }
     block(pose(data.reference, now), "var(--soft)", true);
     const body = pose(data.bodies[c], now);
-    if (body) block(body, ink(look), false);
-    else parts.push(element("text", { x: SIZE / 2, y: SIZE - 8, "text-anchor": "middle", fill: ink(look) }, "run failed"));
+    if (body) block(body, look.colour, false);
+    else parts.push(element("text", { x: SIZE / 2, y: SIZE - 8, "text-anchor": "middle", fill: look.colour }, "run failed"));
 
     // The directions of the inertial frame, in a corner.
     data.inertial.forEach((name, k) => {
@@ -144,8 +142,8 @@
     };
     const grown = it.curves.map((curve, c) => {
       const look = data.controllers[c], dashes = look.dashes.map((k) => k * 1.8).join(" ") || "none";
-      svg.append(element("path", { class: "curve later", stroke: ink(look), d: path(curve, last) }));
-      const made = element("path", { class: "curve", stroke: ink(look), "stroke-dasharray": dashes });
+      svg.append(element("path", { class: "curve later", stroke: look.colour, d: path(curve, last) }));
+      const made = element("path", { class: "curve", stroke: look.colour, "stroke-dasharray": dashes });
       svg.append(made);
       return made;
     });

@@ -81,11 +81,11 @@
     beside.append(button);
   }
 
-  // A figure by itself: with the ink and the ground of paper, whatever those of the page are.
+  // A figure by itself, which has a size.
   function drawing(svg) {
     const copy = svg.cloneNode(true);
     const [, , width, height] = copy.getAttribute("viewBox").split(" ");
-    for (const [name, value] of Object.entries({ width: `${width}pt`, height: `${height}pt`, color: "#000" })) {
+    for (const [name, value] of Object.entries({ width: `${width}pt`, height: `${height}pt` })) {
       copy.setAttribute(name, value);
     }
     return new XMLSerializer().serializeToString(copy);
@@ -157,8 +157,7 @@
 
     function stroke(look) {
       const dashes = look.dashes.map((length) => length * 1.8).join(" ");
-      const colour = look.colour === "#000000" ? { class: "curve black" } : { class: "curve", stroke: look.colour };
-      return { ...colour, "stroke-dasharray": dashes || "none" };
+      return { class: "curve", stroke: look.colour, "stroke-dasharray": dashes || "none" };
     }
 
     function ticks(low, high, count) {
@@ -235,8 +234,8 @@
       for (const [look, values] of svg.drawn) {
         lines.push(`${look.title} ${shown(values[i])}`);
         if (!Number.isFinite(values[i]) || (axes.log && values[i] <= 0)) continue;
-        const fill = look.colour === "#000000" ? "currentColor" : look.colour;
-        svg.append(element("circle", { class: "cursor", cx: axes.x(data.times[i]), cy: axes.y(values[i]), r: 3.2, fill }));
+        const place = { cx: axes.x(data.times[i]), cy: axes.y(values[i]), r: 3.2 };
+        svg.append(element("circle", { class: "cursor", ...place, fill: look.colour }));
       }
       const text = `t = ${shownTick(data.times[i])} s:  ${lines.join("   ")}`;
       svg.append(element("text", { class: "cursor", x: axes.width - axes.right, y: 15, "text-anchor": "end" }, text));
