@@ -24,6 +24,9 @@ from eqt_cli.tuning.law_search import LawSearch, coordinate_of, expanded
 from eqt_cli.tuning.ranking import Scores
 from eqt_cli.tuning.searches import Searches
 
+SWEEP, GROUP = 0.2, 0.07
+"""s, of a sweep beside its runs, and of each point where points differ in shape, as measured."""
+
 Told = Callable[[LawSearch, int, Population], None]
 """Told after every generation of a law: its number, counted over all searches for the law, and what
 is left of all points."""
@@ -129,7 +132,8 @@ def expected(search: Searches[Any], executor: Executor) -> Expected:
         for case in search.in_cases(law).values():
             generation = study(_swept(case, _columns(law, shares)), trust_plugins=True)
             found = estimate(generation, executor)
-            seconds += found.seconds * search.all_generations
+            groups = len(generation) if generation.is_ragged else 0
+            seconds += (found.seconds + SWEEP + groups * GROUP) * search.all_generations
             workers = max(workers, found.workers)
     points = len(search.laws) * search.all_generations * section.population
     return Expected(
