@@ -10,4 +10,11 @@ def test_files_it_points_to_exist():
     links = re.findall(r"\]\((?!https?:)([^)]+)\)", (ROOT / "README.md").read_text("utf-8"))
     assert links
     for link in links:
-        assert (ROOT / link).exists(), link
+        path, _, heading = link.partition("#")
+        page = ROOT / (path or "README.md")
+        assert page.exists(), link
+        if heading:
+            titles = re.findall(r"^#+ (.*)$", page.read_text("utf-8"), re.M)
+            assert heading in [
+                re.sub(r"[^\w -]", "", one).lower().replace(" ", "-") for one in titles
+            ]

@@ -154,6 +154,11 @@ sweep sweep_lag configs/sweep_lag.yaml --engine taylor
 numbers envelope
 picture sweep_lag envelope
 
+echo "sweep_region"
+sweep sweep_region configs/sweep_region.yaml --engine taylor
+numbers region
+picture sweep_region region --width page
+
 echo "satellite_wheels"
 experiment satellite_wheels configs/satellite_wheels.yaml --engine taylor --set ensemble.runs=2
 numbers commands --option run=1

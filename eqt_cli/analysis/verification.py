@@ -1,5 +1,6 @@
 """Certificates of an experiment: of a configuration by a few runs, of a result by what it holds."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -29,6 +30,7 @@ from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.semidirect import Semidirect
+from eqt_cli.mechanics.settling import as_distance
 from eqt_cli.results.result import Result
 
 RUNS = 20
@@ -162,17 +164,37 @@ class _Verifier:
         """The runs of the study."""
         batch, solution = self._solved(label)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
-            found = measured(batch, solution, reference, JUDGED + SHOWN)
+            found = measured(batch, solution, reference, (*JUDGED, *self._by_parts, *SHOWN))
         return self._runs(batch, solution, label, found | {"status": solution.status}, reference)
 
     def of_stored_runs(self, label: str, results: Result, reference: Desired) -> Runs:
         """The runs of a result; states, which it does not hold, are those of the study."""
         batch, solution = self._solved(label)
         index = list(self.experiment.loops).index(label)
-        names = [*JUDGED, *(name for name in SHOWN if results.has(name)), "status"]
+        names = [*JUDGED, *self._by_parts, *(name for name in SHOWN if results.has(name)), "status"]
         kept = {name: results.read(name, controller=index) for name in names}
         kept["time"] = results["time"]
         return self._runs(batch, solution, label, kept, reference)
+
+    @property
+    def _by_parts(self) -> tuple[str, ...]:
+        """What else is looked at where settling is judged part by part."""
+        return ("settling_time",) if self._thresholds else ()
+
+    @property
+    def _thresholds(self) -> Mapping[str, float]:
+        """The settling thresholds of parts; none where there is one for the pose error."""
+        given = self.experiment.config.settling_threshold
+        return given if isinstance(given, dict) else {}
+
+    @property
+    def _threshold(self) -> float:
+        """Of the pose error: as it is given, or the norm of those of parts."""
+        given = self.experiment.config.settling_threshold
+        if not isinstance(given, dict):
+            return given
+        parts = (part for part in self.experiment.group.parts if part.name in given)
+        return math.hypot(*(as_distance(part, given[part.name]) for part in parts))
 
     def _solved(self, label: str) -> tuple[Batch, Solution]:
         [batch] = batches(self.study, label, np.arange(self.study.plan.runs))
@@ -193,7 +215,8 @@ class _Verifier:
             label=label,
             claims_decrease=batch.problem.loop.claims_decrease,
             rtol=batch.engine.rtol,
-            threshold=self.experiment.config.settling_threshold,
+            threshold=self._threshold,
+            settled=np.isfinite(found["settling_time"][good]) if self._thresholds else None,
             times=found.get("time", batch.problem.times),
             **{"lyapunov": None, **kept},
             **{name: found[name][good] for name in JUDGED},

@@ -39,6 +39,12 @@ def show(
         bool, options.flag("--variables", "List the variables.", SELECTION)
     ] = False,
     failed: Annotated[bool, options.flag("--failed", "List all failed runs.", SELECTION)] = False,
+    unsettled: Annotated[
+        bool,
+        options.flag(
+            "--unsettled", "Print the starts of runs that did not settle, as CSV.", SELECTION
+        ),
+    ] = False,
     table: Annotated[
         bool,
         options.flag("--table", "Print the metrics of every run, one row per run.", SELECTION),
@@ -58,7 +64,13 @@ def show(
     """Summarise a result: what was run, with which versions, and the main numbers."""
     if format_ and not table:
         raise EqtError("--format: is of --table; --json prints the rest for programs")
-    asked = ((config, _config), (plugins, _plugins), (variables, _variables), (failed, _failed))
+    asked = (
+        (config, _config),
+        (plugins, _plugins),
+        (variables, _variables),
+        (failed, _failed),
+        (unsettled, _unsettled),
+    )
     view = next((view for wanted, view in asked if wanted), None)
     found = None if view or table else unfinished(result)
     if found is not None:
@@ -168,6 +180,36 @@ def _failed(results: Result, json: bool) -> None:
         document.append({**place, "message": message})
         lines.append(f"{results.place(where)}: {message}")
     print_found(document, "\n".join(lines), json=json, nothing="no run failed")
+
+
+def _unsettled(results: Result, json: bool) -> None:
+    """Runs and starts, in columns that `initial.file` takes."""
+    import numpy as np
+
+    from eqt_cli.cli.shared.table_formats import as_csv
+
+    settles = results.settles
+    if settles is None:
+        raise results.error("does not tell which runs settled")
+    if results.is_sweep:
+        raise EqtError("--unsettled: a sweep has starts by point; choose one with --point")
+    runs = np.flatnonzero(~settles.all(axis=0))
+    poses, velocities = (results.read(f"initial_{of}", run=runs) for of in ("pose", "velocity"))
+    size = range(1, poses.shape[-1] + 1)
+    names = [f"Q{row}{column}" for row in size for column in size]
+    names += [f"V{k}" for k in range(1, velocities.shape[-1] + 1)]
+    records = [
+        {"run": int(run)}
+        | {f"settled_{label}": int(law) for label, law in zip(results.labels, settled, strict=True)}
+        | dict(zip(names, [*pose.ravel().tolist(), *velocity.tolist()], strict=True))
+        for run, settled, pose, velocity in zip(
+            runs, settles.T[runs], poses, velocities, strict=True
+        )
+    ]
+    if records and not json:
+        print_verbatim(as_csv(records).removesuffix("\n"))
+    else:
+        print_found(records, json=json, nothing="every run settled")
 
 
 def _plugins(results: Result, json: bool) -> None:

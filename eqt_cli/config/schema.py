@@ -16,6 +16,7 @@ from eqt_cli.core.option_types import (
     Duration,
     Name,
     Positive,
+    PositiveAngle,
     Real,
     Runs,
     Samples,
@@ -64,6 +65,20 @@ def _distance_of_angle(value: Any) -> Any:
         return value
     angle: float = TypeAdapter(Angle).validate_python(value)
     return distance_of_turn(angle)
+
+
+def _threshold_kind(value: Any) -> str | None:
+    if isinstance(value, dict):
+        return "parts"
+    return "number" if _rank(value) == "scalar" else None
+
+
+SettlingThreshold = Annotated[
+    Annotated[Annotated[Positive, BeforeValidator(_distance_of_angle)], Tag("number")]
+    | Annotated[dict[str, PositiveAngle], Field(min_length=1), Tag("parts")],
+    one_of(_threshold_kind, "a number, an angle such as 2 deg, or {part: threshold, …}"),
+]
+"""Of the pose error, or by the names of the group's parts: angles of rotations, and distances."""
 
 
 class Section(BaseModel):
@@ -317,7 +332,7 @@ def _tuned_kind(value: Any) -> str | None:
 
 
 TunedAxis = Annotated[
-    Annotated[list[Real], Tag("ends")]
+    Annotated[list[Angle], Tag("ends")]
     | Annotated[LogRange, Tag("log")]
     | Annotated[Drawn, Tag("range")],
     one_of(_tuned_kind, "[low, high], {log: [low, high]} or {low: …, high: …, scale: …}"),
@@ -501,7 +516,9 @@ class Config(Section):
         Where `eqt worst` searches for the worst run; every other command leaves it aside.
     settling_threshold
         Pose error ‖I − Q_E‖_F below which a run counts as settled; also the angle of a rotation,
-        such as 2 deg, which is the distance 2√2 sin(θ/2).
+        such as 2 deg, which is the distance 2√2 sin(θ/2). Or by the names of the group's parts, as
+        {rotation: 5 deg, translation: 0.2}: the angle, and the distance ‖p − p_d‖; parts without a
+        threshold do not count.
     early_window
         How long the early part of a run is, for `early_torque`, s; default: 5, as in the paper.
     closing_window
@@ -532,7 +549,7 @@ class Config(Section):
     sweep: list[dict[str, Any]] | None = None
     tune: TuneSection | None = None
     worst: WorstSection | None = None
-    settling_threshold: Annotated[Positive, BeforeValidator(_distance_of_angle)] = 0.05
+    settling_threshold: SettlingThreshold = 0.05
     early_window: Positive | None = None
     closing_window: Annotated[float, Field(gt=0, le=1)] | None = None
     plugins: list[str] = Field(default_factory=list)

@@ -53,9 +53,15 @@ class _Angle(_FiniteReal):
         return core_schema.no_info_before_validator_function(_in_radians, number)
 
 
+def written_in_degrees(value: Any) -> str | None:
+    """What stands before ``deg`` in a text such as ``90 deg``; None of all else."""
+    found = re.fullmatch(r"(.*\S)\s*\bdeg", value.strip()) if isinstance(value, str) else None
+    return found[1] if found else None
+
+
 def _in_radians(value: Any) -> Any:
-    degrees = re.fullmatch(r"(.*\S)\s*\bdeg", value.strip()) if isinstance(value, str) else None
-    return math.radians(_evaluated(degrees.group(1))) if degrees else value
+    degrees = written_in_degrees(value)
+    return value if degrees is None else math.radians(_evaluated(degrees))
 
 
 def _evaluated(value: Any, *, in_degrees: bool = False) -> Any:
@@ -86,6 +92,9 @@ Real = Annotated[float, _FiniteReal()]
 
 Angle = Annotated[float, _Angle()]
 """An angle in rad; in a configuration also a constant expression, or one such as ``90 deg``."""
+
+PositiveAngle = Annotated[float, _Angle(above=0.0)]
+"""An angle greater than 0, as `Angle`."""
 
 Positive = Annotated[float, _FiniteReal(above=0.0)]
 """A finite number greater than 0; in a configuration also a constant expression."""

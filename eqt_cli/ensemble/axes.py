@@ -6,7 +6,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, Tag
 
-from eqt_cli.core.option_types import MOST_POINTS, Real, number_schema
+from eqt_cli.core.option_types import MOST_POINTS, Angle, number_schema
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import one_of
 
@@ -43,8 +43,8 @@ class Range:
         "json_schema_extra": {"allOf": [_POSITIVE]}  # that low is less than high, none can say
     }
 
-    low: Real
-    high: Real
+    low: Angle
+    high: Angle
     scale: Literal["linear", "log"] = "linear"
 
     def check(self, problems: Problems) -> None:

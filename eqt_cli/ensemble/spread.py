@@ -1,8 +1,8 @@
-"""What several distributions are made of: given coordinates, and independent normals."""
+"""What several distributions are made of: coordinates, independent normals, sizes and axes."""
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 
@@ -11,6 +11,9 @@ from eqt_cli.core.component import Component
 from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
+
+Axis = Literal["random"] | list[Real]
+"""A direction that is given, or a random one."""
 
 
 class Distribution(Component):
@@ -90,3 +93,31 @@ def check_coordinates(given: list[Real] | None, G: MatrixLieGroup, problems: Pro
     """Note a wrong number of algebra coordinates."""
     if given is not None and len(given) != G.dimension:
         problems.add(f"expected {G.dimension} numbers for {G.name}, got {len(given)}")
+
+
+# Vectors by size and axis -------------------------------------------------------------------------
+
+
+def directed(
+    size: float | list[float], axis: Axis, length: int, generator: np.random.Generator
+) -> Array:
+    """A vector of a size, or of one between two, ``(length,)``; a random axis is isotropic."""
+    low, high = size if isinstance(size, list) else (size, size)
+    drawn = generator.uniform(low, high)
+    along = generator.standard_normal(length) if isinstance(axis, str) else np.array(axis)
+    return drawn * (along / np.linalg.norm(along))
+
+
+def check_size(size: float | list[float], problems: Problems) -> None:
+    """Note a list that is not the least and the greatest size, or one below 0."""
+    if isinstance(size, list) and (len(size) != 2 or size[0] > size[1]):
+        problems.add(f"expected a number, or a list of the least and the greatest, got {size}")
+    elif np.min(size) < 0:
+        problems.add(f"expected a number of at least 0, got {np.min(size):g}")
+
+
+def check_axis(axis: Axis, length: int, problems: Problems) -> None:
+    """Note an axis of another length, or one without a direction."""
+    if isinstance(axis, list) and (len(axis) != length or not any(axis)):
+        expected = f"a list of {length} that are not all 0" if length > 1 else "[1] or [-1]"
+        problems.add(f"expected random, or {expected}, got {axis}")

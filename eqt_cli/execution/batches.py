@@ -166,9 +166,9 @@ def _kind(experiment: Experiment, label: str) -> Hashable:
     blank = loop.with_parameters({k: np.zeros_like(v) for k, v in loop.parameters.items()})
     structure = repr((blank.inertia, blank.gains, blank.reference))
     config = experiment.config
-    judged = config.settling_threshold, config.early_window, config.closing_window
+    judged = [config.settling_threshold, config.early_window, config.closing_window]
     parts = loop.controller.structure, loop.vehicle.structure
-    return structure, parts, json.dumps(experiment.solver.resolved), judged
+    return structure, parts, json.dumps([experiment.solver.resolved, judged])
 
 
 def _distinct(points: Array) -> list[int]:

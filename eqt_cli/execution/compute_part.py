@@ -24,9 +24,11 @@ from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import distance_to_unstable
+from eqt_cli.mechanics.settling import settling_error
 from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.results.metrics import SETTLING
 from eqt_cli.results.quantity import Per, Quantity
-from eqt_cli.results.quantity_table import DESIRED, MEASURED, with_keys_of
+from eqt_cli.results.quantity_table import DESIRED, measured_of
 from eqt_cli.store.reader import ResultFile
 from eqt_cli.store.table import Attribute, Table, Variable
 
@@ -338,7 +340,7 @@ def _in_rows(reference: Desired) -> Array:
 def _functions(batch: Batch, names: Sequence[str]) -> tuple[Sampled, Numbers]:
     """What is measured of a batch: at every sample, and of each run."""
     problem, config = batch.problem, batch.experiment.config
-    metrics = [with_keys_of(config, metric) for metric in MEASURED if metric.name in names]
+    metrics = [row for row in measured_of(config, problem.loop.group) if row.name in names]
     wanted = {*names, *(name for metric in metrics for name in metric.signals)}
     keys = {key for m in metrics for key in (*m.settings.values(), *m.choices.values())}
     values = {key: getattr(config, key) for key in sorted(keys)}
@@ -346,7 +348,9 @@ def _functions(batch: Batch, names: Sequence[str]) -> tuple[Sampled, Numbers]:
     balanced = knows_energy(problem.loop, problem.times, problem.states[:1, None])
     key = tuple(m.name for m in metrics), tuple(values.items()), K.tobytes(), balanced
     numbers = Numbers(key, tuple(metrics), values, problem.loop.group, K, balanced)
-    return Sampled(tuple(sorted(wanted))), numbers
+    limits = config.settling_threshold
+    thresholds = tuple(limits.items()) if isinstance(limits, dict) else ()
+    return Sampled(tuple(sorted(wanted)), thresholds), numbers
 
 
 @dataclass(frozen=True)
@@ -357,9 +361,12 @@ class Sampled:
     ----------
     names
         The signals that are wanted, among other names.
+    thresholds
+        Of settling, by parts; none where there is one for the pose error.
     """
 
     names: tuple[str, ...]
+    thresholds: tuple[tuple[str, float], ...] = ()
 
     def __call__(self, loop: ClosedLoop, t: Any, states: Array, desired: Array) -> dict[str, Array]:
         """The signals, and what else metrics are made of, by name.
@@ -372,6 +379,8 @@ class Sampled:
         s, G = loop.tracking(t, states), loop.group
         signals = at_state(loop, s, loop.work(states))
         found = {name: values for name, values in signals if name in self.names}
+        if SETTLING in self.names:
+            found[SETTLING] = settling_error(G, s.Q, s.Qd, dict(self.thresholds))
         pose, velocity = np.split(desired, [G.size**2], axis=-1)
         pose = pose.reshape(*pose.shape[:-1], G.size, G.size)
         return found | {

@@ -5,7 +5,7 @@ the root holds what there is one of for every run, and a group for each point ho
 """
 
 import json
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import prod
@@ -124,8 +124,14 @@ class Layout:
 
 def in_root(study: Study) -> list[Quantity]:
     """The quantities in the root of a result file; where points differ in shape, the metrics."""
-    layout = Layout(study.piece(0))
-    return list(layout.of(Per.RUN)) if study.is_ragged else layout.quantities
+    first, *others = [Layout(study.piece(index)) for index in range(len(study.shapes))]
+    return _shared(first, others) if study.is_ragged else first.quantities
+
+
+def _shared(first: Layout, others: Sequence[Layout]) -> list[Quantity]:
+    """The numbers of runs that points of every shape have; those of parts are of some groups."""
+    names = [{entry.name for entry in layout.of(Per.RUN)} for layout in others]
+    return [entry for entry in first.of(Per.RUN) if all(entry.name in own for own in names)]
 
 
 @contextmanager
@@ -148,7 +154,7 @@ def new_result_file(study: Study, path: Path) -> Iterator[ResultFile]:
         of_point = {p: layouts[index] for index, points in enumerate(study.shapes) for p in points}
         groups = [_group(file, study, point, of_point[point]) for point in range(len(study))]
         places = [
-            _Spread(file, [groups[p] for p in points], points, layouts[index])
+            _Spread(file, [groups[p] for p in points], points, layouts[index], set(blanks))
             for index, points in enumerate(study.shapes)
         ]
         yield ResultFile(file, groups, places)
@@ -159,10 +165,12 @@ def _root(study: Study, layouts: list[Layout]) -> tuple[dict[str, Blank], dict[s
     swept = swept_coordinates(study)
     if not study.is_ragged:
         return layouts[0].blanks(), layouts[0].coordinates | swept
+    wanted = _shared(layouts[0], layouts[1:])
     first, *rest = [layout.blanks(layout.of(Per.RUN)) for layout in layouts]
     kept = {
         name: replace(blank, attributes=_agreed([one[name].attributes for one in (first, *rest)]))
         for name, blank in first.items()
+        if name in {entry.name for entry in wanted}
     }
     shared = {name: layouts[0].coordinates[name] for name in ("controller", "run")}
     return kept, shared | swept
@@ -193,11 +201,16 @@ class _Spread:
     """Brings what is of a piece to the groups of its points, and metrics to the root as well."""
 
     def __init__(
-        self, root: Assembly, groups: list[Assembly], points: Sequence[int], layout: Layout
+        self,
+        root: Assembly,
+        groups: list[Assembly],
+        points: Sequence[int],
+        layout: Layout,
+        of_root: Collection[str],
     ) -> None:
         self.root, self.groups, self.points = root, groups, points
         self.by_point = {entry.name for entry in layout.quantities if layout.by_point(entry)}
-        self.in_root = {entry.name for entry in layout.of(Per.RUN)}
+        self.in_root = {entry.name for entry in layout.of(Per.RUN) if entry.name in of_root}
 
     def put(self, name: str, data: Array, positions: Positions = ()) -> None:
         if name not in self.by_point:

@@ -44,6 +44,7 @@ from eqt_cli.experiment.desired_trajectory import DesiredTrajectory, check_horiz
 from eqt_cli.experiment.gains import gains_from
 from eqt_cli.experiment.inertia import inertia_from
 from eqt_cli.experiment.laws_in_code import LawsInCode, check_calls
+from eqt_cli.experiment.settling import check_thresholds
 from eqt_cli.experiment.solver import Solver, solver_from
 from eqt_cli.experiment.start import Start, start_from_file
 from eqt_cli.experiment.trial_evaluation import probe
@@ -220,6 +221,9 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         for label, law in laws.items():
             at_law = problems.at("controllers", law.index, "gains")
             gains[label] = gains_from(known | law.gains, group, at_law) if law.gains else shared
+        if isinstance(thresholds := sections["settling_threshold"], dict):
+            written = source.data["settling_threshold"]
+            check_thresholds(thresholds, written, group, problems.at("settling_threshold"))
     if initial:
         start = _start(initial, group, desired, source, problems.at("initial"))
     config = _agreeing(

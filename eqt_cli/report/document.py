@@ -137,7 +137,15 @@ def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
     record = TUNE.beside(result)
     return {
         "headline": result.headline(),
-        "means": columns(result, [name for name, of in HEADLINE.items() if of is np.mean]),
+        "means": columns(
+            result,
+            [
+                each
+                for name, of in HEADLINE.items()
+                if of is np.mean
+                for each in result.in_parts(name)
+            ],
+        ),
         "picker": curves(result),
         "table": run_table(result),
         **({} if _has_fronts(record) else _compared(result, steps)),

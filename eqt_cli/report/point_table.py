@@ -6,7 +6,7 @@ from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.core.arrays import Array
-from eqt_cli.report.run_table import COLUMNS, MOST_ROWS, Document, columns, plain, unit_of
+from eqt_cli.report.run_table import MOST_ROWS, Document, column_names, columns, plain, unit_of
 from eqt_cli.results.result import Result
 
 BEST = ("mean_pose_error", "early_torque", "effort", "peak_torque")
@@ -20,7 +20,7 @@ def point_table(result: Result) -> Document:
     counts as the horizon.
     """
     keys = result.swept_keys
-    names = [name for name in COLUMNS if result.has(name)]
+    names = column_names(result)
     means = np.stack([result.means(name) for name in names], axis=-1)
     counts = [name for name in names if result.quantity(name).counts]
     means = np.concatenate(
@@ -56,7 +56,8 @@ def point_table(result: Result) -> Document:
 def best_points(result: Result) -> TextTable:
     """For each controller, the point where the mean over runs of a metric is least."""
     blocks = []
-    for name in (name for name in BEST if result.has(name)):
+    known = [metric for metric in BEST if result.has(metric)]
+    for name in (each for metric in known for each in result.in_parts(metric)):
         means = result.means(name)
         rows = [
             [title, *_best(result, column)]

@@ -35,7 +35,7 @@ def run_table(result: Result) -> Document:
         run, status and numbers, where null says none; ``total``, the number of rows there are;
         ``messages`` of failed runs by row.
     """
-    names = [name for name in COLUMNS if result.has(name) and np.isfinite(result[name]).any()]
+    names = [name for name in column_names(result) if np.isfinite(result[name]).any()]
     status = result.status
     order = np.argwhere(np.ones_like(status))
     order = order[np.argsort(status[tuple(order.T)] == 0, kind="stable")][:MOST_ROWS]
@@ -54,6 +54,11 @@ def run_table(result: Result) -> Document:
         "messages": {f"{c}-{r}": said for (c, r), said in zip(failed, messages, strict=False)},
         "total": int(status.size),
     }
+
+
+def column_names(result: Result) -> list[str]:
+    """Those of `COLUMNS` that a result has, in parts where these have units of their own."""
+    return [each for name in COLUMNS if result.has(name) for each in result.in_parts(name)]
 
 
 def columns(result: Result, names: Sequence[str]) -> list[Document]:

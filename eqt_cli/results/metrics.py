@@ -3,7 +3,8 @@
 This is the only file that a new one takes. It knows neither files nor controllers.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -15,6 +16,9 @@ from eqt_cli.groups.angles import turn_of_distance
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.time_windows import WHOLE, Window
 from eqt_cli.vehicle import Vehicle
+
+SETTLING = "settling error, by parts"
+"""What settling is judged by where parts have thresholds of their own; settled where at most 1."""
 
 EARLY = Window(0.0, 5.0)
 """The paper's "first 5 seconds of the response" (§7)."""
@@ -161,6 +165,20 @@ def _closing(what: str) -> Callable[..., dict[str, Any]]:
         }
 
     return chosen
+
+
+def by_thresholds_of_parts(quantity: Quantity, thresholds: Mapping[str, float]) -> Quantity:
+    """A row that takes the settling threshold, where every part has its own."""
+    assert quantity.of is not None
+    words = quantity.long_name.replace("||I - Q_E||_F", "the largest error of a part")
+    return replace(
+        quantity,
+        long_name=words.replace("the settling threshold", "its settling threshold"),
+        signals=(SETTLING,),
+        of=partial(quantity.of, threshold=1.0),
+        settings={},
+        notes={f"threshold_{name}": value for name, value in thresholds.items()},
+    )
 
 
 # The table ---------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -154,9 +155,18 @@ class Quantity:
     @property
     def parted(self) -> bool:
         """Whether it has values for the parts of a norm, such as rotation and translation."""
+        return self._of_norm and (self.windowed or self.per is Per.TRAJECTORY)
+
+    @property
+    def stored_by_part(self) -> bool:
+        """Whether a result file holds it for the parts of a norm that have units of their own."""
+        is_number = self.per is Per.RUN and self.of is not None and not self.settings
+        return is_number and self.stored and self._of_norm
+
+    @property
+    def _of_norm(self) -> bool:
         signal = signal_of(self.signals[0]) if self.signals else None
-        is_norm = signal is not None and signal.of_part is not None
-        return is_norm and (self.windowed or self.per is Per.TRAJECTORY)
+        return signal is not None and signal.of_part is not None
 
     @property
     def symbol(self) -> str:
@@ -205,14 +215,21 @@ class Quantity:
     def part(self, name: str) -> Quantity:
         """The same of one part of its norm: ``rotation``."""
         words = name.replace("_", " ")
+        inside = self.label.replace("{}", f"{{}} {words}")
         return replace(
             self,
             name=f"{self.name}_{name}",
             long_name=f"{self.long_name}, {name} part",
             signals=(f"{self.signals[0]}_{name}", *self.signals[1:]),
-            label=f"{self.label} {words}",
+            label=inside if "{}" in self.label else f"{self.label} {words}",
             stored=self.per is Per.TRAJECTORY,
+            chosen=partial(self._chosen_of_part, name),
         )
+
+    def _chosen_of_part(self, part: str, **known: float) -> dict[str, Any]:
+        fields = self.chosen(**known)
+        found = replace(self, **fields).part(part)
+        return {name: getattr(found, name) for name in fields}
 
     def measure(
         self, over: OverTime, signals: Mapping[str, Any], window: Window, **settings: float

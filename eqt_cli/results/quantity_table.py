@@ -5,12 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from eqt_cli.closed_loop.signals import SIGNALS, THRUSTER, signal_of
+from eqt_cli.closed_loop.signals import MIXED, SIGNALS, THRUSTER, Signal, signal_of
 from eqt_cli.config.schema import Config
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Status
 from eqt_cli.experiment.build import Experiment
-from eqt_cli.results.metrics import METRICS, energy_residual
+from eqt_cli.groups import MatrixLieGroup, Part
+from eqt_cli.results.metrics import METRICS, by_thresholds_of_parts, energy_residual
 from eqt_cli.results.quantity import Per, Quantity
 from eqt_cli.store.table import Variable
 from eqt_cli.vehicle import Vehicle
@@ -127,6 +128,9 @@ MEASURED = tuple(q for q in QUANTITIES.values() if q.per is Per.RUN and q.of and
 
 def with_keys_of(config: Config, quantity: Quantity) -> Quantity:
     """The row of a table as the keys of a configuration make it."""
+    thresholds = config.settling_threshold
+    if isinstance(thresholds, dict) and "settling_threshold" in quantity.settings.values():
+        return by_thresholds_of_parts(quantity, thresholds)
     values = {name: getattr(config, key) for name, key in quantity.choices.items()}
     return quantity.with_choices(values)
 
@@ -150,17 +154,34 @@ def quantities(experiment: Experiment, vehicles: Sequence[Vehicle] = ()) -> list
             continue
         quantity = with_keys_of(experiment.config, quantity)
         notes = {name: getattr(experiment.config, key) for name, key in quantity.settings.items()}
-        units = quantity.unit(
-            _SIGNALS[quantity.signals[0]].units(group) if quantity.signals else ""
-        )
+        signal = _SIGNALS.get(quantity.signals[0]) if quantity.signals else None
+        units = quantity.unit(signal.units(group) if signal else "")
         found.append(replace(quantity, units=units, notes={**quantity.notes, **notes}))
-        if quantity.per is Per.TRAJECTORY:
-            signal = _SIGNALS[quantity.name]
+        if signal and (quantity.per is Per.TRAJECTORY or quantity.stored_by_part):
             found += [
-                replace(quantity.part(part.name), units=signal.unit_in(part))
-                for part in signal.parts(group)
+                replace(quantity.part(part.name), units=quantity.unit(signal.unit_in(part)))
+                for part in _parts_of_their_own(quantity, signal, group)
             ]
     return found
+
+
+def _parts_of_their_own(
+    quantity: Quantity, signal: Signal, group: MatrixLieGroup
+) -> tuple[Part, ...]:
+    """The parts that are stored beside a norm: of numbers, where the units of parts differ."""
+    mixes = quantity.per is Per.TRAJECTORY or signal.units(group) == MIXED
+    return signal.parts(group) if mixes else ()
+
+
+def measured_of(config: Config, group: MatrixLieGroup) -> list[Quantity]:
+    """What is computed from the signals of a run on a group, with what is of a part of them."""
+    rows = [with_keys_of(config, quantity) for quantity in MEASURED]
+    return rows + [
+        row.part(part.name)
+        for row in rows
+        if row.stored_by_part
+        for part in _parts_of_their_own(row, _SIGNALS[row.signals[0]], group)
+    ]
 
 
 def quantity_of(name: str, long_name: str = "") -> Quantity:
@@ -172,6 +193,9 @@ def quantity_of(name: str, long_name: str = "") -> Quantity:
     signal = signal_of(name)
     if name in QUANTITIES:
         return QUANTITIES[name]
+    for row in MEASURED:
+        if row.stored_by_part and name.startswith(f"{row.name}_"):
+            return row.part(name.removeprefix(f"{row.name}_"))
     if signal is not None and signal.of_part is not None:
         return QUANTITIES[signal.name].part(name.removeprefix(f"{signal.name}_"))
     return Quantity(name, long_name or name, units="")

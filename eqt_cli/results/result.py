@@ -179,7 +179,7 @@ class Result(StoredRuns):
             told = self._is_told(quantity.name)
             if told or self._has_signals(quantity) or self._metrics_like(quantity):
                 found[quantity.name] = quantity
-            for part in self.parts(quantity.signals[0]) if quantity.parted else ():
+            for part in self._parts_of(quantity):
                 found[f"{quantity.name}_{part}"] = quantity.part(part)
         for name in self.metrics:
             found.setdefault(name, self.quantity(name))
@@ -191,7 +191,8 @@ class Result(StoredRuns):
         Returns
         -------
         list of dict
-            ``controller``, ``runs``, ``failed`` and the numbers by name; NaN where no run is good.
+            ``controller``, ``runs``, ``failed`` and the numbers by name, or of their parts where
+            these have units of their own; NaN where no run is good.
             How many runs have ``settled``, and their mean ``saturated_share``, as far as these are
             in the result.
         """
@@ -201,7 +202,11 @@ class Result(StoredRuns):
                 "controller": label,
                 "runs": good[..., c, :].size,
                 "failed": self.failed[label],
-                **{name: self._over_good(name, c, of) for name, of in HEADLINE.items()},
+                **{
+                    each: self._over_good(each, c, of)
+                    for name, of in HEADLINE.items()
+                    for each in self.in_parts(name)
+                },
                 **self._settled(c),
                 **self._saturated(c),
             }
@@ -227,8 +232,23 @@ class Result(StoredRuns):
         known = self.comparable
         if name not in known:
             return []
-        parts = self.parts(known[name].signals[0]) if known[name].parted else []
+        parts = self._parts_of(known[name])
         return [known[at] for part in parts if (at := f"{name}_{part}") in known] or [known[name]]
+
+    def _parts_of(self, quantity: Quantity) -> list[str]:
+        """The parts for which a number per run is known: over time, or as it is stored."""
+        over_time = self.parts(quantity.signals[0]) if quantity.parted else []
+        stored = [
+            part.removeprefix(f"{like.name}_")
+            for like in self._metrics_like(quantity)
+            for part in self.in_parts(like.name)
+            if part != like.name
+        ]
+        return list(dict.fromkeys([*over_time, *stored]))
+
+    def in_parts(self, name: str) -> list[str]:
+        """The stored numbers of the parts where they have units of their own, else the number."""
+        return [other for other in self.metrics if other.startswith(f"{name}_")] or [name]
 
     def covers(self, quantity: Quantity, window: Window) -> bool:
         """Whether the result holds what a number per run takes over this window."""

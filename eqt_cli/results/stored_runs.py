@@ -13,7 +13,7 @@ from eqt_cli.ensemble.designs.base import CASE
 from eqt_cli.experiment.law_names import LAW
 from eqt_cli.results.contract import check_status
 from eqt_cli.results.origin import KnownResult, law_title
-from eqt_cli.results.swept_key import SweptKey, log_keys
+from eqt_cli.results.swept_key import SweptKey, degrees_of, log_keys
 from eqt_cli.store.reserved_names import POINT
 
 
@@ -112,8 +112,12 @@ class StoredRuns(KnownResult):
         key = self.long_name(name).removesuffix(", swept")
         if values.dtype != object:
             return SweptKey(key, values.astype(float), {}, key in self._on_log_scales)
+        written = [printable(str(value)) for value in values]
+        degrees = [angle for text in written if (angle := degrees_of(text)) is not None]
+        if len(degrees) == len(written):
+            return SweptKey(key, np.array(degrees), {}, unit="deg")
         numbers: dict[str, float] = {}  # in the order of the points
-        places = [numbers.setdefault(printable(str(v)), float(len(numbers))) for v in values]
+        places = [numbers.setdefault(text, float(len(numbers))) for text in written]
         return SweptKey(key, np.array(places), {place: text for text, place in numbers.items()})
 
     @cached_property

@@ -1,12 +1,16 @@
 """A key that takes several values in a sweep, as figures and tables show it."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import ExpressionError
+from eqt_cli.core.expressions import constant
+from eqt_cli.core.option_types import written_in_degrees
 
 
 @dataclass(frozen=True)
@@ -23,12 +27,15 @@ class SweptKey:
         What the numbers stand for, where the values are no numbers.
     asks_log
         Whether the range that they are from asks for a logarithmic scale.
+    unit
+        ``deg`` of angles that are written in degrees; nothing where the key has its own unit.
     """
 
     key: str
     values: Array
     texts: dict[float, str]
     asks_log: bool = False
+    unit: str = ""
 
     @property
     def levels(self) -> list[int]:
@@ -49,12 +56,21 @@ class SweptKey:
     def value(self, point: int) -> float | str:
         """At a point, as it was given."""
         found = float(self.values[point])
-        return self.texts.get(found, found)
+        return f"{found:g} {self.unit}" if self.unit else self.texts.get(found, found)
 
     def at(self, point: int) -> str:
         """The value at a point, as text."""
         value = self.value(point)
         return value if isinstance(value, str) else f"{value:.4g}".replace("-", "−")
+
+
+def degrees_of(text: str) -> float | None:
+    """The number of an angle such as ``90 deg``; None of all else."""
+    written = written_in_degrees(text)
+    if written is not None:
+        with suppress(ExpressionError):
+            return constant(written)
+    return None
 
 
 def log_keys(section: Any) -> Iterator[str]:

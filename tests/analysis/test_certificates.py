@@ -499,6 +499,16 @@ def test_a_pose_error_below_the_threshold_that_has_hardly_decayed_is_under_way()
     assert (row.verdict, "stays" in row.remark) == ("undecided", False)
 
 
+def test_runs_that_settle_part_by_part_have_no_bound_of_the_pose_error():
+    """An origin far away makes ‖I − Q_E‖_F large of poses that are near."""
+    known = {**pose_errors(0.001, 0.01), "threshold": 1e-4}
+    far = trajectory("Q → Q_d", **known)
+    there = trajectory("Q → Q_d", **known, settled=np.array([True, True]))
+    late = trajectory("Q → Q_d", **known, settled=np.array([True, False]))
+    assert [far.verdict, there.verdict, late.verdict] == ["undecided", "holds", "undecided"]
+    assert (there.bound, late.remark[:30]) == (None, "1 of 2 runs not there at 10 s;")
+
+
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
 def test_velocities_are_judged_by_their_own_size(scale):
     """A satellite's rates are below 0.05 at all times, and an unstable loop's may be large."""

@@ -145,8 +145,8 @@ def test_results_without_trajectories_have_their_metrics(make_result):
     ]
     assert comparison.missing == [
         "No trajectories are stored, so only stored metrics are compared: no other windows, no "
-        "parts of norms, no integral that is not among them, and no test that L never rises. Set "
-        "store.trajectories to all for these."
+        "parts of other norms, no integral that is not among them, and no test that L never rises. "
+        "Set store.trajectories to all for these."
     ]
     assert [judgement.verdict for judgement in comparison.judgements] == ["supported"]
 

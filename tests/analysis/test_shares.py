@@ -31,6 +31,21 @@ def test_shares_have_the_published_intervals_of_wilson(count, runs, low, high):
     assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
 
 
+@pytest.mark.parametrize(
+    ("count", "runs", "low", "high"),
+    [
+        (81, 263, 0.2527, 0.3676),
+        (15, 148, 0.0578, 0.1617),
+        (0, 20, 0, 0.1684),
+        (1, 29, 0.0009, 0.1776),
+    ],
+)
+def test_shares_have_the_published_intervals_of_clopper_and_pearson(count, runs, low, high):
+    # Newcombe (1998), the same table, method 5.
+    found = share(count, runs, 0.95, exact=True)
+    assert (found.low, found.high) == pytest.approx((low, high), abs=5e-5)
+
+
 def test_a_difference_has_the_published_interval_of_newcombe():
     found = CAVO.difference(0.95)
     assert tuple(found) == pytest.approx((-0.0621, -0.1186, -0.0046), abs=5e-5)

@@ -9,7 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import numpy as np
 import pytest
+
+from eqt_cli.cli.shared import result_tables
 
 Eqt = Callable[..., Any]
 
@@ -85,6 +88,58 @@ def test_failed_lists_every_failed_run(eqt: Eqt) -> None:
 def test_failed_says_where_there_is_none(eqt: Eqt, result: str) -> None:
     done = eqt("show", result, "--failed")
     assert (done.code, done.out, done.err) == (0, "", "no run failed\n")
+
+
+def test_runs_that_did_not_settle_are_listed_to_be_run_again(eqt: Eqt) -> None:
+    """Starts have all their digits; about a reference that starts at I, every bit comes again."""
+    known = ("--set", "settling_threshold=100 deg", "--out")
+    eqt("run", "c.yaml", *known, "out")
+    done = eqt("show", "out", "--unsettled")
+    header, *rows = done.out.splitlines()
+    entries = [f"Q{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3)]
+    assert header.split(",") == ["run", "settled_eqt", "settled_gt", *entries, "V1", "V2", "V3"]
+    with h5py.File("out/results.h5") as file:
+        settled, starts = ~np.isnan(file["settling_time"][:]), file["initial_pose"][:]
+    runs = np.flatnonzero(~settled.all(axis=0))
+    assert 0 < len(runs) < 3
+    told = np.array([row.split(",")[:3] for row in rows], dtype=int)
+    np.testing.assert_array_equal(told, np.column_stack([runs, settled.T[runs]]))
+    Path("starts.csv").write_text(done.out, encoding="utf-8")
+    again = "--set", "initial={file: starts.csv}", "--set", "ensemble={}"
+    eqt("run", "c.yaml", *again, *known, "again")
+    with h5py.File("again/results.h5") as file:
+        np.testing.assert_array_equal(file["initial_pose"][:], starts[runs])
+        np.testing.assert_array_equal(~np.isnan(file["settling_time"][:]), settled[:, runs])
+    assert eqt("show", "out", "--unsettled", "--json").out.count('"run"') == len(runs)
+
+
+def test_unsettled_says_where_there_is_none(eqt: Eqt) -> None:
+    eqt("run", "c.yaml", "--set", "settling_threshold=3", "--out", "out")
+    done = eqt("show", "out", "--unsettled")
+    assert (done.code, done.out, done.err) == (0, "", "every run settled\n")
+
+
+def test_unsettled_runs_of_a_sweep_are_of_a_point(eqt: Eqt) -> None:
+    eqt("sweep", "c.yaml", "--grid", "gains.kp=1,2", "--out", "out")
+    done = eqt("show", "out", "--unsettled")
+    said = "eqt: --unsettled: a sweep has starts by point; choose one with --point\n"
+    assert (done.code, done.err) == (2, said)
+    assert eqt("show", "out", "--unsettled", "--point", "1").out.startswith("run,settled_eqt,")
+
+
+def test_few_unsettled_runs_of_many_have_an_exact_interval(make_result: Any) -> None:
+    times = np.ones((2, 2000))
+    times[0, 7] = np.nan
+    names = ("early_torque", "mean_pose_error", "final_pose_error", "final_velocity_error")
+    metrics = dict.fromkeys((*names, "energy_residual"), 0 * times) | {"settling_time": times}
+    result = make_result(["eqt", "gt"], metrics=metrics)
+    lines = list(result_tables._shares(result))
+    assert lines == [
+        "settled runs: EqT 1999 of 2000, GT 2000 of 2000",
+        "not settled: EqT 1 of 2000, 0.0005 [1.3e-05, 0.0028]; GT 0 of 2000, 0 [0, 0.0018] "
+        "(exact 95 % intervals)",
+        f"`eqt show {result.path.parent} --unsettled` lists their starts",
+    ]
 
 
 def test_plugins_are_printed_and_not_executed(eqt: Eqt, folder: Path) -> None:

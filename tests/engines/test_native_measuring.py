@@ -26,7 +26,7 @@ FEW = {
 
 CHANGES = {
     "paper": ("paper", {}),
-    "SE3": ("se3", {}),
+    "SE3": ("se3", {"settling_threshold": {"rotation": "90 deg", "translation": 1.0}}),
     "failing": ("paper", {"solver.max_steps": 40}),
 }
 

@@ -15,6 +15,7 @@ from eqt_cli.ensemble.poses import pose_distributions
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.ensemble.spread import Spread
 from eqt_cli.ensemble.velocities import velocity_distributions
+from eqt_cli.ensemble.velocities.speed import Speed
 from eqt_cli.groups import group_named
 
 SEED = 2025
@@ -38,6 +39,12 @@ def draw(G, poses, velocities=None, runs=range(5), seed=SEED, Qd=None, Vd=None):
         seed=seed,
         runs=runs,
     )
+
+
+def numbers(name, **options):
+    """The first numbers of a distribution of poses."""
+    G, random = group_named("SO3"), generator(SEED, Stream.INITIAL_STATE, 0)
+    return pose_distribution(name, **options).draw(G, random)
 
 
 def wrong_options(distribution, G):
@@ -318,3 +325,112 @@ def test_a_centre_has_one_number_per_coordinate():
     G = group_named("SE3")
     [(option, message)] = wrong_options(pose_distribution("exp_normal", centre=[1.0, 2.0]), G)
     assert (option, message) == ("centre", "expected 6 numbers for SE3, got 2")
+
+
+# Angles and speeds --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["SO2", "SO3", "SE2", "SE3", "SE23"])
+def test_starts_have_the_angle_and_the_speed_that_are_asked_for(name):
+    G, angle = group_named(name), np.radians(170)
+    Q, V = draw(
+        G, pose_distribution("angle", angle=angle), velocity_distribution("speed", speed=0.5)
+    )
+    turn = G.log(Q)[:, : G.rotations]
+    # Tens of last places of an angle near π.
+    np.testing.assert_allclose(np.linalg.norm(turn, axis=1), angle, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(np.linalg.norm(V[:, : G.rotations], axis=1), 0.5, rtol=1e-15)
+    assert not V[:, G.rotations :].any()
+    assert not Q[:, : G.space, G.space :].any()
+
+
+def test_axes_of_angles_and_speeds_are_uniform():
+    """Of unit vectors of space, E u = 0 with E u_i² = ⅓ and E u_i⁴ = 1/5."""
+    G = group_named("SO3")
+    Q, V = draw(
+        G,
+        pose_distribution("angle", angle=2.0),
+        velocity_distribution("speed", speed=3.0),
+        runs=range(4000),
+    )
+    for axes in (G.log(Q) / 2.0, V / 3.0):
+        assert_mean(axes, 0.0, np.sqrt(1 / 3))
+        assert_mean(axes**2, 1 / 3, np.sqrt(1 / 5 - 1 / 9))
+
+
+def test_an_angle_between_two_is_uniform_and_shares_its_axis_with_others():
+    G, (low, high) = group_named("SO3"), (1.0, 3.0)
+    Q, _ = draw(G, pose_distribution("angle", angle=[low, high]), runs=range(4000))
+    angles = np.linalg.norm(G.log(Q), axis=1)
+    assert low <= angles.min() < low + 0.01
+    assert high - 0.01 < angles.max() <= high
+    assert_mean(angles, (low + high) / 2, (high - low) / np.sqrt(12))
+    one, other = (numbers("angle", angle=angle) for angle in (1.0, [2.0, 3.0]))
+    np.testing.assert_allclose(other / np.linalg.norm(other), one, rtol=1e-15)
+
+
+def test_a_speed_of_the_translation_is_in_its_part_of_the_velocity():
+    G = group_named("SE3")
+    found = velocity_distribution("speed", axis=[0, 0, 2], speed=3.0, translation=Speed(0.5))
+    _, V = draw(G, pose_distribution("fixed"), found)
+    assert (V[:, :3] == [0.0, 0.0, 3.0]).all()
+    np.testing.assert_allclose(np.linalg.norm(V[:, 3:], axis=1), 0.5, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("group", "distribution", "options", "expected"),
+    [
+        (
+            "SE3",
+            pose_distribution,
+            {"angle": [2.0, 1.0], "axis": [0.0, 0.0, 0.0]},
+            [
+                (
+                    "angle",
+                    "expected a number, or a list of the least and the greatest, got [2.0, 1.0]",
+                ),
+                ("axis", "expected random, or a list of 3 that are not all 0, got [0.0, 0.0, 0.0]"),
+            ],
+        ),
+        (
+            "SO2",
+            pose_distribution,
+            {"angle": 4.0, "axis": [1.0, 0.0]},
+            [
+                ("angle", "expected an angle from 0 to 180 deg, got 229.183 deg"),
+                ("axis", "expected random, or [1] or [-1], got [1.0, 0.0]"),
+            ],
+        ),
+        (
+            "R3",
+            pose_distribution,
+            {},
+            [("kind", "angle needs a group with rotations; for R3 use exp_normal")],
+        ),
+        (
+            "R3",
+            velocity_distribution,
+            {"speed": 1.0},
+            [("speed", "R3 has no rotations; give `translation` instead")],
+        ),
+        (
+            "SE3*SO2",
+            velocity_distribution,
+            {"speed": 1.0},
+            [("speed", "SE3*SO2 has 2 rotations; use fixed or normal")],
+        ),
+        (
+            "SO3",
+            velocity_distribution,
+            {"speed": -1.0, "translation": Speed(-1.0)},
+            [
+                ("speed", "expected a number of at least 0, got -1"),
+                ("translation.speed", "expected a number of at least 0, got -1"),
+                ("translation", "SO3 has no translations; remove this key"),
+            ],
+        ),
+    ],
+)
+def test_angles_and_speeds_that_a_group_cannot_have(group, distribution, options, expected):
+    name = "angle" if distribution is pose_distribution else "speed"
+    assert wrong_options(distribution(name, **options), group_named(group)) == expected

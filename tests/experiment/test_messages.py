@@ -456,6 +456,23 @@ def test_a_missing_key(message: Message, section: str, value: str | None, said: 
             "c.yaml:10:1: settling_threshold: expected a number greater than 0, got 0",
         ),
         (
+            "settling_threshold",
+            "[1]",
+            "c.yaml:10:1: settling_threshold: expected a number, an angle such as 2 deg, or "
+            "{part: threshold, …}, got [1]",
+        ),
+        (
+            "settling_threshold",
+            "{rotation: 200 deg}",
+            "c.yaml:10:22: settling_threshold.rotation: expected an angle of at most 180 deg, got "
+            "200 deg",
+        ),
+        (
+            "settling_threshold",
+            "{rotatoin: 2 deg}",
+            "c.yaml:10:22: settling_threshold.rotatoin: unknown key; did you mean 'rotation'?",
+        ),
+        (
             "name",
             "3",
             "c.yaml:10:1: name: expected text, got 3",
@@ -755,15 +772,14 @@ def test_an_expression(message: Message, section: str, value: str | None, said: 
     [
         (
             "initial",
-            "{pose: {kind: euler, low: -180 deg}}",
-            "c.yaml:6:31: initial.pose.low: expected a number, got '-180 deg': angles are in "
-            "radians here: write -180*pi/180",
+            "{pose: {kind: fixed, coordinates: [-180 deg, 0, 0]}}",
+            "c.yaml:6:45: initial.pose.coordinates[0]: expected a number, got '-180 deg': angles "
+            "are in radians here: write -180*pi/180",
         ),
         (
             "initial",
             "{pose: {kind: euler, low: -180deg}}",
-            "c.yaml:6:31: initial.pose.low: expected a number, got '-180deg': angles are in "
-            "radians here: write -180*pi/180",
+            "c.yaml:6:31: initial.pose.low: expected a number, got '-180deg': write '-180 deg'",
         ),
         (
             "reference",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -284,6 +285,26 @@ def test_the_digest_sees_another_group(experiment: Build) -> None:
     pair = {"inertia": "1", "reference": "{kind: constant}"}
     digests = {experiment(group=name, **pair).digest for name in ("SO2", "SO3", "SE2", "SE3")}
     assert len(digests) == 4
+
+
+def test_angles_in_degrees_resolve_to_radians(experiment: Build) -> None:
+    found = experiment(
+        group="SE3",
+        inertia="1",
+        reference="{kind: constant}",
+        initial="{pose: {kind: angle, angle: [90 deg, 180 deg]}, velocity: {kind: speed, "
+        "translation: {speed: 0.2, axis: [0, 0, 1]}}}",
+        settling_threshold="{translation: 0.2, rotation: 90 deg}",
+        worst="{over: {initial.velocity.speed: [0 deg, 90 deg]}, objective: effort}",
+    )
+    start, limits = found.resolved["initial"], found.resolved["settling_threshold"]
+    assert start["pose"]["angle"] == [math.pi / 2, math.pi]
+    assert start["velocity"]["translation"] == {"speed": 0.2, "axis": [0.0, 0.0, 1.0]}
+    assert limits == {"translation": 0.2, "rotation": math.pi / 2}
+    assert found.config.worst is not None
+    assert found.config.worst.over == {"initial.velocity.speed": [0.0, math.pi / 2]}
+    again = built(found.resolved)
+    assert (again.resolved, again.digest) == (found.resolved, found.digest)
 
 
 # Names ------------------------------------------------------------------------------------------

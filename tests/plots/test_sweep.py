@@ -12,9 +12,11 @@ from eqt_cli.analysis.comparison.shares import share
 from eqt_cli.core.errors import EqtError
 from eqt_cli.plots.drawing.point_labels import name_points
 from eqt_cli.plots.drawing.scales import FEW, number_values
+from eqt_cli.plots.figures import region
 from eqt_cli.plots.figures.envelope import Envelope
 from eqt_cli.plots.figures.forest import Forest
 from eqt_cli.plots.figures.pareto import Pareto
+from eqt_cli.plots.figures.region import Region
 from eqt_cli.plots.figures.sweep import SweepFigure
 from eqt_cli.plots.figures.winners import Winners
 from eqt_cli.plots.shown.sweep import ShownSweep
@@ -406,6 +408,67 @@ def test_an_envelope_needs_a_number_across(swept):
     tensors = [{"grid": {"inertia": [[1.0, 2.0, 3.0], [1.0, 1.0, 1.0]]}}]
     with pytest.raises(EqtError, match="shows a swept number and at most one more key, and here"):
         Envelope().draw([swept(tensors)])
+
+
+STARTS = {
+    "initial": {
+        "pose": {"kind": "angle", "angle": 1.0},
+        "velocity": {"kind": "speed", "speed": 0.0},
+    },
+    "settling_threshold": "60 deg",
+}
+NEAR_A_HALF_TURN = [
+    {"grid": {"initial.pose.angle": ["90 deg", "179 deg"], "initial.velocity.speed": [0, 1, 3]}}
+]
+
+
+def test_a_region_has_the_share_that_settles_in_every_cell_with_its_interval(swept):
+    results = swept(NEAR_A_HALF_TURN, **STARTS)
+    drawing = Region().draw([results])
+    # Counted directly, from the errors at the end: ‖I − R‖_F is 2√2 sin(θ/2).
+    within = results["final_pose_error"] <= 2 * np.sqrt(2) * np.sin(np.radians(30))
+    counts = within.sum(axis=-1)
+    assert len(np.unique(counts)) > 2
+    for law, panel in enumerate(drawing.axes[:2]):
+        drawn = np.asarray(panel.collections[0].get_array()).reshape(3, 2)
+        np.testing.assert_allclose(drawn.T.ravel(), 100 * counts[:, law] / 6)
+        texts = [text.get_text() for text in panel.texts if "\n" in text.get_text()]
+        ends = [share(int(n), 6, 0.95)[1:] for n in counts[:, law]]
+        expected = [
+            f"{100 * n / 6:.0f}\n{np.floor(100 * low):.0f}–{np.ceil(100 * high):.0f}"
+            for n, (low, high) in zip(counts[:, law], ends, strict=True)
+        ]
+        assert texts == expected
+    top, bottom, _ = drawing.axes
+    assert [text.get_text() for text in bottom.get_xticklabels()] == ["90", "179"]
+    assert (bottom.get_xlabel(), bottom.get_ylabel()) == (
+        "initial angle $(\\mathrm{deg})$",
+        "initial angular speed $(\\mathrm{rad/s})$",
+    )
+    assert (top.get_title(), bottom.get_title()) == ("EqT", "GT")
+    said = "Each cell: n = 6; below the share, its 95 % Wilson interval."
+    assert drawing.get_supxlabel() == said
+
+
+def test_a_region_is_of_two_keys(swept):
+    with pytest.raises(EqtError) as raised:
+        Region().draw([swept(ONE)])
+    assert str(raised.value).endswith(
+        ": figure 'region' shows two swept keys, and here are 1 (gains.kd); figure 'envelope' "
+        "shows a swept number"
+    )
+
+
+@pytest.mark.parametrize(
+    ("share", "said"), [(0, "0"), (0.04, "0.04"), (49.6, "50"), (99.96, "99.96"), (100, "100")]
+)
+def test_a_share_of_nearly_all_runs_is_not_that_of_all(share, said):
+    assert region._per_cent(share) == said
+
+
+def test_an_interval_in_a_cell_is_no_narrower_than_it_is():
+    found = [region._interval(*ends) for ends in ((94.55, 99.82), (0.0, 3.2), (99.98, 99.99))]
+    assert found == ["94–100", "0–4", "99.98–99.99"]
 
 
 def test_bands_of_a_share_are_its_intervals(swept):

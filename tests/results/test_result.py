@@ -6,7 +6,7 @@ import pytest
 from eqt_cli.core.errors import EqtError
 from eqt_cli.engines import Status
 from eqt_cli.results.result import mean_over_runs
-from eqt_cli.results.swept_key import SweptKey
+from eqt_cli.results.swept_key import SweptKey, degrees_of
 
 RUNS = 6
 NORMS = ("pose_error", "velocity_error", "torque_norm", "lyapunov")
@@ -133,6 +133,12 @@ def test_a_swept_key_has_numbers_or_texts():
     assert (texts.at(0), texts.value(1), texts.logarithmic) == ("SO3", "SE3", False)
     assert texts.levels == [0, 1, 0]
     assert SweptKey("x", np.array([-1.5]), {}).at(0) == "−1.5"
+    assert SweptKey("x", np.array([170.0]), {}, unit="deg").at(0) == "170 deg"
+    assert (degrees_of("170 deg"), degrees_of("pi/2 deg"), degrees_of("170")) == (
+        170.0,
+        np.pi / 2,
+        None,
+    )
 
 
 def test_means_leave_out_what_is_missing():

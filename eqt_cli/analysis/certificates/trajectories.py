@@ -174,6 +174,8 @@ class PoseConvergence(Convergence):
         final, errors, bound = runs.final_pose_error, runs.pose_error, runs.threshold
         L = runs.lyapunov
         found = None if errors is None else approach(runs.times, errors, runs.rtol, 1.0, L)
+        if runs.settled is not None:
+            return self.arrived(runs, final, runs.settled, found, None)
         return self.arrived(runs, final, final <= bound, found, bound)
 
 

@@ -268,8 +268,8 @@ def _missing(result: Result) -> list[str]:
     if stored == 0:
         return [
             "No trajectories are stored, so only stored metrics are compared: no other windows, no "
-            "parts of norms, no integral that is not among them, and no test that L never rises. "
-            "Set store.trajectories to all for these."
+            "parts of other norms, no integral that is not among them, and no test that L never "
+            "rises. Set store.trajectories to all for these."
         ]
     if stored < result.runs:
         return [

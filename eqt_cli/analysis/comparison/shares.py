@@ -18,16 +18,22 @@ class Interval(NamedTuple):
     high: float
 
 
-def share(count: int, runs: int, confidence: float) -> Interval:
+def share(count: int, runs: int, confidence: float, *, exact: bool = False) -> Interval:
     """The share of runs, with the score interval of Wilson (1927), without continuity correction.
 
     Its ends stay within [0, 1], and it has a width where no run or every run counts.
+
+    Parameters
+    ----------
+    exact
+        The interval of Clopper and Pearson (1934) instead, which holds for rare events, too.
     """
     if not runs:
         return Interval(math.nan, math.nan, math.nan)
     from scipy.stats import binomtest  # slow to import, and most tables do without
 
-    found = binomtest(count, runs).proportion_ci(confidence, method="wilson")
+    method = "exact" if exact else "wilson"
+    found = binomtest(count, runs).proportion_ci(confidence, method=method)
     return Interval(count / runs, float(found.low), float(found.high))
 
 

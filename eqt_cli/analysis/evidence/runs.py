@@ -31,7 +31,7 @@ class Runs:
     rtol
         The accuracy that the runs were asked for.
     threshold
-        Pose error below which a run counts as arrived.
+        Pose error below which a run counts as arrived; with thresholds by part, the norm of these.
     times : (samples,)
     lyapunov : (runs, samples) or None
         L; None where no trajectories are kept.
@@ -50,6 +50,8 @@ class Runs:
         Which function L is, and where it is shown to fall.
     pose_error, velocity_error : (runs, samples) or None
         Over time, of the runs whose trajectories are kept; None where none are.
+    settled : (runs,) or None
+        Which runs have arrived, where thresholds by part say so.
     desired_speed
         The largest ‖V_d‖.
     """
@@ -72,6 +74,7 @@ class Runs:
     theorem: str = Controller.theorem
     pose_error: Array | None = None
     velocity_error: Array | None = None
+    settled: Array | None = None
     desired_speed: float = 0.0
 
     @property

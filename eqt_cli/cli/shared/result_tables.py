@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eqt_cli.analysis.comparison.bootstrap import Resampling
+from eqt_cli.analysis.comparison.findings import listed
+from eqt_cli.analysis.comparison.shares import share
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.cli.shared.output import complain, count_of, laid_out, number, print_text
 from eqt_cli.results.result import HEADLINE, Result
@@ -19,6 +22,9 @@ FAR_ABOVE = 1000.0
 
 In 13 shipped configurations it is 64 at most, and 433 where a limit or a jump of the law is in the
 way of `solve_ivp`."""
+
+MANY, RARE = 1000, 0.01
+"""Runs from which on, and the share below which, those that do not settle are counted exactly."""
 
 MOST_FAILURES = 10
 """Different messages shown of failed runs."""
@@ -50,18 +56,31 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
 
 
 def _headline(result: Result) -> Text:
-    """One line per controller: torque, tracking error, final errors, energy residual."""
+    """One line per controller: torque, tracking error, final errors, energy residual.
+
+    Where parts have units of their own, a block for each of them.
+    """
+    parts = [name.removeprefix(first) for first in HEADLINE for name in result.in_parts(first)]
+    blocks = [_block(result, end) for end in dict.fromkeys(filter(None, parts))]
+    measures = [result.quantity(name).plain for name in HEADLINE]
+    spare = (measures[-1], "runs", *reversed(measures[1:-1]))
+    header = ["law", "runs", *measures]
+    blocks = blocks or [_block(result, "")]
+    return laid_out(TextTable("headline", "", header, blocks, spare=spare))
+
+
+def _block(result: Result, part: str) -> Block:
+    """The lines of a part, by the end of its names: ``_rotation``; of all together if empty."""
+    names = [name + part * (name + part in result.metrics) for name in HEADLINE]
     rows = []
     for row in result.headline():
-        *means, residual = (row[name] for name in HEADLINE)
+        *means, residual = (row[name] for name in names)
         runs = str(row["runs"] - row["failed"])
         rows.append(
             [result.titled[row["controller"]], runs, *map(number, means), number(residual, 1)]
         )
-    measures = [result.quantity(name).plain for name in HEADLINE]
-    spare = (measures[-1], "runs", *reversed(measures[1:-1]))
-    header = ["law", "runs", *measures]
-    return laid_out(TextTable("headline", "", header, [Block("", rows)], spare=spare))
+    units = listed([u for u in dict.fromkeys(result.units(name) for name in names) if u != "1"])
+    return Block(f"{part[1:].replace('_', ' ')}, in {units}" if part else "", rows)
 
 
 def _shares(result: Result) -> Iterator[str]:
@@ -70,9 +89,28 @@ def _shares(result: Result) -> Iterator[str]:
     if all("settled" in row for _, row in rows):
         counts = ", ".join(f"{title} {row['settled']} of {row['runs']}" for title, row in rows)
         yield f"settled runs: {counts}"
+        yield from _rare(result, {title: row["runs"] - row["settled"] for title, row in rows})
     if all("saturated_share" in row for _, row in rows):
         shares = ", ".join(f"{title} {row['saturated_share']:.2%}" for title, row in rows)
         yield f"time at a limit: {shares}"
+
+
+def _rare(result: Result, unsettled: dict[str, int]) -> Iterator[str]:
+    """The shares of runs that did not settle, of laws where these are few of many."""
+    runs = result.good[..., 0, :].size
+    few = {title: count for title, count in unsettled.items() if count < RARE * runs}
+    if runs < MANY or not few:
+        return
+    found = {
+        title: share(count, runs, Resampling.confidence, exact=True) for title, count in few.items()
+    }
+    told = "; ".join(
+        f"{title} {few[title]} of {runs}, {value:.2g} [{low:.2g}, {high:.2g}]"
+        for title, (value, low, high) in found.items()
+    )
+    yield f"not settled: {told} (exact {100 * Resampling.confidence:g} % intervals)"
+    if any(few.values()) and not result.is_sweep:
+        yield f"`eqt show {result.path.parent} --unsettled` lists their starts"
 
 
 def _accuracy(result: Result) -> Iterator[str]:

@@ -6,7 +6,7 @@ from typing import ClassVar
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.option_types import Real
+from eqt_cli.core.option_types import Angle
 from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.poses.base import RotationDistribution
 from eqt_cli.groups import MatrixLieGroup
@@ -23,14 +23,14 @@ class Euler(RotationDistribution):
         Axes as in SciPy: upper case turns about the moving axes (intrinsic), lower case about
         the fixed ones.
     low, high
-        Bounds of each angle, rad.
+        Bounds of each angle, rad, or such as 90 deg.
     """
 
     name: ClassVar[str] = "euler"
 
     sequence: str = "ZYX"
-    low: Real = -np.pi
-    high: Real = np.pi
+    low: Angle = -np.pi
+    high: Angle = np.pi
 
     def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
         """Three angles."""

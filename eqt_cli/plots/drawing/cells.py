@@ -1,6 +1,6 @@
 """The points of a sweep as cells of a map over one or two keys; it knows no metric."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,10 +19,12 @@ from eqt_cli.results.swept_key import SweptKey
 _LONGEST = 36
 """Characters in a line of a label."""
 
-_NUMBER, _LINE = 0.28, 0.16
-"""in, of a cell with a number in it."""
+_LETTER, _BESIDE, _LINE = 0.048, 0.088, 0.16
+"""in, of a letter in a cell, around the letters, and of a line."""
 _TENS = 10
 """Numbers from here are written without decimals."""
+_LONGEST_NUMBER = 4
+"""Characters of a number as it is written in a cell."""
 _DARK = 0.55
 """Of a colour on which numbers are white."""
 
@@ -78,8 +80,15 @@ class Cells:
         """Hatch the cells of some points."""
         self._outline(panel, points, hatch=pattern, edgecolor=ink(0.35), linewidth=0)
 
-    def write(self, panel: Axes, values: Array, image: Any, room: tuple[float, float]) -> None:
-        """Write the numbers of the points in their cells, if they fit.
+    def write(
+        self,
+        panel: Axes,
+        values: Array,
+        image: Any,
+        room: tuple[float, float],
+        texts: Sequence[str] | None = None,
+    ) -> bool:
+        """Write the numbers of the points in their cells, if they fit; whether they do.
 
         Parameters
         ----------
@@ -87,21 +96,30 @@ class Cells:
             What `draw` returned, for its colours.
         room
             in, of the panel across and up.
+        texts
+            What is written of each point, in one line or several; its number if None.
         """
         rows, columns = self.shape
-        if room[0] / columns < _NUMBER or room[1] / rows < _LINE:
-            return
+        if texts is None:
+            longest, lines = _LONGEST_NUMBER, 1
+            texts = [f"{v:#.2g}" if abs(v) < _TENS else f"{v:.0f}" for v in values]
+        else:
+            longest = max(len(line) for text in texts for line in text.split("\n"))
+            lines = max(text.count("\n") for text in texts) + 1
+        if room[0] / columns < _LETTER * longest + _BESIDE or room[1] / rows < _LINE * lines:
+            return False
         for point, value in enumerate(values):
             if np.isfinite(value):
                 red, green, blue, _ = ground = image.cmap(image.norm(value))
                 dark = 0.2126 * red + 0.7152 * green + 0.0722 * blue < _DARK
                 panel.annotate(
-                    f"{value:#.2g}" if abs(value) < _TENS else f"{value:.0f}",
+                    texts[point],
                     (self.columns[point], self.rows[point]),
                     color=ink(0) if dark else ink(),
                     bbox={"facecolor": ground, "edgecolor": "none", "pad": 0.6},
                     **_WRITTEN,
                 )
+        return True
 
     def mark(self, panel: Axes, point: int) -> None:
         """Draw a frame around the cell of a point, seen on every colour."""
@@ -129,4 +147,4 @@ class Cells:
         names = numbers | key.texts
         texts = [free_text(names[levels[k]], _LONGEST) for k in shown]
         panel.set(**{f"{direction}ticks": list(shown), f"{direction}ticklabels": texts})
-        panel.set(**{f"{direction}label": key_label(result, key.key)})
+        panel.set(**{f"{direction}label": key_label(result, key)})

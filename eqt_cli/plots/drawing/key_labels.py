@@ -26,12 +26,15 @@ _WORDS = {
     "limit": ("limit", _TORQUE),
     "rate": ("rate limit", _RATE),
     "time_constant": ("time constant", "s"),
+    "pose.angle": ("initial angle", "rad"),
+    "velocity.speed": ("initial angular speed", "rad/s"),
+    "translation.speed": ("initial speed of translation", "m/s"),
     "relative": ("relative error of the inertia", ""),
     "seed": ("seed", ""),
     "rtol": ("relative tolerance", ""),
     "atol": ("absolute tolerance", ""),
 }
-"""By the last step of a key."""
+"""By the last step of a key, or the last two."""
 
 _LONGEST = 36
 """Characters in a line of a label."""
@@ -43,24 +46,26 @@ _BESIDE = 0.6
 """in, that the scale up and the margins take of the width."""
 
 
-def key_label(result: Result, key: str) -> str:
+def key_label(result: Result, swept: SweptKey) -> str:
     """The name of a swept key, with its unit; the key itself where it has no name."""
+    key = swept.key
     path = parse_key(key)
     steps = [step for step in path if isinstance(step, str)]
     of = _owner(result, key)
     symbol = _SYMBOLS.get(".".join(steps[-2:]))
     if symbol and isinstance(path[-1], str):
         return quantity(symbol[0], _unit(result, symbol[1])) + free_text(of, _LONGEST)
-    if steps[-1] not in _WORDS or not isinstance(path[-1], str):
-        return free_text(key, _LONGEST)
-    words, unit = _WORDS[steps[-1]]
-    return in_words(free_text(words + of, _LONGEST), _unit(result, unit))
+    known = _WORDS.get(".".join(steps[-2:])) or _WORDS.get(steps[-1])
+    if known is None or not isinstance(path[-1], str):
+        return in_words(free_text(key, _LONGEST), swept.unit)
+    words, unit = known
+    return in_words(free_text(words + of, _LONGEST), swept.unit or _unit(result, unit))
 
 
 def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> None:
     """Name the scale across and what is at it, in a panel that takes so many inches."""
     panel.margins(x=_MARGIN)
-    panel.set_xlabel(key_label(result, axis.key))
+    panel.set_xlabel(key_label(result, axis))
     if axis.texts:
         texts = [free_text(text, _LONGEST) for text in axis.texts.values()]
         panel.set_xticks(list(axis.texts), texts)

@@ -108,7 +108,7 @@ def metric_label(result: Result, metric: str, characters: int) -> str:
     unit = result.units(metric) if result.has(metric) else found.units
     if "{}" in found.label:
         part = _part(result, found)
-        label = found.label.removesuffix(f" {part_name(part.name)}") if part else found.label
+        label = found.label.replace(f"{{}} {part_name(part.name)}", "{}") if part else found.label
         return label.replace("{}", _labelled(result, metric, norm_symbol(result, found), unit))
     words = free_text(found.label or found.long_name, characters)
     return words + _labelled(result, metric, "", unit).removeprefix("$$")

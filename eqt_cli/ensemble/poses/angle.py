@@ -1,0 +1,52 @@
+"""Rotations by a given angle."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.option_types import Angle
+from eqt_cli.core.problems import Problems
+from eqt_cli.ensemble.poses.base import RotationDistribution
+from eqt_cli.ensemble.spread import Axis, check_axis, check_size, directed
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+
+
+@dataclass(frozen=True)
+class AnglePose(RotationDistribution):
+    """A rotation by a given angle, or by one between two, about a random axis or a given one.
+
+    Attributes
+    ----------
+    angle
+        From 0 to 180 deg, in rad or such as 170 deg; of a list of two, uniform between them.
+    axis
+        `random`, uniform over all directions, or a vector in the frame of the desired pose; in the
+        plane [1] or [-1].
+    """
+
+    name: ClassVar[str] = "angle"
+
+    angle: Angle | list[Angle] = np.pi
+    axis: Axis = "random"
+
+    def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:
+        """The angle along the axis: a rotation vector."""
+        return directed(self.angle, self.axis, G.rotations, generator)
+
+    def place_rotation(self, G: EuclideanGroup, numbers: Array) -> Array:
+        """exp of the rotation vectors."""
+        still = np.zeros((len(numbers), G.dimension - G.rotations))
+        return G.rotation(G.exp(np.concatenate([numbers, still], axis=1)))
+
+    def check(self, G: MatrixLieGroup, problems: Problems) -> None:
+        """A group without rotations, an angle of more than a half-turn, another kind of axis."""
+        super().check(G, problems)
+        check_size(self.angle, problems.at("angle"))
+        if (most := np.max(self.angle)) > np.pi:
+            got = f"got {np.degrees(most):.6g} deg"
+            problems.at("angle").add(f"expected an angle from 0 to 180 deg, {got}")
+        if isinstance(G, EuclideanGroup) and G.rotations:
+            check_axis(self.axis, G.rotations, problems.at("axis"))

@@ -1,0 +1,120 @@
+"""The figure of the region of convergence: the share of runs that settle over two swept keys."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.figure import Figure as Drawing
+
+from eqt_cli.analysis.comparison.shares import shares
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.problems import Problems
+from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.drawing.cells import Cells
+from eqt_cli.plots.drawing.layout import add_title
+from eqt_cli.plots.drawing.style import WIDTHS, Width, ink
+from eqt_cli.plots.shown.sweep import ShownSweep
+
+_ROW, _AROUND = 0.34, 0.5
+"""in, the height of a row of cells, with two lines in each, and of what is around a map."""
+_MOST, _LEAST = 2.6, 1.3
+"""in, of a map with what is around it."""
+_SCALES = 1.15
+"""in, that the scale up and that of the colours take across."""
+
+
+_ROUNDING = 1e-9
+"""Of an end of an interval, in per cent."""
+_LINES: dict[str, Any] = {"edgecolors": ink(0), "linewidth": 0.4}
+
+
+@dataclass(frozen=True)
+class Region(OfSweep):
+    """The share of runs that settle over two swept keys, a map for each law.
+
+    In each cell, if it has room, the share in per cent, and below it its 95 % Wilson interval. A
+    run that failed has not settled.
+
+    Attributes
+    ----------
+    by
+        s, by when a run must have settled for good; its end if 0.
+    """
+
+    name: ClassVar[str] = "region"
+
+    by: float = 0.0
+
+    def check(self, problems: Problems) -> None:
+        """A time from 0."""
+        if not self.by >= 0:
+            problems.at("by").add(f"expected a time of 0 s or more, got {self.by:g}")
+
+    def compose(self, swept: ShownSweep, width: Width) -> Drawing:
+        """Maps with common scales and colours from 0 to 100 %."""
+        if len(swept.axes) != 2:
+            raise swept.error(
+                f"shows two swept keys, and here are {len(swept.axes)} ({swept.keys}); figure "
+                "'envelope' shows a swept number"
+            )
+        cells, count = Cells(*swept.axes), len(swept.titles)
+        columns = _in_a_row(count, width)
+        rows = -(-count // columns)
+        height = min(max(_LEAST, _ROW * cells.shape[0] + _AROUND), _MOST)
+        drawing = Drawing(figsize=(WIDTHS[width], height * rows))
+        grid = drawing.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        panels = list(grid.ravel())
+        for spare in panels[count:]:
+            spare.remove()
+        found = 100 * shares(swept.settled(self.by).astype(float))
+        room = (WIDTHS[width] - _SCALES) / columns, height - _AROUND
+        told = []
+        for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=False)):
+            share, low, high = found[:, index].T
+            image = cells.draw(panel, share, vmin=0, vmax=100, label=title, **_LINES)
+            alone = [_per_cent(number) for number in share]
+            ends = map(_interval, low, high)
+            both = [f"{text}\n{end}" for text, end in zip(alone, ends, strict=True)]
+            told.append(cells.write(panel, share, image, room, both))
+            if not told[-1]:
+                cells.write(panel, share, image, room, alone)
+            add_title(panel, title, WIDTHS[width] / columns)
+            cells.scales(panel, swept.results, leftmost=index % columns == 0)
+            if index + columns < count:
+                panel.label_outer()
+        when = f"by {self.by:g} s" if self.by else "at the end"
+        drawing.colorbar(image, ax=panels[:count], label=f"share settled {when} (%)")
+        swept.remarks.append(f"Each cell: {swept.count}; {_intervals(found, told)}.")
+        return drawing
+
+
+def _in_a_row(count: int, width: Width) -> int:
+    """Of so many maps, how many stand side by side."""
+    most = {"column": 1 if count < 3 else 2, "page": 2 if count == 4 else 3}[width]
+    return min(count, most)
+
+
+def _intervals(found: Array, told: list[bool]) -> str:
+    """Where the intervals are, or how wide, if the cells have no room for them."""
+    if all(told):
+        return "below the share, its 95 % Wilson interval"
+    share, low, high = np.moveaxis(found, -1, 0)
+    most = np.max(np.maximum(high - share, share - low))
+    return f"95 % Wilson intervals of at most ±{most:.2g} percentage points"
+
+
+def _interval(low: float, high: float) -> str:
+    """An interval in per cent, no narrower than it is."""
+    if high - low < 1:
+        return f"{low:.4g}–{high:.4g}"
+    return f"{math.floor(low + _ROUNDING)}–{math.ceil(high - _ROUNDING)}"
+
+
+def _per_cent(number: float) -> str:
+    """A share in per cent; 0 and 100 say none and all."""
+    if number < 0.5:
+        return f"{number:.1g}"
+    if number > 99.5:
+        return f"{100 - float(f'{100 - number:.1g}'):.10g}"
+    return f"{number:.0f}"
