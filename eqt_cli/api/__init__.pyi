@@ -21,6 +21,6 @@ from eqt_cli.api.running import StoredResult as StoredResult
 from eqt_cli.api.running import choose_executor as choose_executor
 from eqt_cli.api.running import pack as pack
 from eqt_cli.api.running import run as run
-from eqt_cli.api.tuning import tune as tune
+from eqt_cli.api.searching import tune as tune
+from eqt_cli.api.searching import worst as worst
 from eqt_cli.api.verifying import verify as verify
-from eqt_cli.api.worst_case import worst as worst
