@@ -11,6 +11,7 @@ from eqt_cli.api import compare_sweep as compare_sweep
 from eqt_cli.api import diff as diff
 from eqt_cli.api import export as export
 from eqt_cli.api import load_experiment as load_experiment
+from eqt_cli.api import margins as margins
 from eqt_cli.api import open_results as open_results
 from eqt_cli.api import pack as pack
 from eqt_cli.api import plot as plot

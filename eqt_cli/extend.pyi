@@ -116,6 +116,7 @@ from eqt_cli.references.base import ReferenceByRates as ReferenceByRates
 from eqt_cli.results.result import mean_over_runs as mean_over_runs
 from eqt_cli.results.time_windows import Window as Window
 from eqt_cli.vehicle.actuators.base import Actuator as Actuator
+from eqt_cli.vehicle.actuators.base import PassThrough as PassThrough
 from eqt_cli.vehicle.component import Given as Given
 from eqt_cli.vehicle.forces.base import Force as Force
 from eqt_cli.vehicle.numbers import Matrix as Matrix

@@ -127,7 +127,7 @@ def test_run_takes_what_load_experiment_takes(result, tmp_path):
 def test_a_command_loads_only_what_it_calls():
     code = (
         "import sys; from eqt_cli import api; api.open_results; "
-        "print('eqt_cli.api.tuning' in sys.modules)"
+        "print('eqt_cli.api.searching' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"

@@ -14,6 +14,7 @@ from eqt_cli.api.loading import Configuration as Configuration
 from eqt_cli.api.loading import LoadedExperiment as LoadedExperiment
 from eqt_cli.api.loading import load_experiment as load_experiment
 from eqt_cli.api.logs import check_log as check_log
+from eqt_cli.api.margins import margins as margins
 from eqt_cli.api.opening import open_results as open_results
 from eqt_cli.api.paths import ResultPath as ResultPath
 from eqt_cli.api.reporting import write_report as write_report
@@ -21,6 +22,6 @@ from eqt_cli.api.running import StoredResult as StoredResult
 from eqt_cli.api.running import choose_executor as choose_executor
 from eqt_cli.api.running import pack as pack
 from eqt_cli.api.running import run as run
-from eqt_cli.api.tuning import tune as tune
+from eqt_cli.api.searching import tune as tune
+from eqt_cli.api.searching import worst as worst
 from eqt_cli.api.verifying import verify as verify
-from eqt_cli.api.worst_case import worst as worst

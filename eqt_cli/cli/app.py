@@ -16,6 +16,7 @@ from eqt_cli.cli import (
     export,
     listing,
     log,
+    margins,
     pack,
     plot,
     report,
@@ -98,6 +99,7 @@ _add("show", show.show, READ)
 _add("compare", compare.compare, READ)
 _add("diff", diff.diff, READ)
 _add("verify", verify.verify, READ)
+_add("margins", margins.margins, READ)
 _add("plot", plot.plot, READ)
 _add("animate", animate.animate, READ)
 _add("report", report.report, READ)

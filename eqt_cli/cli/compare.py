@@ -211,9 +211,10 @@ def _of_whole(
     from eqt_cli import api
 
     with api.open_results(path, "arrays") as result:
-        if not result.is_sweep:
-            plain = not metrics and not narrowed and table in (None, Table.FRONTS)
-            return _of_fronts(result, how, write) if plain else None
+        plain = not metrics and not narrowed and table in (None, Table.FRONTS)
+        found = _of_fronts(result, how, write) if plain else None
+        if found or not result.is_sweep:
+            return found
         if narrowed or table not in (None, Table.WINNERS, Table.POINTS):
             raise EqtError(
                 "--window, --against and the tables of pairs and claims are of one experiment; "
@@ -370,12 +371,14 @@ def _robustness(path: Path, share: float, confidence: float, write: Plain) -> _F
 
 def _of_fronts(result: Result, how: Resampling, write: Plain) -> _Found | None:
     """Laws at equal cost; None where the result is not of a search with two objectives."""
-    from eqt_cli.tuning.folder import record_beside
+    from eqt_cli.tuning.folder import TUNE
     from eqt_cli.tuning.fronts import at_equal_cost, equal_cost_table, fronts
+    from eqt_cli.tuning.held_out import held_out
 
-    record = record_beside(result)
+    record = TUNE.beside(result)
     if record is None or len(record["objectives"]) < 2:
         return None
+    result = held_out(result, record)
     table = equal_cost_table(result, record, write, how)
     found = [asdict(pair) for pair in at_equal_cost(fronts(result, record), how)]
     return _Found({"objectives": record["objectives"], "fronts": found}, found, [table])

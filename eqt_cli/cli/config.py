@@ -102,8 +102,8 @@ def check(
         remarks,
     )
     from eqt_cli.experiment.read_study import study
-    from eqt_cli.tuning.search import search_from
-    from eqt_cli.tuning.worst_search import worst_search_from
+    from eqt_cli.tuning.search import Search
+    from eqt_cli.tuning.worst_search import WorstSearch
 
     source = read_config(config, options.overrides(set_))
     try:
@@ -114,10 +114,9 @@ def check(
         problems.raise_if_any()
         untried = rehearse(found, problems)
         problems.raise_if_any()
-        if source.data.get("tune"):
-            search_from(source, trust_plugins=trust_plugins)
-        if source.data.get("worst"):
-            worst_search_from(source, trust_plugins=trust_plugins)
+        for search in (Search, WorstSearch):
+            if source.data.get(search.kind.command):
+                search.read(source, trust_plugins=trust_plugins)
     except ConfigError as error:
         if not json:
             raise

@@ -183,7 +183,8 @@ def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool)
 def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list[str]:
     """The figures to draw where none is asked for."""
     from eqt_cli.results.result import open_result
-    from eqt_cli.tuning.worst import worst_beside
+    from eqt_cli.tuning.folder import WORST
+    from eqt_cli.tuning.held_out import side_by_side
 
     if result.suffix in YAML:
         return ["reference"]
@@ -192,9 +193,9 @@ def _default(result: Path, point: Sequence[int] | None, *, remark: bool) -> list
     with open_result(result) as results:
         if not results.is_sweep:
             return ["paper"]
-        if worst_beside(results):
+        if WORST.beside(results):
             return ["worst"]
-        if results.compares_cases:
+        if side_by_side(results):
             return ["forest"]
         swept = results.swept_keys
     if 1 <= len(swept) <= 2:

@@ -380,7 +380,30 @@ class ConfirmSection(Section):
     seed: int | None = Field(default=None, ge=0, lt=2**63)
 
 
-class TuneSection(Section):
+class SearchSection(Section):
+    """How long `eqt tune` and `eqt worst` search.
+
+    Attributes
+    ----------
+    budget
+        Generations; each law has the same number.
+    population
+        Points of a generation, each with `ensemble.runs` runs.
+    seeds
+        Searches for each law, with `seed` and the numbers after it: how far they agree tells how
+        much luck there is in one.
+    seed
+        Of the first search. The first generations of one seed are the same points for all laws.
+    """
+
+    over: Annotated[dict[str, TunedAxis], Field(min_length=1)]
+    budget: Count = 40
+    population: Annotated[int, Field(ge=5)] = 32
+    seeds: Count = 3
+    seed: CountOrNone = 0
+
+
+class TuneSection(SearchSection):
     """What `eqt tune` chooses for each law, by what, and for how long it searches.
 
     Attributes
@@ -396,31 +419,24 @@ class TuneSection(Section):
     subject_to
         Bounds of metrics: a number bounds the mean over runs from the side that is worse, `{max:
         …}` or `{min: …}` the worst run.
-    budget
-        Generations; each law has the same number.
-    population
-        Points of a generation, each with `ensemble.runs` runs.
-    seeds
-        Searches for each law, with `seed` and the numbers after it: how far their winners differ is
-        the luck of a search.
-    seed
-        Of the first search. The first generations of one seed are the same points for all laws.
+    cases
+        By their names, what cases change of the task, as the design `cases` of a sweep: actuators,
+        delays, the inertia, …; a point is run in all of them.
+    over_cases
+        The objective over cases: their mean (default), or the worst of them. Bounds hold in each.
     confirm
         The held-out runs on which the winners and the starting gains are compared.
     """
 
-    over: Annotated[dict[str, TunedAxis], Field(min_length=1)]
     objective: str | None = None
     objectives: list[str] | None = None
     subject_to: dict[str, Bound] = Field(default_factory=dict)
-    budget: Count = 40
-    population: Annotated[int, Field(ge=5)] = 32
-    seeds: Count = 3
-    seed: CountOrNone = 0
+    cases: dict[str, dict[str, Any]] | None = None
+    over_cases: Literal["mean", "worst"] | None = None
     confirm: ConfirmSection = Field(default_factory=ConfirmSection)
 
 
-class WorstSection(Section):
+class WorstSection(SearchSection):
     """Within which ranges `eqt worst` looks for the worst run of each law, and for how long.
 
     Attributes
@@ -431,23 +447,10 @@ class WorstSection(Section):
         `controllers` are that law's own. Whole numbers, as `control.delay`, stay whole.
     objective
         The metric whose worst value over all runs is looked for; a failed run is worse than any.
-    budget
-        Generations; each law has the same number.
-    population
-        Points of a generation, each with `ensemble.runs` runs.
-    seeds
-        Searches for each law, with `seed` and the numbers after it: how many of them agree tells
-        how far the result can be relied on.
-    seed
-        Of the first search. The first generations of one seed are the same points for all laws.
     """
 
-    over: Annotated[dict[str, TunedAxis], Field(min_length=1)]
     objective: str
     budget: Count = 30
-    population: Annotated[int, Field(ge=5)] = 32
-    seeds: Count = 3
-    seed: CountOrNone = 0
 
 
 class TargetSection(Section):

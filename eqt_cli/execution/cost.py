@@ -22,6 +22,9 @@ MOST_PIECES = 5
 PART_OVERHEAD = 10_000
 """Bytes of the file of a part beside its arrays, at the least: 10 to 18 kB were measured."""
 
+COMPILING = 5.0
+"""s, that the compilation of a law takes at the most."""
+
 COPIES = 3
 """Of states and signals that a part holds at once at the least: 3 to 13 were measured."""
 
@@ -58,14 +61,14 @@ def estimate(study: Study, executor: Executor) -> Estimate:
 
 
 def _run(study: Study, threads: int) -> float:
-    """How long a run of the first part takes, s; computed twice if that is quick."""
+    """How long a run of the first part takes, s; computed twice, unless that takes long."""
     shared = None if study.desired_varies else shared_reference(study)
     seconds = 0.0
     for _ in range(2):  # the first time may include a compilation
         started = time.perf_counter()
         compute_part(study, study.plan.part(0), shared, TaskContext(threads=threads))
         seconds = time.perf_counter() - started
-        if seconds > 1.0:
+        if seconds > COMPILING:
             break
     return seconds / len(study.plan.part(0))
 

@@ -5,14 +5,17 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from eqt_cli.closed_loop import ReferenceSystem
 from eqt_cli.core.arrays import Array, frobenius, norm
-from eqt_cli.core.errors import EqtWarning
+from eqt_cli.core.error_origin import blamed
+from eqt_cli.core.errors import ComponentError, EqtWarning
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.local_stability import Along, unstable
 from eqt_cli.experiment.numerics import ill_conditioned, stiff
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle.vehicle import ACTUATORS
@@ -29,8 +32,11 @@ MOST_EVALUATIONS = 10_000
 MOST_WRITTEN = 1_000
 """Characters of an experiment; one of more has fewer evaluations, each of which takes longer."""
 
-LINEARISED = 8
-"""At so many of the times a loop is linearised, beside the start."""
+LINEARISED = 9
+"""At so many of the times a loop is linearised."""
+
+GOLDEN = (5**0.5 - 1) / 2
+"""Its multiples, but for whole numbers, are spread evenly, and no two differences are the same."""
 
 JUMP = 1e-6
 """Relative to the largest value on the horizon: what is less is not called a jump."""
@@ -175,18 +181,32 @@ def _of_actuators(experiment: Experiment) -> Iterator[EqtWarning]:
 
 def _hard_on_numbers(experiment: Experiment, shown: Horizon | None) -> Iterator[EqtWarning]:
     """What rounding or stiffness do, with the section that is the reason."""
-    finite = np.flatnonzero(shown.finite) if shown is not None else ()
-    along = [
-        (float(shown.times[k]), shown.pose[k], shown.velocity[k])
-        for k in np.linspace(1, len(finite) - 1, LINEARISED).astype(int)
-        if shown is not None and 1 < len(finite) == len(shown.times)
-    ]
-    for section, said in (
-        ("inertia", ill_conditioned(experiment)),
-        ("gains", stiff(experiment, along)),
-    ):
+    along, found = along_reference(experiment, shown), [("inertia", ill_conditioned(experiment))]
+    try:
+        with blamed(), threadpool_limits(1):  # small matrices, which threads take longer for
+            found.append(("gains", stiff(experiment, along)))
+            if len(along.times) > 1:
+                found += [("controllers", said) for said in unstable(experiment, along)]
+    except ComponentError as error:
+        found.append(("controllers", f"loops cannot be linearised: {error}"))
+    for section, said in found:
         if said:
             yield EqtWarning(f"{experiment.source.place((section,))}: {section}: {said}")
+
+
+def along_reference(experiment: Experiment, shown: Horizon | None) -> Along:
+    """The reference at its start, and at times spread over the horizon where that is known.
+
+    They are no multiples of each other, so that a reference which turns is not met at the same
+    angle only.
+    """
+    finite = np.flatnonzero(shown.finite) if shown is not None else ()
+    if shown is None or not 1 < len(finite) == len(shown.times):
+        start = np.zeros(1), experiment.initial_pose[None], experiment.initial_velocity[None]
+        return Along(*start)
+    shares = np.sort(np.arange(LINEARISED) * GOLDEN % 1.0)
+    where = np.searchsorted(shown.times, shares * shown.times[-1])
+    return Along(shown.times[where], shown.pose[where], shown.velocity[where])
 
 
 def limits_below_reference(experiment: Experiment, shown: Horizon | None = None) -> list[str]:

@@ -1,24 +1,19 @@
 """Whether an experiment is numerically ill: an inertia that rounding spoils, a stiff loop."""
 
-from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.linearised import flow
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.local_stability import Along, small_loops
 from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
 
 EPSILON = float(np.finfo(float).eps)
-
-MOST_ENTRIES = 200_000
-"""Numbers that a linearisation may take; a loop of more than 316 states is not looked at."""
-
-SMALL = 1e-6
-"""Relative: the step of the central differences, whose error is then about 1e-10."""
 
 ORDINARY = 20_000
 """Evaluations of the vector field, or steps, that nothing is said of: two seconds of a run by
@@ -83,7 +78,7 @@ def _condition_numbers(law: InertiaLaw, horizon: float) -> tuple[Array, Array]:
     return times, np.linalg.cond(matrices / (roots[:, :, None] * roots[:, None, :]))
 
 
-def stiff(experiment: Experiment, along: Iterable[tuple[float, Array, Array]] = ()) -> str:
+def stiff(experiment: Experiment, along: Along) -> str:
     """What a stiff loop costs by the engine, and what by others, in words; empty if none is stiff.
 
     A loop is stiff if the fastest decay of its errors asks for more than `ORDINARY` evaluations,
@@ -92,11 +87,9 @@ def stiff(experiment: Experiment, along: Iterable[tuple[float, Array, Array]] = 
     Parameters
     ----------
     along
-        Times, poses and velocities of the reference beside its start. Loops are linearised where
-        all errors are 0.
+        Where on the reference loops are linearised.
     """
-    start = 0.0, experiment.initial_pose, experiment.initial_velocity
-    found = _stiffest(experiment, [start, *along])
+    found = _stiffest(experiment, along)
     if found is None:
         return ""
     loop, duration = experiment.loops[found.label], experiment.config.time.duration
@@ -127,30 +120,17 @@ def _rounded(count: float) -> str:
     return f"{float(f'{count:.2g}'):,.0f}"
 
 
-def _stiffest(experiment: Experiment, along: Sequence[tuple[float, Array, Array]]) -> Stiff | None:
+def _stiffest(experiment: Experiment, along: Along) -> Stiff | None:
     """The loop that takes the engine longest, if that is longer than `ORDINARY`."""
     found, engine = [], experiment.engine
-    for label, loop in experiment.loops.items():
-        rates = [values for where in along if (values := _rates(loop, *where)) is not None]
-        if rates:
-            work = engine.work_for_stability(np.array(rates), experiment.config.time.duration)
-            found.append(Stiff(label, np.array(rates), work))
+    for label, loop in small_loops(experiment, along).items():
+        matrices = flow(loop, *along)
+        if np.isfinite(matrices).all():
+            rates = np.linalg.eigvals(matrices)
+            work = engine.work_for_stability(rates, experiment.config.time.duration)
+            found.append(Stiff(label, rates, work))
     slowest = max(found, key=lambda each: each.work, default=None)
     return slowest if slowest and slowest.work > ORDINARY else None
-
-
-def _rates(loop: ClosedLoop, t: float, Qd: Array, Vd: Array) -> Array | None:
-    """The eigenvalues of the loop, linearised where all errors are 0, 1/s."""
-    state = loop.initial_state(Qd, Vd, Qd, Vd, t)
-    n = len(state)
-    if 2 * n**2 > MOST_ENTRIES:
-        return None
-    step = SMALL * (1 + np.abs(state).max())
-    states = state + step * np.concatenate([np.eye(n), -np.eye(n)])
-    with np.errstate(all="ignore"):
-        rates = loop.holding(loop.held(t)).vector_field(t, states)
-    jacobian = (rates[:n] - rates[n:]).T / (2 * step)
-    return np.linalg.eigvals(jacobian) if np.isfinite(jacobian).all() else None
 
 
 def _by_radau(experiment: Experiment, loop: ClosedLoop) -> tuple[float, float]:

@@ -15,21 +15,22 @@ from eqt_cli.analysis.comparison import compare
 from eqt_cli.analysis.comparison.findings import findings
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import text_tables
+from eqt_cli.analysis.extreme_points import extreme_points
 from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.report.animation import animation
 from eqt_cli.report.environment import TEMPLATES, page
 from eqt_cli.report.experiment import given, laws
 from eqt_cli.report.figures import CASES, COMPARED, DEFAULT, FRONTS, SWEPT, Wanted, inline_figures
-from eqt_cli.report.point_table import best_points, point_table
+from eqt_cli.report.point_table import point_table
 from eqt_cli.report.run_curves import curves
 from eqt_cli.report.run_table import columns, run_table
 from eqt_cli.report.summary import accuracy, lead, provenance
 from eqt_cli.results.result import HEADLINE, Result
-from eqt_cli.tuning.folder import record_beside
+from eqt_cli.tuning.folder import TUNE, WORST
+from eqt_cli.tuning.held_out import side_by_side
 from eqt_cli.tuning.tables import tuning_tables
-from eqt_cli.tuning.worst import worst_beside
-from eqt_cli.tuning.worst_tables import worst_table
+from eqt_cli.tuning.worst_tables import worst_tables
 
 RANKS = ("mean_pose_error", "early_torque")
 """Numbers by which the run that is animated is the median one; the first that is stored."""
@@ -46,10 +47,15 @@ OPTIONAL = (
     "missing",
     "picker",
     "animation",
-    "tuned",
-    "worst",
 )
-"""Parts that a page may lack, since they are of sweeps, of single experiments or of searches."""
+"""Parts that a page may lack, since they are of sweeps or of single experiments."""
+
+
+SEARCHED = (
+    (TUNE, "Tuned", "Tuned laws on held-out runs", tuning_tables),
+    (WORST, "Worst runs", "The worst runs that were found", worst_tables),
+)
+"""Searches: what is searched for, the section in short and in full, and its tables."""
 
 
 def report(
@@ -104,20 +110,23 @@ def report(
         certificates=certificate_table(titled(certificates, result.titled)),
         unverified=unverified,
         font=b64encode((TEMPLATES / "equations.woff2").read_bytes()).decode("ascii"),
+        search=_searched(result),
         **dict.fromkeys(OPTIONAL) | of_kind,
     )
 
 
 def _default(result: Result) -> Sequence[Wanted]:
     """The figures of a result of its kind."""
-    if result.is_sweep and worst_beside(result):
+    if WORST.beside(result):
         return (Wanted("worst"),)
-    if result.is_sweep and result.compares_cases:
+    if _has_fronts(TUNE.beside(result)):
+        return FRONTS
+    if side_by_side(result):
         return CASES
     if result.is_sweep:
         mapped = len(result.labels) > 1 and len(result.swept_keys) in (1, 2)
         return (*SWEPT, COMPARED) if mapped else SWEPT
-    return FRONTS if _has_fronts(record_beside(result)) else DEFAULT
+    return DEFAULT
 
 
 def _has_fronts(record: dict[str, Any] | None) -> bool:
@@ -126,9 +135,8 @@ def _has_fronts(record: dict[str, Any] | None) -> bool:
 
 
 def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
-    record = record_beside(result)
+    record = TUNE.beside(result)
     return {
-        "tuned": tuning_tables(result, record) if record else [],
         "headline": result.headline(),
         "means": columns(
             result,
@@ -148,10 +156,17 @@ def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
 
 def _of_sweep(result: Result) -> dict[str, Any]:
     """No means, since one over all points means little."""
-    record = worst_beside(result)
-    if record:
-        return {"worst": worst_table(result, record), "table": point_table(result)}
-    return {"best": best_points(result), "table": point_table(result)}
+    best = None if WORST.beside(result) or TUNE.beside(result) else extreme_points(result)
+    return {"best": best, "table": point_table(result)}
+
+
+def _searched(result: Result) -> dict[str, Any] | None:
+    """What a search found whose outcome the result judges."""
+    for kind, short, title, tables in SEARCHED:
+        if record := kind.beside(result):
+            made = tables(result, record)
+            return {"id": kind.found, "short": short, "title": title, "tables": made}
+    return None
 
 
 def _compared(result: Result, steps: Steps) -> dict[str, Any]:

@@ -64,6 +64,10 @@ class Law:
     own: str
 
 
+MOST_VALUES = 12
+"""Of a list that is written out; the lines of a search have hundreds."""
+
+
 def laws(result: Result) -> list[Law]:
     """The laws in their order."""
     entries = _stored(result).get("controllers") or []
@@ -167,11 +171,16 @@ def told(value: Any) -> str:
         return f"{value:.6g}".replace("-", "−")
     if isinstance(value, list):
         parts = [told(entry) for entry in value]
+        if len(parts) > MOST_VALUES:
+            ends = [*parts[: MOST_VALUES // 2], "…", parts[-1]]
+            return f"{len(parts)} values {_tuple(ends)}"
         return "; ".join(parts) if any(isinstance(e, dict) for e in value) else _tuple(parts)
     if isinstance(value, Mapping):
         named = {key: told(entry) for key, entry in value.items() if key != "kind"}
         options = ", ".join(
-            f"{key.replace('_', ' ')} {said}" for key, said in named.items() if said
+            f"{key.replace('_', ' ')} {said}".strip()
+            for key, said in named.items()
+            if said or value[key] == {}  # a case that changes nothing
         )
         return ": ".join(filter(None, [str(value.get("kind", "")), options]))
     return str(value)

@@ -71,19 +71,11 @@ def columns(result: Result, names: Sequence[str]) -> list[Document]:
         {
             "metric": name,
             "name": quantity.described,
-            "unit": unit_of(result, name),
+            "unit": result.unit_in_words(name),
             "better": "" if quantity.better == "neither" else quantity.better,
         }
         for name, quantity in zip(names, quantities, strict=True)
     ]
-
-
-def unit_of(result: Result, name: str) -> str:
-    """The unit of a metric; nothing for a pure number, ``N m and N`` for several together."""
-    unit = result.units(name)
-    if unit == "mixed" and (parts := result.part_units(name)):
-        return " and ".join(parts)
-    return "" if unit == "1" else unit
 
 
 def plain(value: float) -> float | None:

@@ -246,6 +246,13 @@ class Result(StoredRuns):
         ]
         return list(dict.fromkeys([*over_time, *stored]))
 
+    def unit_in_words(self, name: str) -> str:
+        """The unit of a number; "" of a pure one, ``N m and N`` of several parts together."""
+        unit = self.units(name)
+        if unit == "mixed" and (parts := self.part_units(name)):
+            return " and ".join(parts)
+        return "" if unit == "1" else unit
+
     def in_parts(self, name: str) -> list[str]:
         """The stored numbers of the parts where they have units of their own, else the number."""
         return [other for other in self.metrics if other.startswith(f"{name}_")] or [name]

@@ -130,11 +130,6 @@ class StoredRuns(KnownResult):
             return set(log_keys(self._config["sweep"]))
         return set()
 
-    @property
-    def compares_cases(self) -> bool:
-        """Whether it has two laws in cases with names, and sweeps nothing else."""
-        return [one.key for one in self.swept_keys] == [CASE] and len(self.labels) == 2
-
     def point_name(self, point: int) -> str:
         """What is swept at a point: ``kp 2, kd 0.5``; a case by its name only."""
         keys = [swept.key.rpartition(".")[2] for swept in self.swept_keys]

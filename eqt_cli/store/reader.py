@@ -120,8 +120,10 @@ class ResultFile:
         view = copy.copy(self)
         told = dict(self.attributes)
         if self._points:
-            told |= self._points[point].attributes
-            view._show(self._points[point])
+            with _guard(self.path):
+                contents = self._points[point]()
+            told |= contents.attributes
+            view._show(contents)
         else:
             view._show(self._root, {POINT: point})
         view.attributes = _Attributes(self.path, told | dict(attributes or {}))

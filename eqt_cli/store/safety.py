@@ -6,8 +6,9 @@ or in one group for each point of a sweep.
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from math import prod
 from mmap import mmap
 from typing import Any
@@ -66,10 +67,14 @@ class Contents:
 
 @dataclass(frozen=True)
 class Checked:
-    """A file that passed the checks: its root, the groups of its points, its heaps of strings."""
+    """A file that passed the checks: its root, the groups of its points, its heaps of strings.
+
+    Where the datasets of all groups are is known, and refused if it cannot be. What is said of them
+    is checked, once, for the points that are asked for: there may be hundreds.
+    """
 
     root: Contents
-    points: list[Contents]
+    points: Sequence[Callable[[], Contents]]
     heaps: dict[int, dict[int, int]]
 
 
@@ -111,7 +116,7 @@ def inspect(file: Any, view: mmap) -> Checked:
     if groups and contents.dimensions.get(POINT) != len(groups):
         raise Refusal(f"it has {len(groups)} groups of points, and another number of points")
     points = [
-        _contents(h5py.Group(group), within, size)
+        cache(partial(_contents, h5py.Group(group), within, size))
         for (_, group), within in zip(groups, by_group, strict=True)
     ]
     return Checked(contents, points, heaps)

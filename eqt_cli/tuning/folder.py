@@ -3,11 +3,13 @@
 The folder itself is that of an ordinary result: the runs by which the outcome is judged.
 """
 
+from __future__ import annotations
+
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from eqt_cli.core.errors import OTHER_FOLDER, EqtError, Remedy
 from eqt_cli.core.files import read_record, refusals, write_record
@@ -25,8 +27,11 @@ from eqt_cli.execution.folder import OWN_COPIES, OWN_RESULT, ResultFolder
 from eqt_cli.execution.part_files import MANIFEST
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import Result
-from eqt_cli.tuning.law_search import LawSearch, Searches
-from eqt_cli.tuning.record_shape import fits
+from eqt_cli.tuning.law_search import LawSearch
+from eqt_cli.tuning.record_shape import fits_tuning, fits_worst
+
+if TYPE_CHECKING:
+    from eqt_cli.tuning.searches import Searches
 
 GENERATIONS = "generations"
 
@@ -43,6 +48,8 @@ class Kind:
         Such a search in words.
     record, found
         The names of the file that says what was found, and of the folder of configurations.
+    fits
+        Whether a record is of such a search whose outcome was judged by a result.
     runs
         Whether there are results of these beside them, rather than several for a law.
     """
@@ -51,11 +58,17 @@ class Kind:
     what: str
     record: str
     found: str
+    fits: Callable[[dict[str, Any], Result], bool]
     runs: bool = False
 
+    def beside(self, result: Result) -> dict[str, Any] | None:
+        """What a search found whose outcome a result judges; None of any other result."""
+        record = SearchFolder(result.path.parent, self).record
+        return record if record is not None and self.fits(record, result) else None  # or under way
 
-TUNE = Kind("tune", "tuning", "tuning.json", "tuned")
-WORST = Kind("worst", "search for the worst run", "worst.json", "worst", runs=True)
+
+TUNE = Kind("tune", "tuning", "tuning.json", "tuned", fits_tuning)
+WORST = Kind("worst", "search for the worst run", "worst.json", "worst", fits_worst, runs=True)
 
 _NUMBERED = OwnFile(r"\d+\.yaml", marked=True)
 
@@ -70,7 +83,7 @@ def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, Own]:
     marked
         Whether a configuration is known by its mark, since others may have such a name.
     """
-    generation = OwnFolder(r"\d{3,}", OWN_RESULT, MANIFEST)
+    generation = OwnFolder(r"\d{3,}(-case-\d+)?", OWN_RESULT, MANIFEST)
     one_search = OwnFolder(r"seed-\d+", (generation,))
     winners = OwnFolder(slug, (*OWN_COPIES, OwnFile(_NUMBERED.name, marked)))
     run = OwnFolder(slug, OWN_RESULT, MANIFEST)
@@ -85,12 +98,6 @@ def _own(kind: Kind, slug: str, *, marked: bool) -> dict[str, Own]:
 
 def _of_any_law(kind: Kind) -> dict[str, Own]:
     return _own(kind, r"[A-Za-z0-9._-]+", marked=True)
-
-
-def record_beside(result: Result) -> dict[str, Any] | None:
-    """What a search found whose held-out runs a result is; None of any other result."""
-    record = SearchFolder(result.path.parent, TUNE).record
-    return record if record is not None and fits(record, result) else None  # or under way
 
 
 @dataclass(frozen=True)
@@ -111,9 +118,11 @@ class SearchFolder:
         with refusals(self.path, "used", OTHER_FOLDER):
             write_record(self.path / self.kind.record, record)
 
-    def generation(self, law: LawSearch, seed: int, number: int) -> Path:
-        """The folder of one generation of a search, an ordinary sweep."""
-        return self.path / GENERATIONS / law.slug / f"seed-{seed}" / f"{number:03d}"
+    def generation(self, law: LawSearch, seed: int, number: int, cases: int = 1) -> list[Path]:
+        """The folders of one generation of a search, of each case an ordinary sweep."""
+        of_search = self.path / GENERATIONS / law.slug / f"seed-{seed}"
+        ends = [f"-case-{k + 1}" for k in range(cases)] if cases > 1 else [""]
+        return [of_search / f"{number:03d}{end}" for end in ends]
 
     def run_of(self, law: LawSearch) -> Path:
         """The folder of the result of what was found for a law."""
@@ -142,7 +151,7 @@ class SearchFolder:
                 if path.relative_to(self.path).as_posix() not in names:
                     remove_own(path, _NUMBERED)
 
-    def check(self, search: Searches) -> None:
+    def check(self, search: Searches[Any]) -> None:
         """Refuse the folder, before anything in it changes, where it leads elsewhere.
 
         Raises
@@ -154,7 +163,7 @@ class SearchFolder:
         with refusals(self.path, "used", OTHER_FOLDER):
             check_entries(self.path, (*OWN_RESULT, *_own(self.kind, slugs, marked=False).values()))
 
-    def claim(self, search: Searches, force: bool) -> None:
+    def claim(self, search: Searches[Any], force: bool) -> None:
         """Make the folder this search's own.
 
         Raises

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,8 +20,12 @@ from eqt_cli.results.result import Result, open_result
 from eqt_cli.store.reserved_names import FILE_NAME
 from eqt_cli.tuning.evolution import Population, first_points, generator, selected, trials
 from eqt_cli.tuning.folder import SearchFolder
-from eqt_cli.tuning.law_search import LawSearch, Searches, expanded
+from eqt_cli.tuning.law_search import LawSearch, coordinate_of, expanded
 from eqt_cli.tuning.ranking import Scores
+from eqt_cli.tuning.searches import Searches
+
+SWEEP, GROUP = 0.2, 0.07
+"""s, of a sweep beside its runs, and of each point where points differ in shape, as measured."""
 
 Told = Callable[[LawSearch, int, Population], None]
 """Told after every generation of a law: its number, counted over all searches for the law, and what
@@ -72,7 +77,7 @@ class Computing:
 
 
 def evolve(
-    search: Searches,
+    search: Searches[Any],
     law: LawSearch,
     folder: SearchFolder,
     do: Computing,
@@ -80,7 +85,7 @@ def evolve(
     after: After,
 ) -> dict[int, Population]:
     """All generations of all searches for one law; returns what each has left, by its seed."""
-    section = search.section
+    section, cases = search.section, search.in_cases(law).values()
     searches: dict[int, Population] = {}
     for count, seed in enumerate(search.seeds):
         shares = first_points(section.population, list(law.axes), law.start, seed)
@@ -89,8 +94,9 @@ def evolve(
                 shares = trials(
                     searches[seed], generator(seed, law.label, number), search.keeps_ends
                 )
-            out = folder.generation(law, seed, number)
-            tried = Population(shares, do.generation(law, out, shares, scored))
+            outs = folder.generation(law, seed, number, len(cases))
+            each = [do.generation(*one, shares, scored) for one in zip(cases, outs, strict=True)]
+            tried = Population(shares, search.over_cases(each))
             searches[seed] = selected(searches[seed], tried) if number else tried
             after(count * section.budget + number + 1, searches)
     return searches
@@ -118,15 +124,17 @@ class Expected:
     workers: int
 
 
-def expected(search: Searches, executor: Executor) -> Expected:
+def expected(search: Searches[Any], executor: Executor) -> Expected:
     """Compute part of the first generation of each law, without keeping it, and scale."""
     section, seconds, workers = search.section, 0.0, 1
     for law in search.laws:
         shares = first_points(section.population, list(law.axes), law.start, section.seed)
-        generation = study(_swept(law, _columns(law, shares)), trust_plugins=True)
-        found = estimate(generation, executor)
-        seconds += found.seconds * search.all_generations
-        workers = max(workers, found.workers)
+        for case in search.in_cases(law).values():
+            generation = study(_swept(case, _columns(law, shares)), trust_plugins=True)
+            found = estimate(generation, executor)
+            groups = len(generation) if generation.is_ragged else 0
+            seconds += (found.seconds + SWEEP + groups * GROUP) * search.all_generations
+            workers = max(workers, found.workers)
     points = len(search.laws) * search.all_generations * section.population
     return Expected(
         points, search.all_runs, seconds * search.all_runs / search.searched_runs, workers
@@ -159,6 +167,6 @@ def _holds(out: Path, columns: Mapping[str, Sequence[float]]) -> bool:
         return False
     with open_result(out) as result:
         return all(
-            np.array_equal(result.coordinate(key.replace("[", ".").replace("]", "")), values)
+            np.array_equal(result.coordinate(coordinate_of(key)), values)
             for key, values in columns.items()
         )

@@ -1,20 +1,18 @@
 """The search for one law: its experiment, and the numbers that are varied within ranges."""
 
-import json
 import re
-from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
-from hashlib import sha256
-from typing import Any, ClassVar, TypeVar
+from itertools import combinations
+from typing import Any, TypeVar
 
-from eqt_cli.config.schema import SEARCHES, LogRange, TunedAxis, TuneSection, WorstSection
+from eqt_cli.config.schema import SEARCHES, LogRange, TunedAxis
 from eqt_cli.config.source import ConfigSource, with_value
 from eqt_cli.core.errors import ConfigError, InputError, suggestion
 from eqt_cli.core.file_names import file_name
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
 from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.ensemble.designs.base import overlap
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity_table import quantities
@@ -76,64 +74,6 @@ class LawSearch:
         for key, value in expanded(values).items():
             data = with_value(data, parse_key(key), value)
         return replace(self.source, data=data)
-
-
-class Searches(ABC):
-    """Searches for each law of an experiment, as many and as long for every law.
-
-    Attributes
-    ----------
-    base
-        The experiment with all laws.
-    section
-        The section that asks for it.
-    laws
-        One search for each law.
-    continuing
-        The keys of the section that change no generation, but which of them there are.
-    keeps_ends
-        Whether values beyond an end of a range become that end, where the worst often is; else they
-        are drawn anew.
-    """
-
-    base: Experiment
-    section: TuneSection | WorstSection
-    laws: tuple[LawSearch, ...]
-    continuing: ClassVar[frozenset[str]]
-    keeps_ends: ClassVar[bool] = False
-
-    @property
-    def name(self) -> str:
-        """Of the experiment."""
-        return self.base.name
-
-    @property
-    def seeds(self) -> range:
-        """Of the searches for each law."""
-        return range(self.section.seed, self.section.seed + self.section.seeds)
-
-    @property
-    def all_generations(self) -> int:
-        """Of all searches for one law."""
-        return len(self.seeds) * self.section.budget
-
-    @property
-    def searched_runs(self) -> int:
-        """Over all laws and generations."""
-        each = self.all_generations * self.section.population
-        return len(self.laws) * each * self.base.config.ensemble.runs
-
-    @property
-    @abstractmethod
-    def all_runs(self) -> int:
-        """These, and at the most those by which the outcome is judged."""
-
-    @cached_property
-    def digest(self) -> str:
-        """Hash of all that decides where a generation looks, but for how many there are."""
-        section = self.section.model_dump(exclude=set(self.continuing), warnings="none")
-        text = json.dumps([self.base.numeric_config, section], sort_keys=True)
-        return sha256(text.encode()).hexdigest()
 
 
 _SLICE = re.compile(r"(.+)\[(\d+):(\d+)\]")
@@ -243,18 +183,24 @@ def _start(data: dict[str, Any], axes: dict[str, Drawn]) -> tuple[float, ...] | 
     return tuple(shares)
 
 
-def check_ends(laws: Sequence[LawSearch], problems: Problems) -> None:
-    """Build each law at both ends of all ranges; what is wrong there is said at the ranges."""
+def check_overlaps(laws: Sequence[LawSearch], problems: Problems) -> None:
+    """Note two keys of a law that vary the same entry."""
     for law in laws:
-        for share in (0.0, 1.0):
-            try:
-                build(law.at(law.values([share] * len(law.axes))), trust_plugins=True)
-            except ConfigError as error:
-                for problem in error.problems:
-                    at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"
-                    path = law.as_written(problem.path)
-                    message = f"{at}: {path}: {problem.message}"
-                    problems.add(message)
+        for (one, own), (other, others) in combinations(zip(law.given, law.axes, strict=True), 2):
+            if any(overlap(a, b) for a in entries_of(own) for b in entries_of(others)):
+                problems.at(other).add(f"{other} overlaps with {one}; remove one of them")
+
+
+def check_ends(law: LawSearch, problems: Problems, where: str = "") -> None:
+    """Build a law at both ends of all ranges; what is wrong there is said at the ranges."""
+    for share in (0.0, 1.0):
+        try:
+            build(law.at(law.values([share] * len(law.axes))), trust_plugins=True)
+        except ConfigError as error:
+            for problem in error.problems:
+                at = f"at the {'upper' if share else 'lower'} ends, controller '{law.label}'"
+                path = law.as_written(problem.path)
+                problems.add(f"{where}{at}: {path}: {problem.message}")
 
 
 def without_search(data: dict[str, Any]) -> dict[str, Any]:

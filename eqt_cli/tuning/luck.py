@@ -14,6 +14,12 @@ Record = Mapping[str, Any]
 Range = tuple[float, float]
 
 
+def measured(result: Result, name: str, write: Plain) -> str:
+    """A metric with its unit, as captions write it."""
+    unit = write.unit(result.units(name))
+    return f"{write.name(result.quantity(name))}{f' in {unit}' if unit else ''}"
+
+
 def seed_labels(law: Record) -> list[str]:
     """Under which labels a law of the record has its winners, one for each search that has one."""
     return [found["label"] for found in law["searches"] if found["label"] is not None]
@@ -36,8 +42,7 @@ def differences(result: Result, record: Record, metric: str) -> list[tuple[str, 
 def luck_table(result: Result, record: Record, write: Plain) -> TextTable:
     """The differences between laws over all searches of both."""
     (name,) = record["objectives"]
-    unit = write.unit(result.units(name))
-    what = f"{write.name(result.quantity(name))}{f' in {unit}' if unit else ''}"
+    what = measured(result, name, write)
     rows = [
         [
             write.text(f"{law_title(one)} − {law_title(two)}"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -46,6 +47,20 @@ class Scores:
         """Those of all points, one after the other."""
         names = (field.name for field in fields(cls))
         return cls(*(np.concatenate([getattr(one, name) for one in several]) for name in names))
+
+    @classmethod
+    def over_cases(cls, cases: Sequence[Scores], *, worst: bool) -> Scores:
+        """Those of the same points over several cases: the mean objective, or the worst of them.
+
+        Violations are the mean of all cases, so that a feasible point is feasible in each.
+        """
+        objectives = np.stack([case.objectives for case in cases])
+        return cls(
+            objectives.max(axis=0) if worst else objectives.mean(axis=0),
+            np.mean([case.violation for case in cases], axis=0),
+            np.sum([case.failed for case in cases], axis=0),
+            np.sum([case.unsettled for case in cases], axis=0),
+        )
 
 
 def best_of(scores: Scores) -> int:

@@ -11,7 +11,7 @@ _BOUND = {"metric", "bound", "above", "every_run"}
 _METRICS = {metric.name for metric in METRICS}
 
 
-def fits(record: dict[str, Any], result: Result) -> bool:
+def fits_tuning(record: dict[str, Any], result: Result) -> bool:
     """Whether it says what `tune` writes, of laws and metrics that the result has."""
     with suppress(TypeError, KeyError, AttributeError, ValueError):
         searches = [found for law in record["laws"] for found in law["searches"]]
@@ -33,6 +33,9 @@ def fits(record: dict[str, Any], result: Result) -> bool:
         flags = [bound[name] for bound in record["constraints"] for name in ("above", "every_run")]
         return (
             0 < len(wanted) <= 2
+            and len(record["cases"]) == (result.points if result.is_sweep else 0)
+            and all(isinstance(case, str) for case in record["cases"])
+            and record["over_cases"] in ("mean", "worst")
             and bool(labels)
             and len(set(wanted)) == len(wanted)
             and all(name in _METRICS and result.has(name) for name in metrics)
@@ -50,7 +53,7 @@ def fits(record: dict[str, Any], result: Result) -> bool:
 
 
 def fits_worst(record: dict[str, Any], result: Result) -> bool:
-    """Whether it says what `find_worst` writes, of laws and a metric that the result has."""
+    """Whether it says what `worst` writes, of laws and a metric that the result has."""
     with suppress(TypeError, KeyError, AttributeError, ValueError):
         laws = record["laws"]
         labels = [law["label"] for law in laws]
@@ -75,6 +78,7 @@ def fits_worst(record: dict[str, Any], result: Result) -> bool:
             and names <= set(result.coordinates)
             and all(line["key"] in law["values"] for law in laws for line in law["lines"])
             and all(law["lines"] and law["searches"] for law in laws)
+            and all(set(law["log"]) <= set(law["values"]) for law in laws)
             and all(len(line["points"]) == 2 for line in lines)
             and all(isinstance(number, int) for number in (*ends, *counts, *record["seeds"]))
             and all(0 <= line["points"][0] < line["points"][1] <= result.points for line in lines)

@@ -1,26 +1,25 @@
 """What is searched for: the section `tune` of a configuration, read for each of its laws."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from eqt_cli.config.schema import TuneSection, WorstRunSection
-from eqt_cli.config.source import ConfigSource
-from eqt_cli.core.errors import EqtError, InputError
+from eqt_cli.config.source import ConfigSource, changed_at
+from eqt_cli.core.errors import ConfigError, InputError
 from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.axes import Drawn
+from eqt_cli.ensemble.designs.cases import Cases
 from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.config_at_point import section_of
+from eqt_cli.experiment.read_study import require_sweepable
 from eqt_cli.results.metrics import METRICS
-from eqt_cli.tuning.law_search import (
-    LawSearch,
-    Searches,
-    check_ends,
-    entries_of,
-    laws_of,
-    range_of,
-    require_metric,
-    without_search,
-)
+from eqt_cli.tuning.folder import TUNE
+from eqt_cli.tuning.law_search import LawSearch, entries_of, require_metric, without_search
+from eqt_cli.tuning.ranking import Scores
+from eqt_cli.tuning.searches import Searches
 
 MOST_TRAJECTORIES = 50
 """Of each law, that the confirmation keeps unless the configuration says how many; a front has
@@ -51,33 +50,28 @@ class Constraint:
         return f"{self.metric} {'≤' if self.above else '≥'} {self.bound:g} {who}"
 
 
-@dataclass(frozen=True)
-class Search(Searches):
-    """What is searched for, checked.
+class Search(Searches[TuneSection]):
+    """A search for gains, checked: the section `tune`."""
 
-    Attributes
-    ----------
-    base
-        The experiment with all laws at the starting gains.
-    section
-        The section `tune`.
-    objectives
-        The metrics to be made best.
-    constraints
-        What must hold besides.
-    laws
-        One search for each law.
-    confirm_seed
-        Of the held-out runs.
-    """
-
-    base: Experiment
-    section: TuneSection
-    objectives: tuple[str, ...]
-    constraints: tuple[Constraint, ...]
-    laws: tuple[LawSearch, ...]
-    confirm_seed: int
+    kind = TUNE
+    example = "{over: {gains.kp: {log: [0.1, 10]}}, objective: mean_pose_error}"
     continuing = frozenset({"budget", "seeds", "confirm"})
+
+    @cached_property
+    def objectives(self) -> tuple[str, ...]:
+        """The metrics to be made best."""
+        return _named(self.section)
+
+    @cached_property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """What must hold besides."""
+        return tuple(_constraints(self.section))
+
+    @property
+    def confirm_seed(self) -> int:
+        """Of the held-out runs."""
+        seed = self.section.confirm.seed
+        return self.base.config.ensemble.seed + 1 if seed is None else seed
 
     @property
     def seeks_front(self) -> bool:
@@ -85,11 +79,33 @@ class Search(Searches):
         return len(self.objectives) > 1
 
     @property
-    def all_runs(self) -> int:
-        """Over all laws and generations, and those of the confirmation at the most."""
+    def cases(self) -> dict[str, dict[str, Any]]:
+        """What each case changes, by its name."""
+        return self.section.cases or {}
+
+    def in_cases(self, law: LawSearch) -> dict[str, LawSearch]:
+        found = {
+            name: replace(law, source=_changed(law.source, name, settings))
+            for name, settings in self.cases.items()
+        }
+        return found or super().in_cases(law)
+
+    def over_cases(self, cases: Sequence[Scores]) -> Scores:
+        if not self.cases:
+            return super().over_cases(cases)
+        return Scores.over_cases(cases, worst=self.section.over_cases == "worst")
+
+    @property
+    def runs_at_a_point(self) -> int:
+        return super().runs_at_a_point * max(1, len(self.cases))
+
+    @property
+    def judging_runs(self) -> int:
+        """Of all winners and starting gains, held out."""
         section = self.section
         winners = section.population if self.seeks_front else section.seeds
-        return self.searched_runs + len(self.laws) * (winners + 1) * section.confirm.runs
+        each = section.confirm.runs * max(1, len(self.cases))
+        return len(self.laws) * (winners + 1) * each
 
     def confirmation(self, chosen: dict[str, dict[str, dict[str, float]]]) -> ConfigSource:
         """Winners and starting gains side by side, from initial states that no search has seen.
@@ -111,7 +127,46 @@ class Search(Searches):
         few = min(MOST_TRAJECTORIES, ensemble["runs"])
         store.setdefault("trajectories", "none" if self.seeks_front else few)
         own = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
+        own |= {"sweep": [{"cases": self.cases}]} if self.cases else {}
         return replace(self.base.source, data=without_search(data) | own)
+
+    @classmethod
+    def _axis(cls, key: str, axis: Drawn | None, base: Experiment) -> Drawn | None:
+        """Of a key that is a law's to choose."""
+        path = parse_key(entries_of(key)[0])
+        if path[0] == "gains" and len(path) > 1:
+            return axis
+        if path[0] != "controllers":
+            raise InputError(
+                "expected a key of gains or controllers, which a law may choose; all else is the "
+                "task"
+            )
+        count = len(base.loops)
+        if len(path) < 3 or not isinstance(path[1], int) or path[1] >= count:
+            raise InputError(
+                f"expected an option of one of the {count} controllers, as controllers[0].gains.kp"
+            )
+        return axis
+
+    @classmethod
+    def _check(cls, section: TuneSection, base: Experiment, problems: Problems) -> None:
+        for each in [base, *_bases_of_cases(section, base, problems)]:
+            _check_objectives(section, each, problems)
+            for name in section.subject_to:
+                with problems.catching("subject_to", name):
+                    require_metric(name, each)
+            if each.config.initial.file is not None:
+                problems.add(
+                    "initial.file gives all runs their states, so that none are held out; draw them"
+                )
+        for name, bound in section.subject_to.items():
+            if isinstance(bound, WorstRunSection) and bound.max is None and bound.min is None:
+                problems.at("subject_to", name).add("expected `max` or `min`, got neither")
+        if section.confirm.seed == base.config.ensemble.seed:
+            problems.at("confirm", "seed").add(
+                f"expected another seed than ensemble.seed, got {section.confirm.seed}; winners "
+                "are judged on runs that did not choose them"
+            )
 
 
 def started(label: str) -> str:
@@ -124,107 +179,72 @@ def seeded(label: str, seed: int) -> str:
     return f"{label}, seed {seed}"
 
 
-def search_from(source: ConfigSource, *, trust_plugins: bool = False) -> Search:
-    """Read and check what a configuration wants to be tuned.
-
-    Raises
-    ------
-    ConfigError
-        With every problem, each at its place.
-    EqtError
-        If it tunes nothing.
-    """
-    if not source.data.get("tune"):
-        raise EqtError(
-            f"{source.source.name}: has no section `tune`; add one, such as "
-            "tune: {over: {gains.kp: {log: [0.1, 10]}}, objective: mean_pose_error}"
-        )
-    if source.data.get("sweep"):
-        place = source.place(("sweep",))
-        raise EqtError(f"{place}: a configuration is tuned at one point; leave `sweep` out")
-    base = build(source, trust_plugins=trust_plugins)
-    section = base.config.tune
-    assert section is not None
-    problems = Problems(source.place)
-    here = problems.at("tune")
-    ranges: dict[str, Drawn] = {}
-    for key, given in section.over.items():
-        at_key = here.at("over", key)
-        with at_key.catching():
-            _require_tunable(key, base)
-        axis = range_of(given, at_key)
-        ranges |= {key: axis} if axis else {}
-    objectives = _objectives(section, base, here)
-    constraints = _constraints(section, base, here.at("subject_to"))
-    seed = section.confirm.seed
-    seed = base.config.ensemble.seed + 1 if seed is None else seed
-    if seed == base.config.ensemble.seed:
-        here.at("confirm", "seed").add(
-            f"expected another seed than ensemble.seed, got {seed}; winners are judged on runs "
-            "that did not choose them"
-        )
-    if base.config.initial.file is not None:
-        here.add("initial.file gives all runs their states, so that none are held out; draw them")
-    problems.raise_if_any()
-    laws = laws_of(base, ranges)
-    for law in laws:
-        if not law.axes:
-            here.at("over").add(f"has nothing to tune of controller '{law.label}'")
-    check_ends(laws, here.at("over"))
-    problems.raise_if_any()
-    return Search(base, section, objectives, constraints, laws, seed)
+OF_LAWS = {
+    "gains": "belongs to the laws, and is tuned by `over`",
+    "controllers": "belongs to the laws, and is tuned by `over`",
+    "ensemble": "is that of the search and of `confirm`",
+}
+"""Sections that cases do not change, and why."""
 
 
-def _require_tunable(key: str, base: Experiment) -> None:
-    """Raise an `InputError` if a key is not a law's to choose."""
-    path = parse_key(entries_of(key)[0])
-    if path[0] == "gains" and len(path) > 1:
-        return
-    if path[0] != "controllers":
-        raise InputError(
-            "expected a key of gains or controllers, which a law may choose; all else is the task"
-        )
-    count = len(base.loops)
-    if len(path) < 3 or not isinstance(path[1], int) or path[1] >= count:
-        raise InputError(
-            f"expected an option of one of the {count} controllers, as controllers[0].gains.kp"
-        )
-
-
-def _objectives(section: TuneSection, base: Experiment, problems: Problems) -> tuple[str, ...]:
-    given = section.objectives
-    if (section.objective is None) == (given is None):
-        problems.add("expected either `objective`, a metric, or `objectives`, two of them")
-        return ()
-    if given is not None and (len(given) != 2 or given[0] == given[1]):
-        problems.at("objectives").add(f"expected two different metrics, got {shown(given)}")
-        return ()
-    found = tuple(given or (str(section.objective),))
-    for index, name in enumerate(found):
-        place = ("objectives", index) if given else ("objective",)
-        with problems.catching(*place):
-            require_metric(name, base)
+def _bases_of_cases(section: TuneSection, base: Experiment, problems: Problems) -> list[Experiment]:
+    """The experiment with all laws in each case; notes what is wrong with cases."""
+    if section.cases is None:
+        if section.over_cases is not None:
+            problems.at("over_cases").add("there are no cases; add `cases`, or leave it out")
+        return []
+    here = problems.at("cases")
+    Cases.read(section.cases, here)
+    for name, settings in section.cases.items() if not here else ():
+        for key in settings:
+            with here.catching(name, key):
+                require_sweepable(key)
+                if reason := OF_LAWS.get(section_of(key)):
+                    raise InputError(f"no case can change it: {section_of(key)} {reason}")
+    found = []
+    for name, settings in section.cases.items() if not here else ():
+        try:
+            found.append(build(_changed(base.source, name, settings), trust_plugins=True))
+        except ConfigError as error:
+            for problem in error.problems:
+                here.at(name).add(f"{problem.path}: {problem.message}")
     return found
 
 
-def _constraints(
-    section: TuneSection, base: Experiment, problems: Problems
-) -> tuple[Constraint, ...]:
-    found = []
+def _changed(source: ConfigSource, case: str, settings: dict[str, Any]) -> ConfigSource:
+    """A configuration in a case."""
+    for key, value in settings.items():
+        place = source.place(("tune", "cases", case, key))
+        source = changed_at(source, parse_key(key), value, place)
+    return source
+
+
+def _named(section: TuneSection) -> tuple[str, ...]:
+    return tuple(section.objectives or (str(section.objective),))
+
+
+def _check_objectives(section: TuneSection, base: Experiment, problems: Problems) -> None:
+    given = section.objectives
+    if (section.objective is None) == (given is None):
+        problems.add("expected either `objective`, a metric, or `objectives`, two of them")
+    elif given is not None and (len(given) != 2 or given[0] == given[1]):
+        problems.at("objectives").add(f"expected two different metrics, got {shown(given)}")
+    else:
+        for index, name in enumerate(_named(section)):
+            with problems.catching(*(("objectives", index) if given else ("objective",))):
+                require_metric(name, base)
+
+
+def _constraints(section: TuneSection) -> Iterator[Constraint]:
     for name, bound in section.subject_to.items():
-        with problems.catching(name):
-            require_metric(name, base)
-        if isinstance(bound, WorstRunSection):
-            if bound.max is None and bound.min is None:
-                problems.at(name).add("expected `max` or `min`, got neither")
-            if bound.max is not None:
-                found.append(Constraint(name, bound.max, above=True, every_run=True))
-            if bound.min is not None:
-                found.append(Constraint(name, bound.min, above=False, every_run=True))
-        elif not problems.at(name):
+        if not isinstance(bound, WorstRunSection):
             higher = next(q.better == "higher" for q in METRICS if q.name == name)
-            found.append(Constraint(name, float(bound), above=not higher, every_run=False))
-    return tuple(found)
+            yield Constraint(name, float(bound), above=not higher, every_run=False)
+            continue
+        if bound.max is not None:
+            yield Constraint(name, bound.max, above=True, every_run=True)
+        if bound.min is not None:
+            yield Constraint(name, bound.min, above=False, every_run=True)
 
 
 def _entry(data: dict[str, Any], label: str) -> dict[str, Any]:

@@ -19,7 +19,8 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result, mean_over_runs
 from eqt_cli.tuning.fronts import equal_cost_table
-from eqt_cli.tuning.luck import luck_table, seed_labels
+from eqt_cli.tuning.held_out import cases_of, held_out
+from eqt_cli.tuning.luck import luck_table, measured, seed_labels
 from eqt_cli.tuning.scores import excess
 from eqt_cli.tuning.search import Constraint
 
@@ -37,7 +38,8 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
         Of the search, as its folder has it.
     """
     write = Plain()
-    bounds = _bounds(result, record, write)
+    cases, result = cases_of(result, record), held_out(result, record)
+    bounds = _bounds(cases, record, write)
     if len(record["objectives"]) > 1:
         how = Resampling()
         made = [equal_cost_table(result, record, write, how), _front_points(result, record, how)]
@@ -47,18 +49,40 @@ def tuning_tables(result: Result, record: Record) -> list[TextTable]:
     between = [pair for pair in comparison.pairs if {pair.first, pair.second} <= tuned]
     pairs = text_tables(replace(comparison, pairs=between, levels=[], judgements=[]), write)
     luck = luck_table(result, record, write)
-    made = [_winners(result, record, comparison, write), bounds, *pairs.values(), luck]
+    by_case = _by_case(cases, record, write)
+    made = [_winners(result, record, comparison, write), by_case, bounds, *pairs.values(), luck]
     return [table for table in made if table.blocks]
+
+
+def _by_case(cases: Mapping[str, Result], record: Record, write: Plain) -> TextTable:
+    """The objective of each winner in each case; a table without rows where there are none."""
+    labels = [winner["label"] for law in record["laws"] for winner in law["winners"]]
+    (name,) = record["objectives"]
+    rows = []
+    for case, result in cases.items() if record["cases"] else ():
+        values = result.counted(name)[[result.labels.index(label) for label in labels]]
+        rows.append([case, *_spreads(values, Resampling(), write)])
+    result = next(iter(cases.values()))
+    return TextTable(
+        "cases",
+        f"{measured(result, name, write)} of the tuned laws in each case: means over "
+        f"{result.runs} held-out runs ± half the 95 % interval",
+        ["case", *(result.titled[label] for label in labels)],
+        [Block("", rows)] if rows and labels else [],
+    )
+
+
+def _spreads(values: Array, how: Resampling, write: Plain) -> list[str]:
+    """The means over runs with half their intervals, of each row."""
+    found = intervals_of_means(values.T, how)
+    ends = zip(found.mean.tolist(), found.low.tolist(), found.high.tolist(), strict=True)
+    return [write.spread(*three) for three in ends]
 
 
 def _front_points(result: Result, record: Record, how: Resampling) -> TextTable:
     """Every winner of the fronts, and the starting gains."""
     write = Plain()
-    cells = []
-    for name in record["objectives"]:
-        found = intervals_of_means(result.counted(name).T, how)
-        ends = zip(found.mean.tolist(), found.low.tolist(), found.high.tolist(), strict=True)
-        cells.append([write.spread(*three) for three in ends])
+    cells = [_spreads(result.counted(name), how, write) for name in record["objectives"]]
     rows = []
     for law in record["laws"]:
         known = {law["start"]: "", **{w["label"]: values_text(w["values"]) for w in law["winners"]}}
@@ -119,15 +143,31 @@ def _winners(result: Result, record: Record, comparison: Comparison, write: Plai
 
 def _notes(result: Result, record: Record) -> Iterator[str]:
     """How long the search was, and runs that are not as they should be."""
-    generations = f"{record['generations']} generation{'s' if record['generations'] > 1 else ''}"
-    each = f"{record['runs']} run{'s' if record['runs'] > 1 else ''}"
     yield (
-        f"Searched: {generations} of {record['population']} points, each of "
-        f"{each}, for every law, with the seed{'s' if len(record['seeds']) > 1 else ''} "
-        f"{listed(list(map(str, record['seeds'])))}. The best of these searches is shown; over "
-        "searches: the smallest and the largest mean of their winners."
+        f"{searched(record)} The best of these searches is shown; over searches: the smallest and "
+        "the largest mean of their winners."
     )
+    if cases := record["cases"]:
+        yield (
+            f"Over the cases {listed(cases)}: each number is "
+            + (
+                "that of the case in which the mean over all runs is worst."
+                if record["over_cases"] == "worst"
+                else "the mean over the cases."
+            )
+        )
     yield from _counted(result)
+
+
+def searched(record: Record) -> str:
+    """How long a search was, in a sentence."""
+    generations, runs, seeds = record["generations"], record["runs"], record["seeds"]
+    cases = f" in each of {len(record['cases'])} cases" if record.get("cases") else ""
+    return (
+        f"Searched: {generations} generation{'s' if generations > 1 else ''} of "
+        f"{record['population']} points, each of {runs} run{'s' if runs > 1 else ''}{cases}, for "
+        f"every law, with the seed{'s' if len(seeds) > 1 else ''} {listed([*map(str, seeds)])}."
+    )
 
 
 def _counted(result: Result) -> Iterator[str]:
@@ -139,34 +179,36 @@ def _counted(result: Result) -> Iterator[str]:
             yield f"Runs {what}, of {result.runs}: {'; '.join(listed)}."
 
 
-def _bounds(result: Result, record: Record, write: Plain) -> TextTable:
-    """What the winners were bound to, on the held-out runs."""
-    rows = []
+def _bounds(cases: Mapping[str, Result], record: Record, write: Plain) -> TextTable:
+    """What the winners were bound to, on the held-out runs, in each case."""
+    rows: list[list[str]] = []
     for entry in record["constraints"]:
-        bound = Constraint(**entry)
-        values = result.counted(bound.metric)
-        over = excess(bound, values)
-        worst = np.nanmax if bound.above else np.nanmin
-        found = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)
-        beyond = values > bound.bound if bound.above else values < bound.bound
-        for law in record["laws"]:
-            for label in [winner["label"] for winner in law["winners"]] or [law["start"]]:
-                k = result.labels.index(label)
-                rows.append(
-                    [
-                        result.titles[k],
-                        str(bound),
-                        fixed(float(found[k]), 3),
-                        str(int(beyond[k].sum())),
-                        "holds" if over[k] == 0 else f"violated by {100 * over[k]:.2g} %",
-                    ]
-                )
+        for case, result in cases.items():
+            rows += _kept(Constraint(**entry), result, record, f", {case}" if case else "")
     return TextTable(
         "bounds",
         "What was asked for, on the held-out runs",
         ["law", "asked", "found", "runs beyond", "verdict"],
         [Block("", rows)] if rows else [],
     )
+
+
+def _kept(bound: Constraint, result: Result, record: Record, where: str) -> Iterator[list[str]]:
+    values = result.counted(bound.metric)
+    over = excess(bound, values)
+    worst = np.nanmax if bound.above else np.nanmin
+    found = worst(values, axis=-1) if bound.every_run else mean_over_runs(values)
+    beyond = values > bound.bound if bound.above else values < bound.bound
+    for law in record["laws"]:
+        for label in [winner["label"] for winner in law["winners"]] or [law["start"]]:
+            k = result.labels.index(label)
+            yield [
+                f"{result.titles[k]}{where}",
+                str(bound),
+                fixed(float(found[k]), 3),
+                str(int(beyond[k].sum())),
+                "holds" if over[k] == 0 else f"violated by {100 * over[k]:.2g} %",
+            ]
 
 
 def _relative(found: Array, start: Array) -> str:

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property, partial, reduce
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from eqt_cli.execution.executors import Executor, Progress
-from eqt_cli.execution.lock import LOCK, locked
-from eqt_cli.execution.run_study import Execution, Remark
+from eqt_cli.execution.run_study import Execution
 from eqt_cli.experiment.read_study import study
 from eqt_cli.results.result import Result
 from eqt_cli.tuning.evolution import Population, selected
@@ -102,85 +98,30 @@ class Tuned:
         return float(self.population.scores.violation.min())
 
 
-@dataclass(frozen=True)
-class Tuning:
-    """A search that has come to its end.
-
-    Attributes
-    ----------
-    search
-        What for.
-    laws
-        What was found for each.
-    confirmed
-        The result with winners and starting gains on held-out runs.
-    record
-        The same as plain data, as the folder has it.
-    """
-
-    search: Search
-    laws: list[Tuned]
-    confirmed: Execution
-    record: dict[str, Any]
-
-
-def folder_of(search: Search) -> Path:
-    """Where a search keeps its results unless it is told."""
-    return Path("results") / f"{search.name}-tuned"
-
-
 def tune(
-    search: Search,
-    out: Path,
-    *,
-    executor: Executor,
-    force: bool = False,
-    progress: Progress = lambda runs: None,
-    resumed: Progress = lambda runs: None,
-    remark: Remark,
-    told: Told = lambda law, generation, population: None,
-) -> Tuning:
-    """Search for the best gains of each law, and run the winners on held-out initial states.
+    search: Search, folder: SearchFolder, do: Computing, told: Told
+) -> tuple[Execution, dict[str, Any]]:
+    """Search for the best gains of each law, and run the winners on held-out initial states."""
+    found = []
+    for law in search.laws:
 
-    Parameters
-    ----------
-    out
-        The folder; generations that are there are not computed again.
-    executor, progress, resumed, remark
-        As of `execute`.
-    force
-        Start over.
-    told
-        What is told of the search.
+        def after(generation: int, searches: dict[int, Population], law: LawSearch = law) -> None:
+            so_far = Tuned(law, searches, search.seeks_front)
+            studies = [study(law.at(values), trust_plugins=True) for values in so_far.chosen]
+            folder.write_found(law, studies, search.seeks_front)
+            told(law, generation, so_far.population)
 
-    Raises
-    ------
-    EqtError
-        If the folder holds something else, is in use, or cannot be written.
-    """
-    folder = SearchFolder(out, TUNE)
-    folder.check(search)
-    with locked(out, name=f"{LOCK}-tuning", remark=remark):
-        folder.claim(search, force)
-        do = Computing(executor, progress, resumed, remark)
-        found = []
-        for law in search.laws:
-
-            def after(
-                generation: int, searches: dict[int, Population], law: LawSearch = law
-            ) -> None:
-                so_far = Tuned(law, searches, search.seeks_front)
-                studies = [study(law.at(values), trust_plugins=True) for values in so_far.chosen]
-                folder.write_found(law, studies, search.seeks_front)
-                told(law, generation, so_far.population)
-
-            searches = evolve(search, law, folder, do, partial(_scored, search), after)
-            found.append(Tuned(law, searches, search.seeks_front))
-        chosen = {each.law.label: each.confirmed for each in found}
-        confirmed = do.execute(search.confirmation(chosen), out)
-        record = _record(search, found)
-        folder.write_record(record)
-    return Tuning(search, found, confirmed, record)
+        searches = evolve(search, law, folder, do, partial(_scored, search), after)
+        found.append(Tuned(law, searches, search.seeks_front))
+    chosen = {each.law.label: each.confirmed for each in found}
+    confirmed = do.execute(search.confirmation(chosen), folder.path)
+    return confirmed, {
+        "objectives": list(search.objectives),
+        "cases": list(search.cases),
+        "over_cases": search.section.over_cases or "mean",
+        "constraints": [asdict(bound) for bound in search.constraints],
+        "laws": [_law_record(search, each) for each in found],
+    }
 
 
 def _scored(search: Search, result: Result) -> Scores:
@@ -192,22 +133,6 @@ def _winners(population: Population, seeks_front: bool) -> tuple[int, ...]:
         return tuple(population.front.tolist())
     best = population.best
     return (best,) if population.scores.feasible[best] else ()
-
-
-def _record(search: Search, found: Sequence[Tuned]) -> dict[str, Any]:
-    """What the folder says of the search when it is done."""
-    section = search.section
-    return {
-        "name": search.name,
-        "digest": search.digest,
-        "objectives": list(search.objectives),
-        "constraints": [asdict(bound) for bound in search.constraints],
-        "generations": section.budget,
-        "population": section.population,
-        "runs": search.base.config.ensemble.runs,
-        "seeds": list(search.seeds),
-        "laws": [_law_record(search, each) for each in found],
-    }
 
 
 def _law_record(search: Search, found: Tuned) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial, reduce
 from pathlib import Path
 from typing import Any
@@ -11,9 +10,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.execution.executors import Executor, Progress
-from eqt_cli.execution.lock import LOCK, locked
-from eqt_cli.execution.run_study import Execution, Remark
+from eqt_cli.execution.run_study import Execution
 from eqt_cli.experiment.read_study import study
 from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import Result, open_result
@@ -22,127 +19,66 @@ from eqt_cli.tuning.folder import WORST, SearchFolder, found_files
 from eqt_cli.tuning.generations import Computing, Scored, Told, evolve
 from eqt_cli.tuning.law_search import LawSearch
 from eqt_cli.tuning.ranking import Scores
-from eqt_cli.tuning.record_shape import fits_worst
 from eqt_cli.tuning.worst_search import Line, WorstSearch
 
 AGREEING = 0.01
 """Searches agree that find worst values within this share of the worst of all."""
 
 
-@dataclass(frozen=True)
-class Worst:
-    """A search for the worst run that has come to its end.
-
-    Attributes
-    ----------
-    search
-        What for.
-    along
-        The result of all laws at the points along each key.
-    record
-        What was found, as plain data, as the folder has it.
-    """
-
-    search: WorstSearch
-    along: Execution
-    record: dict[str, Any]
-
-
-def folder_of(search: WorstSearch) -> Path:
-    """Where a search keeps its results unless it is told."""
-    return Path("results") / f"{search.name}-worst"
-
-
 def costs_of_runs(result: Result, metric: str) -> Array:
-    """How bad each run is by a metric, as `Result.metric`: ∞ where it failed; NaN has no value."""
+    """How bad each run is by a metric, as `Result.metric`: ∞ where it failed, −∞ without a value.
+
+    So the worst of several runs is the largest of these numbers.
+    """
     found = result.quantity(metric).cost(result.counted(metric))
-    return np.where(result.good, found, np.inf)
-
-
-def worst_of(costs: Array) -> Array:
-    """The largest over the last axis; −∞ where no run has a value."""
-    return np.max(np.where(np.isnan(costs), -np.inf, costs), axis=-1)
+    return np.where(result.good, np.where(np.isnan(found), -np.inf, found), np.inf)
 
 
 def badness(metric: str, result: Result) -> Scores:
     """The scores of the points of a sweep with one law: the worse its worst run, the better."""
-    worst = worst_of(costs_of_runs(result, metric)[:, 0])
+    worst = costs_of_runs(result, metric)[:, 0].max(axis=-1)
     good = result.good[:, 0]
     late = good & np.isnan(result.metric("settling_time")[:, 0])
     failed, unsettled = (~good).sum(axis=1), late.sum(axis=1)
     return Scores(-worst[:, None], np.zeros(len(worst)), failed, unsettled)
 
 
-def find_worst(
-    search: WorstSearch,
-    out: Path,
-    *,
-    executor: Executor,
-    force: bool = False,
-    progress: Progress = lambda runs: None,
-    resumed: Progress = lambda runs: None,
-    remark: Remark,
-    told: Told = lambda law, generation, population: None,
-) -> Worst:
-    """Search for the worst run of each law, and run all laws along each key through it.
+def worst(
+    search: WorstSearch, folder: SearchFolder, do: Computing, told: Told
+) -> tuple[Execution, dict[str, Any]]:
+    """Search for the worst run of each law, and run all laws along each key through it."""
+    found, first = {}, {}
+    scored = partial(badness, search.objective)
+    for law in search.laws:
 
-    Parameters
-    ----------
-    out
-        The folder; generations that are there are not computed again.
-    executor, progress, resumed, remark
-        As of `execute`.
-    force
-        Start over.
-    told
-        What is told of the search.
+        def after(generation: int, searches: dict[int, Population], law: LawSearch = law) -> None:
+            told(law, generation, reduce(selected, searches.values()))
 
-    Raises
-    ------
-    EqtError
-        If the folder holds something else, is in use, or cannot be written.
-    """
-    folder = SearchFolder(out, WORST)
-    folder.check(search)
-    with locked(out, name=f"{LOCK}-worst", remark=remark):
-        folder.claim(search, force)
-        do = Computing(executor, progress, resumed, remark)
-        found, first = {}, {}
-        scored = partial(badness, search.objective)
-        for law in search.laws:
-
-            def after(
-                generation: int, searches: dict[int, Population], law: LawSearch = law
-            ) -> None:
-                told(law, generation, reduce(selected, searches.values()))
-
-            found[law.label] = evolve(search, law, folder, do, scored, after)
-            first[law.label] = [_first(folder.generation(law, k, 0), scored) for k in search.seeds]
-        best = {label: reduce(selected, searches.values()) for label, searches in found.items()}
-        shares = {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}
-        alone = {}
-        for law in search.laws:
-            source = law.at(law.values(shares[law.label]))
-            do.execute(source, folder.run_of(law))
-            with open_result(folder.run_of(law)) as result:
-                told_of = alone[law.label] = _alone(search, result)
-            single = study(source, trust_plugins=True)
-            folder.write_found(law, [single], said=_said(search, law, told_of))
-        lines = search.lines(shares)
-        along = do.execute(search.along(lines), out)
-        laws = [
-            {
-                "label": law.label,
-                "config": found_files(WORST, law, 1)[0],
-                **alone[law.label],
-                **_searched(search, law, found[law.label], first[law.label], shares[law.label]),
-                "lines": _places(lines, law.label),
-            }
-            for law in search.laws
-        ]
-        record = _record(search, laws)
-        folder.write_record(record)
-    return Worst(search, along, record)
+        found[law.label] = evolve(search, law, folder, do, scored, after)
+        first[law.label] = [_first(folder.generation(law, k, 0)[0], scored) for k in search.seeds]
+    best = {label: reduce(selected, searches.values()) for label, searches in found.items()}
+    shares = {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}
+    alone = {}
+    for law in search.laws:
+        source = law.at(law.values(shares[law.label]))
+        do.execute(source, folder.run_of(law))
+        with open_result(folder.run_of(law)) as result:
+            told_of = alone[law.label] = _alone(search, result)
+        single = study(source, trust_plugins=True)
+        folder.write_found(law, [single], said=_said(search, law, told_of))
+    lines = search.lines(shares)
+    along = do.execute(search.along(lines), folder.path)
+    laws = [
+        {
+            "label": law.label,
+            "config": found_files(WORST, law, 1)[0],
+            **alone[law.label],
+            **_searched(search, law, found[law.label], first[law.label], shares[law.label]),
+            "lines": _places(lines, law.label),
+        }
+        for law in search.laws
+    ]
+    return along, {"objective": search.objective, "laws": laws}
 
 
 def _first(out: Path, scored: Scored) -> Scores:
@@ -163,7 +99,7 @@ def _alone(search: WorstSearch, result: Result) -> dict[str, Any]:
     The engine may give runs other last digits beside those of other points.
     """
     costs = costs_of_runs(result, search.objective)[0]
-    run = int(np.argmax(np.where(np.isnan(costs), -np.inf, costs)))
+    run = int(np.argmax(costs))
     settled = np.isfinite(result.metric("settling_time")[0])
     return {
         "run": run,
@@ -182,10 +118,11 @@ def _searched(
 ) -> dict[str, Any]:
     """Where the worst was found, by which searches, and how many runs of the box settle."""
     worst = {seed: -float(left.scores.objectives[left.best, 0]) for seed, left in searches.items()}
-    axes = zip(law.given, law.axes.values(), strict=True)
+    axes = dict(zip(law.given, law.axes.values(), strict=True))
     points = sum(len(scored) for scored in first)
     return {
-        "over": {key: [axis.low, axis.high] for key, axis in axes},
+        "over": {key: [axis.low, axis.high] for key, axis in axes.items()},
+        "log": [key for key, axis in axes.items() if axis.scale == "log"],
         "values": dict(zip(law.given, law.values(shares).values(), strict=True)),
         "searches": [{"seed": seed, **_valued(search, cost)} for seed, cost in worst.items()],
         "agreeing": sum(_agree(cost, max(worst.values())) for cost in worst.values()),
@@ -213,26 +150,5 @@ def _valued(search: WorstSearch, cost: float) -> dict[str, Any]:
     return {"value": value, "failed": failed}
 
 
-def worst_beside(result: Result) -> dict[str, Any] | None:
-    """What a search found whose lines a result holds; None of any other result."""
-    record = SearchFolder(result.path.parent, WORST).record
-    return record if record is not None and fits_worst(record, result) else None
-
-
 def _agree(cost: float, worst: float) -> bool:
     return cost == worst or (math.isfinite(worst) and worst - cost <= AGREEING * abs(worst))
-
-
-def _record(search: WorstSearch, laws: list[dict[str, Any]]) -> dict[str, Any]:
-    """What the folder says of the search when it is done."""
-    section = search.section
-    return {
-        "name": search.name,
-        "digest": search.digest,
-        "objective": search.objective,
-        "generations": section.budget,
-        "population": section.population,
-        "runs": search.base.config.ensemble.runs,
-        "seeds": list(search.seeds),
-        "laws": laws,
-    }

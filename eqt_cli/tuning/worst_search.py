@@ -5,25 +5,22 @@ from typing import Any
 
 from eqt_cli.config.schema import WorstSection
 from eqt_cli.config.source import ConfigSource
-from eqt_cli.core.errors import EqtError, InputError
+from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.axes import Drawn
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.read_study import require_sweepable
 from eqt_cli.results.quantity_table import QUANTITIES
+from eqt_cli.tuning.folder import WORST
 from eqt_cli.tuning.law_search import (
-    LawSearch,
-    Searches,
-    check_ends,
     entries_of,
     expanded,
-    laws_of,
-    range_of,
     require_metric,
     value_at,
     without_search,
 )
+from eqt_cli.tuning.searches import Searches
 
 MOST_ON_A_LINE = 21
 """Values of a key at which every law is run, with the found point, to show how the worst grows."""
@@ -51,23 +48,11 @@ class Line:
     points: list[dict[str, float]]
 
 
-@dataclass(frozen=True)
-class WorstSearch(Searches):
-    """What is searched for, checked.
+class WorstSearch(Searches[WorstSection]):
+    """A search for the worst run, checked: the section `worst`."""
 
-    Attributes
-    ----------
-    base
-        The experiment with all laws.
-    section
-        The section `worst`.
-    laws
-        One search for each law.
-    """
-
-    base: Experiment
-    section: WorstSection
-    laws: tuple[LawSearch, ...]
+    kind = WORST
+    example = "{over: {gains.kp: [0.8, 1.2]}, objective: final_pose_error}"
     continuing = frozenset({"budget", "seeds"})
     keeps_ends = True
 
@@ -77,10 +62,10 @@ class WorstSearch(Searches):
         return self.section.objective
 
     @property
-    def all_runs(self) -> int:
-        """Over all laws and generations, what was found, and the lines at the most."""
-        each = len(self.laws) * self.base.config.ensemble.runs
-        return self.searched_runs + each + self._per_line * self._lines * each
+    def judging_runs(self) -> int:
+        """Of what was found, and of all laws along each key through it."""
+        each = len(self.laws) * self.runs_at_a_point
+        return each + self._per_line * self._lines * each
 
     @property
     def _lines(self) -> int:
@@ -118,60 +103,25 @@ class WorstSearch(Searches):
         }
         return replace(self.base.source, data=without_search(data) | own)
 
+    @classmethod
+    def _axis(cls, key: str, axis: Drawn | None, base: Experiment) -> Drawn | None:
+        """Of a key that holds a number and that a sweep may vary."""
+        whole = _is_whole(key, base)
+        return _as_whole(axis, key) if whole and axis is not None else axis
+
+    @classmethod
+    def _check(cls, section: WorstSection, base: Experiment, problems: Problems) -> None:
+        with problems.catching("objective"):
+            require_metric(section.objective, base)
+            if QUANTITIES[section.objective].better == "neither":
+                raise InputError(
+                    f"'{section.objective}' has no better direction, so no run is the worst by "
+                    "it; choose another metric, such as final_pose_error"
+                )
+
 
 def _along(axis: Drawn, count: int) -> list[float]:
     return [axis.at(k / (count - 1)) for k in range(count)]
-
-
-def worst_search_from(source: ConfigSource, *, trust_plugins: bool = False) -> WorstSearch:
-    """Read and check over what the worst run of a configuration is searched.
-
-    Raises
-    ------
-    ConfigError
-        With every problem, each at its place.
-    EqtError
-        If it searches for none.
-    """
-    if not source.data.get("worst"):
-        raise EqtError(
-            f"{source.source.name}: has no section `worst`; add one, such as "
-            "worst: {over: {gains.kp: [0.8, 1.2]}, objective: final_pose_error}"
-        )
-    if source.data.get("sweep"):
-        place = source.place(("sweep",))
-        raise EqtError(f"{place}: the worst run is searched around one point; leave `sweep` out")
-    base = build(source, trust_plugins=trust_plugins)
-    section = base.config.worst
-    assert section is not None
-    problems = Problems(source.place)
-    here = problems.at("worst")
-    ranges: dict[str, Drawn] = {}
-    for key, given in section.over.items():
-        at_key = here.at("over", key)
-        axis = range_of(given, at_key)
-        with at_key.catching():
-            whole = _is_whole(key, base)
-            if axis is not None:
-                ranges[key] = _as_whole(axis, key) if whole else axis
-    with here.catching("objective"):
-        require_metric(section.objective, base)
-        if QUANTITIES[section.objective].better == "neither":
-            raise InputError(
-                f"'{section.objective}' has no better direction, so no run is the worst by it; "
-                "choose another metric, such as final_pose_error"
-            )
-    problems.raise_if_any()
-    laws = laws_of(base, ranges)
-    for law in laws:
-        if not law.axes:
-            here.at("over").add(
-                f"has no key of controller '{law.label}'; add one that all laws share, or leave "
-                "the controller out"
-            )
-    check_ends(laws, here.at("over"))
-    problems.raise_if_any()
-    return WorstSearch(base, section, laws)
 
 
 def _is_whole(key: str, base: Experiment) -> bool:

@@ -3,18 +3,18 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from eqt_cli.analysis.comparison.findings import listed
 from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result
-from eqt_cli.tuning.tables import values_text
+from eqt_cli.tuning.luck import measured
+from eqt_cli.tuning.tables import searched, values_text
 from eqt_cli.tuning.worst import AGREEING
 
 Record = Mapping[str, Any]
 
 
-def worst_table(result: Result, record: Record) -> TextTable:
+def worst_tables(result: Result, record: Record) -> list[TextTable]:
     """The worst run of each law that was found, where, and how often searches agree.
 
     Parameters
@@ -24,10 +24,7 @@ def worst_table(result: Result, record: Record) -> TextTable:
     record
         Of the search, as its folder has it.
     """
-    write = Plain()
-    name = record["objective"]
-    unit = write.unit(result.units(name))
-    what = f"{write.name(result.quantity(name))}{f' in {unit}' if unit else ''}"
+    what = measured(result, record["objective"], Plain())
     rows = [
         [
             law_title(law["label"]),
@@ -42,17 +39,11 @@ def worst_table(result: Result, record: Record) -> TextTable:
     ]
     header = ["law", "worst found", "at", "run", "not settled there", "in the box", "agree"]
     title = f"The worst run that was found: {what}"
-    return TextTable("worst", title, header, [Block("", rows)], list(_notes(record)))
+    return [TextTable("worst", title, header, [Block("", rows)], list(_notes(record)))]
 
 
 def _notes(record: Record) -> Iterator[str]:
-    each = f"{record['runs']} run{'s' if record['runs'] > 1 else ''}"
-    generations = f"{record['generations']} generation{'s' if record['generations'] > 1 else ''}"
-    seeds = f"seed{'s' if len(record['seeds']) > 1 else ''} {listed([*map(str, record['seeds'])])}"
-    yield (
-        f"Searched: {generations} of {record['population']} points, each of {each}, for every law, "
-        f"with the {seeds}. Worse runs may exist: a search finds, and proves nothing."
-    )
+    yield f"{searched(record)} Worse runs may exist: a search finds, and proves nothing."
     for law in record["laws"]:
         seen = [one["value"] for one in law["searches"]]
         if not law["failed"] and (None in seen or not _same(law["value"], seen)):

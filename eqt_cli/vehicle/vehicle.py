@@ -116,6 +116,13 @@ class Vehicle:
         """The numbers of the part at a place."""
         return self._given[place]
 
+    @property
+    def linear_part(self) -> Self:
+        """The same without limits, steps and dead zones of actuators."""
+        return dataclasses.replace(
+            self, actuators=tuple(part.linear_part for part in self.actuators)
+        )
+
     # What the law is told.
 
     @property

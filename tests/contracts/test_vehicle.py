@@ -99,6 +99,23 @@ def test_an_actuator_says_of_each_command_whether_it_is_beyond_its_limit(
         assert not actuator.at_limit(G, 0 * command, x, given).any()
 
 
+def test_what_is_left_without_limits_and_steps_is_linear(actuator_class, make):
+    actuator = make(actuator_class, 6)
+    given, linear = numbers(actuator), actuator.linear_part
+    if linear is actuator and not actuator_class.__module__.startswith("eqt_cli."):
+        pytest.skip("a plugin need not say what of it is linear")
+    n, random = linear.states(G), np.random.default_rng(4)
+    one, other = (1e3 * random.standard_normal(6 + n) for _ in range(2))
+
+    def found(y):
+        parts = [linear.output(G, y[:6], y[6:], given)]
+        return np.concatenate([*parts, linear.state_rate(G, y[:6], y[6:], given)] if n else parts)
+
+    sums = found(2 * one - 3 * other), 2 * found(one) - 3 * found(other)
+    np.testing.assert_allclose(*sums, rtol=0, atol=1e5 * ROUNDING)
+    assert linear.linear_part == linear
+
+
 def test_a_sensor_errs_by_run_and_instant_alone(sensor_class, make):
     sensor, problems = make(sensor_class, 6), Problems()
     sensor.check(G, problems)

@@ -305,7 +305,13 @@ CASES = [{"cases": {"ideal": {}, "soft": {"gains.kp": 0.5}, "stiff": {"gains.kp"
 
 def test_a_forest_has_a_row_for_each_case_with_paired_differences_and_shares(swept):
     results = swept(CASES, ensemble={"runs": 8, "seed": 1}, settling_threshold="40 deg")
-    left, right = Forest(metric="effort", confidence=0.5).draw([results]).axes
+    drawing = Forest(metric="effort", confidence=0.5).draw([results])
+    left, right = drawing.axes
+    (notes,) = (text.get_text() for text in drawing.texts if "per row" in text.get_text())
+    assert " ".join(notes.split()).startswith(
+        "n = 8 per row. Left of 0: EqT is better. Intervals of 50 %, each by itself; filled where "
+        "they exclude 0."
+    )
     assert [text.get_text() for text in left.get_yticklabels()] == ["ideal", "soft", "stiff"]
     assert left.get_ylim()[0] > left.get_ylim()[1]  # the first case is on top
     effort = results["effort"]

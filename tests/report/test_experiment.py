@@ -18,6 +18,8 @@ from eqt_cli.results.result import open_result
         ({"kind": "normal", "std": 1.0}, "normal: std 1"),
         ({"kind": "haar", "position": None}, "haar"),
         ({"low": 0, "relative_to": "a"}, "low 0, relative to a"),
+        ({"ideal": {}, "late": {"delay": 2}}, "ideal, late delay 2"),
+        (list(range(300)), "300 values (0, 1, 2, 3, 4, 5, …, 299)"),
         ([{"kind": "limit", "limit": 1.5}, "lag"], "limit: limit 1.5; lag"),
     ],
 )

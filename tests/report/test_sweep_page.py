@@ -6,8 +6,9 @@ import re
 import numpy as np
 import pytest
 
+from eqt_cli.analysis.extreme_points import extreme_points
 from eqt_cli.report import report
-from eqt_cli.report.point_table import best_points, point_table
+from eqt_cli.report.point_table import point_table
 from eqt_cli.results.result import open_result
 
 
@@ -70,18 +71,20 @@ def test_the_best_point_is_one_at_which_no_run_failed(results, monkeypatch):
     status, best = results["status"], int(np.argmin(results["effort"].mean(axis=-1)[:, 0]))
     status[best, 0, 0] = 1
     monkeypatch.setattr(results, "status", status)
-    (block,) = (b for b in best_points(results).blocks if b.title.startswith("effort"))
-    assert block.rows[0][1] != str(best)
+    (block,) = (b for b in extreme_points(results).blocks if b.title.startswith("effort"))
+    assert block.rows[0][2] != str(best)
 
 
-def test_the_best_point_has_the_least_mean(results):
-    (block,) = (b for b in best_points(results).blocks if b.title.startswith("effort"))
+def test_the_best_point_has_the_least_mean_and_the_worst_the_largest(results):
+    (block,) = (b for b in extreme_points(results).blocks if b.title.startswith("effort"))
     means = results["effort"].mean(axis=-1)
-    for controller, row in enumerate(block.rows):
-        point = int(np.argmin(means[:, controller]))
-        assert row[1] == str(point)
-        assert row[2:4] == [f"{results[key][point]:.4g}" for key in ("gains.kp", "gains.kd")]
-        assert row[4] == f"{means[point, controller]:.4g}"
+    expected = []
+    for controller, title in enumerate(results.titles):
+        for law, end, found in ((title, "best", np.argmin), ("", "worst", np.argmax)):
+            point = int(found(means[:, controller]))
+            values = [f"{results[key][point]:.4g}" for key in ("gains.kp", "gains.kd")]
+            expected.append([law, end, str(point), *values, f"{means[point, controller]:.4g}"])
+    assert block.rows == expected
 
 
 @pytest.mark.slow("draws the page of a sweep")

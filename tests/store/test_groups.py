@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from eqt_cli.core.errors import ResultError
+from eqt_cli.store import safety
 from eqt_cli.store.piecewise_writer import Blank, assemble
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.table import Variable
@@ -66,6 +67,22 @@ def test_points_are_read_from_their_groups(path):
             assert dict(group.attributes) == {"config": f"point: {point}\n", "title": "t"}
 
 
+def test_what_a_group_says_is_checked_once_and_not_before_it_is_read(path, monkeypatch):
+    seen, check = [], safety._contents
+
+    def noted(owner, *given):
+        seen.append(owner.name)
+        return check(owner, *given)
+
+    monkeypatch.setattr(safety, "_contents", noted)
+    with open_results(path) as results:
+        assert results["effort"].size
+        assert seen == ["/"]
+        for _ in range(2):
+            results.at(1)
+    assert seen == ["/", "/point_1"]
+
+
 def test_equal_groups_give_equal_bytes(tmp_path):
     first = written(tmp_path / "first.h5", None).read_bytes()
     time.sleep(1.1)  # HDF5 would keep times in seconds
@@ -86,11 +103,17 @@ def test_messages_name_the_group(path):
 
 
 def refusal(path):
-    with pytest.raises(ResultError) as caught, open_results(path):
-        pass
+    with pytest.raises(ResultError) as caught:
+        _open_all(path)
     text = str(caught.value)
     assert text.startswith(f"{path}: refused: ") and text.endswith(f"; {AGAIN}")
     return text.removeprefix(f"{path}: refused: ").removesuffix(f"; {AGAIN}")
+
+
+def _open_all(path):
+    with open_results(path) as results:
+        for point in range(results.dimensions["point"]):  # a group is checked when it is read
+            results.at(point)
 
 
 def _another_group(file):

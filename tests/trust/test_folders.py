@@ -19,14 +19,13 @@ from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
-from pkgutil import resolve_name
 from typing import Any
 
 import pytest
 from typer.main import get_command
 
 import eqt_cli
-import eqt_cli.api.tuning
+import eqt_cli.api.searching
 import eqt_cli.report.animation  # before anything that these import is replaced
 from eqt_cli.cli import main
 from eqt_cli.cli.app import app
@@ -43,10 +42,12 @@ from eqt_cli.execution.folder import (
 )
 from eqt_cli.execution.lock import LOCK, holder, locked
 from eqt_cli.execution.part_files import MANIFEST, PARTS
+from eqt_cli.experiment import read_study
 from eqt_cli.store.reserved_names import FILE_NAME
 from eqt_cli.store.table import Table
 from eqt_cli.store.writer import write
 from eqt_cli.tuning.folder import GENERATIONS, TUNE, WORST
+from eqt_cli.tuning.search import Search
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="links need rights on Windows")
 
@@ -172,8 +173,8 @@ def _only_folders() -> Iterator[None]:
     page = '<!DOCTYPE html>\n<meta name="generator" content="eqt test">\n'
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("eqt_cli.cli.app.app", get_command(app))
-        for name in ("experiment.read_study.study", "tuning.search.search_from"):
-            patch.setattr(f"eqt_cli.{name}", _once(resolve_name(f"eqt_cli.{name}")))
+        patch.setattr(read_study, "study", _once(read_study.study))
+        patch.setattr(Search, "read", _once(Search.read))
         patch.setattr("eqt_cli.plots.render.figure_from", lambda name, _: _Figure(name))
         patch.setattr("eqt_cli.plots.render.curves", lambda _: [])
         patch.setattr("eqt_cli.api.reporting.verify_stored", lambda *_, **__: _Verified())
@@ -593,7 +594,7 @@ def test_the_lock_follows_no_link(
     command: str,
 ) -> None:
     base, text = COMMANDS[command]
-    names = {"run --shard": [LOCK, f"{LOCK}-1-1"], "tune": [f"{LOCK}-tuning"]}
+    names = {"run --shard": [LOCK, f"{LOCK}-1-1"], "tune": [f"{LOCK}-tune"]}
     for name in names.get(command, [LOCK]):
         out = lay(base)
         (out / name).unlink(missing_ok=True)  # what the first shard left

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from eqt_cli import api
+from eqt_cli.tuning.searching import Found
 
 SMALL: dict[str, Any] = {
     "name": "small",
@@ -33,7 +34,7 @@ SMALL: dict[str, Any] = {
 
 
 @pytest.fixture(scope="session")
-def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[api.Tuning, Path]:
+def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Found, Path]:
     """A search to its end, and its folder; to be read only."""
     folder = tmp_path_factory.mktemp("searched") / "t"
     return api.tune(deepcopy(SMALL), folder), folder

@@ -8,12 +8,12 @@ import pytest
 
 from eqt_cli.api.loading import load_experiment, source_from
 from eqt_cli.core.errors import ConfigError, EqtError
-from eqt_cli.tuning.search import Search, search_from
+from eqt_cli.tuning.search import Search
 from eqt_cli.tuning.tables import values_text
 
 
 def read(config: dict[str, Any]) -> Search:
-    return search_from(source_from(config, {}))
+    return Search.read(source_from(config, {}))
 
 
 def test_keys_of_a_controller_are_its_own_and_those_of_gains_everybodys(
@@ -50,11 +50,11 @@ def test_whole_numbers_are_tuned_as_such(small: dict[str, Any]) -> None:
 def test_one_number_for_several_entries(small: dict[str, Any]) -> None:
     small["gains"] = {"kp": [1.0, 1.0, 2.0], "kd": 0.5}
     small["controllers"] = ["eqt", {"kind": "gt", "gains": {"kp": [3.0, 1.0, 2.0]}}]
-    small["tune"]["over"] = {"gains.kp[0:2]": [0.5, 4], "controllers[1].gains.kp[1:3]": [1, 3]}
+    small["tune"]["over"] = {"gains.kp[0:2]": [0.5, 4], "controllers[1].gains.kp[2:3]": [1, 3]}
     eqt, gt = read(small).laws
     assert eqt.at({"gains.kp[0:2]": 4.0}).data["gains"]["kp"] == [4.0, 4.0, 2.0]
-    assert list(gt.axes) == ["gains.kp[0:2]", "gains.kp[1:3]"]
-    assert gt.given == ("gains.kp[0:2]", "controllers[1].gains.kp[1:3]")
+    assert list(gt.axes) == ["gains.kp[0:2]", "gains.kp[2:3]"]
+    assert gt.given == ("gains.kp[0:2]", "controllers[1].gains.kp[2:3]")
     assert eqt.start == (1 / 7,)
     assert gt.start is None  # its entries differ, so that no one number is its start
     assert values_text({"gains.kp[0:2]": 4.0}) == "kp[0:2] 4"
@@ -109,8 +109,18 @@ def test_no_other_command_minds_the_section(small: dict[str, Any]) -> None:
             "list; set all of gains.kp instead",
         ),
         (
+            {"over": {"gains.kp": [1, 2], "gains.kp[0]": [1, 2]}},
+            "tune.over.gains.kp[0]: gains.kp[0] overlaps with gains.kp; remove one of them",
+        ),
+        (
+            {"over": {"gains.kd[0:3]": [1, 2], "controllers[1].gains.kd[2]": [1, 2]}},
+            "tune.over.controllers[1].gains.kd[2]: controllers[1].gains.kd[2] overlaps with "
+            "gains.kd[0:3]; remove one of them",
+        ),
+        (
             {"over": {"controllers[1].gyroscopic": [0, 1]}},
-            "tune.over: has nothing to tune of controller 'eqt'",
+            "tune.over: has no key of controller 'eqt'; add one that all laws share, or leave the "
+            "controller out",
         ),
         (
             {"over": {"gains.kp": [-1, 1]}},

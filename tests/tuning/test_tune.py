@@ -15,9 +15,10 @@ from eqt_cli import api
 from eqt_cli.config import shipped
 from eqt_cli.core.errors import EqtError
 from eqt_cli.results.result import Result, open_result
-from eqt_cli.tuning.record_shape import fits
+from eqt_cli.tuning.record_shape import fits_tuning
 from eqt_cli.tuning.scores import scores
 from eqt_cli.tuning.search import Constraint
+from eqt_cli.tuning.searching import Found
 from eqt_cli.tuning.tables import tuning_tables
 
 
@@ -43,7 +44,7 @@ def test_the_shipped_problem_is_solved_to_a_hundredth(tmp_path: Path) -> None:
 
 
 def test_a_search_leaves_winners_ready_to_run_and_held_out_runs(
-    searched: tuple[api.Tuning, Path],
+    searched: tuple[Found, Path],
 ) -> None:
     done, folder = searched
     for law in done.record["laws"]:
@@ -56,23 +57,22 @@ def test_a_search_leaves_winners_ready_to_run_and_held_out_runs(
         assert result.labels == ["eqt", "family", "eqt, start", "family, start"]
         assert result.runs == 6
         assert result.source.data["ensemble"]["seed"] == 9
-    found = done.laws[0]
-    at_start = found.law.values([*(found.law.start or ())])["gains.kp"]
-    assert at_start == pytest.approx(1.0)
+    law = done.search.laws[0]
+    assert law.values(law.start or ())["gains.kp"] == pytest.approx(1.0)
 
 
 def test_a_winner_is_no_worse_than_the_start_on_the_runs_of_the_search(
-    searched: tuple[api.Tuning, Path],
+    searched: tuple[Found, Path],
 ) -> None:
     done, folder = searched
-    for found in done.laws:
-        with open_result(folder / "generations" / found.law.slug / "seed-0/000") as first:
+    for law in done.record["laws"]:
+        with open_result(folder / "generations" / law["label"] / "seed-0/000") as first:
             start = first.metric("mean_pose_error")[0, 0].mean()
-        assert found.population.scores.objectives[found.winners[0], 0] <= start
+        assert law["winners"][0]["objectives"][0] <= start
 
 
 def test_a_second_session_computes_nothing_and_finds_the_same(
-    small: dict[str, Any], searched: tuple[api.Tuning, Path], monkeypatch: pytest.MonkeyPatch
+    small: dict[str, Any], searched: tuple[Found, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     done, folder = searched
     monkeypatch.setattr("eqt_cli.execution.run_study._Session.run", None)
@@ -175,7 +175,7 @@ def test_how_much_a_bound_is_violated(bound: Constraint, violation: list[float])
 
 
 def test_what_was_found_is_kept_when_the_search_is_interrupted(
-    small: dict[str, Any], tmp_path: Path, searched: tuple[api.Tuning, Path]
+    small: dict[str, Any], tmp_path: Path, searched: tuple[Found, Path]
 ) -> None:
     def stopped(law: Any, generation: int, population: Any) -> None:
         if law.label == "family":
@@ -243,5 +243,5 @@ def test_a_record_with_other_searches_is_none(
     folder, record = searched_twice
     laws = [law | {"searches": searches} for law in record["laws"]]
     with open_result(folder) as result:
-        assert fits(record, result)
-        assert not fits(record | {"laws": laws}, result)
+        assert fits_tuning(record, result)
+        assert not fits_tuning(record | {"laws": laws}, result)

@@ -17,10 +17,12 @@ from eqt_cli.core.errors import ConfigError, EqtError
 from eqt_cli.plots.shown.worst import ShownWorst
 from eqt_cli.report.document import report
 from eqt_cli.results.result import Result, open_result
+from eqt_cli.tuning.folder import WORST
 from eqt_cli.tuning.record_shape import fits_worst
-from eqt_cli.tuning.worst import Worst, _agree, badness, worst_beside
-from eqt_cli.tuning.worst_search import WorstSearch, worst_search_from
-from eqt_cli.tuning.worst_tables import worst_table
+from eqt_cli.tuning.searching import Found
+from eqt_cli.tuning.worst import _agree, badness
+from eqt_cli.tuning.worst_search import WorstSearch
+from eqt_cli.tuning.worst_tables import worst_tables
 
 WHEEL: dict[str, Any] = {
     "name": "wheel",
@@ -47,11 +49,11 @@ WHEEL: dict[str, Any] = {
 
 
 def read(**changed: Any) -> WorstSearch:
-    return worst_search_from(source_from(WHEEL | {"worst": WHEEL["worst"] | changed}, {}))
+    return WorstSearch.read(source_from(WHEEL | {"worst": WHEEL["worst"] | changed}, {}))
 
 
 @pytest.fixture(scope="module")
-def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Worst, Path]:
+def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Found, Path]:
     """A search to its end, and its folder; to be read only."""
     folder = tmp_path_factory.mktemp("searched") / "w"
     with pytest.MonkeyPatch.context() as patch:
@@ -61,7 +63,7 @@ def searched(tmp_path_factory: pytest.TempPathFactory) -> tuple[Worst, Path]:
 
 @pytest.mark.slow("searches, and runs what was found")
 def test_the_worst_run_is_given_again_bit_for_bit_by_its_own_configuration(
-    searched: tuple[Worst, Path], tmp_path: Path
+    searched: tuple[Found, Path], tmp_path: Path
 ) -> None:
     done, folder = searched
     law = done.record["laws"][0]
@@ -81,7 +83,7 @@ def test_the_worst_run_is_given_again_bit_for_bit_by_its_own_configuration(
 
 
 def test_what_was_found_is_the_worst_of_all_runs_of_all_generations(
-    searched: tuple[Worst, Path],
+    searched: tuple[Found, Path],
 ) -> None:
     done, folder = searched
     for law in done.record["laws"]:
@@ -95,11 +97,13 @@ def test_what_was_found_is_the_worst_of_all_runs_of_all_generations(
 
 
 def test_every_law_is_run_along_every_key_through_what_was_found(
-    searched: tuple[Worst, Path],
+    searched: tuple[Found, Path],
 ) -> None:
     done, folder = searched
     with open_result(folder) as result:
-        assert worst_beside(result) == done.record
+        assert WORST.beside(result) == done.record
+        shown = ShownWorst(result, "worst")
+        assert [key for key in shown.keys if shown.swept(key).logarithmic] == ["control.period"]
         for position, law in enumerate(done.record["laws"]):
             lines = {line["key"]: slice(*line["points"]) for line in law["lines"]}
             assert list(lines) == ["plant.inertia.relative", "control.period"]
@@ -113,11 +117,11 @@ def test_every_law_is_run_along_every_key_through_what_was_found(
                 assert value == pytest.approx(law["value"], rel=1e-9)
 
 
-def test_the_table_says_found_and_how_many_do_not_settle(searched: tuple[Worst, Path]) -> None:
+def test_the_table_says_found_and_how_many_do_not_settle(searched: tuple[Found, Path]) -> None:
     done, folder = searched
     law = done.record["laws"][0]
     with open_result(folder) as result:
-        table = worst_table(result, done.record)
+        (table,) = worst_tables(result, done.record)
     assert table.caption == "The worst run that was found: mean ‖I − Q_E‖"
     header = ["law", "worst found", "at", "run", "not settled there", "in the box", "agree"]
     assert table.header == header
@@ -141,7 +145,7 @@ def test_the_table_says_found_and_how_many_do_not_settle(searched: tuple[Worst, 
 
 
 def test_the_report_shows_the_table_and_the_figure(
-    searched: tuple[Worst, Path], unarranged: None
+    searched: tuple[Found, Path], unarranged: None
 ) -> None:
     with open_result(searched[1]) as result:
         page = report(result)
@@ -152,13 +156,13 @@ def test_the_report_shows_the_table_and_the_figure(
 
 @pytest.mark.parametrize(("seen", "told"), [(9.0, "9"), (None, "a failed run")])
 def test_a_run_that_amplifies_rounding_is_told(
-    searched: tuple[Worst, Path], seen: float | None, told: str
+    searched: tuple[Found, Path], seen: float | None, told: str
 ) -> None:
     done, folder = searched
     law = done.record["laws"][0]
     search = {"seed": 0, "value": seen, "failed": seen is None}
     with open_result(folder) as result:
-        table = worst_table(result, done.record | {"laws": [law | {"searches": [search]}]})
+        (table,) = worst_tables(result, done.record | {"laws": [law | {"searches": [search]}]})
     assert table.notes[1] == (
         f"stabilising: beside other points, the searches found {told}; the run amplifies "
         "rounding, so its value is no more certain than that."
@@ -166,7 +170,7 @@ def test_a_run_that_amplifies_rounding_is_told(
 
 
 def test_a_second_session_computes_nothing_and_finds_the_same(
-    searched: tuple[Worst, Path], monkeypatch: pytest.MonkeyPatch
+    searched: tuple[Found, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     done, folder = searched
     monkeypatch.setattr("eqt_cli.execution.run_study._Session.run", None)
@@ -250,7 +254,7 @@ def test_a_run_that_fails_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     with open_result(tmp_path / "w" / law["config"].removesuffix(".yaml")) as alone:
         assert alone.status[0, law["run"]] != 0
     with open_result(tmp_path / "w") as result:
-        assert worst_table(result, done.record).blocks[0].rows[0][1] == "a run failed"
+        assert worst_tables(result, done.record)[0].blocks[0].rows[0][1] == "a run failed"
         assert [note for note in ShownWorst(result, "worst").notes() if "failed" in note] == [
             "Crosses at the top: a run failed."
         ]
@@ -315,7 +319,7 @@ def test_lines_of_one_number_for_several_entries() -> None:
     over = {"initial.pose.std": [0.1, 0.5], "gains.kp[0:2]": [0.1, 0.5]}
     config = WHEEL | {"gains": {"kp": [0.5, 0.5], "kd": 1.0}, "controllers": ["stabilising"]}
     section = WHEEL["worst"] | {"over": over}
-    search = worst_search_from(source_from(config | {"worst": section}, {}))
+    search = WorstSearch.read(source_from(config | {"worst": section}, {}))
     lines = search.lines({"stabilising": (0.25, 0.5)})
     assert [line.key for line in lines] == list(over)
     (block,) = search.along(lines).data["sweep"]
@@ -391,7 +395,7 @@ def test_what_is_wrong_is_said_at_its_place(changed: dict[str, Any], message: st
 def test_a_configuration_without_the_section_is_told_what_to_add() -> None:
     without = {key: value for key, value in WHEEL.items() if key != "worst"}
     with pytest.raises(EqtError) as error:
-        worst_search_from(source_from(without, {}))
+        WorstSearch.read(source_from(without, {}))
     assert str(error.value).endswith(
         "has no section `worst`; add one, such as "
         "worst: {over: {gains.kp: [0.8, 1.2]}, objective: final_pose_error}"
@@ -399,14 +403,14 @@ def test_a_configuration_without_the_section_is_told_what_to_add() -> None:
 
 
 def test_a_sweep_is_no_place_to_search_around() -> None:
-    with pytest.raises(EqtError, match="the worst run is searched around one point; leave `sweep`"):
-        worst_search_from(source_from(WHEEL | {"sweep": [{"grid": {"gains.kp": [1]}}]}, {}))
+    with pytest.raises(EqtError, match="eqt worst searches around one point; leave `sweep`"):
+        WorstSearch.read(source_from(WHEEL | {"sweep": [{"grid": {"gains.kp": [1]}}]}, {}))
 
 
 # The folder ---------------------------------------------------------------------------------------
 
 
-def test_another_search_is_not_mixed_into_the_folder(searched: tuple[Worst, Path]) -> None:
+def test_another_search_is_not_mixed_into_the_folder(searched: tuple[Found, Path]) -> None:
     with pytest.raises(EqtError, match="holds another search for the worst run"):
         api.worst(WHEEL | {"worst": WHEEL["worst"] | {"seed": 5}}, searched[1])
 
@@ -426,7 +430,7 @@ def test_another_search_is_not_mixed_into_the_folder(searched: tuple[Worst, Path
     ids=str,
 )
 def test_a_record_with_something_else_is_none(
-    searched: tuple[Worst, Path], changed: dict[str, Any]
+    searched: tuple[Found, Path], changed: dict[str, Any]
 ) -> None:
     done, folder = searched
     record = yaml.safe_load(yaml.safe_dump(done.record))

@@ -10,6 +10,7 @@ import numpy as np
 from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.findings import listed
 from eqt_cli.analysis.comparison.shares import share
+from eqt_cli.analysis.extreme_points import extreme_points
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.cli.shared.output import complain, count_of, laid_out, number, print_text
 from eqt_cli.results.result import HEADLINE, Result
@@ -26,6 +27,9 @@ way of `solve_ivp`."""
 MANY, RARE = 1000, 0.01
 """Runs from which on, and the share below which, those that do not settle are counted exactly."""
 
+SHOWN = ("mean_pose_error", "early_torque")
+"""Metrics whose best and worst points are said of a sweep."""
+
 MOST_FAILURES = 10
 """Different messages shown of failed runs."""
 
@@ -40,7 +44,7 @@ def print_outcome(result: Result, heading: Sequence[str] = ()) -> None:
     """
     lines: list[str | Text] = [
         *heading,
-        _headline(result),
+        laid_out(extreme_points(result, SHOWN)) if result.is_sweep else _headline(result),
         "",
         *_shares(result),
         *_accuracy(result),

@@ -1,5 +1,6 @@
 """The figure of cases: by how much two laws differ in each, and how many runs settle."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -7,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
+from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.comparison.bootstrap import FEWEST
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.analysis.comparison.ratios import relative_difference
@@ -18,6 +20,8 @@ from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
 from eqt_cli.plots.shown.sweep import ShownSweep
+from eqt_cli.results.result import Result
+from eqt_cli.tuning.held_out import side_by_side
 
 MOST_ROWS = 40
 
@@ -60,6 +64,12 @@ class Forest(OfSweep):
             expected = "expected a number between 0 and 1"
             problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
 
+    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownSweep:
+        """The points; of a tuning, the winners unless others are chosen."""
+        shown = self._only(results, "sweep")
+        chosen = self.controllers or (side_by_side(shown) if shown.is_sweep else ())
+        return ShownSweep(shown, self.name, chosen)
+
     def compose(self, swept: ShownSweep, width: Width) -> Drawing:
         """Two panels with the same rows, the first point on top."""
         if len(swept.controllers) != 2:
@@ -95,17 +105,21 @@ class Forest(OfSweep):
             panel.grid(axis="y", visible=False)
             panel.tick_params(axis="y", length=0)
         add_legend(drawing, right.lines[:2], swept.titles)
-        swept.remarks += self._remarks(swept, found)
+        swept.remarks += self._remarks(swept, found, first)
         return drawing
 
     def _difference(self, first: Array, second: Array) -> tuple[float, float, float]:
         return relative_difference(resolved_differences(first, second), second, self.confidence)
 
-    def _remarks(self, swept: ShownSweep, found: Array) -> list[str]:
-        of = f"{100 * self.confidence:g} %"
+    def _remarks(self, swept: ShownSweep, found: Array, first: str) -> list[str]:
+        better = {
+            "lower": f" Left of 0: {first} is better.",
+            "higher": f" Right of 0: {first} is better.",
+        }
         told = [
-            f"{swept.count} per row. Intervals of {of}, each by itself; filled: without 0. "
-            "Failed runs are no part of the differences."
+            f"{swept.count} per row.{better.get(swept.results.quantity(self.metric).better, '')} "
+            f"Intervals of {100 * self.confidence:g} %, each by itself; filled where they exclude "
+            "0. Failed runs are no part of the differences."
         ]
         if not np.isfinite(found).all():
             told.append(f"No interval from fewer than {FEWEST} runs, or where the mean may be 0.")

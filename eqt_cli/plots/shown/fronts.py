@@ -6,8 +6,9 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.plots.shown.controllers import error_of, positions
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result
-from eqt_cli.tuning.folder import record_beside
+from eqt_cli.tuning.folder import TUNE
 from eqt_cli.tuning.fronts import Front, fronts
+from eqt_cli.tuning.held_out import held_out
 
 
 class ShownFronts:
@@ -38,8 +39,8 @@ class ShownFronts:
     """
 
     def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
-        self.results = results
-        record = None if results.is_sweep else record_beside(results)
+        record = TUNE.beside(results)
+        self.results = results = held_out(results, record) if record else results
         laws = [law["label"] for law in record["laws"]] if record else []
         positions([results], figure, [label for label in chosen if label not in laws])
         if record is None or len(record["objectives"]) < 2:

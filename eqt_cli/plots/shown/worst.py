@@ -10,8 +10,9 @@ from eqt_cli.plots.shown.controllers import error_of, positions
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
+from eqt_cli.tuning.folder import WORST
 from eqt_cli.tuning.law_search import coordinate_of
-from eqt_cli.tuning.worst import costs_of_runs, worst_beside, worst_of
+from eqt_cli.tuning.worst import costs_of_runs
 
 
 @dataclass(frozen=True)
@@ -70,13 +71,14 @@ class ShownWorst:
 
     def __init__(self, results: Result, figure: str, chosen: Sequence[str] = ()) -> None:
         self.results = results
-        record = worst_beside(results) if results.is_sweep else None
+        record = WORST.beside(results)
         if record is None:
             raise error_of(results, figure, "shows what `eqt worst` found; this is none")
         shown = positions([results], figure, chosen)[0]
         self.objective: str = record["objective"]
-        costs = worst_of(costs_of_runs(results, self.objective))
+        costs = costs_of_runs(results, self.objective).max(axis=-1)
         quantity = results.quantity(self.objective)
+        self._log = {key for law in record["laws"] for key in law["log"]}
         self.lines = []
         for law in record["laws"]:
             position = results.labels.index(law["label"])
@@ -105,8 +107,7 @@ class ShownWorst:
     def swept(self, key: str) -> SweptKey:
         """A key as a scale, with all values that its lines have."""
         values = np.concatenate([line.values for line in self.lines if line.key == key])
-        log = any(known.key == key and known.logarithmic for known in self.results.swept_keys)
-        return SweptKey(key, values, {}, log)
+        return SweptKey(key, values, {}, key in self._log)
 
     def notes(self) -> list[str]:
         """What a reader must know about the curves."""

@@ -60,6 +60,11 @@ class Actuator(VehiclePart):
         """The names of its thrusters, where it has any."""
         return ()
 
+    @property
+    def linear_part(self) -> "Actuator":
+        """It without limits, steps and dead zones; `PassThrough` where nothing is left of it."""
+        return self
+
     def states(self, G: MatrixLieGroup) -> int:
         """How many states it has."""
         return 0
@@ -117,6 +122,14 @@ class Actuator(VehiclePart):
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
         """What a user should know of it before it is run, and no error is."""
         yield from ()
+
+
+class PassThrough(Actuator):
+    """No actuator: the command as it is."""
+
+    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+        """The command."""
+        return command
 
 
 def against(values: Array, low: Array, high: Array) -> tuple[Array, Array]:

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from eqt_cli.core.arrays import Array, absolute, less, where
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
 from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers
 
@@ -22,6 +22,7 @@ class Deadband(Actuator):
 
     name: ClassVar[str] = "deadband"
     departs: ClassVar[str] = "deadband"
+    linear_part: ClassVar[Actuator] = PassThrough()
     vectors: ClassVar[tuple[str, ...]] = ("width",)
     positive: ClassVar[tuple[str, ...]] = ("width",)
     sampled: ClassVar[bool] = True

@@ -8,7 +8,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array, clip, less, norm, where
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.actuators.base import Actuator, against
+from eqt_cli.vehicle.actuators.base import Actuator, PassThrough, against
 from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers, check_limits
 
@@ -30,6 +30,7 @@ class Limit(Actuator):
 
     name: ClassVar[str] = "limit"
     departs: ClassVar[str] = "torque limited"
+    linear_part: ClassVar[Actuator] = PassThrough()
     vectors: ClassVar[tuple[str, ...]] = ("limit", "low", "high")
     positive: ClassVar[tuple[str, ...]] = ("limit",)
     limits: ClassVar[bool] = True

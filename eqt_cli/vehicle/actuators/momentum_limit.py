@@ -7,7 +7,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array, clip
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
 from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers
 
@@ -27,6 +27,7 @@ class MomentumLimit(Actuator):
 
     name: ClassVar[str] = "momentum_limit"
     departs: ClassVar[str] = "momentum of wheels limited"
+    linear_part: ClassVar[Actuator] = PassThrough()
     vectors: ClassVar[tuple[str, ...]] = ("momentum",)
     positive: ClassVar[tuple[str, ...]] = ("momentum",)
     limits: ClassVar[bool] = True

@@ -7,7 +7,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
 from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers
 
@@ -27,6 +27,7 @@ class Quantisation(Actuator):
 
     name: ClassVar[str] = "quantisation"
     departs: ClassVar[str] = "torque in steps"
+    linear_part: ClassVar[Actuator] = PassThrough()
     vectors: ClassVar[tuple[str, ...]] = ("resolution",)
     positive: ClassVar[tuple[str, ...]] = ("resolution",)
     sampled: ClassVar[bool] = True

@@ -7,7 +7,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array, clip
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.actuators.base import Actuator
+from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
 from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers
 
@@ -24,6 +24,7 @@ class RateLimit(Actuator):
 
     name: ClassVar[str] = "rate_limit"
     departs: ClassVar[str] = "rate of torque limited"
+    linear_part: ClassVar[Actuator] = PassThrough()
     vectors: ClassVar[tuple[str, ...]] = ("rate",)
     positive: ClassVar[tuple[str, ...]] = ("rate",)
     limits: ClassVar[bool] = True

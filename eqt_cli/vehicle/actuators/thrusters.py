@@ -1,7 +1,7 @@
 """Thrusters that together give the torque: how it is shared among them, their limits, their lag."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, ClassVar, Literal
 
@@ -116,6 +116,11 @@ class Thrusters(Actuator):
     def acting_at_instants(self) -> str:
         """The option."""
         return "allocation: bounded"
+
+    @property
+    def linear_part(self) -> Actuator:
+        """The same without limits, which gives what is asked where thrusters can."""
+        return replace(self, low=None, high=None, allocation="pseudo_inverse")
 
     @cached_property
     def count(self) -> int:

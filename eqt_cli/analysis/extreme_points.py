@@ -1,0 +1,59 @@
+"""At which points of a sweep the mean over runs is best and worst."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.comparison.shares import shares
+from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.core.arrays import Array
+from eqt_cli.results.result import Result
+
+METRICS = ("mean_pose_error", "early_torque", "effort", "peak_torque")
+"""Metrics whose least and largest means are looked for."""
+
+
+def extreme_points(result: Result, metrics: Sequence[str] = METRICS) -> TextTable:
+    """For each controller and metric, the points where the mean over runs is least and largest."""
+    blocks = []
+    known = [metric for metric in metrics if result.has(metric)]
+    for name in (each for metric in known for each in result.in_parts(metric)):
+        means = result.means(name)
+        rows = [
+            [title if end == "best" else "", end, *_at(result, point), f"{column[point]:.4g}"]
+            for title, column in zip(result.titles, means.T, strict=True)
+            if np.isfinite(column).any()
+            for end, point in (("best", np.nanargmin(column)), ("worst", np.nanargmax(column)))
+        ]
+        unit = result.unit_in_words(name).replace("^2", "²")
+        title = result.quantity(name).described + (f", {unit}" if unit else "")
+        blocks.append(Block(title, rows))
+    if result.has("settled"):
+        blocks.append(Block("share of settled runs, with its 95 % interval", _settled(result)))
+    return TextTable(
+        "best",
+        "Points with the best and the worst mean over runs, among points without failed runs",
+        ["law", "", "point", *(key.key for key in result.swept_keys), "mean"],
+        blocks,
+    )
+
+
+def _settled(result: Result) -> list[list[str]]:
+    """For each controller, the points where most and fewest runs settle."""
+    rows = []
+    for title, column in zip(
+        result.titles, np.moveaxis(shares(result.metric("settled")), 1, 0), strict=True
+    ):
+        share: Array = column[:, 0]
+        if np.isfinite(share).any():
+            for end, point in (("best", np.nanargmax(share)), ("worst", np.nanargmin(share))):
+                value = Plain().interval(*column[point].tolist())
+                rows.append([title if end == "best" else "", end, *_at(result, point), value])
+    return rows
+
+
+def _at(result: Result, point: np.intp) -> list[str]:
+    """A point, and the values of its keys."""
+    values = [key.value(int(point)) for key in result.swept_keys]
+    return [str(point), *(value if isinstance(value, str) else f"{value:.4g}" for value in values)]

@@ -1,0 +1,161 @@
+"""`eqt margins`: how far the loop of each law is from instability."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.cli.shared import options
+from eqt_cli.cli.shared.output import complain, count_of, laid_out, print_found, say
+from eqt_cli.cli.shared.progress import progress
+
+if TYPE_CHECKING:
+    from rich.text import Text
+
+    from eqt_cli.analysis.margins import GainMargin, LawMargins, Margins
+
+VERDICTS = {True: "stable", False: "unstable", None: "undecided"}
+
+
+def margins(
+    config: options.Config,
+    set_: options.Set = None,
+    point: options.Point = None,
+    trust_plugins: options.TrustPlugins = False,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Print eigenvalues, delay and gain margins of each law; exit 4 if a loop is unstable.
+
+    The loop is linearised about its reference. Limits, steps and noise are left out and named.
+    Nothing is run.
+    """
+    from eqt_cli import api
+    from eqt_cli.config.source import read_config
+    from eqt_cli.experiment.config_at_point import config_at, without_sweep
+    from eqt_cli.experiment.read_study import study
+
+    source = read_config(config, options.overrides(set_))
+    if point is None and source.data.get("sweep"):
+        say(f"{config}: without its sweep; choose one of its points with --point")
+    source = without_sweep(source) if point is None else config_at(source, point)
+    loaded = api.LoadedExperiment(study(source, trust_plugins=trust_plugins))
+    with progress(len(loaded.controllers)) as advance:
+        advance.begin("laws", len(loaded.controllers))
+        found = api.margins(loaded, progress=advance)
+    causes = [f"the loop of '{law.label}' is unstable" for law in found.laws if law.is_unstable]
+    print_found(_document(found, causes), *_pieces(found), json=json)
+    if quiet and not json:
+        for cause in causes:
+            complain(f"eqt: {config}: {cause}")
+    if causes:
+        raise typer.Exit(4)
+
+
+def _document(found: Margins, causes: list[str]) -> dict[str, Any]:
+    return {
+        "name": found.experiment.name,
+        "group": found.experiment.group.name,
+        "period": found.period,
+        "left_out": found.left_out,
+        "causes": causes,
+        "laws": [
+            {
+                "label": law.label,
+                "verdict": _verdict(law),
+                "largest_eigenvalue": law.size,
+                "eigenvalue": [law.growth.eigenvalue.real, law.growth.eigenvalue.imag],
+                "at": None if not law.is_indicative else law.growth.at,
+                "growth_rate": law.growth.rate,
+                "offset": law.offset.tolist(),
+                "delay_margin": law.delay,
+                "delay_margin_periods": law.delay_periods,
+                "gain_margins": {
+                    name: {"lower": gain.lower, "upper": gain.upper}
+                    for name, gain in law.gains.items()
+                },
+            }
+            for law in found.laws
+        ],
+    }
+
+
+def _pieces(found: Margins) -> Iterator[str | Text]:
+    """What is printed: the table, and what must be known to read it."""
+    from eqt_cli.analysis.margins import GAINS, MOST
+
+    titles, sampled = found.experiment.titles, found.period is not None
+    eigenvalue = "largest |eigenvalue|" if sampled else "largest real part, 1/s"
+    header = ["law", eigenvalue, "at", "delay margin", *GAINS, "verdict"]
+    rows = [[titles[law.label], *_cells(law, found.period)] for law in found.laws]
+    yield laid_out(TextTable("margins", "", header, [Block("", rows)], spare=("both", "at")))
+    yield ""
+    yield "delay margin: further delay of the command with which the loop is still stable"
+    yield (
+        "kp, kd, both: factors of these gains with which the loop is stable; "
+        f"any: at least from 1/{MOST:g} to {MOST:g}"
+    )
+    for law in found.laws:
+        if beside := _beside(found, law):
+            yield f"{titles[law.label]} stays {beside} beside its reference; linearised there"
+    if any(law.is_indicative for law in found.laws):
+        yield (
+            "indicative: the loop changes in time; then eigenvalues at single times do not decide "
+            "whether it is stable, and all numbers are those at the worst time"
+        )
+    if found.left_out:
+        yield f"left out: {', '.join(found.left_out)}"
+
+
+def _cells(law: LawMargins, period: float | None) -> list[str]:
+    """All of a row but the name."""
+    from eqt_cli.analysis.margins import GAINS
+
+    gains = ["-" if not law.growth.is_stable else _factors(law.gains.get(name)) for name in GAINS]
+    return [
+        f"{law.size:.{3 if period is None else 6}g}",
+        f"{law.growth.at:.3g} s" if law.is_indicative else "-",
+        _delay(law),
+        *gains,
+        _verdict(law),
+    ]
+
+
+def _verdict(law: LawMargins) -> str:
+    return "indicative" if law.is_indicative else VERDICTS[law.growth.is_stable]
+
+
+def _delay(law: LawMargins) -> str:
+    if law.delay is None:
+        return "-"
+    if law.delay == float("inf"):
+        return "any"
+    periods = law.delay_periods
+    whole = "" if periods is None else f" ({count_of(periods, 'period')})"
+    return f"{law.delay:.4g} s{whole}"
+
+
+def _factors(found: GainMargin | None) -> str:
+    if found is None:
+        return "not used"
+    if found.lower is None:
+        return "any" if found.upper is None else f"below {found.upper:.3g}"
+    if found.upper is None:
+        return f"above {found.lower:.3g}"
+    return f"{found.lower:.3g} to {found.upper:.3g}"
+
+
+def _beside(found: Margins, law: LawMargins) -> str:
+    """How far from its reference a loop stays, part by part; empty if it stays at it."""
+    import numpy as np
+
+    from eqt_cli.closed_loop.linearised import AT_REST
+
+    sizes = [
+        (float(np.linalg.norm(law.offset[part.axes])), part.velocity_unit.removesuffix("/s"))
+        for part in found.experiment.group.parts
+    ]
+    return " and ".join(f"{size:.3g} {unit}" for size, unit in sizes if size > AT_REST)

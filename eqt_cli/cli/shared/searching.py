@@ -1,0 +1,146 @@
+"""What `eqt tune` and `eqt worst` have in common: search, tell of it, and report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from eqt_cli.cli.shared.output import (
+    as_remark,
+    count_of,
+    duration,
+    laid_out,
+    print_found,
+    print_json,
+    print_text,
+    warn,
+)
+from eqt_cli.cli.shared.progress import progress
+from eqt_cli.cli.shared.run_and_report import executor_from
+from eqt_cli.core.errors import InterruptedRun
+from eqt_cli.core.interruptions import Interrupted
+
+if TYPE_CHECKING:
+    from eqt_cli.analysis.text_tables import TextTable
+    from eqt_cli.execution.executors import Executor
+    from eqt_cli.results.result import Result
+    from eqt_cli.tuning.evolution import Population
+    from eqt_cli.tuning.law_search import LawSearch
+    from eqt_cli.tuning.searches import Searches
+    from eqt_cli.tuning.searching import Found
+
+
+def searched(
+    search: Searches[Any],
+    begin: Callable[..., Found],
+    word: str,
+    so_far: Callable[[LawSearch, Population], str],
+    out: Path | None,
+    computing: tuple[str | None, int | None, str | None],
+    *,
+    dry_run: bool,
+    force: bool,
+    json: bool,
+) -> Found | None:
+    """Search, or print what it will take, which gives None.
+
+    Parameters
+    ----------
+    begin
+        Of the API: `tune` or `worst`.
+    word, so_far
+        Of what is found of a law, in words: the ``best`` so far, and what that is.
+    computing
+        The executor, the number of workers, and the scheduler that were asked for.
+    """
+    from eqt_cli.api import LoadedExperiment
+    from eqt_cli.experiment.study import Study
+
+    executor = executor_from(LoadedExperiment(Study(None, search.base)), *computing)
+    if dry_run:
+        _print_plan(search, executor, json=json)
+        return None
+    out = out or search.folder
+    found: dict[str, str] = {}
+    try:
+        with progress(search.all_runs) as advance:
+
+            def told(law: LawSearch, generation: int, population: Population) -> None:
+                found[law.label] = so_far(law, population)
+                of = f"{law.label}, generation {generation} of {search.all_generations}"
+                advance.note = f"{of}: {found[law.label]}"
+
+            return begin(
+                search,
+                out,
+                executor=executor,
+                force=force,
+                progress=advance,
+                resumed=advance.skip,
+                remark=warn,
+                told=told,
+            )
+    except Interrupted as error:
+        raise InterruptedRun(
+            f"interrupted; what was found is kept in {out}: run the same command again to "
+            "continue, or with --force to start over",
+            error.exit_code,
+            [f"  {word} so far, {label}: {text}" for label, text in found.items()],
+        ) from None
+
+
+def _print_plan(search: Searches[Any], executor: Executor, *, json: bool) -> None:
+    """Print what a search will take, without searching."""
+    from eqt_cli.tuning.generations import expected
+
+    section, found = search.section, expected(search, executor)
+    runs = count_of(search.base.config.ensemble.runs, "run")
+    cases = len(search.in_cases(search.laws[0]))
+    each = f"{runs} in each of {cases} cases" if cases > 1 else runs
+    factors = [
+        count_of(len(search.laws), "law"),
+        f"{section.seeds} search{'es' if section.seeds > 1 else ''}",
+        count_of(section.budget, "generation"),
+        count_of(section.population, "point"),
+    ]
+    lines = [
+        f"{' × '.join(factors)} = {found.points}",
+        f"runs     {search.searched_runs} ({each} at each point), and at most "
+        f"{search.judging_runs} to judge the outcome",
+        f"time     about {duration(found.seconds)} with {count_of(found.workers, 'worker')}",
+    ]
+    print_found(asdict(found), "\n".join(lines), json=json)
+
+
+def report(
+    done: Found,
+    tables: Callable[[Result, dict[str, Any]], Sequence[TextTable]],
+    causes: Sequence[str],
+    config: str | None,
+    *,
+    json: bool,
+) -> None:
+    """Print what came out.
+
+    Parameters
+    ----------
+    causes
+        Why the command does not end with 0.
+    config
+        Of the folder, to be run next; None where nothing was found.
+    """
+    from eqt_cli.results.result import open_result
+
+    path = done.judged.folder.path
+    if json:
+        counted = {"failed": done.judged.failed, "causes": list(causes)}
+        print_json({"folder": str(path), **done.record, **counted})
+        return
+    with as_remark(), open_result(path) as result:
+        for table in tables(result, done.record):
+            print_text(laid_out(table), "")
+    print_text(
+        *causes, f"results  {path}", *([f"next     eqt run {path / config}"] if config else [])
+    )

@@ -1,0 +1,94 @@
+"""The runs by which a tuning over cases is judged, read as those of one experiment."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.ensemble.designs.base import CASE
+from eqt_cli.results.quantity import Quantity
+from eqt_cli.results.result import PerRun, Result, mean_over_runs
+from eqt_cli.results.time_windows import WHOLE, Window
+from eqt_cli.tuning.folder import TUNE
+
+Record = Mapping[str, Any]
+
+
+def cases_of(result: Result, record: Record) -> dict[str, Result]:
+    """The held-out runs in each case, by its name; the result itself where there are no cases."""
+    return {name: result.point(k) for k, name in enumerate(record["cases"])} or {"": result}
+
+
+def held_out(result: Result, record: Record) -> Result:
+    """The held-out runs of a tuning as those of one experiment."""
+    if not record["cases"]:
+        return result
+    return OverCases(cases_of(result, record), worst=record["over_cases"] == "worst")
+
+
+class OverCases(Result):
+    """Run k in all cases as one run, whose numbers are the mean over the cases.
+
+    If the worst counts, those of the case in which the mean over all runs is worst, for each law
+    and each number by itself.
+    """
+
+    def __init__(self, cases: Mapping[str, Result], *, worst: bool) -> None:
+        self._cases, self._worst = list(cases.values()), worst
+        self.__dict__.update(vars(self._cases[0]))  # which is open, and has all but the numbers
+
+    @cached_property
+    def status(self) -> Array:
+        """As of a result; a run that fails in any case has failed."""
+        found: Array = np.max([case.status for case in self._cases], axis=0)
+        return found
+
+    def metric(self, name: str, controller: int | None = None) -> Array:
+        """As of a result."""
+        found = self._over(self.quantity(name), [case.metric(name) for case in self._cases])
+        return found if controller is None else found[controller]
+
+    def counted(self, name: str) -> Array:
+        """As of a result."""
+        return self._over(self.quantity(name), [case.counted(name) for case in self._cases])
+
+    def censored(self, name: str, controller: int | None = None) -> Array:
+        """As of a result: in any case."""
+        found: Array = np.any([case.censored(name) for case in self._cases], axis=0)
+        return found if controller is None else found[controller]
+
+    def per_run(self, quantity: Quantity, window: Window = WHOLE) -> PerRun:
+        """As of a result."""
+        found = [case.per_run(quantity, window) for case in self._cases]
+        values = self._over(quantity, [one.values for one in found])
+        censored = np.any([one.censored for one in found], axis=0)
+        return replace(found[0], values=values, censored=censored)
+
+    def _over(self, quantity: Quantity, values: Sequence[Array]) -> Array:
+        """The numbers of every run, ``(controllers, runs)``, from those in each case."""
+        cases = np.stack(values)
+        if not self._worst:
+            found: Array = cases.mean(axis=0)
+            return found
+        costs = quantity.cost(mean_over_runs(cases))
+        worst = np.where(np.isnan(costs), -np.inf, costs).argmax(axis=0)
+        return cases[worst, np.arange(len(worst))]
+
+
+def side_by_side(result: Result) -> list[str]:
+    """Whom a figure of cases compares: two laws, the winners of two, or a winner and its start.
+
+    Empty where the result has no cases, or no such two.
+    """
+    if [one.key for one in result.swept_keys] != [CASE]:
+        return []
+    found, record = result.labels, TUNE.beside(result)
+    if record:
+        one = len(record["objectives"]) == 1  # a front has many winners
+        laws = [law for law in record["laws"] if law["winners"] and one]
+        found = [law["winners"][0]["label"] for law in laws]
+        found += [law["start"] for law in laws[:1]] if len(found) == 1 else []
+    return found if len(found) == 2 else []

@@ -1,0 +1,222 @@
+"""`eqt margins`, and what `eqt config check` says of loops that are unstable."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Eqt = Callable[..., Any]
+
+LATE = """\
+group: SO3
+inertia: [2, 1, 3]
+gains: {kp: 0.05, kd: 0.5}
+reference: {kind: constant}
+controllers:
+  - eqt
+  - {kind: sliding, slope: 0.1, gain: 0.02}
+actuators:
+  - {kind: limit, limit: 5.0}
+  - {kind: lag, time_constant: 0.2}
+control: {period: 0.5, delay: 1}
+sensors: {velocity: [{kind: noise, std: 0.001, period: 1.0}]}
+ensemble: {runs: 2}
+time: {duration: 5, samples: 11}
+"""
+REVERSED = """\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.controllers.eqt import EqT
+
+@dataclass(frozen=True)
+class Reversed(EqT):
+    name: ClassVar[str] = "reversed"
+
+    def torque(self, s):
+        return super().torque(s) + 2 * s.G.Ad_star(s.Qd, s.gradient)
+"""
+JUMPS = """\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.controllers.eqt import EqT
+from eqt_cli.core.arrays import less, where
+
+@dataclass(frozen=True)
+class Jumps(EqT):
+    name: ClassVar[str] = "jumps"
+
+    def torque(self, s):
+        return super().torque(s) - where(less(s.V_tilde, 0 * s.P), -0.1, 0.1)
+"""
+BRANCHES = """\
+from dataclasses import dataclass
+from typing import ClassVar
+from eqt_cli.controllers.goodarzi2013 import Goodarzi2013
+
+@dataclass(frozen=True)
+class Branches(Goodarzi2013):
+    name: ClassVar[str] = "branches"
+
+    def memory_rate(self, s):
+        return super().memory_rate(s) if s.t < 1 else {"integral": 0 * s.P}
+"""
+NOTES = """\
+
+delay margin: further delay of the command with which the loop is still stable
+kp, kd, both: factors of these gains with which the loop is stable; any: at least from 1/128 to 128
+"""
+
+
+def table(out: str) -> list[list[str]]:
+    """The cells of what is printed as a table."""
+    lines = out.split("\n\n")[0].splitlines()
+    return [line.split() for line in (lines[0], *lines[2:])]
+
+
+def test_margins_of_a_sampled_loop(eqt: Eqt, folder: Path) -> None:
+    (folder / "late.yaml").write_text(LATE)
+    done = eqt("margins", "late.yaml")
+    assert (done.code, done.err) == (0, "")
+    header, first, second = table(done.out)
+    assert " ".join(header) == "law largest |eigenvalue| at delay margin kp kd both verdict"
+    assert " ".join(first) == (
+        "EqT 0.961796 - 1 s (2 periods) below 4.35 0.196 to 3.52 below 3.25 stable"
+    )
+    assert " ".join(second[:2]) == "sliding mode"
+    assert " ".join(second[-4:]) == "not used any stable"
+    assert done.out.endswith(
+        NOTES + "left out: actuators[0] (torque limited), sensors.velocity[0] (measurements with "
+        "noise, period)\n"
+    )
+
+
+def test_an_unstable_loop_ends_with_4_and_config_check_warns_of_it(eqt: Eqt, folder: Path) -> None:
+    (folder / "late.yaml").write_text(LATE)
+    unstable = ("late.yaml", "--set", "control.delay=4", "--set", "controllers=[eqt]")
+    done = eqt("margins", *unstable)
+    assert (done.code, done.err) == (4, "")
+    assert " ".join(table(done.out)[1]) == "EqT 1.01169 - - - - - unstable"
+    quiet = eqt("margins", *unstable, "--quiet")
+    said = "eqt: late.yaml: the loop of 'eqt' is unstable\n"
+    assert (quiet.code, quiet.out, quiet.err) == (4, "", said)
+    checked = eqt("config", "check", *unstable)
+    assert (checked.code, checked.err) == (
+        0,
+        "eqt: --set[1]: controllers: the loop of 'eqt' is unstable: small errors grow at 0.0232 "
+        "1/s (eigenvalue 1.012 a period), leaving out actuators[0] (torque limited), "
+        "sensors.velocity[0] (measurements with noise, period); check the signs and sizes of its "
+        "gains, and the delays; `eqt margins` says more\n"
+        "late.yaml: valid\n",
+    )
+    assert "unstable" not in eqt("config", "check", "late.yaml").err
+
+
+def test_a_law_with_a_wrong_sign_is_told_before_it_is_run(eqt: Eqt, folder: Path) -> None:
+    (folder / "reversed.py").write_text(REVERSED)
+    at_rest = ("--set", "reference={kind: constant}", "--set", "plugins=[reversed.py]")
+    done = eqt("config", "check", "c.yaml", *at_rest, "--set", "controllers=[reversed]")
+    assert (done.code, done.err) == (
+        0,
+        "eqt: --set[2]: controllers: the loop of 'reversed' is unstable: small errors grow at 1.19 "
+        "1/s; check the signs and sizes of its gains, and the delays; `eqt margins` says more\n"
+        "c.yaml: valid\n",
+    )
+
+
+def test_margins_say_where_eigenvalues_decide_nothing(eqt: Eqt) -> None:
+    """The paper's law is proved to be stable, and an eigenvalue says nothing else."""
+    done = eqt("margins", "c.yaml", "--set", "controllers=[eqt]")
+    assert (done.code, done.err) == (0, "")
+    law, value, at, unit, *rest = table(done.out)[1]
+    assert (law, unit, rest) == ("EqT", "s", ["-", "-", "-", "-", "indicative"])
+    assert float(value) > 0 and 0 <= float(at) <= 1
+    assert done.out.endswith(
+        NOTES
+        + "indicative: the loop changes in time; then eigenvalues at single times do not decide "
+        "whether it is stable, and all numbers are those at the worst time\n"
+    )
+
+
+def test_margins_where_a_force_pushes(eqt: Eqt) -> None:
+    at_rest = ("--set", "reference={kind: constant}", "--set", "controllers=[eqt]")
+    push = ("--set", "plant.forces=[{kind: constant, force: [0.2, 0, 0]}]")
+    done = eqt("margins", "c.yaml", *at_rest, *push)
+    assert done.out.endswith(NOTES + "EqT stays 0.1 rad beside its reference; linearised there\n")
+
+
+def test_margins_as_json(eqt: Eqt) -> None:
+    at_rest = ("--set", "reference={kind: constant}", "--set", "controllers=[eqt]")
+    found = json.loads(eqt("margins", "c.yaml", *at_rest, "--json").out)
+    [law] = found.pop("laws")
+    assert found == {
+        "name": "c",
+        "group": "SO3",
+        "period": None,
+        "left_out": [],
+        "causes": [],
+    }
+    assert list(law) == [
+        "label",
+        "verdict",
+        "largest_eigenvalue",
+        "eigenvalue",
+        "at",
+        "growth_rate",
+        "offset",
+        "delay_margin",
+        "delay_margin_periods",
+        "gain_margins",
+    ]
+    assert (law["verdict"], law["at"], law["delay_margin_periods"]) == ("stable", None, None)
+    assert law["gain_margins"]["kp"] == {"lower": None, "upper": None}
+
+
+def test_margins_of_a_point_of_a_sweep(eqt: Eqt) -> None:
+    swept = ("--set", "reference={kind: constant}", "--set", "sweep=[{grid: {gains.kp: [1, 5]}}]")
+    done = eqt("margins", "c.yaml", *swept, "--json")
+    assert done.err == "c.yaml: without its sweep; choose one of its points with --point\n"
+    last = eqt("margins", "c.yaml", *swept, "--json", "--point", 1)
+    margins = [json.loads(each.out)["laws"][0]["delay_margin"] for each in (done, last)]
+    assert (last.err, margins[0] != margins[1]) == ("", True)
+
+
+def test_margins_of_a_reference_that_leaves_the_real_numbers(eqt: Eqt) -> None:
+    torque = "reference={torque: [sqrt(0.5 - t), '0', '0']}"
+    done = eqt("margins", "c.yaml", "--set", torque)
+    assert done.code == 2
+    assert "has no finite real value at about t = 0.5" in done.err
+
+
+@pytest.mark.parametrize("control", ["null", "{period: 0.5}"])
+def test_a_law_that_jumps_at_its_reference_has_no_margins(
+    eqt: Eqt, folder: Path, control: str
+) -> None:
+    (folder / "jumps.py").write_text(JUMPS)
+    law = ("--set", "plugins=[jumps.py]", "--set", "controllers=[jumps]", "--set")
+    done = eqt("margins", "c.yaml", *law, f"control={control}")
+    assert (done.code, done.out, done.err) == (
+        2,
+        "",
+        "eqt: the loop of 'jumps' has no derivative where all errors are 0, as of a law that jumps "
+        "there; leave this law out\n",
+    )
+    assert eqt("config", "check", "c.yaml", *law, f"control={control}").err == "c.yaml: valid\n"
+
+
+def test_a_law_that_takes_one_time_only_is_named_with_its_line(eqt: Eqt, folder: Path) -> None:
+    (folder / "branches.py").write_text(BRANCHES)
+    law = ("--set", "plugins=[branches.py]", "--set", "controllers=[branches]")
+    why = (
+        "ValueError: The truth value of an array with more than one element is ambiguous. Use "
+        "a.any() or a.all() at branches.py:10: return super().memory_rate(s) if s.t < 1 else "
+        '{"integral": 0 * s.P}\n'
+    )
+    done = eqt("margins", "c.yaml", *law)
+    assert (done.code, done.out, done.err) == (2, "", f"eqt: {why}")
+    checked = eqt("config", "check", "c.yaml", *law)
+    said = f"eqt: --set[1]: controllers: loops cannot be linearised: {why}c.yaml: valid\n"
+    assert (checked.code, checked.err) == (0, said)
