@@ -21,7 +21,7 @@ def extreme_points(result: Result, metrics: Sequence[str] = METRICS) -> TextTabl
     for name in (each for metric in known for each in result.in_parts(metric)):
         means = result.means(name)
         rows = [
-            [title if end == "best" else "", end, *_at(result, point), f"{column[point]:.4g}"]
+            [title, end, *_at(result, point), f"{column[point]:.4g}"]
             for title, column in zip(result.titles, means.T, strict=True)
             if np.isfinite(column).any()
             for end, point in (("best", np.nanargmin(column)), ("worst", np.nanargmax(column)))
@@ -34,7 +34,7 @@ def extreme_points(result: Result, metrics: Sequence[str] = METRICS) -> TextTabl
     return TextTable(
         "best",
         "Points with the best and the worst mean over runs, among points without failed runs",
-        ["law", "", "point", *(key.key for key in result.swept_keys), "mean"],
+        ["law", "which", "point", *(key.key for key in result.swept_keys), "mean"],
         blocks,
     )
 
@@ -49,7 +49,7 @@ def _settled(result: Result) -> list[list[str]]:
         if np.isfinite(share).any():
             for end, point in (("best", np.nanargmax(share)), ("worst", np.nanargmin(share))):
                 value = Plain().interval(*column[point].tolist())
-                rows.append([title if end == "best" else "", end, *_at(result, point), value])
+                rows.append([title, end, *_at(result, point), value])
     return rows
 
 
