@@ -44,6 +44,7 @@ FEW = [
     "--set=tune.seeds=1",
     "--set=tune.confirm.runs=5",
 ]
+FEWER = ["--set=worst.budget=1", "--set=worst.population=5", "--set=worst.seeds=1"]
 SHORT = ["--set=time.duration=0.5", "--set=time.samples=11"]
 CHEAP = ("config", "list", "--version")
 """Commands that are carried out where a page is only read."""
@@ -137,6 +138,8 @@ def run_command(line):
         words += SMALL + SHORT + COARSE if shipped else []  # a page's own sweep is as it prints it
     elif words[:2] == ["eqt", "tune"] and shipped:
         words += [*SMALL, *FEW, *SHORT]
+    elif words[:2] == ["eqt", "worst"] and shipped:
+        words += [*SMALL, *FEWER, *SHORT]
     elif words[:2] == ["eqt", "run"] and mine:
         words += [*SMALL, *(COARSE if shipped else [])]
     code, printed = called(words[1:]) if plain else shell(line)

@@ -59,14 +59,15 @@ picture() {
 	fi
 }
 
-# shrunk FILE COPY: a copy for the screen, at most 1400 pixels wide and of 128 colours.
+# shrunk FILE COPY: a copy for the screen, at most 1400 pixels wide and of 256 colours. Without the
+# k-means, the rare colours of a colour bar are lost.
 shrunk() {
 	"$python" - "$@" <<-'END'
 		import sys
 		from PIL import Image
 		picture = Image.open(sys.argv[1]).convert("RGB")
 		picture.thumbnail((1400, picture.height), Image.Resampling.LANCZOS)
-		picture.quantize(128, dither=Image.Dither.NONE).save(sys.argv[2], optimize=True)
+		picture.quantize(256, kmeans=4, dither=Image.Dither.NONE).save(sys.argv[2], optimize=True)
 	END
 }
 
