@@ -157,8 +157,10 @@ def read_command(line):
         return
     accept(words[1:])
     sets = tuple(f"--set={change}" for flag, change in pairwise(words) if flag == "--set")
-    own = words[2].endswith(".yaml") and not words[2].startswith(("configs/", "results/"))
-    if expected == 0 and words[1] in ("run", "sweep", "tune", "worst") and (own or sets):
+    own = words[2].endswith(".yaml") and not words[2].startswith("configs/")
+    made = words[2].startswith("results/")  # by a command before it, which was not carried out
+    computing = words[1] in ("run", "sweep", "tune", "worst") and not made
+    if expected == 0 and computing and (own or sets):
         check(words[2], sets)
 
 
