@@ -39,8 +39,10 @@ TESTS = (
             "vehicle",
             "code",
             "export",
+            "logs",
             "analysis/test_bootstrap.py",
             "analysis/test_comparison.py",
+            "analysis/test_margins.py",
             "execution/test_compiled_signals.py",
             "trust/test_input.py",
         )

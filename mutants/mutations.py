@@ -27,6 +27,8 @@ CORE = (
     "analysis/comparison/pairs.py",
     "analysis/comparison/runs_needed.py",
     "analysis/comparison/verdicts.py",
+    "analysis/delay_margin.py",
+    "analysis/margins.py",
     "results/metrics.py",
     "results/time_windows.py",
 )

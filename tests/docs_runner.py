@@ -46,7 +46,7 @@ FEW = [
 ]
 FEWER = ["--set=worst.budget=1", "--set=worst.population=5", "--set=worst.seeds=1"]
 SHORT = ["--set=time.duration=0.5", "--set=time.samples=11"]
-CHEAP = ("config", "list", "--version")
+CHEAP = ("config", "list", "log", "--version")
 """Commands that are carried out where a page is only read."""
 
 

@@ -13,6 +13,7 @@ from eqt_cli.api.exporting import export as export
 from eqt_cli.api.loading import Configuration as Configuration
 from eqt_cli.api.loading import LoadedExperiment as LoadedExperiment
 from eqt_cli.api.loading import load_experiment as load_experiment
+from eqt_cli.api.logs import check_log as check_log
 from eqt_cli.api.margins import margins as margins
 from eqt_cli.api.opening import open_results as open_results
 from eqt_cli.api.paths import ResultPath as ResultPath

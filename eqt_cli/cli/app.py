@@ -15,6 +15,7 @@ from eqt_cli.cli import (
     docs,
     export,
     listing,
+    log,
     margins,
     pack,
     plot,
@@ -103,5 +104,6 @@ _add("plot", plot.plot, READ)
 _add("animate", animate.animate, READ)
 _add("report", report.report, READ)
 app.add_typer(config.app, name="config", rich_help_panel=LOOK_UP)
+app.add_typer(log.app, name="log", rich_help_panel=LOOK_UP)
 _add("list", listing.list_components, LOOK_UP)
 _add("docs", docs.docs, LOOK_UP)

@@ -38,7 +38,8 @@ def data_file(source: ConfigSource, name: str) -> str:
 
 def _text(path: Path) -> str:
     relative = "paths are relative to the configuration's folder"
-    return text_of(path, relative, InputError, most=MOST_BYTES)
+    smaller = "keep the rows and columns that the configuration needs"
+    return text_of(path, relative, InputError, most=MOST_BYTES, smaller=smaller)
 
 
 def _starts_of(path: Path) -> str:

@@ -105,16 +105,23 @@ def text_of(
     kind: type[EqtError] = EqtError,
     subject: object = None,
     most: int = TEXT_BYTES,
+    smaller: str = "",
 ) -> str:
     """The text of a file that a user names, of at most so many bytes.
 
     Raises
     ------
     EqtError
-        Of this kind, where it cannot be read; `missing` is what to say where there is none.
+        Of this kind, where it cannot be read; `missing` is what to say where there is none, and
+        `smaller` what to do about one that is too large.
     """
     with refusals(subject or path, "read", kind=kind):
         try:
             return text_in(path, most)
         except FileNotFoundError:
             raise kind(f"{path}: not found; {missing}") from None
+        except TooLargeError as error:
+            if not smaller:
+                raise
+            said = f"{subject or path}: cannot be read: {error.strerror}"
+            raise kind(f"{said}; {smaller}") from error

@@ -156,10 +156,18 @@ def remarks(experiment: Experiment, shown: Horizon | None = None) -> list[EqtWar
     """What a user should know of an experiment, and of its reference, before it is run."""
     return [
         *experiment.remarks,
+        *_of_reference(experiment),
         *_of_actuators(experiment),
         *_hard_on_numbers(experiment, shown),
         *map(EqtWarning, limits_below_reference(experiment, shown)),
     ]
+
+
+def _of_reference(experiment: Experiment) -> Iterator[EqtWarning]:
+    """What a reference says of itself."""
+    place = experiment.source.place(("reference",))
+    for said in next(iter(experiment.loops.values())).reference.remarks(experiment.group):
+        yield EqtWarning(f"{place}: reference: {said}")
 
 
 def _of_actuators(experiment: Experiment) -> Iterator[EqtWarning]:
@@ -210,10 +218,10 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
     if not loop.vehicle.limits:
         return []
     shown = shown or reference_over_horizon(experiment)
-    torque, found = shown.torque[shown.finite], []
+    times, torque, found = shown.times[shown.finite], shown.torque[shown.finite], []
     for place, actuator, given in loop.vehicle.limiting():
-        sizes = actuator.most(loop.group, torque, given)
-        if sizes is None:
+        sizes = actuator.most(loop.group, times, torque, given)
+        if sizes is None or not len(sizes[0]):
             continue
         taken, there = sizes
         with np.errstate(divide="ignore", invalid="ignore"):  # a limit may be 0
@@ -221,11 +229,11 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         when, axis = np.unravel_index(np.argmax(over), taken.shape)
         most = float(np.broadcast_to(there, taken.shape)[when, axis])
         if taken[when, axis] > most:
-            t = shown.times[shown.finite][when]
+            t = times[len(times) - len(taken) + when]
             names = actuator.thruster_names
             who = f"'{names[axis]}'" if names else actuator.name
             found.append(
-                f"{place}: {who} gives at most {most:.4g}, but the reference alone needs "
-                f"{taken[when, axis]:.4g} at t = {t:.4g} s; no law can follow it there"
+                f"{place}: {who} gives at most {actuator.limited}{most:.4g}, but the reference "
+                f"alone needs {taken[when, axis]:.4g} at t = {t:.4g} s; no law can follow it there"
             )
     return found

@@ -14,7 +14,7 @@ from eqt_cli.ensemble.poses import PoseDistribution
 from eqt_cli.ensemble.velocities import VelocityDistribution
 from eqt_cli.experiment.desired_trajectory import DesiredTrajectory
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.written.files import read_starts
+from eqt_cli.logs.reading import read_starts
 
 
 @dataclass(frozen=True)

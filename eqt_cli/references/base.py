@@ -1,7 +1,7 @@
 """What a reference is: a desired motion Q_d(t), V_d(t), V̇_d(t) and the force τ_d that it takes."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
@@ -133,6 +133,10 @@ class Reference(Component):
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """The same with a new function of time for each of its expressions, where it has any."""
         return self
+
+    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
+        """What a user should know of it before it is run, and no error is."""
+        yield from ()
 
     # Instants that are known in advance, at which the motion goes on in another way.
 

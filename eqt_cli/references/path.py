@@ -13,9 +13,9 @@ from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.logs.columns import coordinate_names
 from eqt_cli.mechanics.motions import Factor, motion_along, screws
 from eqt_cli.references.base import ClosedReference, instants_of
-from eqt_cli.written.files import coordinate_names
 from eqt_cli.written.poses import pose_from, vector
 
 

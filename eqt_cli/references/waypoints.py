@@ -1,25 +1,33 @@
 """A reference that goes through given poses at given times."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass, field
 from hashlib import sha256
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
-from eqt_cli.core.option_types import Real
+from eqt_cli.core.option_types import Positive, PositiveAngle, Real
 from eqt_cli.core.problems import Problems
-from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.core.validation import unknown_key, validated
+from eqt_cli.groups import MatrixLieGroup, Part
+from eqt_cli.logs.check import notes
+from eqt_cli.logs.mapping import MAPPING, LogMapping, MappingError, TrajectoryFormat
+from eqt_cli.logs.reading import Log, read_log
 from eqt_cli.mechanics.motions import Pieces, spline
+from eqt_cli.mechanics.smoothing import Smoothed, smoothed
 from eqt_cli.references.base import PiecewiseReference
-from eqt_cli.written.files import TrajectoryFormat, read_trajectory
 from eqt_cli.written.poses import pose_from
 
 LATEST, CLOSEST = 1e9, 1e-9
 """s: bounds of the times, and of the time between two; beyond them, a rate overflows."""
+
+LESS = 0.01
+"""Relative: by how much a residual may be below the deviation that was asked for."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,7 @@ class Waypoint:
 
 @dataclass(frozen=True)
 class WaypointsReference(PiecewiseReference):
-    """A cubic spline on the group through every waypoint.
+    """A cubic spline on the group through every waypoint, or near all of them.
 
     Its acceleration has no jumps, and is 0 at both ends.
 
@@ -52,6 +60,12 @@ class WaypointsReference(PiecewiseReference):
         A file that holds them instead, relative to the configuration.
     format
         Its format: ``csv`` with a header that names the columns, ``tum`` or ``euroc``.
+    mapping
+        What the file does not say of itself: columns, units, order of quaternions, frames, times.
+    smoothing
+        How far the motion stays from the waypoints, as the root mean square for each part of the
+        group: ``{rotation: 2 deg, translation: 0.02}``; ``auto`` finds it by cross-validation.
+        Without it, the motion goes through them.
     """
 
     name: ClassVar[str] = "waypoints"
@@ -59,6 +73,8 @@ class WaypointsReference(PiecewiseReference):
     points: list[Waypoint] | None = None
     file: str | None = None
     format: TrajectoryFormat = "csv"
+    mapping: LogMapping | None = None
+    smoothing: Literal["auto"] | dict[str, str | float] | None = None
     text: str | None = field(default=None, init=False, repr=False)
     digest: str = field(default="", init=False)
 
@@ -82,7 +98,9 @@ class WaypointsReference(PiecewiseReference):
         times, poses = self._waypoints(G)
         if not np.all(abs(times) <= LATEST):
             wrong = times[abs(times) > LATEST][0]
-            raise InputError(f"expected times from {-LATEST:g} to {LATEST:g} s, got {wrong:g} s")
+            hint = "" if self.file is None else "; add `time: {offset: first}` to `mapping`"
+            expected = f"expected times from {-LATEST:g} to {LATEST:g} s"
+            raise InputError(f"{expected}, got {wrong:g} s{hint}")
         steps = np.diff(times)
         if not np.all(steps >= CLOSEST):
             row = int(np.argmin(steps))
@@ -90,12 +108,49 @@ class WaypointsReference(PiecewiseReference):
                 f"expected at least {CLOSEST:g} s between two waypoints, got {steps[row]:.3g} s "
                 f"after {times[row]:g} s"
             )
+        if self.smoothing is not None:
+            poses = self.prepared(G, self._smoothed, "smoothed").poses
         return spline(G, times, poses)
 
     def ends(self, G: MatrixLieGroup) -> tuple[float, float]:
         """The times of the first and the last waypoint."""
         times, _ = self._waypoints(G)
         return float(times[0]), float(times[-1])
+
+    def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
+        """What is odd in its file, and how far the motion is from the waypoints."""
+        if self.file is not None:
+            log = self.prepared(G, self._log, "log")
+            yield from (f"{self.file}: {note}" for note in notes(log))
+        if self.smoothing is None:
+            return
+        found = self.prepared(G, self._smoothed, "smoothed")
+        for part, residual, asked in zip(
+            G.parts, found.residuals, self._deviations(G, Problems()), strict=True
+        ):
+            said_of = _in_words(part, residual)
+            if asked is not None and residual < (1 - LESS) * asked:
+                said_of += f" instead of {_in_words(part, asked)}, and cannot be more"
+            yield f"smoothed: the root mean square residual of {part.name} is {said_of}"
+
+    def _smoothed(self, G: MatrixLieGroup) -> Smoothed:
+        return smoothed(G, *self._waypoints(G), self._deviations(G, Problems()))
+
+    def _deviations(self, G: MatrixLieGroup, problems: Problems) -> list[float | None]:
+        """For each part of the group; None where cross-validation is to find it, or it is wrong."""
+        parts = {part.name: part for part in G.parts}
+        given = dict.fromkeys(parts) if self.smoothing == "auto" else self.smoothing
+        assert isinstance(given, dict)
+        for name in (name for name in given if name not in parts):
+            problems.at(name).add(unknown_key(name, parts))
+        if missing := [name for name in parts if name not in given]:
+            each = f"expected a deviation for each of {', '.join(parts)}"
+            problems.add(f"{each}; missing {', '.join(missing)}")
+        kinds = {name: PositiveAngle if part.turns else Positive for name, part in parts.items()}
+        return [
+            None if given.get(name) is None else validated(kind, given[name], problems.at(name))
+            for name, kind in kinds.items()
+        ]
 
     def _waypoints(self, G: MatrixLieGroup) -> tuple[Array, Array]:
         return self.prepared(G, self._read, "waypoints")
@@ -104,8 +159,14 @@ class WaypointsReference(PiecewiseReference):
         if self.points is not None:
             poses = [pose_from(point.pose, G, Problems()) for point in self.points]
             return np.array([point.t for point in self.points]), np.array(poses)
+        log = self.prepared(G, self._log, "log")
+        return log.times, log.poses
+
+    def _log(self, G: MatrixLieGroup) -> Log:
         assert self.text is not None and self.file is not None
-        return read_trajectory(self.text, self.file, self.format, G)
+        log = read_log(self.text, self.file, self.format, G, self.mapping or LogMapping())
+        log.require_usable()
+        return log
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Waypoints that will not do, in the configuration or in the file."""
@@ -113,13 +174,22 @@ class WaypointsReference(PiecewiseReference):
             given = "neither" if self.file is None else "both"
             problems.add(f"expected the waypoints as `points` or in a `file`, got {given}")
             return
+        if self.mapping is not None:
+            if self.file is None:
+                problems.at(MAPPING).add("describes a `file`, which is not given; remove this key")
+            self.mapping.check(problems.at(MAPPING))
+        if self.smoothing is not None:
+            self._deviations(G, problems.at("smoothing"))
         if self.points is not None:
             self._check_points(self.points, G, problems.at("points"))
         elif self.text is None:
             return  # it could not be read, which is noted
         if not problems:
             with problems.catching("points" if self.file is None else "file"):
-                self.prepared(G, self.pieces)
+                try:
+                    self.prepared(G, self.pieces)
+                except MappingError as error:
+                    problems.at(MAPPING, *error.path).add(str(error))
 
     def _check_points(self, points: list[Waypoint], G: MatrixLieGroup, problems: Problems) -> None:
         if len(points) < 2:
@@ -129,3 +199,10 @@ class WaypointsReference(PiecewiseReference):
             if index and not point.t > points[index - 1].t:
                 wanted = f"expected a time after {points[index - 1].t:g} s"
                 problems.at(index, "t").add(f"{wanted}, got {point.t:g} s")
+
+
+def _in_words(part: Part, residual: float) -> str:
+    """A residual of a part of the group with its unit."""
+    if part.turns:
+        return f"{math.degrees(residual):.3g} deg"
+    return f"{residual:.3g} {part.pose_unit}"

@@ -1,1 +1,1 @@
-"""Poses, tensors and trajectories as they are written: in a configuration, or in a file."""
+"""Poses and tensors as they are written in a configuration."""

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from eqt_cli.config.source import read_config
+from eqt_cli.config.yaml_source import dump
 from eqt_cli.core.errors import ConfigError
 from eqt_cli.execution.run_study import execute
 from eqt_cli.experiment.build import build
-from eqt_cli.experiment.horizon import reference_over_horizon
+from eqt_cli.experiment.horizon import reference_over_horizon, remarks
 from eqt_cli.experiment.read_study import study
 from eqt_cli.store.reader import open_results
 
@@ -96,8 +97,21 @@ def test_a_file_that_is_too_large_is_not_read(config):
     (found,) = messages(config, "reference.file=huge.csv")
     path = config.parent / "huge.csv"
     assert found == (
-        f"{path}: cannot be read: expected at most 64,000,000 bytes, got 2,147,483,648"
+        f"{path}: cannot be read: expected at most 64,000,000 bytes, got 2,147,483,648; "
+        "keep the rows and columns that the configuration needs"
     )
+
+
+def test_a_file_of_poses_may_be_mapped_and_says_what_is_odd(config):
+    text = PLAN.replace("t,", "stamp,").replace("\n", ",ok\n")
+    (config.parent / "data/plan.csv").write_text(text)
+    mapping = "{columns: {t: stamp}, time: {offset: first}}"
+    found = build(read_config(config, [f"reference.mapping={mapping}"]))
+    (remark,) = [str(one) for one in remarks(found) if "plan.csv" in str(one)]
+    assert remark == f"{config}:5:1: reference: data/plan.csv: column ok is not used"
+    resolved = config.parent / "resolved.yaml"
+    resolved.write_text(dump(found.resolved))
+    assert build(read_config(resolved)).digest == found.digest
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import pytest
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import group_named
+from eqt_cli.logs.mapping import LogMapping
 from eqt_cli.references.path import PathFactor, PathReference
 from eqt_cli.references.slew import SlewReference
 from eqt_cli.references.waypoints import Waypoint, WaypointsReference
@@ -84,6 +85,36 @@ def test_what_is_wrong_in_a_file_is_noted_at_its_name():
     assert notes(found) == [("file", "plan.csv:4: expected a time after 2 s, got 1 s")]
 
 
+def test_what_is_odd_in_a_file_is_a_remark():
+    text = TEXT.replace("t,", "battery,t,").replace("\n0,", "\n12,0,").replace("\n2,", "\n11,2,")
+    found = WaypointsReference(file="plan.csv").with_files({"plan.csv": text})
+    assert list(found.remarks(G)) == ["plan.csv: column battery is not used"]
+    assert list(WaypointsReference(POINTS).remarks(G)) == []
+
+
+def test_a_mapping_is_of_a_file_and_fits_it():
+    assert notes(WaypointsReference(POINTS, mapping=LogMapping())) == [
+        ("mapping", "describes a `file`, which is not given; remove this key")
+    ]
+    mapping = LogMapping(units={"t": "m"})
+    found = WaypointsReference(file="plan.csv", mapping=mapping).with_files({"plan.csv": TEXT})
+    assert notes(found) == [
+        ("mapping.units.t", "column t: expected a unit of s, sec, ms, us, ns, got 'm'")
+    ]
+
+
+def test_times_of_a_clock_are_told_what_to_do():
+    text = TEXT.replace("\n0,", "\n1700000000,").replace("\n2,", "\n1700000002,")
+    found = WaypointsReference(file="plan.csv").with_files({"plan.csv": text})
+    assert notes(found) == [
+        (
+            "file",
+            "expected times from -1e+09 to 1e+09 s, got 1.7e+09 s; add `time: {offset: first}` to "
+            "`mapping`",
+        )
+    ]
+
+
 @pytest.mark.parametrize(
     ("option", "given"), [("from", {"from_": "nowhere", "to": "identity"}), ("to", {"to": "up"})]
 )
@@ -112,4 +143,55 @@ def test_every_factor_of_a_path_is_looked_at():
     assert [option for option, _ in notes(PathReference(factors))] == [
         "factors[1].axis",
         "factors[2].by",
+    ]
+
+
+TURNS = np.linspace(0.0, 3.0, 31)
+NOISY = [
+    Waypoint(float(t), {"rotvec": [float(np.sin(t) + e), 0.0, 0.0]})
+    for t, e in zip(TURNS, 0.02 * np.random.default_rng(0).normal(size=31), strict=True)
+]
+
+
+def test_the_residual_of_smoothed_waypoints_is_told():
+    found = WaypointsReference(NOISY, smoothing={"rotation": "1 deg"})
+    assert notes(found) == []
+    told = "smoothed: the root mean square residual of rotation is"
+    assert list(found.remarks(G)) == [f"{told} 1 deg"]
+    (auto,) = WaypointsReference(NOISY, smoothing="auto").remarks(G)
+    assert auto == f"{told} 0.718 deg"
+    (most,) = WaypointsReference(NOISY, smoothing={"rotation": "90 deg"}).remarks(G)
+    angles = [point.pose["rotvec"][0] for point in NOISY]
+    (squares,) = np.polyfit(TURNS, angles, 1, full=True)[1]  # λ → ∞: a constant velocity
+    line = np.rad2deg(np.sqrt(squares / len(TURNS)))
+    assert most == f"{told} {line:.3g} deg instead of 90 deg, and cannot be more"
+    Q, _, _ = found.motion(G, TURNS)
+    left = G.log(np.swapaxes(Q, -1, -2) @ WaypointsReference(NOISY).motion(G, TURNS)[0])
+    size = np.sqrt(np.mean(np.sum(left**2, axis=1)))
+    np.testing.assert_allclose(size, np.deg2rad(1.0), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("smoothing", "path", "message"),
+    [
+        (
+            {"rotation": "2 m"},
+            "smoothing.rotation",
+            "expected a number, got '2 m': write 2 without a unit",
+        ),
+        (
+            {"rotation": 0.1, "position": 1.0},
+            "smoothing.position",
+            "unknown key; did you mean 'rotation'?",
+        ),
+        ({}, "smoothing", "expected a deviation for each of rotation; missing rotation"),
+    ],
+)
+def test_what_is_wrong_with_a_smoothing(smoothing, path, message):
+    assert notes(WaypointsReference(NOISY, smoothing=smoothing)) == [(path, message)]
+
+
+def test_smoothing_takes_five_waypoints():
+    assert notes(WaypointsReference(POINTS, smoothing="auto")) == [
+        ("points", "expected at least 5 waypoints to smooth, got 2")
     ]

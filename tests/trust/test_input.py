@@ -57,6 +57,8 @@ NAMED = {
         64_000_000,
     ),
     "starts": ("config check c.yaml --set|initial={{file: {}.csv}}", ".csv", 64_000_000),
+    "recording": ("log check {}.csv", ".csv", 400_000_000),
+    "mapping": ("log check {0}.csv --mapping {0}.csv", ".csv", TEXT_BYTES),
     "notes": ("report own --notes {}.txt", ".txt", TEXT_BYTES),
     "style": ("plot own --style {}.mplstyle --out f --format svg", ".mplstyle", TEXT_BYTES),
 }

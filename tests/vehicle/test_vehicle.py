@@ -141,10 +141,10 @@ def test_a_limit_is_reached_by_more_than_it():
     assert each.at_limit(SO3, command, none, given).tolist() == [False, True, False]
     of_norm = whole.numbers(SO3, None)
     assert whole.at_limit(SO3, command, none, of_norm).tolist() == [True, True, False]
-    sizes, most = each.most(SO3, command, given)
+    sizes, most = each.most(SO3, np.zeros(1), command, given)
     np.testing.assert_array_equal(sizes, np.abs(command))
     np.testing.assert_array_equal(most, np.broadcast_to([1.0, 2.0, 3.0], (3, 3)))
-    sizes, most = whole.most(SO3, command[:1], of_norm)  # of the ellipsoid, in its longest axis
+    sizes, most = whole.most(SO3, np.zeros(1), command[:1], of_norm)  # in the longest axis
     assert (sizes.item(), most.item()) == (pytest.approx(3 * np.sqrt(3)), 3.0)
 
 
@@ -441,6 +441,14 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
     assert str(caught.value).split(": ", 1)[1] == message
 
 
+def test_a_rate_limit_is_judged_by_the_change_of_the_torque():
+    limit = RateLimit(rate=[1.0, 2.0, 3.0])
+    times, torque = np.array([0.0, 0.5, 0.75]), np.array([[0, 0, 0], [1, -1, 0], [1, -2, 1.0]])
+    sizes, most = limit.most(SO3, times, torque, limit.numbers(SO3, None))
+    np.testing.assert_array_equal(sizes, [[2, 2, 0], [0, 4, 4]])
+    np.testing.assert_array_equal(np.broadcast_to(most, (3,)), [1, 2, 3])
+
+
 @pytest.mark.parametrize(
     ("limit", "warning"),
     [
@@ -455,6 +463,13 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
             "at t = 1 s; no law can follow it there",
         ),
         ("limit: [0.5, 0.3, 1]", None),
+        ("kind: rate_limit, rate: 0.41", None),
+        (
+            "kind: momentum_limit, momentum: [0.19, 1, 1]",
+            "actuators[0]: momentum_limit gives at most a momentum of 0.19, but the reference "
+            "alone needs 0.2 at t = 1 s; no law can follow it there",
+        ),
+        ("kind: momentum_limit, momentum: [0.21, 0.16, 1]", None),
         (
             "low: [0, -0.2, -1], high: 1",
             "actuators[0]: limit gives at most 0.2, but the reference alone needs 0.3 "
@@ -471,8 +486,10 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
 def test_a_limit_below_what_the_reference_takes_is_warned_of(tmp_path, invoke, limit, warning):
     path = tmp_path / "c.yaml"
     text = CONFIG.replace("torque: [0, 0, 0]", "torque: [0.4*t, -0.3*t, 0]")
+    kind = "" if "kind" in limit else "kind: limit, "
+    clock = "control: {period: 0.1}\n" if "kind" in limit else ""
     path.write_text(
-        text.format(f"actuators: [{{kind: limit, {limit}}}]\nensemble: {{runs: 1}}"),
+        text.format(f"{clock}actuators: [{{{kind}{limit}}}]\nensemble: {{runs: 1}}"),
         encoding="utf-8",
     )
     for arguments in (("config", "check", path), ("run", path, "--out", tmp_path / "out")):

@@ -17,7 +17,7 @@ OUTPUT = "Output"
 
 COMPUTE = "Compute"
 READ = "Look at results"
-LOOK_UP = "Configurations and components"
+LOOK_UP = "Configurations, recordings and components"
 """Groups of commands."""
 
 

@@ -22,6 +22,9 @@ class Actuator(VehiclePart):
     has_closed_form: ClassVar[bool] = False
     """Whether `after` says where a held command leads its states."""
 
+    limited: ClassVar[str] = ""
+    """What its limit is one of, for messages: ``a rate of``; nothing where it is one of torques."""
+
     # Most actuators give these by a class variable.
 
     @property
@@ -107,10 +110,12 @@ class Actuator(VehiclePart):
         short = np.abs(command - self.output(G, command, x, given)) > 1e-12 * (1 + np.abs(command))
         return np.array(short.any(axis=-1))
 
-    def most(self, G: MatrixLieGroup, torque: Array, given: Given) -> tuple[Array, Array] | None:
-        """How much of something a torque takes, and how much of it there is, ``(..., k)`` each.
+    def most(
+        self, G: MatrixLieGroup, times: Array, torque: Array, given: Given
+    ) -> tuple[Array, Array] | None:
+        """How much of what is `limited` a torque takes, and what there is, ``(n, k)`` each.
 
-        None where that does not depend on the torque at one time alone.
+        Each row is at one of the last n times; None where a torque does not tell.
         """
         return None
 

@@ -61,7 +61,9 @@ class Limit(Actuator):
         beyond = (command < given["low"]) | (command > given["high"])
         return np.array(beyond.any(axis=-1))
 
-    def most(self, G: MatrixLieGroup, torque: Array, given: Given) -> tuple[Array, Array] | None:
+    def most(
+        self, G: MatrixLieGroup, times: Array, torque: Array, given: Given
+    ) -> tuple[Array, Array] | None:
         """Sizes along the axes, or the norm in the unit of the largest limit; and the limits."""
         if not self.norm:
             return against(torque, given["low"], given["high"])

@@ -32,6 +32,7 @@ class MomentumLimit(Actuator):
     positive: ClassVar[tuple[str, ...]] = ("momentum",)
     limits: ClassVar[bool] = True
     sampled: ClassVar[bool] = True
+    limited: ClassVar[str] = "a momentum of "
 
     momentum: Numbers
 
@@ -50,3 +51,10 @@ class MomentumLimit(Actuator):
     def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
         """What it gives."""
         return x[..., : G.dimension]
+
+    def most(
+        self, G: MatrixLieGroup, times: Array, torque: Array, given: Given
+    ) -> tuple[Array, Array] | None:
+        """The size of the integral along each axis, from the first time to each."""
+        pieces = np.diff(times)[:, None] * (torque[1:] + torque[:-1]) / 2
+        return np.abs(np.cumsum(pieces, axis=0)), given["momentum"]

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
+import numpy as np
+
 from eqt_cli.core.arrays import Array, clip
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
@@ -27,6 +29,7 @@ class RateLimit(Actuator):
     positive: ClassVar[tuple[str, ...]] = ("rate",)
     limits: ClassVar[bool] = True
     sampled: ClassVar[bool] = True
+    limited: ClassVar[str] = "a rate of "
 
     rate: Numbers
 
@@ -44,3 +47,9 @@ class RateLimit(Actuator):
     def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
         """What it has come to."""
         return x
+
+    def most(
+        self, G: MatrixLieGroup, times: Array, torque: Array, given: Given
+    ) -> tuple[Array, Array] | None:
+        """The size of the rate along each axis, in the step that ends at each time."""
+        return np.abs(np.diff(torque, axis=0) / np.diff(times)[:, None]), given["rate"]

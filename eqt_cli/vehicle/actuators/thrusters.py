@@ -225,7 +225,9 @@ class Thrusters(Actuator):
             there = (asked < given["low"]) | (asked > given["high"])
         return np.array(there.any(axis=-1))
 
-    def most(self, G: MatrixLieGroup, torque: Array, given: Given) -> tuple[Array, Array] | None:
+    def most(
+        self, G: MatrixLieGroup, times: Array, torque: Array, given: Given
+    ) -> tuple[Array, Array] | None:
         """The thrusts and their limits; of least squares, others may do."""
         if self.sampled:
             return None

@@ -1,0 +1,103 @@
+"""Says what a recording holds."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from typing import Any
+
+from eqt_cli.api.paths import path_from
+from eqt_cli.config import yaml_source
+from eqt_cli.core.errors import InputError
+from eqt_cli.core.files import text_of
+from eqt_cli.core.problems import Problems
+from eqt_cli.core.validation import validated
+from eqt_cli.groups import group_named
+from eqt_cli.logs.check import LogCheck, check_text
+from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
+
+LOG_BYTES = 400_000_000
+"""Of a recording; a million rows of 20 numbers have as many."""
+
+
+def check_log(
+    path: str | os.PathLike[str],
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    *,
+    format: TrajectoryFormat = "csv",
+    group: str | None = None,
+) -> LogCheck:
+    r"""Read a recording and say what it holds: columns, units, times, and what is odd in it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    mapping
+        What the file does not say of itself, as a YAML file or a mapping with the keys of
+        ``reference.mapping``.
+    format
+        ``csv`` with a header that names the columns, ``tum`` or ``euroc``.
+    group
+        The group of its poses; if not given, the one that fits its columns.
+
+    Returns
+    -------
+    LogCheck
+        Its ``problems`` are empty where the recording can be used as waypoints.
+
+    Raises
+    ------
+    EqtError
+        If there is no such file, or it holds no poses.
+    ConfigError
+        For a mapping that is wrong, or does not fit the file, at its place.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> rows = "stamp,yaw (deg),pitch,roll\n0,0,0,0\n10,1,0,0\n20,2,0,0\n"
+    >>> _ = Path("flight.csv").write_text(rows)
+    >>> found = eqt_cli.check_log("flight.csv", {"columns": {"t": "stamp"}, "units": {"t": "ms"}})
+    >>> found.group, found.rate, found.notes
+    ('SO3', 100.0, [])
+    """
+    file = path_from("path", path)
+    G = None if group is None else group_named(group)
+    said, problems = _mapping(mapping)
+    problems.raise_if_any()
+    smaller = "cut it into parts, leave out columns, or keep every tenth row"
+    text = text_of(file, "check the path", most=LOG_BYTES, smaller=smaller)
+    try:
+        return check_text(text, str(file), format, said, G)
+    except MappingError as error:
+        problems.at(*error.path).add(str(error))
+        problems.raise_if_any()
+        raise
+
+
+def _mapping(
+    given: str | os.PathLike[str] | Mapping[str, Any] | None,
+) -> tuple[LogMapping, Problems]:
+    """A mapping, and the problems of its places."""
+    if given is None:
+        return LogMapping(), Problems()
+    if isinstance(given, Mapping):
+        source = yaml_source.load(_flow(given), "mapping")
+    else:
+        path = path_from("mapping", given, "a path or a mapping")
+        source = yaml_source.load(text_of(path, "check the path"), str(path))
+    problems = Problems(source.key_place)
+    said = validated(LogMapping, source.data, problems)
+    if said is not None:
+        said.check(problems)
+    return said or LogMapping(), problems
+
+
+def _flow(value: Mapping[str, Any]) -> str:
+    """A mapping as YAML on one line; JSON is YAML."""
+    try:
+        return json.dumps(value, default=dict)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"mapping: expected numbers, text and mappings, got {value!r}") from error

@@ -1,0 +1,101 @@
+"""`eqt log`: recordings of a motion."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eqt_cli.cli.shared import completion, options
+from eqt_cli.cli.shared.help import EXPERIMENT, Command, Group
+from eqt_cli.cli.shared.output import complain, print_json, print_text, table
+from eqt_cli.core.errors import EqtError
+
+if TYPE_CHECKING:
+    from eqt_cli.logs.check import LogCheck
+
+FORMATS = ("csv", "tum", "euroc")
+
+MOST_GAPS = 5
+"""That are listed; the others are counted."""
+
+app = typer.Typer(cls=Group, help="Look at recordings of a motion.", no_args_is_help=True)
+
+
+@app.callback()
+def log() -> None:
+    """Look at recordings of a motion."""
+
+
+@app.command("check", cls=Command)
+def check(
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Recording: CSV, TUM or EuRoC.")],
+    mapping: Annotated[
+        Path | None,
+        options.valued(
+            "--mapping",
+            "FILE",
+            "YAML file with columns, units, frames and times, as in reference.mapping.",
+            EXPERIMENT,
+        ),
+    ] = None,
+    format_: Annotated[
+        str,
+        options.named(
+            "--format", completion.words(*FORMATS), "csv, tum or euroc. Default: csv.", EXPERIMENT
+        ),
+    ] = "csv",
+    group: Annotated[
+        str | None,
+        options.valued(
+            "--group", "NAME", "Group of the poses. Default: what fits the columns.", EXPERIMENT
+        ),
+    ] = None,
+    json: options.Json = False,
+    quiet: options.Quiet = False,
+) -> None:
+    """Say what a recording holds; exit 2 if it cannot be used.
+
+    It names each column and what it is taken for, the units, the rate, the gaps, and what does not
+    fit together.
+    """
+    from eqt_cli import api
+
+    if format_ not in FORMATS:
+        raise EqtError(f"--format: expected one of {', '.join(FORMATS)}, got '{format_}'")
+    found = api.check_log(file, mapping, format=format_, group=group)  # type: ignore[arg-type]  # just checked
+    if json:
+        print_json(asdict(found))
+    else:
+        _print(found)
+    if found.problems:
+        raise typer.Exit(2)
+
+
+def _print(found: LogCheck) -> None:
+    rows = [
+        [one.heading, one.name or "-", one.use, f"{one.unit}{' (assumed)' * one.assumed}" or "-"]
+        for one in found.columns
+    ]
+    print_text(table(["column", "name", "use", "unit"], rows), "")
+    lines = [
+        f"poses     {found.group}, format {found.format}",
+        f"rows      {found.rows}, from {found.begin:.9g} to {found.end:.9g} s",
+        f"rate      {found.rate:.4g} Hz",
+        f"gaps      {_gaps(found)}",
+    ]
+    if found.norms:
+        lines.append("norms     {:.6g} to {:.6g} of quaternions".format(*found.norms))
+    print_text("\n".join(lines))
+    print_text(*(f"note      {note}" for note in found.notes))
+    for problem in found.problems:
+        complain(problem)
+
+
+def _gaps(found: LogCheck) -> str:
+    listed = [f"{length:.4g} s after {begin:.6g} s" for begin, length in found.gaps[:MOST_GAPS]]
+    more = len(found.gaps) - len(listed)
+    also = f", and {more} more" if more else ""
+    return f"{len(found.gaps)}: {', '.join(listed)}{also}" if listed else "none"

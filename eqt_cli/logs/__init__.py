@@ -1,0 +1,1 @@
+"""Recordings and other tables of poses in files: what their columns mean, and what they hold."""

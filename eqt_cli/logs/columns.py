@@ -1,0 +1,182 @@
+"""Which columns of a table hold the poses of a group, and these poses."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.core.errors import InputError
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.groups.euclidean import EuclideanGroup
+from eqt_cli.groups.product import ProductGroup
+from eqt_cli.logs.mapping import LogMapping, MappingError
+from eqt_cli.logs.table import LOOKS_LIKE, QUATERNION, Sheet, Table
+from eqt_cli.written.poses import QUATERNION_TOLERANCE
+
+EULER = ("yaw", "pitch", "roll")
+"""Angles about z, y and x."""
+
+
+@dataclass(frozen=True)
+class PoseColumns:
+    """The columns of a table that hold poses.
+
+    Attributes
+    ----------
+    names
+        Of the columns.
+    way
+        ``parts`` (a rotation and translations), ``coordinates`` or ``entries`` of the matrix.
+    turn
+        The columns of a rotation in space: those of a quaternion, or of Euler's angles.
+    """
+
+    names: list[str]
+    way: str
+    turn: tuple[str, ...] = QUATERNION
+
+
+def coordinate_names(G: MatrixLieGroup) -> list[str]:
+    """The coordinates of the algebra as they are typed: ``wz`` for ωz, ``v2`` for v₂."""
+    digits = {ord("₀") + digit: str(digit) for digit in range(10)}
+    return [axis.replace("ω", "w").translate(digits) for axis in G.axis_names]
+
+
+def pose_columns(
+    G: MatrixLieGroup, suffix: str = "", turn: tuple[str, ...] = QUATERNION
+) -> list[str]:
+    """The columns of a pose: the rotation, then translations; none where not known."""
+    if isinstance(G, ProductGroup):
+        parts = [pose_columns(factor, str(k), turn) for k, factor in enumerate(G.factors, start=1)]
+        return [column for part in parts for column in part] if all(parts) else []
+    if not isinstance(G, EuclideanGroup) or G.space > 3:
+        return []
+    letters = {"position": "", "velocity": "v"}
+    moves = [
+        letters.get(column, column) + axis for column in G.columns for axis in "xyz"[: G.space]
+    ]
+    return [column + suffix for column in (*_turn(G, turn), *moves)]
+
+
+def _turn(G: EuclideanGroup, in_space: tuple[str, ...]) -> tuple[str, ...]:
+    """The columns of a rotation."""
+    return {0: (), 1: ("angle",)}.get(G.rotations, in_space)
+
+
+def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | None:
+    """The columns that hold the poses of a table; None where some are missing."""
+    digits = range(1, G.size + 1)
+    ways = (
+        PoseColumns(pose_columns(G), "parts"),
+        PoseColumns(pose_columns(G, turn=EULER), "parts", EULER),
+        PoseColumns(coordinate_names(G), "coordinates"),
+        PoseColumns([f"Q{row}{column}" for row in digits for column in digits], "entries"),
+    )
+    return next((way for way in ways if way.names and set(way.names) <= set(names)), None)
+
+
+def require_pose(sheet: Sheet, G: MatrixLieGroup, time: bool = False) -> PoseColumns:
+    """The columns that hold poses; raises an `InputError` if there are none, or no time."""
+    if time and "t" not in sheet.names:
+        alias = next((each for each in LOOKS_LIKE["t"] if each in sheet.names), None)
+        hint = f"; add `columns: {{t: {alias}}}` if that is what {alias} holds" if alias else ""
+        raise InputError(f"{sheet.header_place}: missing column t, the time in seconds{hint}")
+    if found := used_columns(sheet.names, G):
+        sheet.require_different()
+        return found
+    columns, coordinates = pose_columns(G), coordinate_names(G)
+    wanted, euler = columns or coordinates, pose_columns(G, turn=EULER)
+    missing = ", ".join(name for name in wanted if name not in sheet.names)
+    others = [", ".join(euler)] if euler != columns else []
+    others += [f"the coordinates {', '.join(coordinates)}"] if columns else []
+    also = f" (or {', or '.join(others)})" if others else ""
+    raise InputError(
+        f"{sheet.header_place}: missing column {missing}; a pose of {G.name} has "
+        f"{', '.join(wanted)}{also}"
+    )
+
+
+def table_poses(table: Table, columns: PoseColumns, G: MatrixLieGroup, said: LogMapping) -> Array:
+    """A pose from each row, ``(rows, d, d)``, in the axes that are wanted."""
+    if columns.way == "parts":
+        return _assembled(table, G, "", columns.turn, said)
+    if columns.way == "coordinates":
+        poses = G.exp(table.get(columns.names))
+    else:
+        poses = table.get(columns.names).reshape(len(table), G.size, G.size)
+    if isinstance(G, EuclideanGroup):
+        return _in_axes(G, G.rotation(poses), G.translations(poses), said)
+    _require_no_axes(said, G)
+    return poses
+
+
+@np.errstate(over="ignore")  # which is not 1, either
+def quaternion_norms(table: Table, columns: PoseColumns) -> dict[str, Array]:
+    """The norm of the quaternion in each row, by the suffix of its columns."""
+    suffixes = [name.removeprefix("qw") for name in columns.names if name.startswith("qw")]
+    return {
+        suffix: np.linalg.norm(table.get([each + suffix for each in QUATERNION]), axis=-1)
+        for suffix in suffixes
+    }
+
+
+def require_norms(table: Table, columns: PoseColumns) -> None:
+    """Raise an `InputError` for the first quaternion that is none of a rotation."""
+    for norms in quaternion_norms(table, columns).values():
+        wrong = np.flatnonzero(abs(norms - 1) > QUATERNION_TOLERANCE)
+        if len(wrong):
+            row = int(wrong[0])
+            raise table.error(row, f"expected a quaternion of norm 1, got norm {norms[row]:.6g}")
+
+
+def _assembled(
+    table: Table, G: MatrixLieGroup, suffix: str, way: tuple[str, ...], said: LogMapping
+) -> Array:
+    if isinstance(G, ProductGroup):
+        return G.assemble(
+            [
+                _assembled(table, factor, str(k), way, said)
+                for k, factor in enumerate(G.factors, start=1)
+            ]
+        )
+    assert isinstance(G, EuclideanGroup)
+    columns = pose_columns(G, suffix, way)
+    turn = columns[: len(_turn(G, way))]
+    rotations = np.broadcast_to(np.eye(G.space), (len(table), G.space, G.space))
+    if len(turn) == 1:
+        angle = table.get(turn)
+        rotations = G.rotation(G.exp(np.pad(angle, ((0, 0), (0, G.dimension - 1)))))
+    elif turn and way == EULER:
+        rotations = _from_euler(said.euler, table, suffix)
+    elif turn:
+        rotations = G.rotation_towards(table.get(turn))
+    moves = table.get(columns[len(turn) :]) if G.columns else np.zeros((len(table), 0))
+    columns_of = moves.reshape(len(table), len(G.columns), G.space).swapaxes(-1, -2)
+    return _in_axes(G, rotations, columns_of, said)
+
+
+def _from_euler(sequence: str, table: Table, suffix: str) -> Array:
+    from scipy.spatial.transform import Rotation  # slow to import; readers of results do without
+
+    axis = dict(zip("zyx", EULER, strict=True))
+    angles = table.get([axis[letter] + suffix for letter in sequence.lower()])
+    return Rotation.from_euler(sequence, angles).as_matrix()
+
+
+def _in_axes(G: EuclideanGroup, rotations: Array, moves: Array, said: LogMapping) -> Array:
+    """Poses of body to world in the axes that are wanted: A_w R A_bᵀ and A_w x."""
+    if said.attitude == "world_to_body":
+        rotations = transpose(rotations)
+    if G.space != 3:
+        _require_no_axes(said, G)
+        return G.assemble(rotations, moves)
+    world, body = said.axes("world"), said.axes("body")
+    turned = world @ rotations @ body.T if G.rotations else rotations
+    return G.assemble(turned, world @ moves)
+
+
+def _require_no_axes(said: LogMapping, G: MatrixLieGroup) -> None:
+    for key in ("world", "body"):
+        if value := getattr(said, key):
+            raise MappingError((key,), f"{value} are axes of space, which {G.name} does not have")

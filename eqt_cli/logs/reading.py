@@ -1,0 +1,181 @@
+"""Poses with their times, and initial states, from the text of a file."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.logs.columns import (
+    PoseColumns,
+    coordinate_names,
+    require_norms,
+    require_pose,
+    table_poses,
+)
+from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
+from eqt_cli.logs.table import Sheet, Table, open_sheet, with_units
+
+RECORDED = {"rates": ("wx", "wy", "wz"), "velocity": ("vx", "vy", "vz")}
+"""Columns of a velocity that was measured beside the poses, by what it is."""
+
+GAP = 5.0
+"""Times the median step: what is longer is a gap."""
+
+
+@dataclass(frozen=True)
+class Log:
+    """A recording.
+
+    Attributes
+    ----------
+    sheet
+        The file, with the names of all of its columns.
+    table
+        The numbers of those that are used, with their lines.
+    columns
+        Those of the poses.
+    times : (n,)
+        s, in the order of the file.
+    recorded
+        Columns of `RECORDED` that it has and that are no part of its poses.
+    group, said
+        That of its poses, and the mapping.
+    """
+
+    sheet: Sheet
+    table: Table
+    columns: PoseColumns
+    times: Array
+    recorded: list[str]
+    group: MatrixLieGroup
+    said: LogMapping
+
+    @cached_property
+    def poses(self) -> Array:
+        """Its poses ``(n, d, d)``, where it is usable."""
+        return table_poses(self.table, self.columns, self.group, self.said)
+
+    @property
+    def unused(self) -> list[str]:
+        """The headings of columns that nothing was taken from."""
+        named = zip(self.sheet.names, self.sheet.headings, strict=True)
+        return [heading for name, heading in named if name not in self.table.columns]
+
+    @cached_property
+    def gaps(self) -> Array:
+        """The rows behind which others are missing."""
+        steps = np.diff(self.times)
+        return (
+            np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) > 2 else np.empty(0, int)
+        )
+
+    def by(self, **changes: Any) -> Self:
+        """The same by a mapping with other values of some keys."""
+        return replace(self, said=replace(self.said, **changes))
+
+    def part(self, rows: slice) -> Self:
+        """The same with some of its rows."""
+        columns = {name: numbers[rows] for name, numbers in self.table.columns.items()}
+        table = replace(self.table, columns=columns, lines=self.table.lines[rows])
+        return replace(self, table=table, times=self.times[rows])
+
+    def require_usable(self) -> None:
+        """Raise an `InputError` for what makes it no motion: its times, its poses, their axes."""
+        if len(self.table) < 2:
+            raise self.table.error(-1, f"expected two rows or more, got {len(self.table)}")
+        steps = np.flatnonzero(np.diff(self.times) <= 0)
+        if len(steps):
+            row = int(steps[0]) + 1
+            before, here = self.times[row - 1], self.times[row]
+            raise self.table.error(row, f"expected a time after {before:.9g} s, got {here:.9g} s")
+        require_norms(self.table, self.columns)
+        _ = self.poses
+
+
+def read_log(
+    text: str, name: str, kind: TrajectoryFormat, G: MatrixLieGroup, said: LogMapping
+) -> Log:
+    """A recording as it is in a file, whether it can be used or not.
+
+    Times of the formats tum and euroc count from their first row.
+
+    Raises
+    ------
+    InputError
+        That says in which line what is wrong; a `MappingError` for a mapping that does not fit it.
+    """
+    sheet = open_sheet(text, name, kind, said)
+    columns = require_pose(sheet, G, time=True)
+    beside = [
+        part
+        for part, names in RECORDED.items()
+        if set(names) <= set(sheet.names) - set(columns.names)
+    ]
+    used = ["t", *columns.names, *(name for part in beside for name in RECORDED[part])]
+    sheet = with_units(sheet, said, used)
+    table, times = _timed(sheet.table(used), kind, said)
+    sheet = replace(sheet, lines=[])  # as large as the file
+    return Log(sheet, table, columns, times, beside, G, said)
+
+
+def _timed(table: Table, kind: TrajectoryFormat, said: LogMapping) -> tuple[Table, Array]:
+    """The rows that the mapping keeps, and their times."""
+    asked, times, since = said.time, table.columns["t"], table.since
+    if kind != "csv":
+        times, since = times - times[0], 0.0
+    times, since = times * asked.scale, since * asked.scale
+    if asked.begin is not None or asked.end is not None:
+        begin = -np.inf if asked.begin is None else asked.begin
+        end = np.inf if asked.end is None else asked.end
+        kept = (begin - since <= times) & (times <= end - since)
+        if not kept.any():
+            low, high = float(times.min()) + since, float(times.max()) + since
+            key = "end" if end < low else "begin"
+            raise MappingError(
+                ("time", key),
+                f"no row of {table.name} is left: its times are from {low:.9g} to {high:.9g} s",
+            )
+        columns = {column: numbers[kept] for column, numbers in table.columns.items()}
+        lines = [table.lines[row] for row in np.flatnonzero(kept).tolist()]
+        table, times = Table(table.name, columns, lines, table.since), times[kept]
+    if asked.offset == "first":
+        return table, times - times[0]
+    return table, times + (since + asked.offset) if since + asked.offset else times
+
+
+def read_starts(text: str, name: str, G: MatrixLieGroup) -> tuple[Array, Array | None]:
+    """Poses ``(n, d, d)`` and velocities ``(n, m)``, if there are any, a row for each run.
+
+    Raises
+    ------
+    InputError
+        That says in which line what is wrong.
+    """
+    said = LogMapping()
+    sheet = open_sheet(text, name, "csv", said)
+    columns, coordinates = require_pose(sheet, G), coordinate_names(G)
+    velocity: list[str] = []
+    for names in (
+        [f"V{k}" for k in range(1, G.dimension + 1)],
+        [f"V_{coordinate}" for coordinate in coordinates],
+        coordinates,
+    ):
+        found = [column for column in names if column in sheet.names]
+        if found and not set(names) & set(columns.names):
+            if len(found) < len(names):
+                missing = ", ".join(column for column in names if column not in found)
+                raise InputError(
+                    f"{sheet.header_place}: missing column {missing}; a velocity on "
+                    f"{G.name} has {', '.join(names)}"
+                )
+            velocity = names
+            break
+    used = [*columns.names, *velocity]
+    table = with_units(sheet, said, used).table(used)
+    require_norms(table, columns)
+    poses = table_poses(table, columns, G, said)
+    return poses, table.get(velocity) if velocity else None

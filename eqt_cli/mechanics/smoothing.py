@@ -1,0 +1,234 @@
+"""Poses that were measured, smoothed on their group; it knows no reference and no file.
+
+In a vector space this is the cubic smoothing spline, which minimises Σ|y_i − f(t_i)|² + λ ∫|f''|²
+(Reinsch, Numerische Mathematik 10, 1967). With QᵀQ and R of that article, the second derivatives at
+the inner knots solve (R + λQᵀQ)u = Qᵀy, and the residual is λQu. On a group, differences of
+neighbours are logarithms, and residuals are log(Q_i⁻¹P_i); motions of constant velocity stay as
+they are.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
+from eqt_cli.groups import MatrixLieGroup
+
+SMALLEST, LARGEST = 1e-6, 1e11
+"""λ over the cube of the mean step, where nothing is smoothed, and where rounding begins to count.
+"""
+
+SETTLED = 1e-12
+"""A change of the poses, relative to the largest residual, after which they are the solution."""
+
+MATCHED = 1e-4
+"""Relative: how close a residual comes to the deviation that was given."""
+
+MOST_ITERATIONS, MOST_MATCHES = 200, 20
+
+FEWEST = 5
+"""Poses from which a λ can be found by cross-validation."""
+
+
+class Smoothed(NamedTuple):
+    """Poses on a smooth motion.
+
+    Attributes
+    ----------
+    poses : (n, d, d)
+    residuals
+        Of each part, the root of the mean of |log(Q_i⁻¹P_i)|².
+    weights
+        λ of each part.
+    """
+
+    poses: Array
+    residuals: list[float]
+    weights: list[float]
+
+
+class _Bending:
+    """The matrices of the second derivatives at knots, as bands."""
+
+    def __init__(self, times: Array) -> None:
+        h = np.diff(times)
+        self.steps, self.mean = h, float(h.mean())
+        self.inverse = 1 / h
+        a, c = self.inverse[:-1], self.inverse[1:]
+        self.middle = -(a + c)
+        self.R = np.zeros((3, len(h) - 1))
+        self.R[0] = (h[:-1] + h[1:]) / 3
+        self.R[1, :-1] = h[1:-1] / 6
+        self.squares = np.zeros_like(self.R)
+        self.squares[0] = a**2 + self.middle**2 + c**2
+        self.squares[1, :-1] = self.middle[:-1] * c[:-1] + c[:-1] * self.middle[1:]
+        self.squares[2, :-2] = c[:-2] * c[1:-1]
+
+    def of_steps(self, steps: Array) -> Array:
+        """Qᵀy from the differences of neighbours, ``(n − 1, m)``."""
+        return np.diff(steps * self.inverse[:, None], axis=0)
+
+    def spread(self, u: Array) -> Array:
+        """Qu."""
+        found = np.zeros((len(self.steps) + 1, u.shape[1]))
+        found[:-2] += u * self.inverse[:-1, None]
+        found[1:-1] += u * self.middle[:, None]
+        found[2:] += u * self.inverse[1:, None]
+        return found
+
+    def residual(self, weight: float, differences: Array) -> Array:
+        """λQu of the u that solves (R + λQᵀQ)u = Qᵀy."""
+        from scipy.linalg import solveh_banded  # slow to import; readers of results do without
+
+        bands = self.R + weight * self.squares
+        return weight * self.spread(solveh_banded(bands, differences, lower=True))
+
+    def freedom(self, weight: float) -> float:
+        """tr(I − A) of the matrix A that smooths: n − 2 − tr(R(R + λQᵀQ)⁻¹).
+
+        The inverse is needed on the bands of R only (Hutchinson and de Hoog, Numerische Mathematik
+        47, 1985).
+        """
+        from scipy.linalg import cholesky_banded
+
+        factor = cholesky_banded(self.R + weight * self.squares, lower=True)
+        pivots, first, second = factor[0] ** 2, factor[1] / factor[0], factor[2] / factor[0]
+        here = beside = next_here = 0.0  # entries (i, i), (i, i + 1) of the next rows
+        trace = 0.0
+        for d, one, two, r, s in zip(
+            *(np.flip(each).tolist() for each in (pivots, first, second, self.R[0], self.R[1])),
+            strict=True,
+        ):
+            far = -one * beside - two * next_here
+            near = -one * here - two * beside
+            entry = 1 / d - one * near - two * far
+            trace += r * entry + 2 * s * near
+            next_here, here, beside = here, entry, near
+        return len(self.steps) - 1 - trace
+
+
+def smoothed(
+    G: MatrixLieGroup, times: Array, poses: Array, deviations: Sequence[float | None]
+) -> Smoothed:
+    """Poses on a smooth motion near the given ones.
+
+    Parameters
+    ----------
+    times : (n,)
+    poses : (n, d, d)
+    deviations
+        For each part of the group, the residual to have; None for the λ of the least generalised
+        cross-validation.
+
+    Raises
+    ------
+    InputError
+        Where there are too few poses, or they are too far apart.
+    """
+    if len(times) < FEWEST:
+        raise InputError(f"expected at least {FEWEST} waypoints to smooth, got {len(times)}")
+    bending, axes = _Bending(times), [part.axes for part in G.parts]
+    differences = bending.of_steps(_steps(G, poses))
+    aims = list(deviations)
+    for _ in range(MOST_MATCHES):
+        weights = [
+            _validated_weight(bending, differences[:, part])
+            if aim is None
+            else _weight_of(bending, differences[:, part], aim)
+            for part, aim in zip(axes, aims, strict=True)
+        ]
+        found, left = _solved(G, bending, poses, list(zip(axes, weights, strict=True)))
+        residuals = [_size(left[:, part]) for part in axes]
+        largest = LARGEST * bending.mean**3
+        off = [
+            deviation is not None
+            and abs(residual / deviation - 1) > MATCHED
+            and not (weight >= largest and residual < deviation)
+            for deviation, residual, weight in zip(deviations, residuals, weights, strict=True)
+        ]
+        if not any(off):
+            break
+        for k, deviation in enumerate(deviations):
+            if off[k] and deviation is not None:  # what the group adds to a vector space
+                aims[k] = aims[k] * deviation / residuals[k]  # type: ignore[operator]  # None beside None
+    return Smoothed(found, residuals, weights)
+
+
+def _solved(
+    G: MatrixLieGroup, bending: _Bending, poses: Array, parts: list[tuple[slice, float]]
+) -> tuple[Array, Array]:
+    """The poses whose residuals are λQu with their own second derivatives u, and the residuals.
+
+    Newton's method with the matrix of a vector space, where it takes one iteration.
+    """
+    found = poses
+    for _ in range(MOST_ITERATIONS):
+        left = G.log(G.inverse(found) @ poses)
+        differences = bending.of_steps(_steps(G, found)) + bending.of_steps(np.diff(left, axis=0))
+        wanted = np.zeros_like(left)
+        for part, weight in parts:
+            wanted[:, part] = bending.residual(weight, differences[:, part])
+        change = left - wanted
+        found = found @ G.exp(change)
+        size = float(np.abs(change).max())
+        if size <= SETTLED * max(float(np.abs(wanted).max()), 1.0):
+            return found, G.log(G.inverse(found) @ poses)
+        if not np.isfinite(size):
+            break
+    raise InputError(
+        "no smooth motion was found near these poses; give a smaller deviation, or more poses "
+        "where they turn"
+    )
+
+
+def _steps(G: MatrixLieGroup, poses: Array) -> Array:
+    return G.log(G.inverse(poses[:-1]) @ poses[1:])
+
+
+def _size(left: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum(left * left, axis=1))))
+
+
+def _range(bending: _Bending) -> tuple[float, float]:
+    """Logarithms of the least and the largest λ."""
+    return tuple(np.log(np.array([SMALLEST, LARGEST]) * bending.mean**3).tolist())
+
+
+def _weight_of(bending: _Bending, differences: Array, aim: float) -> float:
+    """The λ with a residual; it grows with λ."""
+
+    def beyond(power: float) -> float:
+        size = _size(bending.residual(float(np.exp(power)), differences))
+        return float(np.log(max(size, 1e-300) / aim))
+
+    from scipy.optimize import brentq
+
+    low, high = _range(bending)
+    if beyond(low) >= 0:
+        return float(np.exp(low))
+    if beyond(high) <= 0:
+        return float(np.exp(high))
+    return float(np.exp(brentq(beyond, low, high, xtol=1e-6)))
+
+
+def _validated_weight(bending: _Bending, differences: Array) -> float:
+    """The λ with the least generalised cross-validation, n Σ|r_i|² / tr(I − A)²."""
+
+    def score(power: float) -> float:
+        weight = float(np.exp(power))
+        size, freedom = _size(bending.residual(weight, differences)), bending.freedom(weight)
+        return float(np.log(max(size, 1e-300)) - np.log(freedom))
+
+    return float(np.exp(_least(score, *_range(bending))))
+
+
+def _least(score: Callable[[float], float], low: float, high: float) -> float:
+    """Where a function is least: the best of a grid, refined."""
+    from scipy.optimize import minimize_scalar
+
+    grid = np.linspace(low, high, 41)
+    best = int(np.argmin([score(float(each)) for each in grid]))
+    bounds = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
+    return float(minimize_scalar(score, bounds=bounds, method="bounded", options={"xatol": 1e-8}).x)
