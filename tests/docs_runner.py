@@ -44,6 +44,7 @@ FEW = [
     "--set=tune.seeds=1",
     "--set=tune.confirm.runs=5",
 ]
+FEWER = ["--set=worst.budget=1", "--set=worst.population=5", "--set=worst.seeds=1"]
 SHORT = ["--set=time.duration=0.5", "--set=time.samples=11"]
 CHEAP = ("config", "list", "log", "--version")
 """Commands that are carried out where a page is only read."""
@@ -137,6 +138,8 @@ def run_command(line):
         words += SMALL + SHORT + COARSE if shipped else []  # a page's own sweep is as it prints it
     elif words[:2] == ["eqt", "tune"] and shipped:
         words += [*SMALL, *FEW, *SHORT]
+    elif words[:2] == ["eqt", "worst"] and shipped:
+        words += [*SMALL, *FEWER, *SHORT]
     elif words[:2] == ["eqt", "run"] and mine:
         words += [*SMALL, *(COARSE if shipped else [])]
     code, printed = called(words[1:]) if plain else shell(line)
@@ -154,8 +157,10 @@ def read_command(line):
         return
     accept(words[1:])
     sets = tuple(f"--set={change}" for flag, change in pairwise(words) if flag == "--set")
-    own = words[2].endswith(".yaml") and not words[2].startswith(("configs/", "results/"))
-    if expected == 0 and words[1] in ("run", "sweep", "tune", "worst") and (own or sets):
+    own = words[2].endswith(".yaml") and not words[2].startswith("configs/")
+    made = words[2].startswith("results/")  # by a command before it, which was not carried out
+    computing = words[1] in ("run", "sweep", "tune", "worst") and not made
+    if expected == 0 and computing and (own or sets):
         check(words[2], sets)
 
 

@@ -18,9 +18,10 @@ status=0
 taylor=no
 if "$python" -c 'import heyoka' 2>/dev/null; then taylor=yes; fi
 
-# experiment NAME CONFIG [OPTION...], sweep NAME CONFIG [OPTION...]: run it; what follows is about it.
+# experiment NAME CONFIG [OPTION...], sweep and worst likewise: run it; what follows is about it.
 experiment() { computed run "$@"; }
 sweep() { computed sweep "$@"; }
+worst() { computed worst "$@"; }
 computed() {
 	name=$2
 	result=$built/$name
@@ -58,14 +59,15 @@ picture() {
 	fi
 }
 
-# shrunk FILE COPY: a copy for the screen, at most 1400 pixels wide and of 128 colours.
+# shrunk FILE COPY: a copy for the screen, at most 1400 pixels wide and of 256 colours. Without the
+# k-means, the rare colours of a colour bar are lost.
 shrunk() {
 	"$python" - "$@" <<-'END'
 		import sys
 		from PIL import Image
 		picture = Image.open(sys.argv[1]).convert("RGB")
 		picture.thumbnail((1400, picture.height), Image.Resampling.LANCZOS)
-		picture.quantize(128, dither=Image.Dither.NONE).save(sys.argv[2], optimize=True)
+		picture.quantize(256, kmeans=4, dither=Image.Dither.NONE).save(sys.argv[2], optimize=True)
 	END
 }
 
@@ -163,6 +165,18 @@ echo "satellite_wheels"
 experiment satellite_wheels configs/satellite_wheels.yaml --engine taylor --set ensemble.runs=2
 numbers commands --option run=1
 picture commands commands --option run=1
+
+echo "satellite_breaks"
+sweep satellite_breaks configs/satellite_breaks.yaml --engine native --set ensemble.runs=100 \
+	--set store.trajectories=none --grid "initial.pose.angle=30 deg,90 deg,150 deg,180 deg" \
+	--grid initial.velocity.speed=0,1,2,3,4
+numbers region
+picture satellite_region region --width page
+if [ "$task" = draw ]; then # The search takes five minutes of a core.
+	worst satellite_worst configs/satellite_breaks.yaml --engine native --set ensemble.runs=5
+	numbers worst --width page
+	picture satellite_worst worst --width page
+fi
 
 echo "sweep_family"
 sweep sweep_family configs/sweep_family.yaml --engine taylor

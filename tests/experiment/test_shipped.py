@@ -30,6 +30,7 @@ UNCLAIMED = {
 
 AS_IT_FLIES = {
     "tune_flies",
+    "satellite_breaks",
     "satellite_wheels",
     "se3_bluerov2_flies",
     "se3_bluerov2_thrusters",
