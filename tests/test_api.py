@@ -383,7 +383,7 @@ PUBLIC = [name for name in eqt_cli.__all__ if inspect.isfunction(getattr(eqt_cli
     "name",
     [
         pytest.param(name, marks=pytest.mark.slow("searches, draws or writes a whole report"))
-        if name in ("write_report", "tune", "animate", "check_figures")
+        if name in ("write_report", "tune", "worst", "animate", "export", "check_figures")
         else name
         for name in PUBLIC
     ],

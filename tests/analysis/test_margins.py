@@ -156,6 +156,7 @@ def assert_grows(errors: Array) -> None:
     assert errors[-20:].max() > 1.1 * errors[:20].max()
 
 
+@pytest.mark.slow("integrates runs on both sides of a margin")
 def test_runs_decay_with_the_largest_delay_that_is_stable_and_grow_with_one_period_more() -> None:
     periods = of(LATE).delay_periods
     assert periods is not None
@@ -165,6 +166,7 @@ def test_runs_decay_with_the_largest_delay_that_is_stable_and_grow_with_one_peri
         expected(errors)
 
 
+@pytest.mark.slow("integrates runs on both sides of a margin")
 def test_runs_decay_inside_of_the_gain_margins_and_grow_outside() -> None:
     law, inside, outside = of(LATE), [], []
     for which, (with_kp, with_kd) in {"kp": (1, 0), "kd": (0, 1), "both": (1, 1)}.items():

@@ -70,6 +70,14 @@ OPTIONS: dict[str, dict[str, Any]] = {
 """Of components that have no default for them; lists are cut to the dimension of the group."""
 
 
+SLOW = {
+    ("engine_class", "rk4_fixed"): "takes many steps; runge_kutta is an engine of a plugin, too",
+    ("executor_class", "dask"): "starts a cluster",
+    ("figure_class", "certificates"): "verifies experiments",
+}
+"""Components whose contracts take seconds, and why."""
+
+
 @cache
 def components(kind: str) -> list[type]:
     """Of eqt and of the plugins in ``tests/plugins``, which stay unknown to the other tests."""
@@ -88,7 +96,12 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     for kind in KINDS:
         argument = f"{ARGUMENTS.get(kind, kind[:-1])}_class"
         if argument in metafunc.fixturenames:
-            metafunc.parametrize(argument, components(kind), ids=lambda found: found.name)
+            found = [
+                pytest.param(each, id=each.name, marks=[pytest.mark.slow(reason)] * bool(reason))
+                for each in components(kind)
+                for reason in [SLOW.get((argument, each.name), "")]
+            ]
+            metafunc.parametrize(argument, found)
 
 
 @pytest.fixture

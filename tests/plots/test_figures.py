@@ -202,7 +202,7 @@ def test_files_are_equal_byte_for_byte_in_every_process(so3, tmp_path):
             assert one.read_bytes() == two.read_bytes(), (name, format)
 
 
-@pytest.mark.parametrize("name", slow_but("paper"))
+@pytest.mark.parametrize("name", slow_but("phase"))
 def test_the_users_own_matplotlib_settings_change_nothing(name, so3, opened, drawn):
     expected = drawn(name, so3).files
     with matplotlib.rc_context({"axes.facecolor": "black", "font.size": 20, "savefig.dpi": 50}):
