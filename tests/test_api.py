@@ -62,7 +62,8 @@ def test_everything_promised_is_there():
 
 def test_no_package_takes_the_name_of_a_function():
     """Importing one would put it in the place of the function."""
-    assert not {module.name for module in iter_modules(eqt_cli.__path__)} & set(eqt_cli.__all__)
+    for package in (eqt_cli, eqt_cli.api):
+        assert not {module.name for module in iter_modules(package.__path__)} & set(package.__all__)
 
 
 def test_unknown_attribute():

@@ -1,6 +1,7 @@
 """What `eqt_cli.api` offers and in which of its modules that is."""
 
 from eqt_cli.api.animating import animate as animate
+from eqt_cli.api.checking_logs import check_log as check_log
 from eqt_cli.api.comparing import compare as compare
 from eqt_cli.api.comparing import compare_sweep as compare_sweep
 from eqt_cli.api.differing import diff as diff
@@ -10,11 +11,10 @@ from eqt_cli.api.drawing import check_figures as check_figures
 from eqt_cli.api.drawing import plot as plot
 from eqt_cli.api.exporting import ExportedFiles as ExportedFiles
 from eqt_cli.api.exporting import export as export
+from eqt_cli.api.linearising import margins as margins
 from eqt_cli.api.loading import Configuration as Configuration
 from eqt_cli.api.loading import LoadedExperiment as LoadedExperiment
 from eqt_cli.api.loading import load_experiment as load_experiment
-from eqt_cli.api.logs import check_log as check_log
-from eqt_cli.api.margins import margins as margins
 from eqt_cli.api.opening import open_results as open_results
 from eqt_cli.api.paths import ResultPath as ResultPath
 from eqt_cli.api.reporting import write_report as write_report

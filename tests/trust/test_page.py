@@ -42,7 +42,7 @@ def test_the_pages_that_speak_of_files_from_others_link_to_it():
 
 
 def test_the_page_states_the_bounds():
-    from eqt_cli.api.logs import LOG_BYTES
+    from eqt_cli.api.checking_logs import LOG_BYTES
     from eqt_cli.config.data_files import MOST_BYTES
     from eqt_cli.config.yaml_source import MAX_BYTES
     from eqt_cli.core.regular_files import RECORD_BYTES, TEXT_BYTES
