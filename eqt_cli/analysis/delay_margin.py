@@ -62,8 +62,8 @@ def delay_margin(loop: CutLoop) -> float:
 
     A delay τ of the command leaves a root at p = iω, or e^(iωT), where an eigenvalue λ of the gain
     G is e^(iωτ): |λ| = 1 and τ = arg λ / ω. The least of these over all frequencies is the margin:
-    the frequency sweep of Gu, Kharitonov and Chen, Stability of Time-Delay Systems (2003),
-    chapter 2, and of one command the phase margin over the crossover frequency.
+    a frequency sweep, and of one command the phase margin over the crossover frequency. The page
+    on margins derives it.
 
     Of a sampled loop it is a whole number of periods, the last one with which the loop is stable:
     the eigenvalues with this number and with the next are computed.

@@ -15,7 +15,7 @@ from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import validated
 from eqt_cli.groups import group_named
 from eqt_cli.logs.check import LogCheck, check_text
-from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
+from eqt_cli.logs.mapping import LogMapping, MappingError, trajectory_format
 
 LOG_BYTES = 400_000_000
 """Of a recording; a million rows of 20 numbers have as many."""
@@ -25,7 +25,7 @@ def check_log(
     path: str | os.PathLike[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     *,
-    format: TrajectoryFormat = "csv",
+    format: str = "csv",
     group: str | None = None,
 ) -> LogCheck:
     r"""Read a recording and say what it holds: columns, units, times, and what is odd in it.
@@ -63,14 +63,14 @@ def check_log(
     >>> found.group, found.rate, found.notes
     ('SO3', 100.0, [])
     """
-    file = path_from("path", path)
+    kind, file = trajectory_format(format), path_from("path", path)
     G = None if group is None else group_named(group)
     said, problems = _mapping(mapping)
     problems.raise_if_any()
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
     text = text_of(file, "check the path", most=LOG_BYTES, smaller=smaller)
     try:
-        return check_text(text, str(file), format, said, G)
+        return check_text(text, str(file), kind, said, G)
     except MappingError as error:
         problems.at(*error.path).add(str(error))
         problems.raise_if_any()

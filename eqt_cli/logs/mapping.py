@@ -2,7 +2,7 @@
 
 import re
 from dataclasses import dataclass, field
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias, get_args
 
 import numpy as np
 from pydantic import Tag
@@ -14,6 +14,16 @@ from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.core.validation import one_of
 
 TrajectoryFormat: TypeAlias = Literal["csv", "tum", "euroc"]
+
+
+def trajectory_format(text: str) -> TrajectoryFormat:
+    """The format of this name; raises an `InputError` if there is none."""
+    known: tuple[TrajectoryFormat, ...] = get_args(TrajectoryFormat)
+    for name in known:
+        if text == name:
+            return name
+    raise InputError(f"format: expected one of {', '.join(known)}, got {text!r}")
+
 
 MAPPING = "mapping"
 """The key of a configuration that holds one."""

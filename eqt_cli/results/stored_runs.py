@@ -121,7 +121,8 @@ class StoredRuns(KnownResult):
             return SweptKey(key, np.array([value for value, _ in constants]), dict(constants))
         numbers: dict[str, float] = {}  # in the order of the points
         places = [numbers.setdefault(text, float(len(numbers))) for text in written]
-        return SweptKey(key, np.array(places), {place: text for text, place in numbers.items()})
+        texts = {place: text for text, place in numbers.items()}
+        return SweptKey(key, np.array(places), texts, is_number=False)
 
     @cached_property
     def _on_log_scales(self) -> set[str]:

@@ -24,11 +24,13 @@ class SweptKey:
     values : (points,)
         Numbers; text and matrices are numbered.
     texts
-        What the numbers stand for, where the values are no numbers.
+        What is written for the numbers: what they stand for, or expressions such as π/2.
     asks_log
         Whether the range that they are from asks for a logarithmic scale.
     unit
         ``deg`` of angles that are written in degrees; nothing where the key has its own unit.
+    is_number
+        Whether the values are numbers; else they number texts or matrices.
     """
 
     key: str
@@ -36,6 +38,7 @@ class SweptKey:
     texts: dict[float, str]
     asks_log: bool = False
     unit: str = ""
+    is_number: bool = True
 
     @property
     def levels(self) -> list[int]:
@@ -49,7 +52,7 @@ class SweptKey:
         levels = np.unique(self.values)
         if self.asks_log:
             return True
-        if self.texts or len(levels) < 3 or levels[0] <= 0:
+        if not self.is_number or len(levels) < 3 or levels[0] <= 0:
             return False
         return bool(np.ptp(np.diff(np.log(levels))) / np.log(levels[-1] / levels[0]) < 1e-6)
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.run_study import Execution
 from eqt_cli.experiment.read_study import study
 from eqt_cli.results.quantity_table import QUANTITIES
@@ -100,6 +101,11 @@ def _alone(search: WorstSearch, result: Result) -> dict[str, Any]:
     """
     costs = costs_of_runs(result, search.objective)[0]
     run = int(np.argmax(costs))
+    if costs[run] == -math.inf:
+        raise EqtError(
+            f"{result.path}: no run of '{result.labels[0]}' has a value of {search.objective}; "
+            "choose another objective"
+        )
     settled = np.isfinite(result.metric("settling_time")[0])
     return {
         "run": run,

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import eqt_cli
-from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.core.errors import ConfigError, EqtError, InputError
 from eqt_cli.logs.check import check_text
 from eqt_cli.logs.mapping import LogMapping, TimeMapping
 
@@ -247,3 +247,9 @@ def test_from_python_and_as_a_command(tmp_path, monkeypatch, invoke):
     assert "quaternion: expected 'xyzw' or 'wxyz', got 'zyxw'" in str(caught.value)
     offset = "time.offset: expected a number of seconds, or first, got 'frist'"
     assert offset in str(caught.value)
+
+
+def test_a_format_that_is_none_is_told(tmp_path):
+    with pytest.raises(InputError) as raised:
+        eqt_cli.check_log(tmp_path / "flight.csv", format="cvs")
+    assert str(raised.value) == "format: expected one of csv, tum, euroc, got 'cvs'"

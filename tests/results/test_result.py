@@ -128,7 +128,7 @@ def test_headline_has_no_means_where_no_run_is_good(make_result):
 
 def test_a_swept_key_has_numbers_or_texts():
     numbers = SweptKey("gains.kp", np.array([1.0, 10.0, 100.0]), {})
-    texts = SweptKey("group", np.array([1, 0, 1]), {0.0: "SE3", 1.0: "SO3"})
+    texts = SweptKey("group", np.array([1, 0, 1]), {0.0: "SE3", 1.0: "SO3"}, is_number=False)
     assert (numbers.at(1), numbers.value(1), numbers.logarithmic) == ("10", 10.0, True)
     assert (texts.at(0), texts.value(1), texts.logarithmic) == ("SO3", "SE3", False)
     assert texts.levels == [0, 1, 0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from copy import deepcopy
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,7 +21,7 @@ from eqt_cli.results.result import Result, open_result
 from eqt_cli.tuning.folder import WORST
 from eqt_cli.tuning.record_shape import fits_worst
 from eqt_cli.tuning.searching import Found
-from eqt_cli.tuning.worst import _agree, badness
+from eqt_cli.tuning.worst import _agree, _alone, badness
 from eqt_cli.tuning.worst_search import WorstSearch
 from eqt_cli.tuning.worst_tables import worst_tables
 
@@ -297,6 +298,16 @@ def test_a_failed_run_is_worse_than_any_and_runs_without_a_value_are_none() -> N
     assert found.failed.tolist() == [0, 1, 0]
     assert found.unsettled.tolist() == [1, 0, 0]
     assert found.feasible.all()
+
+
+def test_an_objective_without_any_value_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("eqt_cli.tuning.worst.costs_of_runs", lambda *_: np.full((1, 2), -np.inf))
+    result: Any = SimpleNamespace(path="w/run/results.h5", labels=["gt"])
+    with pytest.raises(EqtError) as raised:
+        _alone(read(objective="decay_rate"), result)
+    assert str(raised.value) == (
+        "w/run/results.h5: no run of 'gt' has a value of decay_rate; choose another objective"
+    )
 
 
 def test_the_least_is_the_worst_of_what_is_better_where_larger() -> None:

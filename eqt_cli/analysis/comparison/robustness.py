@@ -122,7 +122,7 @@ def reaches(result: Result, wanted: float, confidence: float) -> tuple[SweptKey,
 def _keys(result: Result) -> tuple[SweptKey, SweptKey | None]:
     """The swept number, and the other key if there is one."""
     keys = result.swept_keys
-    numbers = [key for key in keys if not key.texts]
+    numbers = [key for key in keys if key.is_number]
     if not numbers or len(keys) > 2:
         listed = ", ".join(key.key for key in keys) or "none"
         raise result.error(

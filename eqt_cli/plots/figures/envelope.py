@@ -76,7 +76,7 @@ class Envelope(OfSweep):
     def _axes(self, swept: ShownSweep) -> tuple[SweptKey, SweptKey | None]:
         """The number across, and the other key if there is one."""
         axes = swept.axes
-        numbers = [axis for axis in axes if not axis.texts]
+        numbers = [axis for axis in axes if axis.is_number]
         if not numbers or len(axes) > 2:
             raise swept.error(
                 f"shows a swept number and at most one more key, and here are: {swept.keys}"

@@ -22,11 +22,8 @@ _MOST, _LEAST = 2.6, 1.3
 """in, of a map with what is around it."""
 _SCALES = 1.15
 """in, that the scale up and that of the colours take across."""
-
-
 _ROUNDING = 1e-9
 """Of an end of an interval, in per cent."""
-_LINES: dict[str, Any] = {"edgecolors": ink(0), "linewidth": 0.4}
 
 
 @dataclass(frozen=True)
@@ -69,10 +66,11 @@ class Region(OfSweep):
             spare.remove()
         found = 100 * shares(swept.settled(self.by).astype(float))
         room = (WIDTHS[width] - _SCALES) / columns, height - _AROUND
+        look: dict[str, Any] = {"vmin": 0, "vmax": 100, "edgecolors": ink(0), "linewidth": 0.4}
         told = []
         for index, (panel, title) in enumerate(zip(panels, swept.titles, strict=False)):
             share, low, high = found[:, index].T
-            image = cells.draw(panel, share, vmin=0, vmax=100, label=title, **_LINES)
+            image = cells.draw(panel, share, label=title, **look)
             alone = [_per_cent(number) for number in share]
             ends = map(_interval, low, high)
             both = [f"{text}\n{end}" for text, end in zip(alone, ends, strict=True)]
