@@ -304,9 +304,9 @@ def test_an_objective_without_any_value_is_told(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr("eqt_cli.tuning.worst.costs_of_runs", lambda *_: np.full((1, 2), -np.inf))
     result: Any = SimpleNamespace(path="w/run/results.h5", labels=["gt"])
     with pytest.raises(EqtError) as raised:
-        _alone(read(objective="decay_rate"), result)
+        _alone(read(objective="settling_time"), result)
     assert str(raised.value) == (
-        "w/run/results.h5: no run of 'gt' has a value of decay_rate; choose another objective"
+        "w/run/results.h5: no run of 'gt' has a value of settling_time; choose another objective"
     )
 
 
