@@ -117,7 +117,6 @@ from eqt_cli.results.result import mean_over_runs as mean_over_runs
 from eqt_cli.results.time_windows import Window as Window
 from eqt_cli.vehicle.actuators.base import Actuator as Actuator
 from eqt_cli.vehicle.actuators.base import PassThrough as PassThrough
-from eqt_cli.vehicle.component import Given as Given
 from eqt_cli.vehicle.forces.base import Force as Force
 from eqt_cli.vehicle.numbers import Matrix as Matrix
 from eqt_cli.vehicle.numbers import Number as Number

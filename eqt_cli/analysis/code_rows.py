@@ -16,6 +16,7 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.told import Told
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.core.problems import Problems
 
 STATES = 200
@@ -214,8 +215,7 @@ def _rounding(question: Question) -> Array:
         values = np.asarray(values, dtype=float)
         return lifted(values, UNIT * np.abs(values))
 
-    parameters = {name: given(values) for name, values in loop.parameters.items()}
-    bounded = loop.with_parameters(parameters)
+    bounded = with_leaves(loop, {path: given(values) for path, values in leaves(loop).items()})
     told = Told(*(given(np.asarray(part)[:BOUNDED]) for part in question.told))
     memory = {name: given(values[:BOUNDED]) for name, values in question.memory.items()}
     s = told.tracking(loop.group, bounded.inertia, bounded.gains, memory)

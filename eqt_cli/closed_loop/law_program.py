@@ -17,14 +17,28 @@ import numpy as np
 from eqt_cli.closed_loop.system import ClosedLoop
 from eqt_cli.closed_loop.told import Told
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.program import Input, Program, traced
 from eqt_cli.program.c_names import distinct
+from eqt_cli.vehicle import Vehicle
 
 TOLD, NUMBER, MEMORY = "told_", "number_", "memory_"
 TORQUE = "torque"
 PERIOD = "period"
 """The number by which memory goes on, s."""
+
+CONTROLLER = "controller."
+"""What the paths of a law's own numbers begin with."""
+
+NUMBER_NAMES = {
+    "inertia.matrix": "inertia",
+    "inertia.inverse": "inertia_inverse",
+    "inertia.initial": "inertia",
+    "gains.K": "kp",
+    "gains.K_d": "kd",
+}
+"""What a configuration calls the numbers that no law has to itself, by their paths."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +52,7 @@ class Entry:
     shape
         Its numbers are in C row by row; () is a single one.
     source
-        What it is called in eqt: of a number, its name among the parameters of a closed loop.
+        What it is called in eqt: of a number, its path among the leaves of a closed loop.
     unit
         In each part of the coordinates; "" where eqt knows none.
     """
@@ -83,9 +97,9 @@ class LawProgram:
 
     def values(self, loop: ClosedLoop) -> dict[str, Array]:
         """The numbers that a loop gives the law, by name; without sampled control, no period: 0."""
-        control, parameters = loop.vehicle.control, loop.parameters
+        control, numbers = loop.vehicle.control, leaves(loop)
         period = np.array(0.0 if control is None else control.period)
-        given = {entry.name: parameters[entry.source] for entry in self.numbers[:-1]}
+        given = {entry.name: numbers[entry.source] for entry in self.numbers[:-1]}
         found = {**given, self.numbers[-1].name: period}
         return {entry.name: found[entry.name].reshape(entry.shape) for entry in self.numbers}
 
@@ -152,12 +166,17 @@ def _told(G: MatrixLieGroup) -> tuple[Entry, ...]:
 
 def _numbers(loop: ClosedLoop) -> tuple[Entry, ...]:
     """Those that a law can read, and the period."""
-    others = set(loop.vehicle.given)
-    shapes = {name: _shape(value) for name, value in loop.parameters.items() if name not in others}
-    names = distinct([name.removeprefix("controller.") for name in shapes], taken=(PERIOD,))
+    readable = dataclasses.replace(loop, vehicle=Vehicle(), held=None)
+    shapes = {path: _shape(value) for path, value in leaves(readable).items()}
+    names = distinct([name_of_number(path) for path in shapes], taken=(PERIOD,))
     pairs = zip(names, shapes.items(), strict=True)
     own = (Entry(name, shape, source) for name, (source, shape) in pairs)
     return (*own, Entry(PERIOD, (), PERIOD, "s"))
+
+
+def name_of_number(path: str) -> str:
+    """What a configuration calls the number at a path."""
+    return NUMBER_NAMES.get(path, path.removeprefix(CONTROLLER))
 
 
 def _shape(value: Array) -> tuple[int, ...]:
@@ -193,7 +212,7 @@ def _symbolic(
         t=heard.t[0, 0], pose=G.unpack(G.pack(Q)), desired_pose=G.unpack(G.pack(Qd))
     )
     values = {entry.source: one(NUMBER, entry) for entry in numbers[:-1]}
-    symbolic = loop.with_parameters(loop.parameters | values)
+    symbolic = with_leaves(loop, values)
     return symbolic, heard, {each.source: one(MEMORY, each) for each in memory}
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from eqt_cli.closed_loop.system import DESIRED, ClosedLoop
 from eqt_cli.core.arrays import Array
-from eqt_cli.mechanics.tracking import Tracking
+from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.vehicle.sensors.channels import FIRST, MEASURED, Errors
 
 STEP = 1e-4
@@ -85,9 +85,9 @@ class Linearised:
 
     def with_gains(self, factors: Mapping[str, float]) -> "Linearised":
         """The loop about the same states with some of its gains, kp and kd, multiplied."""
-        loop = self.about.loop
-        gains = {name: factor * loop.parameters[name] for name, factor in factors.items()}
-        about = dataclasses.replace(self.about, loop=loop.with_parameters(loop.parameters | gains))
+        own, kp, kd = self.about.loop.gains, factors.get("kp", 1.0), factors.get("kd", 1.0)
+        loop = dataclasses.replace(self.about.loop, gains=Gains(kp * own.K, kd * own.K_d))
+        about = dataclasses.replace(self.about, loop=loop)
         if self.period is not None:  # what moves under a held command knows no gains
             vars(about).update(_flow=self.about._flow, held=self.about.held)
         return about.linearised(self.is_constant)

@@ -1,8 +1,7 @@
 """A closed loop whose runs begin at times of their own, so that they can be solved side by side."""
 
-import dataclasses
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +10,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.mechanics.tracking import Tracking
 
 STARTS = "starts"
-"""The parameter that says how much later each run begins, s."""
+"""The leaf that says how much later each run begins, s."""
 
 
 @dataclass(frozen=True)
@@ -24,17 +23,9 @@ class OwnStarts(ClosedLoop):
     starts: Array = field(default_factory=lambda: np.zeros(1))
 
     @property
-    def parameters(self) -> dict[str, Array]:
-        """Those of the loop, and the starts."""
-        return super().parameters | {STARTS: self.starts}
-
-    def with_parameters(self, values: dict[str, Array]) -> Self:
-        """The same structure with other parameters."""
-        return dataclasses.replace(super().with_parameters(values), starts=values[STARTS])
-
-    def held(self, t: Any) -> dict[str, Array]:
+    def holds(self) -> bool:
         """Nothing: each run is at a time of its own."""
-        return {}
+        return False
 
     def tracking(self, t: Any, state: Array) -> Tracking:
         """What a law may read of each run, at its own time."""

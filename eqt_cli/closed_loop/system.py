@@ -17,6 +17,7 @@ from eqt_cli.closed_loop.layout import StateLayout
 from eqt_cli.closed_loop.told import Told
 from eqt_cli.controllers import Controller
 from eqt_cli.core.arrays import Array, dot, stack
+from eqt_cli.core.leaves import STRUCTURE, leaves
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
 from eqt_cli.mechanics.lie_poisson import lie_poisson
@@ -29,9 +30,6 @@ from eqt_cli.vehicle.sensors.channels import Errors
 _STRETCH = {"pose": "desired_pose", "velocity": "desired_momentum"}
 DESIRED = tuple(_STRETCH.values())
 """The stretches that hold what of Q_d and V_d is integrated."""
-
-REFERENCE = "reference."
-"""What the numbers that a reference holds are called, before their own names."""
 
 MEMORY = "controller."
 """What the stretches of a law's memory are called, before the names that the law gives them."""
@@ -48,41 +46,27 @@ class ClosedLoop:
     work W that was taken out of L, the memory of the law, and the states of the actuators. P is
     𝕀V with the inertia that the law believes, also where the plant has another. The reference is
     part of every state, so that the errors between the two are consistent.
+
+    Its leaves are the numbers that may change from run to run without changing the structure.
+
+    Attributes
+    ----------
+    held
+        The numbers that the reference holds between two known instants; see `holding`.
     """
 
-    group: MatrixLieGroup
+    group: MatrixLieGroup = field(metadata=STRUCTURE)
     inertia: InertiaLaw
     gains: Gains
-    reference: Reference
+    reference: Reference = field(metadata=STRUCTURE)
     controller: Controller
     vehicle: Vehicle = field(default_factory=Vehicle)
+    held: Any = field(default=None, kw_only=True)
 
     @classmethod
     def of(cls, loop: "ClosedLoop") -> Self:
         """The system of this kind that belongs to a closed loop."""
         return cls(**{field.name: getattr(loop, field.name) for field in dataclasses.fields(loop)})
-
-    # Numbers that may change from run to run without changing the structure.
-
-    @property
-    def parameters(self) -> dict[str, Array]:
-        """Every runtime parameter, by name; scalars as arrays of shape (1,)."""
-        gains = {"kp": self.gains.K, "kd": self.gains.K_d}
-        options = {
-            f"controller.{name}": value for name, value in self.controller.parameters.items()
-        }
-        return self.inertia.parameters | gains | options | dict(self.vehicle.given)
-
-    def with_parameters(self, values: dict[str, Array]) -> Self:
-        """The same structure with other parameters, which may be batched or symbols."""
-        controller = _replaced(self.controller, values, "controller.")
-        return dataclasses.replace(
-            self,
-            inertia=self.inertia.with_parameters(values),
-            gains=Gains(values["kp"], values["kd"]),
-            controller=controller,
-            vehicle=self.vehicle.with_numbers(values),
-        )
 
     # What certificates, metrics and figures ask for.
 
@@ -171,25 +155,34 @@ class ClosedLoop:
     @cached_property
     def knots(self) -> Array:
         """The times, s, at which it changes by what is `held` only; in order."""
-        return self.reference.instants(self.group) if self.held(0.0) else np.empty(0)
+        return self.reference.instants(self.group) if self.holds else np.empty(0)
 
     @cached_property
     def breaks(self) -> Array:
         """The times, s, at which an engine ends a step and begins anew; in order."""
-        own = np.empty(0) if self.held(0.0) else self.reference.instants(self.group)
+        own = np.empty(0) if self.holds else self.reference.instants(self.group)
         return np.unique(np.concatenate([own, *(f.instants() for f in self.vehicle.forces)]))
 
-    def held(self, t: Any) -> dict[str, Array]:
-        """The numbers that the vector field holds from time t to the next instant, by name."""
-        held = self.reference.held(self.group, t)
-        return {REFERENCE + name: values for name, values in held.items()}
+    @cached_property
+    def holds(self) -> bool:
+        """Whether the vector field holds numbers from one instant to the next."""
+        return self.reference.held(self.group, 0.0) is not None
 
-    def holding(self, held: Mapping[str, Array]) -> Self:
-        """The same loop between two instants, by the numbers of `held`, which may be symbols."""
-        if not held:
+    def holding(self, t: Any) -> Self:
+        """The same loop from time t to the next instant, whose numbers are among its leaves."""
+        if not self.holds:
             return self
-        own = {name.removeprefix(REFERENCE): values for name, values in held.items()}
-        return dataclasses.replace(self, reference=self.reference.holding(own))
+        return dataclasses.replace(self, held=self.reference.held(self.group, t))
+
+    @property
+    def held_leaves(self) -> dict[str, Array]:
+        """Those of its leaves that it holds, by path."""
+        return {path: number for path, number in leaves(self).items() if path.startswith("held.")}
+
+    @cached_property
+    def _reference(self) -> Reference:
+        """The reference between two instants."""
+        return self.reference if self.held is None else self.reference.holding(self.held)
 
     # Flat states.
 
@@ -259,7 +252,7 @@ class ClosedLoop:
         Qd, Pd = map(found.get, DESIRED)
         if Qd is not None:
             Qd = self.group.unpack(Qd)
-        desired = self.reference.desired(self.group, inertia, t, Qd, Pd)
+        desired = self._reference.desired(self.group, inertia, t, Qd, Pd)
         batch = state.shape[:-1]
         Q, P = _spread(desired.Q, batch, 2), _spread(desired.P, batch, 1)
         return desired._replace(Q=Q, P=P), inertia
@@ -403,11 +396,3 @@ def _of(prefix: str, stretches: Mapping[str, Array]) -> dict[str, Array]:
         for name, values in stretches.items()
         if name.startswith(prefix)
     }
-
-
-def _replaced(controller: Controller, values: dict[str, Array], prefix: str) -> Controller:
-    # Not dataclasses.replace: the fields of a named member are fixed and not for its initialiser.
-    copy = object.__new__(type(controller))
-    for name, value in controller.attributes.items():
-        object.__setattr__(copy, name, values.get(prefix + name, value))
-    return copy

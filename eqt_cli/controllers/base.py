@@ -2,13 +2,12 @@
 
 from abc import abstractmethod
 from collections.abc import Hashable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
-
-import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.component import Component
+from eqt_cli.core.leaves import structure
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Gains, Tracking
@@ -43,9 +42,9 @@ class RunsCode:
 class Controller(Component):
     """A control law: a frozen dataclass whose fields are its options in a configuration.
 
-    Every attribute that is a float is a runtime parameter: an engine may replace it by an array
-    ``(runs, 1)`` or by a symbol, so a law uses it with operators only. It goes into a contraction,
-    not before one: ``dot(self.k * z, z)``. What `dot` and `norm` return has no such last axis.
+    Every field that is a float is a leaf: an engine may replace it by an array ``(runs, 1)`` or by
+    a symbol, so a law uses it with operators only. It goes into a contraction, not before one:
+    ``dot(self.k * z, z)``. What `dot` and `norm` return has no such last axis.
 
     Attributes
     ----------
@@ -88,22 +87,9 @@ class Controller(Component):
                 setattr(cls, claim, vars(Controller)[claim])
 
     @property
-    def attributes(self) -> dict[str, Any]:
-        """Every attribute of the law by name, also a field that its class has fixed."""
-        fixed = {field.name: getattr(self, field.name) for field in fields(self)}
-        return fixed | vars(self)
-
-    @property
     def structure(self) -> Hashable:
-        """What of the law is not a runtime parameter; equal structures can be solved together."""
-        options = {n: value for n, value in self.attributes.items() if not _is_parameter(value)}
-        return type(self), tuple((name, repr(value)) for name, value in options.items())
-
-    @property
-    def parameters(self) -> dict[str, Array]:
-        """The runtime parameters by name, scalars as arrays of shape (1,)."""
-        numbers = {n: value for n, value in self.attributes.items() if _is_parameter(value)}
-        return {name: np.atleast_1d(value) for name, value in numbers.items()}
+        """What of the law is no number; laws of equal structure can be solved together."""
+        return structure(self)
 
     def claims(self, G: MatrixLieGroup, gains: Gains) -> bool | None:
         """As `claims_decrease`, with these gains."""
@@ -182,7 +168,3 @@ class Controller(Component):
         With it the energy balance also holds where the states change at instants only.
         """
         return None
-
-
-def _is_parameter(value: Any) -> bool:
-    return isinstance(value, float | np.ndarray)

@@ -12,6 +12,7 @@ import numpy as np
 from eqt_cli.controllers.base import Controller, RunsCode
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError, Remedy, TraceError
+from eqt_cli.core.leaves import STRUCTURE
 from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import component, shown
@@ -61,8 +62,8 @@ class Code(Controller):
     memory_: list[str] = field(default_factory=list)
     real: Literal["double", "float"] = "double"
     values: Any = field(init=False, repr=False)
-    claimed: Any = field(init=False, default=None, repr=False)
-    called: Any = field(init=False, default=None, repr=False)
+    claimed: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
+    called: Any = field(init=False, default=None, repr=False, metadata=STRUCTURE)
 
     def __post_init__(self) -> None:
         numbers = [value if isinstance(value, list) else [value] for value in self.numbers.values()]
@@ -72,11 +73,6 @@ class Code(Controller):
     def structure(self) -> Hashable:
         """All but the numbers."""
         return type(self), self.code, repr(self.claimed), self.called
-
-    @property
-    def parameters(self) -> dict[str, Array]:
-        """The numbers, where any are given, one behind the other."""
-        return {"values": self.values} if np.size(self.values) else {}
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note names that C does not know, and what is wrong with the law that is claimed."""

@@ -101,7 +101,7 @@ class Integrator(ABC):
 
     def hold(self, span: Span) -> None:
         """Take the numbers that the loop holds in a span."""
-        loop = self.loop.holding(self.loop.held(span.start))
+        loop = self.loop.holding(span.start)
         self.vector_field = lambda t, states: loop.vector_field(span.inside(t), states)
 
     def room(self, span: Span) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.vehicle.sensors.channels import Errors
 
 ROUNDING = 1e-12
@@ -78,13 +79,13 @@ class Problem:
     Attributes
     ----------
     loop
-        The structure, with the parameters that all runs share.
+        The structure, with the numbers that all runs share.
     states : (runs, n)
         Initial flat states.
     times : (samples,)
         Where the solution is wanted, s; the first is the initial time.
     varying
-        Parameters that differ from run to run, by name, ``(runs, …)``.
+        Leaves of the loop that differ from run to run, by path, ``(runs, …)``.
     errors
         What sensors do at every control instant, ``(runs, instants, …)``; None where the law is
         told the truth.
@@ -162,7 +163,7 @@ class Problem:
         parameters = [
             {
                 name: problem.varying.get(name, np.broadcast_to(shared, (runs, *shared.shape)))
-                for name, shared in problem.loop.parameters.items()
+                for name, shared in leaves(problem.loop).items()
             }
             for problem in problems
             for runs in [problem.runs]
@@ -174,7 +175,7 @@ class Problem:
         return Problem(first.loop, states, first.times, varying, errors)
 
     def batched_loop(self, extra_axes: int = 0) -> ClosedLoop:
-        """The loop with its varying parameters along a leading run axis.
+        """The loop with its varying leaves along a leading run axis.
 
         `extra_axes` axes are inserted behind it, for states ``(runs, samples, n)``.
         """
@@ -184,7 +185,7 @@ class Problem:
             name: values.reshape(self.runs, *(1,) * extra_axes, *values.shape[1:])
             for name, values in self.varying.items()
         }
-        return self.loop.with_parameters(self.loop.parameters | expanded)
+        return with_leaves(self.loop, expanded)
 
 
 def _nearest(instants: Array, times: Array) -> Array:

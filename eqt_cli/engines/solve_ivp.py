@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.leaves import with_leaves
 from eqt_cli.core.option_types import Count, Positive
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
@@ -128,11 +129,12 @@ class Blocks(Integrator):
         self._field = self._new_field()
 
     def _new_field(self) -> RecordedField:
-        return RecordedField(lambda held: self.loop.holding(held).vector_field)
+        loop = self.loop.holding(float(self.problem.times[0]))
+        return RecordedField(lambda held: with_leaves(loop, held).vector_field)
 
     def hold(self, span: Span) -> None:
         """In the field that is recorded."""
-        self._field.hold(self.loop.held(span.start))
+        self._field.hold(self.loop.holding(span.start).held_leaves)
 
     def advance(self, span: Span, states: Array) -> SpanResult:
         """One call of solve_ivp; of a run that fails alone, the samples before that by a second."""

@@ -21,6 +21,7 @@ from eqt_cli.closed_loop.law_program import MEMORY, NUMBER, TOLD, TORQUE, LawPro
 from eqt_cli.closed_loop.system import MEMORY as CONTROLLER
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import TraceError
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.engines.base import Reduction, SampledFunction
 from eqt_cli.engines.problem import Problem
 from eqt_cli.program import Program, traced
@@ -226,10 +227,9 @@ def _explained(loop: ClosedLoop) -> Iterator[None]:
 
 def _stretch(loop: ClosedLoop, parameter: str) -> slice:
     """Where a parameter is in a row of all."""
-    ends = dict(
-        zip(loop.parameters, np.cumsum([x.size for x in loop.parameters.values()]), strict=True)
-    )
-    return slice(int(ends[parameter]) - loop.parameters[parameter].size, int(ends[parameter]))
+    sizes = {path: number.size for path, number in leaves(loop).items()}
+    end = dict(zip(sizes, np.cumsum(list(sizes.values())).tolist(), strict=True))[parameter]
+    return slice(end - sizes[parameter], end)
 
 
 @lru_cache(maxsize=64)
@@ -330,23 +330,18 @@ def running(
 
 
 def _inputs(loop: ClosedLoop, length: int) -> dict[str, int]:
-    parameters, held = (sum(value.size for value in numbers.values()) for numbers in _numbers(loop))
+    parameters, held = (
+        sum(number.size for number in numbers.values())
+        for numbers in (leaves(loop), loop.holding(0.0).held_leaves)
+    )
     return {"state": length, "time": 1, "parameters": parameters, "held": held}
 
 
 def _symbolic(loop: ClosedLoop, given: Given) -> ClosedLoop:
     """The loop with symbols for all its numbers, in the order of the rows."""
-    parameters, held = (
-        _cut(given[group], numbers)
-        for group, numbers in zip(("parameters", "held"), _numbers(loop), strict=True)
-    )
-    return loop.with_parameters(parameters).holding(held)
-
-
-def _numbers(loop: ClosedLoop) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Every number of the loop that is no part of its structure: parameters, and what it holds."""
-    held = {name: np.asarray(value) for name, value in loop.held(0.0).items()}
-    return loop.parameters, held
+    holding = loop.holding(0.0)
+    symbols = np.concatenate([given["parameters"], given["held"]])
+    return with_leaves(holding, _cut(symbols, leaves(holding)))
 
 
 def _cut(symbols: Array, numbers: Mapping[str, Array]) -> dict[str, Array]:
@@ -372,9 +367,9 @@ def _lengths(loop: ClosedLoop) -> tuple[int, int, int]:
 
 
 def parameter_rows(problem: Problem) -> Array:
-    """Every run's parameters in a row, in the order in which they are traced."""
+    """Every run's leaves in a row, in the order in which they are traced."""
     columns = []
-    for name, shared in problem.loop.parameters.items():
+    for name, shared in leaves(problem.loop).items():
         values = problem.varying.get(name)
         if values is None:
             values = np.broadcast_to(shared, (problem.runs, *shared.shape))
@@ -384,7 +379,7 @@ def parameter_rows(problem: Problem) -> Array:
 
 def held_rows(loop: ClosedLoop, times: Array) -> Array:
     """What the loop holds from each of these times to the next instant, a row each."""
-    held = [np.asarray(value) for value in loop.held(times).values()]
+    held = loop.holding(times).held_leaves.values()
     rows = [value.reshape(len(times), -1) for value in held]
     return np.concatenate([np.empty((len(times), 0)), *rows], axis=1)
 

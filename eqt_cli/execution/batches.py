@@ -10,6 +10,7 @@ import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop, ReferenceSystem
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.leaves import leaves, structure
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.ensemble.seeds import Stream, generator_at
@@ -124,10 +125,10 @@ def _problem(study: Study, label: str, points: Array, runs: Array | None) -> Pro
 
 
 def _varying(loops: list[ClosedLoop], which: Array) -> dict[str, Array]:
-    """The parameters in which the loops differ, one row for each run; run k is of loop which[k]."""
+    """The leaves in which the loops differ, one row for each run; run k is of loop which[k]."""
     if len(loops) == 1:
         return {}
-    by_loop = [loop.parameters for loop in loops]
+    by_loop = [leaves(loop) for loop in loops]
     stacked = {name: np.array([values[name] for values in by_loop]) for name in by_loop[0]}
     return {name: values[which] for name, values in stacked.items() if (values != values[0]).any()}
 
@@ -139,8 +140,8 @@ def _drawn(
     rows = []
     for experiment, random_of in _by_run(experiments, which, runs):
         loop = experiment.loops[label]
-        rows.append(loop.vehicle.numbers(loop.group, random_of))
-    return {name: np.array([row[name] for row in rows]) for name in rows[0]}
+        rows.append(leaves(loop.vehicle.of_run(loop.group, random_of)))
+    return {f"vehicle.{path}": np.array([row[path] for row in rows]) for path in rows[0]}
 
 
 def _errors(problem: Problem, experiments: list[Experiment], which: Array, runs: Array) -> Errors:
@@ -161,14 +162,12 @@ def _by_run(
 
 
 def _kind(experiment: Experiment, label: str) -> Hashable:
-    """What runs of one problem must have in common: all but parameters and initial states."""
-    loop = experiment.loops[label]
-    blank = loop.with_parameters({k: np.zeros_like(v) for k, v in loop.parameters.items()})
-    structure = repr((blank.inertia, blank.gains, blank.reference))
-    config = experiment.config
+    """What runs of one problem must have in common: all but leaves and initial states."""
+    loop, config = experiment.loops[label], experiment.config
+    parts = [structure(part) for part in (loop.inertia, loop.gains, loop.vehicle)]
     judged = [config.settling_threshold, config.early_window, config.closing_window]
-    parts = loop.controller.structure, loop.vehicle.structure
-    return structure, parts, json.dumps([experiment.solver.resolved, judged])
+    known = json.dumps([experiment.solver.resolved, judged])
+    return (*parts, loop.controller.structure, repr(loop.reference), known)
 
 
 def _distinct(points: Array) -> list[int]:

@@ -198,7 +198,7 @@ class _Pieces:
                 return False
             for start in self.starts:
                 t = float(whole.times[start])
-                alone.append(loop.holding(loop.held(t)).vector_field(t, states[:, start]))
+                alone.append(loop.holding(t).vector_field(t, states[:, start]))
         expected = np.concatenate(alone)
         return rates.shape == expected.shape and np.allclose(rates, expected, SAME, SAME)
 

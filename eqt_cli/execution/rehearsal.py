@@ -116,7 +116,7 @@ def _rates(problem: Problem) -> Array:
     loop, states, t = problem.batched_loop(), problem.states, float(problem.times[0])
     if loop.vehicle.control is not None:
         states = loop.after_instant(t, states, problem.errors_at(0))
-    return loop.holding(loop.held(t)).vector_field(t, states)
+    return loop.holding(t).vector_field(t, states)
 
 
 def _first_that_is_none(loop: ClosedLoop, rates: Array) -> tuple[str, float]:

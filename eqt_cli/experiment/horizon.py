@@ -219,8 +219,8 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
         return []
     shown = shown or reference_over_horizon(experiment)
     times, torque, found = shown.times[shown.finite], shown.torque[shown.finite], []
-    for place, actuator, given in loop.vehicle.limiting():
-        sizes = actuator.most(loop.group, times, torque, given)
+    for index, actuator in enumerate(loop.vehicle.actuators):
+        sizes = actuator.most(loop.group, times, torque) if actuator.limits else None
         if sizes is None or not len(sizes[0]):
             continue
         taken, there = sizes
@@ -233,7 +233,8 @@ def limits_below_reference(experiment: Experiment, shown: Horizon | None = None)
             names = actuator.thruster_names
             who = f"'{names[axis]}'" if names else actuator.name
             found.append(
-                f"{place}: {who} gives at most {actuator.limited}{most:.4g}, but the reference "
-                f"alone needs {taken[when, axis]:.4g} at t = {t:.4g} s; no law can follow it there"
+                f"{ACTUATORS}[{index}]: {who} gives at most {actuator.limited}{most:.4g}, but the "
+                f"reference alone needs {taken[when, axis]:.4g} at t = {t:.4g} s; no law can "
+                "follow it there"
             )
     return found

@@ -9,6 +9,7 @@ import numpy as np
 from eqt_cli.config.source import with_value
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.leaves import leaves
 from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import component, option_names
 from eqt_cli.experiment.build import OF_EVERY_LAW
@@ -93,5 +94,5 @@ def _law(entry: Any) -> Controller:
 
 def _identity(law: Controller) -> Hashable:
     """Equal for laws of equal structure and parameters."""
-    numbers = {name: (value + 0.0).tobytes() for name, value in law.parameters.items()}
+    numbers = {name: (value + 0.0).tobytes() for name, value in leaves(law).items()}
     return law.structure, tuple(sorted(numbers.items()))  # + 0.0: for -0.0 is 0.0

@@ -13,6 +13,7 @@ from eqt_cli.config.code_files import code_text
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.leaves import leaves
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Engine
 from eqt_cli.engines.native.own_code import OwnCode, compiled
@@ -61,9 +62,7 @@ class LawsInCode:
             own = OwnCode(text=text, entries=G.size**2, axes=G.dimension, **asdict(needed))
             function = compiled(own)
             if own not in _tried:
-                try_out(
-                    function, law.parameters.get("values", np.empty(0)), PERIOD, first_inputs(G)
-                )
+                try_out(function, leaves(law).get("values", np.empty(0)), PERIOD, first_inputs(G))
                 _tried.add(own)
             return law.running(function, G)
         return None

@@ -108,7 +108,7 @@ def left_out(loop: ClosedLoop) -> Iterator[str]:
     """What of a loop is not linear, or no part of a loop, by its place in the configuration."""
     vehicle = loop.vehicle
     for index, actuator in enumerate(vehicle.actuators):
-        if actuator.linear_part != actuator or actuator.limits:
+        if actuator.linear_part is not actuator or actuator.limits:
             yield f"{ACTUATORS}[{index}] ({actuator.departs})"
     for place, sensor in vehicle.sensors().items():
         timing = [name for name in ("period", "dropout") if getattr(sensor, name)]

@@ -46,7 +46,7 @@ def probe_parts(experiment: Experiment, problems: Problems) -> None:
             if isinstance(part, Sensor):
                 _try_sensor(loop, part, experiment.config.ensemble.seed, place)
             else:
-                _try_part(loop, part, place, repeated(loop, state))
+                _try_part(loop, part, repeated(loop, state))
 
 
 def _named(part: Any) -> str:
@@ -99,21 +99,21 @@ def _try_sensor(loop: ClosedLoop, part: Sensor, seed: int, place: str) -> None:
             )
 
 
-def _try_part(loop: ClosedLoop, part: Any, place: str, whole: Array) -> None:
+def _try_part(loop: ClosedLoop, part: Any, whole: Array) -> None:
     """As engines call it, for runs at one time, and as it is measured, on all samples."""
-    G, name, given = loop.group, _named(part), loop.vehicle.numbers_of(place)
+    G, name = loop.group, _named(part)
     for t, states in ((0.0, whole[:, 0]), (np.zeros(whole.shape[1]), whole)):
         s = loop.tracking(t, states)
         if isinstance(part, Force):
             with failing(name):
-                force = part.in_body(G, t, s.Q, s.V, given)
+                force = part.in_body(G, t, s.Q, s.V)
             require_fit(force, states, (G.dimension,), name, type(part).acting)
             continue
         _require_states(part, part.states(G), name)
         x = np.zeros((*states.shape[:-1], part.states(G)))
         with failing(name):
-            output, rate = part.output(G, s.V, x, given), part.state_rate(G, s.V, x, given)
-            limited = part.at_limit(G, s.V, x, given)
+            output, rate = part.output(G, s.V, x), part.state_rate(G, s.V, x)
+            limited = part.at_limit(G, s.V, x)
         require_fit(output, states, (G.dimension,), name, type(part).output)
         if part.moves:
             require_fit(rate, states, (x.shape[-1],), name, type(part).state_rate)

@@ -1,7 +1,6 @@
 """The sections `plant` and `actuators`: what is between the laws and the motion."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 from typing import Any, TypeVar
 
 from eqt_cli.config.schema import (
@@ -90,11 +89,12 @@ def vehicle_from(
         )
     if any(problems.at(name) for name in SECTIONS):
         return Vehicle()
-    return replace(found, given=found.numbers(G))
+    return found.of_run(G)
 
 
 def resolved(vehicle: Vehicle, config: Config) -> dict[str, Any]:
     """The sections with every default written out; those that are not given stay away."""
+    vehicle = vehicle.configured or vehicle
     dumped = config.model_dump(include=set(SECTIONS), exclude_none=True, warnings="none")
     if "plant" in dumped and vehicle.forces:
         dumped["plant"]["forces"] = [as_section(force) for force in vehicle.forces]

@@ -8,7 +8,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from eqt_cli.analysis.evidence.program_error import DOUBLE, FLOAT, Arithmetic, bounded
-from eqt_cli.closed_loop.law_program import MEMORY, NUMBER, PERIOD, TOLD, TORQUE, Entry
+from eqt_cli.closed_loop.law_program import (
+    MEMORY,
+    NUMBER,
+    PERIOD,
+    TOLD,
+    TORQUE,
+    Entry,
+    name_of_number,
+)
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.registry import description, meanings
 from eqt_cli.core.version import __version__
@@ -126,8 +134,8 @@ def meaning(law: ExportedLaw, entry: Entry) -> str:
     """What a number is."""
     if entry.source == PERIOD:
         return "by which the memory goes on" if law.program.memory else "not used: no memory"
-    name = entry.source.removeprefix("controller.")
-    said = NUMBER_MEANINGS.get(entry.source) or meanings(type(law.loop.controller)).get(name, "")
+    name = name_of_number(entry.source)
+    said = NUMBER_MEANINGS.get(name) or meanings(type(law.loop.controller)).get(name, "")
     return f"fixed by the law; leave it. {said}".strip() if entry.name in law.fixed else said
 
 

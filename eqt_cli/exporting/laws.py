@@ -12,9 +12,10 @@ from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.evidence.program_error import FLOAT, Arithmetic, Bounded, bounded
 from eqt_cli.analysis.verification import identities_of
 from eqt_cli.closed_loop import ClosedLoop
-from eqt_cli.closed_loop.law_program import MEMORY, NUMBER, TORQUE, LawProgram
+from eqt_cli.closed_loop.law_program import CONTROLLER, MEMORY, NUMBER, TORQUE, LawProgram
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, Remedy, suggestion
+from eqt_cli.core.leaves import leaves
 from eqt_cli.engines.traced_loop import law_of
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.exporting.reference import ReferenceProgram, reference_program
@@ -59,10 +60,8 @@ class ExportedLaw:
         """The names of numbers that are no options: the law has fixed them."""
         law = self.loop.controller
         options = {field.name for field in fields(law) if field.init}
-        own = {name for name in law.parameters if name not in options}
-        return frozenset(
-            each.name for each in self.program.numbers if each.source.partition(".")[2] in own
-        )
+        own = {CONTROLLER + path for path in leaves(law) if path not in options}
+        return frozenset(each.name for each in self.program.numbers if each.source in own)
 
     def bounds(self, states: Mapping[str, Array]) -> dict[str, Bounded]:
         """What the law returns at some states, and how far rounding can move it.

@@ -9,6 +9,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.program import Program, traced
 from eqt_cli.references import references
@@ -59,9 +60,10 @@ def reference_program(experiment: Experiment) -> ReferenceProgram:
             f"differential equation, and no formula gives {'them' if both else 'it'} at a time. "
             f"Integrate it on the vehicle, or use a reference in closed form: {_closed()}"
         )
-    starts = reference.instants(G) if reference.held(G, 0.0) else np.empty(0)
+    starts = reference.instants(G) if loop.holds else np.empty(0)
     at = starts if len(starts) else np.zeros(1)
-    numbers = {name: np.asarray(x) for name, x in reference.held(G, at).items()}
+    piece = reference.held(G, at)
+    numbers = {} if piece is None else leaves(piece)
     rows = [values.reshape(len(at), -1) for values in numbers.values()]
     held = np.concatenate([np.empty((len(at), 0)), *rows], axis=1)
 
@@ -71,7 +73,8 @@ def reference_program(experiment: Experiment) -> ReferenceProgram:
             name: part.reshape(values.shape[1:])
             for (name, values), part in zip(numbers.items(), parts, strict=False)
         }
-        Q, V, V_dot = (reference.holding(own) if own else reference).motion(G, given["t"][0])
+        moving = reference if piece is None else reference.holding(with_leaves(piece, own))
+        Q, V, V_dot = moving.motion(G, given["t"][0])
         return {
             "desired_pose": Q,
             "desired_velocity": V,

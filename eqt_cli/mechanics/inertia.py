@@ -9,13 +9,14 @@ without power.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 from eqt_cli.core.arrays import Array, apply_matrix, inverse_spd, stack, transpose
 from eqt_cli.core.differentiation import value_and_derivative
 from eqt_cli.core.expressions import Expression
+from eqt_cli.core.leaves import STRUCTURE
 
 
 class InertiaLaw(ABC):
@@ -28,15 +29,6 @@ class InertiaLaw(ABC):
     def matrix_at(self, t: Any) -> Array:
         """𝕀_t alone, also where it is singular."""
         return self.at(t).matrix
-
-    @property
-    @abstractmethod
-    def parameters(self) -> dict[str, Array]:
-        """The numbers in it that may differ from run to run."""
-
-    @abstractmethod
-    def with_parameters(self, values: Mapping[str, Array]) -> Self:
-        """The same law with other parameters, which may be batched or symbols."""
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """The same law with a new function of time for each of its expressions."""
@@ -81,15 +73,6 @@ class Inertia(InertiaLaw):
         """The same at all times."""
         return self
 
-    @property
-    def parameters(self) -> dict[str, Array]:
-        """𝕀 and 𝕀⁻¹."""
-        return {"inertia": self.matrix, "inertia_inverse": self.inverse}
-
-    def with_parameters(self, values: Mapping[str, Array]) -> Self:
-        """Another constant tensor."""
-        return replace(self, matrix=values["inertia"], inverse=values["inertia_inverse"])
-
 
 @dataclass(frozen=True)
 class FactoredInertia(InertiaLaw):
@@ -104,7 +87,7 @@ class FactoredInertia(InertiaLaw):
     """
 
     initial: Array
-    factor: tuple[tuple[Expression, ...], ...]
+    factor: tuple[tuple[Expression, ...], ...] = field(metadata=STRUCTURE)
 
     def at(self, t: Any) -> Inertia:
         """𝕀_t, and A = Ṡᵀ 𝕀_0 S, since S⁻* P = 𝕀_0 S V."""
@@ -122,15 +105,6 @@ class FactoredInertia(InertiaLaw):
         S = self.factor_at(t)
         return transpose(S) @ self.initial @ S
 
-    @property
-    def parameters(self) -> dict[str, Array]:
-        """𝕀_0."""
-        return {"inertia": self.initial}
-
-    def with_parameters(self, values: Mapping[str, Array]) -> Self:
-        """The same factor on another initial tensor."""
-        return replace(self, initial=values["inertia"])
-
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """Any factor."""
         return replace(self, factor=tuple(tuple(new() for _ in row) for row in self.factor))
@@ -146,7 +120,7 @@ class PrescribedInertia(InertiaLaw):
         m rows of m expressions.
     """
 
-    matrix: tuple[tuple[Expression, ...], ...]
+    matrix: tuple[tuple[Expression, ...], ...] = field(metadata=STRUCTURE)
 
     def at(self, t: Any) -> Inertia:
         """𝕀_t, and A = ½𝕀̇_t."""
@@ -156,15 +130,6 @@ class PrescribedInertia(InertiaLaw):
     def matrix_at(self, t: Any) -> Array:
         """𝕀_t alone, also where it is singular."""
         return _matrix_and_rate(self.matrix, t)[0]
-
-    @property
-    def parameters(self) -> dict[str, Array]:
-        """None: everything is in the expressions."""
-        return {}
-
-    def with_parameters(self, values: Mapping[str, Array]) -> Self:
-        """Itself."""
-        return self
 
     def with_functions(self, new: Callable[[], Expression]) -> Self:
         """Any symmetric matrix."""

@@ -15,7 +15,7 @@ from eqt_cli.core.expressions import Expression, formula
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.mechanics.motions import Piece, Pieces
+from eqt_cli.mechanics.motions import Held, Piece, Pieces
 
 T = TypeVar("T")
 
@@ -144,11 +144,14 @@ class Reference(Component):
         """The times, s, at which an engine ends a step and begins anew; in order."""
         return np.empty(0)
 
-    def held(self, G: MatrixLieGroup, t: Any) -> dict[str, Array]:
-        """The numbers by which the motion goes on from time t to the next instant, by name."""
-        return {}
+    def held(self, G: MatrixLieGroup, t: Any) -> Any:
+        """The numbers by which the motion goes on from time t to the next instant.
 
-    def holding(self, held: Mapping[str, Array]) -> Self:
+        They are the leaves of what is returned; None where an instant changes no number.
+        """
+        return None
+
+    def holding(self, held: Any) -> Self:
         """The same motion between two instants, by the numbers of `held`, which may be symbols."""
         return self
 
@@ -243,11 +246,11 @@ class PiecewiseReference(ClosedReference):
         """Where a piece begins."""
         return self.prepared(G, self.pieces).starts
 
-    def held(self, G: MatrixLieGroup, t: Any) -> dict[str, Array]:
+    def held(self, G: MatrixLieGroup, t: Any) -> Held:
         """The numbers of a piece."""
         return self.prepared(G, self.pieces).at(t)
 
-    def holding(self, held: Mapping[str, Array]) -> Self:
+    def holding(self, held: Held) -> Self:
         """The same in one piece, or in one for each run."""
         found = copy(self)
         vars(found)["_held"] = held

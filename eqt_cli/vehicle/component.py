@@ -1,29 +1,25 @@
 """What all parts of a vehicle have in common: numbers that may differ from run to run."""
 
 import dataclasses
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
 from eqt_cli.core.component import Component
+from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.numbers import Numbers, check_numbers, drawn, is_drawn, lowest
 from eqt_cli.written.poses import square, vector
-
-Given = Mapping[str, Array]
-"""The numbers of a part by option: of one run, of many along a leading axis, or symbols."""
 
 
 @dataclass(frozen=True)
 class VehiclePart(Component):
     """A part of a vehicle: a frozen dataclass whose fields are its options in a configuration.
 
-    What it computes, it computes from the arrays of `numbers` that it is handed, and not from its
-    own fields: those are the same for all runs.
+    What flies is the part that `of_run` returns, in which every number is an array: of one run, of
+    many along a leading axis, or of symbols.
     """
 
     vectors: ClassVar[tuple[str, ...]] = ()
@@ -40,30 +36,41 @@ class VehiclePart(Component):
         """Whether its numbers differ from run to run."""
         return any(is_drawn(getattr(self, field.name)) for field in dataclasses.fields(self))
 
-    def of_run(self, random: np.random.Generator | None) -> Self:
-        """The same with the numbers of one run; with the means without a generator."""
+    def drawn(self, random: np.random.Generator | None) -> Self:
+        """The same with a number for each distribution; with the means without a generator."""
         options = {
             field.name: drawn(getattr(self, field.name), random, field.name in self.positive)
             for field in dataclasses.fields(self)
         }
-        return dataclasses.replace(self, **options)
+        return with_fields(self, **options)
 
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
-        """Its numbers by option, in one run; with the means without a generator."""
-        part, m = self.of_run(random), G.dimension
-        return {
-            name: shaped(value, m, G)
-            for names, shaped in ((self.vectors, vector), (self.matrices, square))
-            for name in names
-            if (value := getattr(part, name)) is not None
-        }
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """What flies in one run; without a generator, with the means.
 
-    @property
-    def structure(self) -> tuple[Any, ...]:
-        """What of it is no number; parts of equal structure can be solved together."""
-        names = (*self.vectors, *self.matrices)
-        fields = [field.name for field in dataclasses.fields(self) if field.name not in names]
-        return type(self), tuple((name, repr(getattr(self, name))) for name in fields)
+        `vectors` have m entries, `matrices` are m × m. Any other number is an array ``(1,)``, any
+        other list of numbers an array.
+        """
+        part = self.drawn(random)
+        return with_fields(
+            part,
+            **{
+                field.name: self._as_array(field.name, getattr(part, field.name), G)
+                for field in dataclasses.fields(part)
+            },
+        )
+
+    def _as_array(self, name: str, value: Any, G: MatrixLieGroup) -> Any:
+        if value is None:
+            return None
+        if name in self.vectors:
+            return vector(value, G.dimension, G)
+        if name in self.matrices:
+            return square(value, G.dimension, G)
+        entries = value if isinstance(value, list) else [value]
+        kinds = (int, float) if isinstance(value, list) else float
+        if entries and all(isinstance(each, kinds) for each in entries):
+            return np.array(entries, dtype=float)
+        return value
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note numbers that are not what they must be, or not as many as there are coordinates."""

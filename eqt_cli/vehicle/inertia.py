@@ -1,15 +1,14 @@
 """The inertia that the plant has, where it is not the one that the law believes."""
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.leaves import with_fields
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Matrix, Number, drawn, is_drawn
 from eqt_cli.written.poses import square
 
@@ -24,17 +23,12 @@ class TrueInertia(ABC):
         """Whether they do."""
         return False
 
-    @property
-    def structure(self) -> Any:
-        """What of it is no number."""
-        return type(self)
+    @abstractmethod
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """With the numbers of one run as arrays; with the means without a generator."""
 
     @abstractmethod
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
-        """The numbers of one run; the means without a generator."""
-
-    @abstractmethod
-    def at(self, model: Inertia, t: Any, given: Given) -> Inertia:
+    def at(self, model: Inertia, t: Any) -> Inertia:
         """The tensor at time t, where the law believes in `model`."""
 
 
@@ -55,16 +49,16 @@ class RelativeInertia(TrueInertia):
         """Where r is drawn."""
         return is_drawn(self.relative)
 
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
-        """1 + r, which is greater than 0."""
-        factor = 1.0 + drawn(self.relative, random)
-        while factor <= 0:
-            factor = 1.0 + drawn(self.relative, random)
-        return {"factor": np.full((1, 1), factor)}
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """With an r for which 1 + r is greater than 0."""
+        relative = drawn(self.relative, random)
+        while 1.0 + relative <= 0:
+            relative = drawn(self.relative, random)
+        return replace(self, relative=np.array([relative]))
 
-    def at(self, model: Inertia, t: Any, given: Given) -> Inertia:
+    def at(self, model: Inertia, t: Any) -> Inertia:
         """The model times 1 + r."""
-        factor = given["factor"]
+        factor = 1.0 + self.relative[..., None]
         change = None if model.change is None else model.change * factor
         return Inertia(model.matrix * factor, model.inverse / factor, change)
 
@@ -80,22 +74,23 @@ class ConstantInertia(TrueInertia):
     """
 
     matrix: Matrix
+    inverse: Any = field(default=None, init=False, repr=False)
 
     @property
     def varies(self) -> bool:
         """Where an entry is drawn."""
         return is_drawn(self.matrix)
 
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
-        """The matrix and its inverse; draws that are not definite are drawn again."""
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """With the matrix and its inverse; draws that are not definite are drawn again."""
         matrix = square(drawn(self.matrix, random), G.dimension, G)
         while random is not None and np.linalg.eigvalsh(matrix).min() <= 0:
             matrix = square(drawn(self.matrix, random), G.dimension, G)
-        return {"matrix": matrix, "inverse": np.linalg.inv(matrix)}
+        return with_fields(self, matrix=matrix, inverse=np.linalg.inv(matrix))
 
-    def at(self, model: Inertia, t: Any, given: Given) -> Inertia:
+    def at(self, model: Inertia, t: Any) -> Inertia:
         """The same at all times."""
-        return Inertia(given["matrix"], given["inverse"])
+        return Inertia(self.matrix, self.inverse)
 
 
 @dataclass(frozen=True)
@@ -110,16 +105,10 @@ class VaryingInertia(TrueInertia):
 
     law: InertiaLaw
 
-    @property
-    def structure(self) -> Any:
-        """Its expressions."""
-        blank = {name: np.zeros_like(value) for name, value in self.law.parameters.items()}
-        return type(self), repr(self.law.with_parameters(blank))
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Itself: nothing of it is drawn."""
+        return self
 
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
-        """Those of the function of time."""
-        return self.law.parameters
-
-    def at(self, model: Inertia, t: Any, given: Given) -> Inertia:
+    def at(self, model: Inertia, t: Any) -> Inertia:
         """The tensor at time t."""
-        return self.law.with_parameters(given).at(t)
+        return self.law.at(t)

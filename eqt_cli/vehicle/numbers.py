@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 from pydantic import Tag
@@ -107,48 +107,54 @@ def _kind(value: Any) -> str | None:
     return None if isinstance(value, bool | list) else "number"
 
 
-Number = Annotated[
-    Annotated[Real, Tag("number")]
-    | Annotated[Uniform, Tag("uniform")]
-    | Annotated[Normal, Tag("normal")],
-    one_of(_kind, "a number, {uniform: [least, greatest]} or {normal: [mean, std]}"),
-]
-"""A number, or a distribution from which every run draws its own."""
-
-NumberOrExpression = Annotated[
-    Annotated[Real, Tag("number")]
-    | Annotated[str, Tag("expression")]
-    | Annotated[Uniform, Tag("uniform")]
-    | Annotated[Normal, Tag("normal")],
-    one_of(
-        lambda value: "expression" if isinstance(value, str) else _kind(value),
-        "a number, an expression in t, {uniform: [least, greatest]} or {normal: [mean, std]}",
-    ),
-]
-"""A number, a distribution, or an expression in t."""
-
-
 def _rank(value: Any) -> str | None:
     if not isinstance(value, list):
         return "one"
     return "matrix" if any(isinstance(row, list) for row in value) else "list"
 
 
-_EXPECTED = "a number or a list of numbers"
+if TYPE_CHECKING:  # What flies has arrays in their place.
+    Number: TypeAlias = Any
+    NumberOrExpression: TypeAlias = Any
+    Numbers: TypeAlias = Any
+    Matrix: TypeAlias = Any
+else:
+    Number = Annotated[
+        Annotated[Real, Tag("number")]
+        | Annotated[Uniform, Tag("uniform")]
+        | Annotated[Normal, Tag("normal")],
+        one_of(_kind, "a number, {uniform: [least, greatest]} or {normal: [mean, std]}"),
+    ]
+    """A number, or a distribution from which every run draws its own."""
 
-Numbers = Annotated[
-    Annotated[Number, Tag("one")] | Annotated[list[Number], Tag("list")],
-    one_of(lambda value: None if _rank(value) == "matrix" else _rank(value), _EXPECTED),
-]
-"""A number, or one for each of the coordinates."""
+    NumberOrExpression = Annotated[
+        Annotated[Real, Tag("number")]
+        | Annotated[str, Tag("expression")]
+        | Annotated[Uniform, Tag("uniform")]
+        | Annotated[Normal, Tag("normal")],
+        one_of(
+            lambda value: "expression" if isinstance(value, str) else _kind(value),
+            "a number, an expression in t, {uniform: [least, greatest]} or {normal: [mean, std]}",
+        ),
+    ]
+    """A number, a distribution, or an expression in t."""
 
-Matrix = Annotated[
-    Annotated[Number, Tag("one")]
-    | Annotated[list[Number], Tag("list")]
-    | Annotated[list[list[Number]], Tag("matrix")],
-    one_of(_rank, "a number, a list (the diagonal) or a list of rows"),
-]
-"""A number (times the identity), a list (a diagonal) or a list of rows."""
+    Numbers = Annotated[
+        Annotated[Number, Tag("one")] | Annotated[list[Number], Tag("list")],
+        one_of(
+            lambda value: None if _rank(value) == "matrix" else _rank(value),
+            "a number or a list of numbers",
+        ),
+    ]
+    """A number, or one for each of the coordinates."""
+
+    Matrix = Annotated[
+        Annotated[Number, Tag("one")]
+        | Annotated[list[Number], Tag("list")]
+        | Annotated[list[list[Number]], Tag("matrix")],
+        one_of(_rank, "a number, a list (the diagonal) or a list of rows"),
+    ]
+    """A number (times the identity), a list (a diagonal) or a list of rows."""
 
 
 def is_drawn(value: Any) -> bool:

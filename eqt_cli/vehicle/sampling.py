@@ -19,9 +19,3 @@ class Sampling:
     delay: int = 0
 
     departs = "sampled control"
-    varies = False
-
-    @property
-    def structure(self) -> tuple[float, int]:
-        """All of it: when the law is evaluated is the same in all runs of one problem."""
-        return self.period, self.delay

@@ -9,10 +9,10 @@ from typing import Any, Self
 import numpy as np
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.leaves import STRUCTURE
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle.actuators import Actuator
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.inertia import TrueInertia
 from eqt_cli.vehicle.sampling import Sampling
@@ -40,6 +40,9 @@ RandomOf = Callable[[str], np.random.Generator]
 class Vehicle:
     """The parts of a vehicle; without any, it gives what the law asks, and is what it believes.
 
+    As configured, its parts may have distributions for numbers. What flies in a run, `of_run`, has
+    arrays.
+
     Attributes
     ----------
     inertia
@@ -52,17 +55,17 @@ class Vehicle:
         The clock of the law; None where it acts continuously.
     pose_sensors, velocity_sensors
         The errors of what the law is told, which add up.
-    given
-        The numbers of all parts, by place and option: ``actuators[0].limit``.
+    configured
+        Of what flies, the vehicle that it was made of.
     """
 
     inertia: TrueInertia | None = None
     forces: tuple[Force, ...] = ()
     actuators: tuple[Actuator, ...] = ()
-    control: Sampling | None = None
-    pose_sensors: tuple[Sensor, ...] = ()
-    velocity_sensors: tuple[Sensor, ...] = ()
-    given: Mapping[str, Array] = field(default_factory=dict)
+    control: Sampling | None = field(default=None, metadata=STRUCTURE)
+    pose_sensors: tuple[Sensor, ...] = field(default=(), metadata=STRUCTURE)
+    velocity_sensors: tuple[Sensor, ...] = field(default=(), metadata=STRUCTURE)
+    configured: Self | None = field(default=None, compare=False, repr=False, metadata=STRUCTURE)
 
     # The parts and their numbers.
 
@@ -80,41 +83,26 @@ class Vehicle:
         return found if self.control is None else {**found, CONTROL: self.control}
 
     @property
-    def structure(self) -> tuple[Any, ...]:
-        """What of it is no number."""
-        return tuple((place, part.structure) for place, part in self.parts.items())
-
-    @property
     def varies(self) -> bool:
         """Whether its numbers differ from run to run."""
-        return any(part.varies for part in self.parts.values())
+        parts = (self.configured or self).parts.values()
+        return any(part.varies for part in parts if part is not self.control)
 
-    def numbers(self, G: MatrixLieGroup, random_of: RandomOf | None = None) -> dict[str, Array]:
-        """The numbers of all parts in one run; the means without generators."""
-        found: dict[str, Array] = {}
-        for place, part in self.parts.items():
-            if part is self.control:
-                continue
-            own = part.numbers(G, random_of(place) if random_of else None)
-            found |= {f"{place}.{name}": values for name, values in own.items()}
-        return found
+    def of_run(self, G: MatrixLieGroup, random_of: RandomOf | None = None) -> Self:
+        """What flies in one run; without generators, with the means."""
+        configured = self.configured or self
 
-    def with_numbers(self, given: Mapping[str, Array]) -> Self:
-        """The same with other numbers, which may be batched or symbols."""
-        return dataclasses.replace(self, given={name: given[name] for name in self.given})
+        def flying(place: str) -> Any:
+            random = random_of(place) if random_of else None
+            return configured.parts[place].of_run(G, random)
 
-    @cached_property
-    def _given(self) -> dict[str, Given]:
-        """The numbers of each part."""
-        found: dict[str, dict[str, Array]] = {place: {} for place in self.parts}
-        for name, values in self.given.items():
-            place, _, option = name.rpartition(".")
-            found[place][option] = values
-        return dict(found)
-
-    def numbers_of(self, place: str) -> Given:
-        """The numbers of the part at a place."""
-        return self._given[place]
+        return dataclasses.replace(
+            self,
+            inertia=None if self.inertia is None else flying(INERTIA),
+            forces=tuple(flying(f"{FORCES}[{k}]") for k in range(len(self.forces))),
+            actuators=tuple(flying(f"{ACTUATORS}[{k}]") for k in range(len(self.actuators))),
+            configured=configured,
+        )
 
     @property
     def linear_part(self) -> Self:
@@ -222,31 +210,16 @@ class Vehicle:
         """The names of the thrusters, which one actuator has."""
         return next((part.thruster_names for part in self.actuators if part.thruster_names), ())
 
-    def thrust_limits(self, numbers: Mapping[str, Array]) -> tuple[Array, Array] | None:
-        """The least and the largest thrust of each thruster; None where it has no limits.
-
-        Parameters
-        ----------
-        numbers
-            Those of `numbers`.
-        """
-        for index, part in enumerate(self.actuators):
-            if part.thruster_names and part.limits:
-                place = f"{ACTUATORS}[{index}]"
-                return numbers[f"{place}.low"], numbers[f"{place}.high"]
-        return None
+    @property
+    def thrust_limits(self) -> tuple[Array, Array] | None:
+        """The least and the largest thrust of each thruster; None where it has no limits."""
+        limited = (part for part in self.actuators if part.thruster_names and part.limits)
+        return next(((part.low, part.high) for part in limited), None)  # type: ignore[attr-defined]
 
     @property
     def solves(self) -> int:
         """How many numbers are found at control instants by code that no engine compiles."""
         return sum(len(part.thruster_names) for part in self.actuators if part.solves)
-
-    def limiting(self) -> Iterator[tuple[str, Actuator, Given]]:
-        """The actuators that can be at a limit, by place, with their numbers."""
-        for index, actuator in enumerate(self.actuators):
-            if actuator.limits:
-                place = f"{ACTUATORS}[{index}]"
-                yield place, actuator, self._given[place]
 
     @cached_property
     def _at_instants(self) -> int:
@@ -270,9 +243,9 @@ class Vehicle:
         duration: Array,
     ) -> tuple[Array, Array]:
         """Its moving states after a command was held, by its closed form and as they are later."""
-        place, actuator, given = next(self._chain(self._at_instants))
+        place, actuator = next(self._chain(self._at_instants))
         held = self._held(G, states)
-        found = actuator.after(G, held, states[place], given, duration)
+        found = actuator.after(G, held, states[place], duration)
         return found, later[place][..., -found.shape[-1] :]
 
     def _held(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
@@ -292,10 +265,10 @@ class Vehicle:
         told = {channel.name: channel.states for channel in self.holding(G)}
         return {COMMANDS: (self.control.delay + 1) * G.dimension, **held, **found, **told}
 
-    def _chain(self, start: int = 0) -> Iterator[tuple[str, Actuator, Given]]:
+    def _chain(self, start: int = 0) -> Iterator[tuple[str, Actuator]]:
         """The actuators from the first that counts, with the names of their states."""
         for index, actuator in enumerate(self.actuators[start:], start):
-            yield f"{ACTUATORS}_{index}", actuator, self._given[f"{ACTUATORS}[{index}]"]
+            yield f"{ACTUATORS}_{index}", actuator
 
     def passed(
         self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]
@@ -312,11 +285,11 @@ class Vehicle:
         rates = {place: 0.0 * values for place, values in states.items()}
         if self.control is not None:
             command = self._held(G, states)
-        for place, actuator, given in self._chain(self._at_instants):
+        for place, actuator in self._chain(self._at_instants):
             x = states.get(place, command[..., :0])
             if place in states:
-                rates[place] = actuator.state_rate(G, command, x, given)
-            command = actuator.output(G, command, x, given)
+                rates[place] = actuator.state_rate(G, command, x)
+            command = actuator.output(G, command, x)
         return command, rates
 
     def last_command(self, G: MatrixLieGroup, states: Mapping[str, Array]) -> Array:
@@ -338,8 +311,8 @@ class Vehicle:
             The `solution`, where it is known.
         """
 
-        def solve(actuator: Actuator, command: Array, given: Given) -> Array:
-            return actuator.solution(G, command, given) if solved is None else solved
+        def solve(actuator: Actuator, command: Array) -> Array:
+            return actuator.solution(G, command) if solved is None else solved
 
         return self._after_instant(G, asked, states, solve)
 
@@ -347,8 +320,8 @@ class Vehicle:
         """What an actuator that `solves` finds at a control instant, ``(runs, n)``."""
         found = []
 
-        def solve(actuator: Actuator, command: Array, given: Given) -> Array:
-            found.append(actuator.solution(G, command, given))
+        def solve(actuator: Actuator, command: Array) -> Array:
+            found.append(actuator.solution(G, command))
             return found[0]
 
         self._after_instant(G, asked, states, solve)
@@ -359,21 +332,21 @@ class Vehicle:
         G: MatrixLieGroup,
         asked: Array,
         states: Mapping[str, Array],
-        solve: Callable[[Actuator, Array, Given], Array],
+        solve: Callable[[Actuator, Array], Array],
     ) -> dict[str, Array]:
         before = states[COMMANDS]
         queue = np.concatenate([before[..., G.dimension :], asked], axis=-1)
         found, command = {**states, COMMANDS: queue}, queue[..., : G.dimension]
         # The first actuator that moves may have a part that acts at instants, too.
-        for index, (place, actuator, given) in enumerate(self._chain()):
+        for index, (place, actuator) in enumerate(self._chain()):
             if index > self._at_instants:
                 break
             x = states.get(place, command[..., :0])
             if place in states:
-                taken = solve(actuator, command, given) if actuator.solves else command
-                x = found[place] = actuator.step(G, taken, x, given, self._period)
+                taken = solve(actuator, command) if actuator.solves else command
+                x = found[place] = actuator.step(G, taken, x, self._period)
             if index < self._at_instants:
-                command = actuator.output(G, command, x, given)
+                command = actuator.output(G, command, x)
         return {**found, HELD: command} if self._at_instants else found
 
     @property
@@ -386,11 +359,11 @@ class Vehicle:
         """What each thruster gives, ``(..., k)``."""
         if self.control is not None:
             command = states[COMMANDS][..., : G.dimension]
-        for place, actuator, given in self._chain():
+        for place, actuator in self._chain():
             x = states.get(place, command[..., :0])
             if actuator.thruster_names:
-                return actuator.thrust(G, command, x, given)
-            command = actuator.output(G, command, x, given)
+                return actuator.thrust(G, command, x)
+            command = actuator.output(G, command, x)
         return command[..., :0]
 
     def at_limit(self, G: MatrixLieGroup, command: Array, states: Mapping[str, Array]) -> Array:
@@ -398,11 +371,11 @@ class Vehicle:
         found = np.zeros(command.shape[:-1], dtype=bool)
         if self.control is not None:
             command = states[COMMANDS][..., : G.dimension]
-        for place, actuator, given in self._chain():
+        for place, actuator in self._chain():
             x = states.get(place, command[..., :0])
-            here = actuator.at_limit(G, command, x, given)
+            here = actuator.at_limit(G, command, x)
             found = found if here is None else found | here
-            command = actuator.output(G, command, x, given)
+            command = actuator.output(G, command, x)
         return found
 
     def acting(self, s: Tracking, torque: Array) -> Array:
@@ -411,12 +384,11 @@ class Vehicle:
         That is d/dt(𝕀V) − ad*_V 𝕀V with the model's 𝕀 and the true V̇; body frame, ``(..., m)``.
         """
         G = s.G
-        for index, force in enumerate(self.forces):
-            given = self._given[f"{FORCES}[{index}]"]
-            torque = torque + force.in_body(G, s.t, s.Q, s.V, given)
+        for force in self.forces:
+            torque = torque + force.in_body(G, s.t, s.Q, s.V)
         if self.inertia is None:
             return torque
-        true = self.inertia.at(s.inertia, s.t, self._given[INERTIA])
+        true = self.inertia.at(s.inertia, s.t)
         free = G.ad_star(s.V, true.momentum(s.V)) - true.rate_force(s.V)
         V_dot = true.velocity(free + torque)
         return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - G.ad_star(s.V, s.P)

@@ -11,6 +11,7 @@ from eqt_cli.analysis.evidence.running_error import UNIT, lifted, value_of
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, apply_matrix, dot, stack, transpose
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.critical_points import critical_sets
 from eqt_cli.mechanics.inertia import FactoredInertia, Inertia
@@ -53,11 +54,13 @@ class ReferenceMotion(Identity):
         if "velocity" in reference.starts_from:
             return
         held = reference.held(G, floats(sample.times))
-        held = {name: sample.lifted(value) for name, value in held.items()}
+        if held is not None:
+            numbers = {name: sample.lifted(number) for name, number in leaves(held).items()}
+            reference = reference.holding(with_leaves(held, numbers))
         t = with_rate(sample.times, 1.0)
         inertia = sample.loop.inertia.at(t)
         _, _, Qd, _ = sample.drawn
-        desired = reference.holding(held).desired(G, inertia, t, Qd, None)
+        desired = reference.desired(G, inertia, t, Qd, None)
         Vd = inertia.velocity(desired.P)
         yield rate_of(desired.P), G.ad_star(Vd, desired.P) + desired.tau
         if not reference.starts_from:

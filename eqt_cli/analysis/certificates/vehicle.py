@@ -91,8 +91,7 @@ class ForcesAgain(VehicleCheck):
         loop, times = few.loop, few.problem.times
         s = loop.tracking(times, few.states)
         for k, force in enumerate(loop.vehicle.forces):
-            given = loop.vehicle.numbers_of(f"plant.forces[{k}]")
-            found = force.in_body(s.G, times, s.Q, s.V, given) + 0 * s.V
+            found = force.in_body(s.G, times, s.Q, s.V) + 0 * s.V
             for again in second_vehicles(few):
                 place, acting = list(again.forces())[k]
                 assert acting is not None
@@ -178,7 +177,7 @@ class ActuatorsAgain(VehicleCheck):
         alone = {}
         for index, part in enumerate(vehicle.actuators):
             x = states.get(f"actuators_{index}", command[..., :0])
-            here = part.at_limit(G, command, x, vehicle.numbers_of(f"actuators[{index}]"))
+            here = part.at_limit(G, command, x)
             if here is not None:
                 alone[index] = here
         later = {} if vehicle.control is None else vehicle.after_instant(G, command, states)

@@ -14,15 +14,24 @@ import numpy as np
 
 from eqt_cli.analysis.evidence.exact import Exact, Ledger, free, inverse, noting
 from eqt_cli.analysis.evidence.numbers import Number
-from eqt_cli.analysis.evidence.sample import Sample, tracks_nothing, with_moving_reference
+from eqt_cli.analysis.evidence.sample import (
+    INITIAL,
+    INVERSE,
+    K_D,
+    MATRIX,
+    K,
+    Sample,
+    tracks_nothing,
+    with_moving_reference,
+)
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.differentiation import Dual
 from eqt_cli.core.expressions import Expression
 from eqt_cli.core.expressions.tree import Variable
+from eqt_cli.core.leaves import STRUCTURE, leaves, with_leaves
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle import Vehicle
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.forces import Force
 
 RANGE = 2**64
@@ -93,9 +102,9 @@ class FreeForce(Force):
     name: ClassVar[str] = "free"
     departs: ClassVar[str] = "any force"
 
-    force: Any
+    force: Any = field(metadata=STRUCTURE)
 
-    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """The force."""
         return self.force
 
@@ -155,7 +164,7 @@ class ExactStates:
             else loop.reference.with_functions(parameters.function),
             vehicle=_with_any_force(loop.vehicle, parameters.array(1, m)),
         )
-        loop = loop.with_parameters(_freed(loop, parameters))
+        loop = with_leaves(loop, _freed(loop, parameters))
         poses = [G.cayley(parameters.array(1, m)) for _ in range(5)]
         vectors = parameters.array(9, 1, m)
         Vd = np.zeros((1, m), dtype=object) if at_rest else vectors[1]
@@ -186,14 +195,13 @@ def _with_any_force(vehicle: Vehicle, force: Array) -> Vehicle:
 
 def _freed(loop: ClosedLoop, parameters: Parameters) -> dict[str, Array]:
     """Free tensors and gains, and the law's own numbers as they are."""
-    values = loop.parameters
-    found = {name: _constants(value) for name, value in values.items()}
-    found["kp"] = parameters.symmetric(len(values["kp"]))
-    found["kd"] = parameters.array(*values["kd"].shape)
-    if "inertia" in values:
-        found["inertia"] = parameters.symmetric(len(values["inertia"]))
-    if "inertia_inverse" in values:
-        found["inertia_inverse"] = inverse(found["inertia"])
+    found = {path: _constants(value) for path, value in leaves(loop).items()}
+    found[K] = parameters.symmetric(len(found[K]))
+    found[K_D] = parameters.array(*found[K_D].shape)
+    for path in {MATRIX, INITIAL} & found.keys():
+        found[path] = parameters.symmetric(len(found[path]))
+    if INVERSE in found:
+        found[INVERSE] = inverse(found[MATRIX])
     return found
 
 

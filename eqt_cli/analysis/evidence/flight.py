@@ -75,7 +75,7 @@ class Flight:
             count, period, found = -(-problem.control_instants // every), every * self.period, []
             for run in self.numbers.tolist():
                 random = generator_at(self.seed, Stream.VEHICLE, run, place)
-                own = sensor.of_run(random)
+                own = sensor.drawn(random)
                 deviation = own.white_deviation(G, period)
                 if deviation is None:
                     break

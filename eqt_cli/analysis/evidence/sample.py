@@ -10,6 +10,7 @@ from eqt_cli.analysis.evidence.numbers import with_rate
 from eqt_cli.analysis.evidence.running_error import UNIT, lifted
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.semidirect import Input, Semidirect, State
 from eqt_cli.mechanics.tracking import Gains, Tracking
@@ -18,6 +19,10 @@ from eqt_cli.references.torque import TorqueReference
 
 if TYPE_CHECKING:
     from eqt_cli.analysis.evidence.exact_states import ExactStates
+
+MATRIX, INITIAL, INVERSE = "inertia.matrix", "inertia.initial", "inertia.inverse"
+K, K_D = "gains.K", "gains.K_d"
+"""The paths of the numbers of a loop that are tensors."""
 
 STATES = 5
 """Random states per identity: an error in a formula shows at any one of them."""
@@ -114,7 +119,7 @@ def sampled(label: str, loop: ClosedLoop, horizon: float, random: np.random.Gene
     G, own = loop.group, loop.reference
     at_rest = tracks_nothing(loop)
     loop = with_moving_reference(loop)
-    bounded = loop.with_parameters(_with_errors(loop.parameters))
+    bounded = with_leaves(loop, _with_errors(leaves(loop)))
     poses = [G.exp(random.standard_normal((STATES, G.dimension))) for _ in range(5)]
     vectors = random.standard_normal((9, STATES, G.dimension))
     times = random.uniform(0.0, horizon, STATES)
@@ -173,16 +178,16 @@ def _without_symmetry(loop: ClosedLoop, random: np.random.Generator) -> Gains:
     return Gains(A @ A.T / len(A) + np.eye(len(A)), B + len(B) * np.eye(len(B)))
 
 
-def _with_errors(parameters: dict[str, Array]) -> dict[str, Array]:
-    """The tensors of a loop with what is inexact in them: inverses, and digits of symmetry."""
-    found = dict(parameters)
-    for name in {"inertia", "kp"} & found.keys():
-        matrix = found[name]
-        found[name] = lifted(matrix, np.abs(matrix - matrix.swapaxes(-1, -2)))
-    if "inertia_inverse" in found:
-        matrix, inverse = parameters["inertia"], parameters["inertia_inverse"]
+def _with_errors(numbers: dict[str, Array]) -> dict[str, Array]:
+    """The numbers of a loop with what is inexact in them: inverses, and digits of symmetry."""
+    found = dict(numbers)
+    for path in {MATRIX, INITIAL, K} & found.keys():
+        matrix = found[path]
+        found[path] = lifted(matrix, np.abs(matrix - matrix.swapaxes(-1, -2)))
+    if INVERSE in found:
+        matrix, inverse = numbers[MATRIX], numbers[INVERSE]
         condition = np.linalg.norm(matrix) * np.linalg.norm(inverse)
         # Higham, section 14.1: an inverse errs by a few m u cond(A) ‖A⁻¹‖.
         error = 4 * len(matrix) * UNIT * condition * np.abs(inverse).max()
-        found["inertia_inverse"] = lifted(inverse, error)
+        found[INVERSE] = lifted(inverse, error)
     return found

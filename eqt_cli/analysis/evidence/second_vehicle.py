@@ -39,7 +39,8 @@ class SecondVehicle:
     @property
     def vehicle(self) -> Vehicle:
         """The parts as they are configured."""
-        return self.flight.problem.loop.vehicle
+        vehicle = self.flight.problem.loop.vehicle
+        return vehicle.configured or vehicle
 
     @property
     def m(self) -> int:

@@ -20,7 +20,6 @@ from eqt_cli.mechanics.lie_poisson import lie_poisson
 from eqt_cli.mechanics.tracking import Tracking
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.sampling import Sampling
-from eqt_cli.vehicle.vehicle import INERTIA
 
 STATES = 20
 """Random states at which accelerations are compared."""
@@ -98,7 +97,8 @@ class _Asked:
         body = self._body(loop, s, true=True)
         acting, _ = loop.acting_and_rates(s)
         _, P_dot = lie_poisson(s.G, s.Q, s.P, s.V, acting)
-        forces = _without_inertia(loop.vehicle).acting(s, loop.torque(s))
+        # With the inertia that the law believes: what then acts is what really does.
+        forces = replace(loop.vehicle, inertia=None).acting(s, loop.torque(s))
         return _compared(s, body, (s.Q, s.V, forces, s.inertia.velocity(P_dot)))
 
     def closed_loop(self, loop: ClosedLoop, experiment: Experiment) -> _Answer:
@@ -138,10 +138,7 @@ class _Asked:
         """The loop's body in the other program, with its true inertia or the one believed in."""
         inertia: Inertia = s.inertia
         if true and loop.vehicle.inertia is not None:
-            prefix = f"{INERTIA}."
-            own = loop.vehicle.given.items()
-            given = {name.removeprefix(prefix): x for name, x in own if name.startswith(prefix)}
-            inertia = loop.vehicle.inertia.at(inertia, s.t, given)
+            inertia = loop.vehicle.inertia.at(inertia, s.t)
         if inertia.change is not None:
             raise _Unanswered(Verdict.NOT_COVERED, "the inertia varies in time")
         body = RigidBody.of(loop.group, np.asarray(inertia.matrix))
@@ -167,12 +164,6 @@ def _compared(s: Tracking, oracle: Oracle, given: tuple[Array, ...]) -> _Answer:
         size = max(1.0, float(np.abs(expected[k]).max()))
         worst = max(worst, float(np.abs(found - expected[k]).max()) / size)
     return worst, TOLERANCE, f"relative, at {STATES} random states"
-
-
-def _without_inertia(vehicle: Vehicle) -> Vehicle:
-    """The same with the inertia that the law believes: what then acts is what really does."""
-    given = {name: x for name, x in vehicle.given.items() if not name.startswith(f"{INERTIA}.")}
-    return replace(vehicle, inertia=None, given=given)
 
 
 def _placed(s: Tracking, Q: Array) -> tuple[Array, Array]:

@@ -31,7 +31,7 @@ def passes_knots(loop: ClosedLoop) -> bool:
 
     There it would have to look for a knot in every step, and many steps end at instants anyway.
     """
-    return loop.vehicle.control is None and bool(loop.held(0.0))
+    return loop.vehicle.control is None and loop.holds
 
 
 def spans_of(problem: Problem) -> list[Span]:

@@ -203,7 +203,7 @@ class ShownRuns(ShownControllers):
         experiment = ensemble.results.experiment()
         vehicle = experiment.loops[ensemble.law].vehicle
         random_of = partial(generator_at, experiment.config.ensemble.seed, Stream.VEHICLE, run)
-        return vehicle.thrust_limits(vehicle.numbers(experiment.group, random_of))
+        return vehicle.of_run(experiment.group, random_of).thrust_limits
 
     def notes(self) -> list[str]:
         """As `ShownControllers.notes`, after what flies and how many runs have trajectories."""

@@ -3,13 +3,13 @@
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, where
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.component import Given, VehiclePart
+from eqt_cli.vehicle.component import VehiclePart
 
 
 @dataclass(frozen=True)
@@ -70,49 +70,43 @@ class Actuator(VehiclePart):
         return 0
 
     @abstractmethod
-    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """What it makes of a command, ``(..., m)``; x are its states."""
 
-    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """The time derivative of its states."""
         return x
 
-    def after(
-        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, duration: Array
-    ) -> Array:
+    def after(self, G: MatrixLieGroup, command: Array, x: Array, duration: Array) -> Array:
         """Its states after a command was held for so long, where it has a closed form.
 
         What changes at instants only stands in front of its states, and is left out.
         """
         return x
 
-    def step(
-        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, period: float
-    ) -> Array:
+    def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
         """Its states after a control instant, of an actuator that is `sampled`."""
         return x
 
-    def solution(self, G: MatrixLieGroup, command: Array, given: Given) -> Array:
+    def solution(self, G: MatrixLieGroup, command: Array) -> Array:
         """What it finds for commands ``(runs, m)`` at an instant, ``(runs, n)``, by any code."""
         return command
 
-    def thrust(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """What each of its thrusters gives, ``(..., k)``."""
         return command[..., :0]
 
-    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Where a command is beyond its limit, ``(...)``; None where it has none.
 
         Of most limits, that is where the output falls short of the command by more than rounding.
         """
         if not self.limits:
             return None
-        short = np.abs(command - self.output(G, command, x, given)) > 1e-12 * (1 + np.abs(command))
+        short = np.abs(command - self.output(G, command, x)) > 1e-12 * (1 + np.abs(command))
         return np.array(short.any(axis=-1))
 
-    def most(
-        self, G: MatrixLieGroup, times: Array, torque: Array, given: Given
-    ) -> tuple[Array, Array] | None:
+    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
         """How much of what is `limited` a torque takes, and what there is, ``(n, k)`` each.
 
         Each row is at one of the last n times; None where a torque does not tell.
@@ -127,12 +121,12 @@ class Actuator(VehiclePart):
 class PassThrough(Actuator):
     """No actuator: the command as it is."""
 
-    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """The command."""
         return command
 
 
-def against(values: Array, low: Array, high: Array) -> tuple[Array, Array]:
+def against(values: Array, low: Any, high: Any) -> tuple[Array, Array]:
     """The sizes of values, and the limits on their side of 0."""
     below = values < 0
     return where(below, 0.0 - values, values), where(below, 0.0 - low, high)

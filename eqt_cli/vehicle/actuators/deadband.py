@@ -6,7 +6,6 @@ from typing import ClassVar
 from eqt_cli.core.arrays import Array, absolute, less, where
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers
 
 
@@ -29,6 +28,6 @@ class Deadband(Actuator):
 
     width: Numbers
 
-    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """The command, or 0."""
-        return where(less(absolute(command), given["width"] + 0 * command), 0 * command, command)
+        return where(less(absolute(command), self.width + 0 * command), 0 * command, command)

@@ -6,7 +6,6 @@ from typing import ClassVar
 from eqt_cli.core.arrays import Array, exp
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers
 
 
@@ -35,17 +34,15 @@ class Lag(Actuator):
         """One along every axis."""
         return G.dimension
 
-    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """The state."""
         return x
 
-    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """(command − x) / T."""
-        return (command - x) / given["time_constant"]
+        return (command - x) / self.time_constant
 
-    def after(
-        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, duration: Array
-    ) -> Array:
+    def after(self, G: MatrixLieGroup, command: Array, x: Array, duration: Array) -> Array:
         """Command + (x − command) e^(−t/T)."""
-        left: Array = (x - command) * exp(-duration / given["time_constant"])
+        left: Array = (x - command) * exp(-duration / self.time_constant)
         return command + left

@@ -1,15 +1,15 @@
 """A hard limit of the torque."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, clip, less, norm, where
+from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough, against
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers, check_limits
 
 
@@ -40,34 +40,32 @@ class Limit(Actuator):
     low: Numbers | None = None
     high: Numbers | None = None
 
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
-        """The limits in both directions, or that of the norm."""
-        found = super().numbers(G, random)
-        if self.norm or "limit" not in found:
-            return found
-        return {"low": -found["limit"], "high": found["limit"]}
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """With the limits in both directions, or that of the norm."""
+        part = super().of_run(G, random)
+        if part.norm or part.limit is None:
+            return part
+        return with_fields(part, limit=None, low=-part.limit, high=part.limit)
 
-    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """The command, cut off."""
         if not self.norm:
-            return clip(command, given["low"], given["high"])
-        size = norm(command / given["limit"])[..., None]
+            return clip(command, self.low, self.high)
+        size = norm(command / self.limit)[..., None]
         return where(less(1.0, size), command / size, command)
 
-    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Where it cuts off."""
         if self.norm:
-            return np.array(norm(command / given["limit"]) > 1.0)
-        beyond = (command < given["low"]) | (command > given["high"])
+            return np.array(norm(command / self.limit) > 1.0)
+        beyond = (command < self.low) | (command > self.high)
         return np.array(beyond.any(axis=-1))
 
-    def most(
-        self, G: MatrixLieGroup, times: Array, torque: Array, given: Given
-    ) -> tuple[Array, Array] | None:
+    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
         """Sizes along the axes, or the norm in the unit of the largest limit; and the limits."""
         if not self.norm:
-            return against(torque, given["low"], given["high"])
-        limit = given["limit"]
+            return against(torque, self.low, self.high)
+        limit: Any = self.limit
         largest = limit.max(axis=-1, keepdims=True)
         return norm(torque / limit)[..., None] * largest, largest
 

@@ -8,7 +8,6 @@ import numpy as np
 from eqt_cli.core.arrays import Array, clip
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers
 
 
@@ -40,21 +39,17 @@ class MomentumLimit(Actuator):
         """What it gives, and the momentum at the end of the period, along every axis."""
         return 2 * G.dimension
 
-    def step(
-        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, period: float
-    ) -> Array:
+    def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
         """As near to the command as the momentum at the end of the period allows."""
-        most, h = given["momentum"], x[..., G.dimension :]
+        most, h = self.momentum, x[..., G.dimension :]
         torque = clip(command, (-most - h) / period, (most - h) / period)
         return np.concatenate([torque, h + period * torque], axis=-1)
 
-    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """What it gives."""
         return x[..., : G.dimension]
 
-    def most(
-        self, G: MatrixLieGroup, times: Array, torque: Array, given: Given
-    ) -> tuple[Array, Array] | None:
+    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
         """The size of the integral along each axis, from the first time to each."""
         pieces = np.diff(times)[:, None] * (torque[1:] + torque[:-1]) / 2
-        return np.abs(np.cumsum(pieces, axis=0)), given["momentum"]
+        return np.abs(np.cumsum(pieces, axis=0)), self.momentum

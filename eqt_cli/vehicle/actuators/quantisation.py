@@ -1,14 +1,11 @@
 """An actuator that knows only multiples of a step."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
-
-import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers
 
 SHIFT = 1.5 * 2.0**52
@@ -33,13 +30,11 @@ class Quantisation(Actuator):
     sampled: ClassVar[bool] = True
 
     resolution: Numbers
+    # As numbers, which a compiler cannot cancel.
+    up: float = field(default=SHIFT, init=False, repr=False)
+    down: float = field(default=SHIFT, init=False, repr=False)
 
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
-        """The step, and the numbers that round, which a compiler must not cancel."""
-        rounding = {"up": np.array([SHIFT]), "down": np.array([SHIFT])}
-        return super().numbers(G, random) | rounding
-
-    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """The step times the rounded number of steps."""
-        rounded: Array = (command / given["resolution"] + given["up"]) - given["down"]
-        return given["resolution"] * rounded
+        rounded: Array = (command / self.resolution + self.up) - self.down
+        return self.resolution * rounded

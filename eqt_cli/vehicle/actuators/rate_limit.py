@@ -8,7 +8,6 @@ import numpy as np
 from eqt_cli.core.arrays import Array, clip
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers
 
 
@@ -37,19 +36,15 @@ class RateLimit(Actuator):
         """What it gives, along every axis."""
         return G.dimension
 
-    def step(
-        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, period: float
-    ) -> Array:
+    def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
         """As near to the command as it comes in one period."""
-        most = given["rate"] * period
+        most = self.rate * period
         return x + clip(command - x, -most, most)
 
-    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """What it has come to."""
         return x
 
-    def most(
-        self, G: MatrixLieGroup, times: Array, torque: Array, given: Given
-    ) -> tuple[Array, Array] | None:
+    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
         """The size of the rate along each axis, in the step that ends at each time."""
-        return np.abs(np.diff(torque, axis=0) / np.diff(times)[:, None]), given["rate"]
+        return np.abs(np.diff(torque, axis=0) / np.diff(times)[:, None]), self.rate

@@ -1,19 +1,19 @@
 """Thrusters that together give the torque: how it is shared among them, their limits, their lag."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, clip, exp
+from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.option_types import Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.vehicle.actuators.base import Actuator, against
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.numbers import Numbers, check_limits, check_numbers
 
 SMALLEST = 1e-10
@@ -94,6 +94,8 @@ class Thrusters(Actuator):
     time_constant: Numbers | None = None
     weights: Numbers | None = None
     allocation: Literal["pseudo_inverse", "bounded"] = "pseudo_inverse"
+    inverse: Any = field(default=None, init=False, repr=False)
+    scale: Any = field(default=None, init=False, repr=False)
 
     @property
     def limits(self) -> bool:
@@ -120,7 +122,9 @@ class Thrusters(Actuator):
     @property
     def linear_part(self) -> Actuator:
         """The same without limits, which gives what is asked where thrusters can."""
-        return replace(self, low=None, high=None, allocation="pseudo_inverse")
+        if not self.limits:
+            return self
+        return with_fields(self, low=None, high=None, scale=None, allocation="pseudo_inverse")
 
     @cached_property
     def count(self) -> int:
@@ -130,13 +134,8 @@ class Thrusters(Actuator):
     @property
     def thruster_names(self) -> tuple[str, ...]:
         """As given, or numbered from 1."""
-        given = [each.name for each in self.thrusters or ()] or [""] * self.count
-        return tuple(name or f"thruster {index}" for index, name in enumerate(given, 1))
-
-    @property
-    def structure(self) -> tuple[Any, ...]:
-        """What there is, and how many."""
-        return type(self), self.allocation, self.limits, self.moves, self.thruster_names
+        names = [each.name for each in self.thrusters or ()] or [""] * self.count
+        return tuple(name or f"thruster {index}" for index, name in enumerate(names, 1))
 
     def columns(self, G: MatrixLieGroup) -> Array:
         """B, ``(m, k)``."""
@@ -145,93 +144,96 @@ class Thrusters(Actuator):
         assert isinstance(G, EuclideanGroup)
         return np.stack([each.wrench(G) for each in self.thrusters or ()], axis=-1)
 
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
-        """B, its weighted pseudo-inverse, and of each thruster what is given."""
-        part, B = self.of_run(random), self.columns(G)
-        given = {
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """With B, its weighted pseudo-inverse, and an entry for each thruster."""
+        part, B = self.drawn(random), self.columns(G)
+        each = {
             name: np.broadcast_to(np.array(value, dtype=float), (self.count,)).copy()
             for name in ("low", "high", "time_constant")
             if (value := getattr(part, name)) is not None
         }
         scale = 1 / np.sqrt(np.ones(self.count) * np.array(part.weights or 1.0, dtype=float))
         inverse = scale[:, None] * np.linalg.pinv(B * scale, rcond=SMALLEST)
-        found = {"matrix": B, "inverse": inverse, **given}
-        return found | {"scale": scale} if self.sampled else found
+        return with_fields(
+            part,
+            **each,
+            matrix=B,
+            thrusters=[Thruster([], [], name=name) for name in self.thruster_names],
+            weights=None,
+            inverse=inverse,
+            scale=scale if self.sampled else None,
+        )
 
     def states(self, G: MatrixLieGroup) -> int:
         """The thrusts that are solved for, then those that lag."""
         return (self.sampled + self.moves) * self.count
 
-    def output(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def output(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """B f."""
-        return apply_matrix(given["matrix"], self.thrust(G, command, x, given))
+        B: Any = self.matrix
+        return apply_matrix(B, self.thrust(G, command, x))
 
-    def thrust(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def thrust(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """The state of the lag, or what is asked."""
-        return x[..., -self.count :] if self.moves else self._asked(command, x, given)
+        return x[..., -self.count :] if self.moves else self._asked(command, x)
 
-    def _asked(self, command: Array, x: Array, given: Given) -> Array:
+    def _asked(self, command: Array, x: Array) -> Array:
         """What each is asked for, within its limits."""
         if self.sampled:
             return x[..., : self.count]
-        asked = apply_matrix(given["inverse"], command)
-        return clip(asked, given["low"], given["high"]) if self.limits else asked
+        asked = apply_matrix(self.inverse, command)
+        return clip(asked, self.low, self.high) if self.limits else asked
 
-    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array:
+    def state_rate(self, G: MatrixLieGroup, command: Array, x: Array) -> Array:
         """(asked − x) / T; what is solved for waits for the next instant."""
-        asked = self._asked(command, x, given)
-        rate: Array = (asked - x[..., -self.count :]) / given["time_constant"]
+        asked = self._asked(command, x)
+        rate: Array = (asked - x[..., -self.count :]) / self.time_constant
         return np.concatenate([0.0 * asked, rate], axis=-1) if self.sampled else rate
 
-    def after(
-        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, duration: Array
-    ) -> Array:
+    def after(self, G: MatrixLieGroup, command: Array, x: Array, duration: Array) -> Array:
         """Asked + (x − asked) e^(−t/T)."""
-        asked = self._asked(command, x, given)
-        left = (x[..., -self.count :] - asked) * exp(-duration / given["time_constant"])
+        asked = self._asked(command, x)
+        left = (x[..., -self.count :] - asked) * exp(-duration / self.time_constant)
         later: Array = asked + left
         return later
 
-    def step(
-        self, G: MatrixLieGroup, command: Array, x: Array, given: Given, period: float
-    ) -> Array:
+    def step(self, G: MatrixLieGroup, command: Array, x: Array, period: float) -> Array:
         """The thrusts that were solved for; those that lag stay."""
         if not self.sampled:
             return x
         return np.concatenate([command, x[..., self.count :]], axis=-1) if self.moves else command
 
-    def solution(self, G: MatrixLieGroup, command: Array, given: Given) -> Array:
+    def solution(self, G: MatrixLieGroup, command: Array) -> Array:
         """Thrusts within the limits with the torque nearest to the command; run by run."""
         runs = command.shape[:-1]
         axes = {"matrix": 2, "inverse": 2, "scale": 1, "low": 1, "high": 1}
         numbers = [
-            np.broadcast_to(given[name], (*runs, *given[name].shape[-count:]))
+            np.broadcast_to(values, (*runs, *values.shape[-count:]))
             for name, count in axes.items()
+            for values in [getattr(self, name)]
         ]
         found = np.empty((*runs, self.count))
         for run in np.ndindex(runs):
             found[run] = _nearest(command[run], *(each[run] for each in numbers))
         return found
 
-    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array, given: Given) -> Array | None:
+    def at_limit(self, G: MatrixLieGroup, command: Array, x: Array) -> Array | None:
         """Where a thruster is asked for more than it can, or for its limit by a solution."""
         if not self.limits:
             return None
         if self.sampled:
             asked = x[..., : self.count]
-            there = (asked <= given["low"]) | (asked >= given["high"])
+            there = (asked <= self.low) | (asked >= self.high)
         else:
-            asked = apply_matrix(given["inverse"], command)
-            there = (asked < given["low"]) | (asked > given["high"])
+            asked = apply_matrix(self.inverse, command)
+            there = (asked < self.low) | (asked > self.high)
         return np.array(there.any(axis=-1))
 
-    def most(
-        self, G: MatrixLieGroup, times: Array, torque: Array, given: Given
-    ) -> tuple[Array, Array] | None:
+    def most(self, G: MatrixLieGroup, times: Array, torque: Array) -> tuple[Array, Array] | None:
         """The thrusts and their limits; of least squares, others may do."""
         if self.sampled:
             return None
-        return against(apply_matrix(given["inverse"], torque), given["low"], given["high"])
+        return against(apply_matrix(self.inverse, torque), self.low, self.high)
 
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
         """The directions in which no thrust pushes."""

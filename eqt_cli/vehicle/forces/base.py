@@ -8,7 +8,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.component import Given, VehiclePart
+from eqt_cli.vehicle.component import VehiclePart
 
 
 @dataclass(frozen=True)
@@ -25,25 +25,16 @@ class Force(VehiclePart):
     frame: Literal["body", "spatial"] = field(default="body", kw_only=True)
 
     @abstractmethod
-    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """The force at a time, pose and velocity, in its frame, ``(..., m)``."""
 
-    def in_body(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+    def in_body(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """The force in the body frame, ``(..., m)``; V is the body velocity."""
         if self.frame == "body":
-            return self.acting(G, t, Q, V, given)
-        force = self.acting(G, t, Q, G.Ad(Q, V), given)
+            return self.acting(G, t, Q, V)
+        force = self.acting(G, t, Q, G.Ad(Q, V))
         return G.Ad_star(Q, force + 0 * V)
 
     def instants(self) -> Array:
         """The times, s, at which it goes on in another way; in order."""
         return np.empty(0)
-
-
-class ForceOfNumbers(Force):
-    """A force all of whose options are numbers, so that those of all runs are solved together."""
-
-    @property
-    def structure(self) -> tuple[Any, ...]:
-        """The frame alone."""
-        return type(self), self.frame

@@ -5,7 +5,6 @@ from typing import Any, ClassVar
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.forces.base import Force
 from eqt_cli.vehicle.numbers import Numbers
 
@@ -26,6 +25,6 @@ class ConstantForce(Force):
 
     force: Numbers
 
-    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """The force."""
-        return given["force"]
+        return self.force

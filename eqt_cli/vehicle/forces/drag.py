@@ -1,17 +1,16 @@
 """Drag, linear and quadratic in the velocity, in a medium that may flow."""
 
-from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, ClassVar
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, absolute, apply_matrix, stack
 from eqt_cli.core.expressions import Expression, formula
+from eqt_cli.core.leaves import STRUCTURE, with_fields
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.references.base import instants_of
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.forces.base import Force
 from eqt_cli.vehicle.numbers import Matrix, NumberOrExpression, check_numbers
 
@@ -39,45 +38,42 @@ class Drag(Force):
     quadratic: Matrix = 0.0
     current: list[NumberOrExpression] | None = None
 
-    @cached_property
-    def _expressions(self) -> dict[int, Expression]:
-        """Those of the current, by its axis."""
-        written = enumerate(self.current or ())
-        return {axis: formula(entry) for axis, entry in written if isinstance(entry, str)}
+    expressions: tuple[Expression | None, ...] = field(
+        default=(), init=False, repr=False, metadata=STRUCTURE
+    )
 
-    @property
-    def structure(self) -> tuple[Any, ...]:
-        """The frame, whether there is a current, and its expressions."""
-        texts = [entry if isinstance(entry, str) else None for entry in self.current or ()]
-        return type(self), self.frame, repr(texts)
-
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
-        """The two tensors, and the current with 0 for its expressions."""
-        part = self.of_run(random)
-        found = super(Drag, part).numbers(G, None)
-        if part.current is None:
-            return found
-        entries = [0.0 if isinstance(entry, str) else entry for entry in part.current]
-        return found | {"current": np.array(entries, dtype=float)}
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """With the expressions of the current, and 0 for them among its numbers."""
+        part = super().of_run(G, random)
+        if self.current is None:
+            return part
+        texts = [entry if isinstance(entry, str) else None for entry in self.current]
+        current: Any = part.current
+        entries = [0.0 if isinstance(entry, str) else entry for entry in current]
+        return with_fields(
+            part,
+            current=np.array(entries, dtype=float),
+            expressions=tuple(None if text is None else formula(text) for text in texts),
+        )
 
     def instants(self) -> Array:
         """Where an expression changes its piece."""
-        return instants_of(self._expressions.values())
+        return instants_of(expression for expression in self.expressions if expression)
 
-    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """−D₁ U − D₂ (|U| U)."""
         if self.current is not None:
-            V = V - self._flow(G, t, Q, given["current"])
-        squares = apply_matrix(given["quadratic"], absolute(V) * V)
-        return -apply_matrix(given["linear"], V) - squares
+            V = V - self._flow(G, t, Q)
+        squares = apply_matrix(self.quadratic, absolute(V) * V)
+        return -apply_matrix(self.linear, V) - squares
 
-    def _flow(self, G: MatrixLieGroup, t: Any, Q: Array, numbers: Array) -> Array:
+    def _flow(self, G: MatrixLieGroup, t: Any, Q: Array) -> Array:
         """The velocity of the medium in the frame of the force, ``(..., m)``."""
-        part = G.translation
+        part, numbers = G.translation, np.asarray(self.current)
         assert part is not None
         entries: list[Any] = [0.0] * G.dimension
         for axis in range(numbers.shape[-1]):
-            expression = self._expressions.get(axis)
+            expression = self.expressions[axis]
             value = numbers[..., axis] if expression is None else expression.evaluate({"t": t})
             entries[part.axes.start + axis] = value
         flow = stack(entries)

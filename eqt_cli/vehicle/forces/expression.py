@@ -1,12 +1,13 @@
 """A force that is given as expressions in time."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
+
+import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.references.base import InExpressions
-from eqt_cli.vehicle.component import Given
 from eqt_cli.vehicle.forces.base import Force
 
 
@@ -26,6 +27,10 @@ class ExpressionForce(InExpressions, Force):
 
     force: list[str | float]
 
-    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """Itself: its entries are expressions, also where they are numbers."""
+        return self
+
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """f(t)."""
         return self.at(t)

@@ -1,22 +1,22 @@
 """Gravity that differs over a satellite: it turns the long axis towards the planet."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, cos, cross, sin, stack
+from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
-from eqt_cli.vehicle.component import Given
-from eqt_cli.vehicle.forces.base import ForceOfNumbers
+from eqt_cli.vehicle.forces.base import Force
 from eqt_cli.vehicle.numbers import Matrix, Number, check_numbers, drawn
 from eqt_cli.written.poses import square
 
 
 @dataclass(frozen=True)
-class GravityGradient(ForceOfNumbers):
+class GravityGradient(Force):
     """3n² c × 𝕁c on a circular orbit; c is the direction of the planet in the body frame.
 
     The orbit is in the xy plane of the spatial frame, with the planet at t = 0 along -x. Only for
@@ -36,21 +36,20 @@ class GravityGradient(ForceOfNumbers):
     rate: Number
     inertia: Matrix
 
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
-        """The rate and the tensor."""
-        part: Any = self.of_run(random)
-        tensor = square(part.inertia, 3, G)
-        return {"rate": np.array([part.rate], dtype=float), "inertia": tensor}
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """With the tensor as a matrix."""
+        part = self.drawn(random)
+        return with_fields(part, rate=np.array([part.rate]), inertia=square(part.inertia, 3, G))
 
-    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """The torque."""
-        rate = given["rate"][..., 0]
+        rate = self.rate[..., 0]
         assert isinstance(G, EuclideanGroup)
         angle = rate * t
         planet = stack([-cos(angle), -sin(angle), 0 * angle])
         c = (G.rotation(Q) * planet[..., :, None]).sum(axis=-2)  # Rᵀ of the direction in space
         factor = (3 * rate * rate)[..., None]
-        torque = factor * cross(c, apply_matrix(given["inertia"], c))
+        torque = factor * cross(c, apply_matrix(self.inertia, c))
         coordinates = [torque[..., k] for k in range(3)]
         return stack(coordinates + [0 * coordinates[0]] * (G.dimension - 3))
 

@@ -1,15 +1,16 @@
 """Gusts: a random force that is smooth, as a sum of sines with phases of the run."""
 
-from dataclasses import dataclass
-from typing import Any, ClassVar
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, as_array, sin
+from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.vehicle.component import Given, check_deviations
-from eqt_cli.vehicle.forces.base import ForceOfNumbers
+from eqt_cli.vehicle.component import check_deviations
+from eqt_cli.vehicle.forces.base import Force
 from eqt_cli.vehicle.numbers import Number, Numbers, check_numbers
 
 SINES = 12
@@ -20,7 +21,7 @@ SHARES = np.tan(np.pi / 2 * (np.arange(SINES) + 0.5) / SINES)
 
 
 @dataclass(frozen=True)
-class Gust(ForceOfNumbers):
+class Gust(Force):
     """A force with the spectrum of an Ornstein-Uhlenbeck process, its coordinates independent.
 
     Each coordinate is a sum of sines of equal amplitude, with frequencies that divide the spectrum
@@ -41,29 +42,33 @@ class Gust(ForceOfNumbers):
 
     std: Numbers
     time_constant: Number
+    amplitude: Any = field(default=None, init=False, repr=False)
+    frequency: Any = field(default=None, init=False, repr=False)
+    phase: Any = field(default=None, init=False, repr=False)
 
     @property
     def varies(self) -> bool:
         """Every run has phases of its own."""
         return True
 
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
         """The amplitudes, frequencies and phases of the sines, ``(sines, m)`` or ``(sines, 1)``."""
-        part, m = self.of_run(random), G.dimension
+        part, m = self.drawn(random), G.dimension
         shape = SINES, m
-        phases = np.zeros(shape) if random is None else random.uniform(0.0, 2 * np.pi, shape)
-        amplitude = np.sqrt(2 / SINES) * np.broadcast_to(np.array(part.std, dtype=float), (m,))
-        return {
-            "amplitude": amplitude,
-            "frequency": (SHARES / part.time_constant)[:, None],
-            "phase": phases,
-        }
+        return with_fields(
+            part,
+            std=None,
+            time_constant=None,
+            amplitude=np.sqrt(2 / SINES) * np.broadcast_to(np.array(part.std, dtype=float), (m,)),
+            frequency=(SHARES / part.time_constant)[:, None],
+            phase=np.zeros(shape) if random is None else random.uniform(0.0, 2 * np.pi, shape),
+        )
 
-    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Σ a sin(ω t + φ)."""
-        frequency, phase = given["frequency"], given["phase"]
+        frequency, phase = self.frequency, self.phase
         waves = [sin(frequency[..., k, :] * _column(t, V) + phase[..., k, :]) for k in range(SINES)]
-        return given["amplitude"] * sum(waves)
+        return self.amplitude * sum(waves)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A deviation that is negative, a time constant that is not positive, a wrong length."""

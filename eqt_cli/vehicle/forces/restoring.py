@@ -1,23 +1,23 @@
 """Weight and buoyancy of a submerged body in space."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, cross, stack
+from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
-from eqt_cli.vehicle.component import Given
-from eqt_cli.vehicle.forces.base import ForceOfNumbers
+from eqt_cli.vehicle.forces.base import Force
 from eqt_cli.vehicle.numbers import Number, check_numbers, drawn
 
 POINTS = ("centre_of_mass", "centre_of_buoyancy", "up")
 
 
 @dataclass(frozen=True)
-class Restoring(ForceOfNumbers):
+class Restoring(Force):
     """The weight acts at the centre of mass, downwards; the buoyancy at its own centre, upwards.
 
     With u the direction upwards in the body frame, the force is (B − W) u and the torque
@@ -42,24 +42,26 @@ class Restoring(ForceOfNumbers):
     centre_of_buoyancy: list[Number] | None = None
     up: list[Number] | None = None
 
-    def numbers(self, G: MatrixLieGroup, random: np.random.Generator | None) -> dict[str, Array]:
-        """The two forces, the two points and the direction, of length 1."""
-        part = self.of_run(random)
-        up = np.array(part.up or [0.0, 0.0, 1.0], dtype=float)
-        return {
-            "weight": np.array([part.weight]),
-            "buoyancy": np.array([part.buoyancy]),
-            "centre_of_mass": np.array(part.centre_of_mass or [0.0] * 3, dtype=float),
-            "centre_of_buoyancy": np.array(part.centre_of_buoyancy or [0.0] * 3, dtype=float),
-            "up": up / np.linalg.norm(up),
-        }
+    def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:
+        """With a direction of length 1, and all points."""
+        part: Any = super().of_run(G, random)
+        up = np.array([0.0, 0.0, 1.0]) if part.up is None else part.up
+        mass, buoyancy = (
+            np.zeros(3) if point is None else point
+            for point in (part.centre_of_mass, part.centre_of_buoyancy)
+        )
+        found: Self = with_fields(
+            part, up=up / np.linalg.norm(up), centre_of_mass=mass, centre_of_buoyancy=buoyancy
+        )
+        return found
 
-    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array, given: Given) -> Array:
+    def acting(self, G: MatrixLieGroup, t: Any, Q: Array, V: Array) -> Array:
         """Torque and force."""
         assert isinstance(G, EuclideanGroup)
-        up = (G.rotation(Q) * given["up"][..., :, None]).sum(axis=-2)  # Rᵀ up
-        lift, weight = given["buoyancy"] * up, given["weight"] * up
-        torque = cross(given["centre_of_buoyancy"], lift) - cross(given["centre_of_mass"], weight)
+        part: Any = self
+        up = (G.rotation(Q) * part.up[..., :, None]).sum(axis=-2)  # Rᵀ up
+        lift, weight = self.buoyancy * up, self.weight * up
+        torque = cross(part.centre_of_buoyancy, lift) - cross(part.centre_of_mass, weight)
         force = lift - weight
         return stack([*(torque[..., k] for k in range(3)), *(force[..., k] for k in range(3))])
 

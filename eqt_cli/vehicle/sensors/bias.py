@@ -1,7 +1,7 @@
 """An offset of a measurement, which may drift."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class Bias(Sensor):
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
     ) -> Array:
         """value + walk √period Σ N(0, 1)^n, with a step from each instant to the next."""
-        part: Any = self.of_run(random)
+        part = self.drawn(random)
         steps = random.standard_normal((instants, self.coordinates(G)))
         drift = np.cumsum(steps, axis=0) - steps[:1]
         return self.entries(part.value, G) + self.entries(part.walk, G) * np.sqrt(period) * drift

@@ -35,7 +35,7 @@ class Noise(Sensor):
         self, G: MatrixLieGroup, instants: int, period: float, random: np.random.Generator
     ) -> Array:
         """std · N(0, 1)^n, or density/√period · N(0, 1)^n."""
-        deviation = self.of_run(random).white_deviation(G, period)
+        deviation = self.drawn(random).white_deviation(G, period)
         return deviation * random.standard_normal((instants, self.coordinates(G)))
 
     def white_deviation(self, G: MatrixLieGroup, period: float) -> Array:
