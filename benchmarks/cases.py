@@ -13,7 +13,8 @@ from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.engines import Problem, Solution
 from eqt_cli.engines.taylor import EPSILON, Taylor
 from eqt_cli.ensemble.initial import draw_initial_states
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.experiment import Experiment
 
 CONFIGS = Path(__file__).parents[1] / "configs"
 

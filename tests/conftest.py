@@ -34,7 +34,8 @@ from eqt_cli.core.interruptions import ASKED_BY
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines.native import cache as native_cache
 from eqt_cli.execution.run_study import Execution, execute
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import study
 from eqt_cli.groups import MatrixLieGroup, group_named, groups
 from eqt_cli.program import Program

@@ -15,7 +15,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.error_origin import blamed
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.horizon import along_reference, check_reference, reference_over_horizon
 from eqt_cli.experiment.local_stability import Along, Growth, growth, left_out, size_of
 

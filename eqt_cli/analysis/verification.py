@@ -27,7 +27,7 @@ from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.execution.compute_part import Desired, measured, shared_reference
 from eqt_cli.execution.executors import Progress
 from eqt_cli.execution.steps import SILENT, Steps
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.semidirect import Semidirect
 from eqt_cli.mechanics.settling import as_distance

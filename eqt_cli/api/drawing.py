@@ -15,7 +15,7 @@ from eqt_cli.core.files import YAML
 from eqt_cli.execution.executors import Progress
 from eqt_cli.execution.folder import FIGURES
 from eqt_cli.execution.steps import Stage, Steps
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.results.result import Result, open_result, point_folder
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from eqt_cli.api.paths import path_from
 from eqt_cli.config import yaml_source
 from eqt_cli.config.source import ConfigSource, overridden, read_config
 from eqt_cli.core.errors import EqtError
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import study
 from eqt_cli.experiment.study import Study
 

@@ -52,7 +52,7 @@ class ClosedLoop:
     Attributes
     ----------
     held
-        The numbers that the reference holds between two known instants; see `holding`.
+        The reference as it is between two known instants; see `holding`.
     """
 
     group: MatrixLieGroup = field(metadata=STRUCTURE)
@@ -61,7 +61,7 @@ class ClosedLoop:
     reference: Reference = field(metadata=STRUCTURE)
     controller: Controller
     vehicle: Vehicle = field(default_factory=Vehicle)
-    held: Any = field(default=None, kw_only=True)
+    held: Reference | None = field(default=None, kw_only=True)
 
     @classmethod
     def of(cls, loop: "ClosedLoop") -> Self:
@@ -179,11 +179,6 @@ class ClosedLoop:
         """Those of its leaves that it holds, by path."""
         return {path: number for path, number in leaves(self).items() if path.startswith("held.")}
 
-    @cached_property
-    def _reference(self) -> Reference:
-        """The reference between two instants."""
-        return self.reference if self.held is None else self.reference.holding(self.held)
-
     # Flat states.
 
     @cached_property
@@ -252,7 +247,7 @@ class ClosedLoop:
         Qd, Pd = map(found.get, DESIRED)
         if Qd is not None:
             Qd = self.group.unpack(Qd)
-        desired = self._reference.desired(self.group, inertia, t, Qd, Pd)
+        desired = (self.held or self.reference).desired(self.group, inertia, t, Qd, Pd)
         batch = state.shape[:-1]
         Q, P = _spread(desired.Q, batch, 2), _spread(desired.P, batch, 1)
         return desired._replace(Q=Q, P=P), inertia

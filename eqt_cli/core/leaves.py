@@ -9,8 +9,7 @@ leading axis of runs, or by symbols.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Hashable, Iterator, Mapping
-from functools import cached_property
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any, TypeVar
 
 import numpy as np
@@ -25,7 +24,13 @@ STRUCTURE = {"is_structure": True}
 
 def leaves(component: Any) -> dict[str, Array]:
     """The numbers of a component by path, in the order of its fields; floats as arrays ``(1,)``."""
-    return dict(_leaves(component))
+    found: dict[str, Array] = {}
+
+    def note(path: str, number: Array | float) -> None:
+        found[path] = np.atleast_1d(number) if isinstance(number, float) else number
+
+    _mapped(component, note)
+    return found
 
 
 def with_leaves(component: T, values: Mapping[str, Array]) -> T:
@@ -38,7 +43,7 @@ def with_leaves(component: T, values: Mapping[str, Array]) -> T:
     """
     if unknown := values.keys() - leaves(component).keys():
         raise KeyError(", ".join(sorted(unknown)))
-    return _mapped(component, values.get)
+    return _mapped(component, lambda path, number: values.get(path, number))
 
 
 def with_fields(component: T, **values: Any) -> T:
@@ -46,9 +51,10 @@ def with_fields(component: T, **values: Any) -> T:
 
     What it has computed from the old ones is forgotten.
     """
-    kind = type(component)
-    copy = object.__new__(kind)
-    kept = {name: value for name, value in vars(component).items() if not _computed(kind, name)}
+    # Not dataclasses.replace: a field may be none for its initialiser.
+    copy = object.__new__(type(component))
+    own = vars(component)
+    kept = {field.name: own[field.name] for field in _fields(component) if field.name in own}
     vars(copy).update(kept | values)
     return copy
 
@@ -60,41 +66,31 @@ def structure(component: Any) -> Hashable:
     """
     return type(component), tuple(
         (field.name, _structure(field, getattr(component, field.name)))
-        for field in dataclasses.fields(component)
+        for field in _fields(component)
         if field.compare
     )
 
 
-def _leaves(component: Any, prefix: str = "") -> Iterator[tuple[str, Array]]:
-    for field in _open_fields(component):
-        value, path = getattr(component, field.name), prefix + field.name
-        if isinstance(value, float | np.ndarray):
-            found = np.atleast_1d(value) if isinstance(value, float) else value
-            if found.size:
-                yield path, found
-        elif _is_component(value):
-            yield from _leaves(value, f"{path}.")
-        elif isinstance(value, tuple):
-            for index, entry in enumerate(value):
-                if _is_component(entry):
-                    yield from _leaves(entry, f"{path}[{index}].")
+def _mapped(component: T, new: Callable[[str, Any], Any], prefix: str = "") -> T:
+    """The same component with `new` in the place of each leaf, from its path and its number."""
 
-
-def _mapped(component: T, new: Callable[[str], Any], prefix: str = "") -> T:
-    changed: dict[str, Any] = {}
-    for field in _open_fields(component):
-        value, path = getattr(component, field.name), prefix + field.name
+    def mapped(value: Any, path: str) -> Any:
         if isinstance(value, float | np.ndarray):
-            found = new(path)
-            changed |= {} if found is None else {field.name: found}
-        elif _is_component(value):
-            changed[field.name] = _mapped(value, new, f"{path}.")
-        elif isinstance(value, tuple):
-            changed[field.name] = tuple(
-                _mapped(entry, new, f"{path}[{index}].") if _is_component(entry) else entry
-                for index, entry in enumerate(value)
-            )
-    return with_fields(component, **changed)
+            return new(path, value) if np.size(value) else value
+        if _is_component(value):
+            return _mapped(value, new, f"{path}.")
+        if isinstance(value, tuple):
+            return tuple(mapped(entry, f"{path}[{k}]") for k, entry in enumerate(value))
+        return value
+
+    return with_fields(
+        component,
+        **{
+            field.name: mapped(getattr(component, field.name), prefix + field.name)
+            for field in _fields(component)
+            if not field.metadata.get("is_structure")
+        },
+    )
 
 
 def _structure(field: dataclasses.Field[Any], value: Any) -> Hashable:
@@ -105,19 +101,13 @@ def _structure(field: dataclasses.Field[Any], value: Any) -> Hashable:
     if _is_component(value):
         return structure(value)
     if isinstance(value, tuple):
-        return tuple(structure(each) if _is_component(each) else repr(each) for each in value)
+        return tuple(_structure(field, entry) for entry in value)
     return repr(value)
 
 
-def _open_fields(component: Any) -> Iterator[dataclasses.Field[Any]]:
-    """Those that may hold leaves."""
-    fields = dataclasses.fields(component)
-    return (field for field in fields if not field.metadata.get("is_structure"))
+def _fields(component: Any) -> tuple[dataclasses.Field[Any], ...]:
+    return dataclasses.fields(component)
 
 
 def _is_component(value: Any) -> bool:
     return dataclasses.is_dataclass(value) and not isinstance(value, type)
-
-
-def _computed(kind: type, name: str) -> bool:
-    return isinstance(getattr(kind, name, None), cached_property)

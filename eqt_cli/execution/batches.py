@@ -14,7 +14,7 @@ from eqt_cli.core.leaves import leaves, structure
 from eqt_cli.engines import Engine, Problem
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.ensemble.seeds import Stream, generator_at
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.vehicle.sensors.channels import Errors
 

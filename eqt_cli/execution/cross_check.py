@@ -20,7 +20,7 @@ from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.execution.executors import Progress
 from eqt_cli.execution.steps import scaled
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.origin import CrossCheck
 

@@ -14,7 +14,7 @@ from eqt_cli.core.errors import ComponentError, EqtWarning
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.local_stability import Along, unstable
 from eqt_cli.experiment.numerics import ill_conditioned, stiff
 from eqt_cli.mechanics.tracking import Tracking

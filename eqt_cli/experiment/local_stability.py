@@ -10,7 +10,7 @@ import numpy as np
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.linearised import Linearised, linearised
 from eqt_cli.core.arrays import Array
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.vehicle.vehicle import ACTUATORS
 
 UNCERTAIN = 1e-5

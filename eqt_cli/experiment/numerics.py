@@ -9,7 +9,7 @@ from eqt_cli.closed_loop.linearised import flow
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.local_stability import Along, small_loops
 from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
 

@@ -11,8 +11,9 @@ from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.sweep import EXPECTED
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import at_point, section_of, sweep_of, without_sweep
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.study import Study
 
 MOST_PROBLEMS = 20

@@ -13,8 +13,9 @@ from typing import Any
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.registry import load_plugin
 from eqt_cli.ensemble.sweep import Sweep
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import at_point, section_of
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.parts import MANY_PARTS, Plan, Plans
 from eqt_cli.experiment.vehicle import SECTIONS, decides_parts
 from eqt_cli.vehicle import Vehicle

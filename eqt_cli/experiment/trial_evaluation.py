@@ -9,7 +9,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -21,9 +21,7 @@ from eqt_cli.core.errors import EqtError, InputError
 from eqt_cli.core.problems import KeyPath, Problems
 from eqt_cli.core.registry import is_foreign
 from eqt_cli.ensemble.initial import draw_initial_states
-
-if TYPE_CHECKING:
-    from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 
 WHEN = "at the start of run 0"
 

@@ -5,7 +5,7 @@ What a report or a certificate asks of them is asked here, too. It knows no engi
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,13 +16,11 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.registry import is_foreign
 from eqt_cli.ensemble.seeds import Stream, generator_at
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.trial_evaluation import WHEN, failing, repeated, require_fit
 from eqt_cli.vehicle.actuators import Actuator
 from eqt_cli.vehicle.forces import Force
 from eqt_cli.vehicle.sensors import Sensor
-
-if TYPE_CHECKING:
-    from eqt_cli.experiment.build import Experiment
 
 MEASUREMENTS = 3, 7
 """So many are drawn at once, and then as many with the same random numbers."""

@@ -17,7 +17,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError, Remedy, suggestion
 from eqt_cli.core.leaves import leaves
 from eqt_cli.engines.traced_loop import law_of
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.exporting.reference import ReferenceProgram, reference_program
 from eqt_cli.exporting.states import States, states_of
 from eqt_cli.program.c_names import distinct

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.leaves import leaves, with_leaves
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.program import Program, traced
 from eqt_cli.references import references
 from eqt_cli.references.base import ClosedReference
@@ -62,8 +63,8 @@ def reference_program(experiment: Experiment) -> ReferenceProgram:
         )
     starts = reference.instants(G) if loop.holds else np.empty(0)
     at = starts if len(starts) else np.zeros(1)
-    piece = reference.held(G, at)
-    numbers = {} if piece is None else leaves(piece)
+    moving = reference.held(G, at)
+    numbers = {} if moving is None else leaves(moving)
     rows = [values.reshape(len(at), -1) for values in numbers.values()]
     held = np.concatenate([np.empty((len(at), 0)), *rows], axis=1)
 
@@ -73,8 +74,8 @@ def reference_program(experiment: Experiment) -> ReferenceProgram:
             name: part.reshape(values.shape[1:])
             for (name, values), part in zip(numbers.items(), parts, strict=False)
         }
-        moving = reference if piece is None else reference.holding(with_leaves(piece, own))
-        Q, V, V_dot = moving.motion(G, given["t"][0])
+        here: Any = reference if moving is None else with_leaves(moving, own)
+        Q, V, V_dot = here.motion(G, given["t"][0])
         return {
             "desired_pose": Q,
             "desired_velocity": V,

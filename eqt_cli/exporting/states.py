@@ -13,7 +13,7 @@ from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.errors import EqtError
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import batches
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.groups import MatrixLieGroup
 

@@ -107,22 +107,6 @@ def motion_along(
 # Motions in pieces --------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class Held:
-    """The numbers in which one of `Pieces` differs from the others, or one for each of some times.
-
-    Attributes
-    ----------
-    since
-        When the piece begins, s.
-    numbers : (..., n)
-        Of its links, factors and polynomials.
-    """
-
-    since: Array
-    numbers: Array
-
-
 class Piece(NamedTuple):
     """One of `Pieces`, or one for each of some times."""
 
@@ -188,17 +172,15 @@ class Pieces:
         plain = np.isin(first, (-1.0, 0.0, 1.0)) & (self._flat == first).all(axis=0)
         return np.flatnonzero(~plain)
 
-    def at(self, t: Any) -> Held:
-        """The numbers of the piece that a time, or each of some times, is in."""
+    def at(self, t: Any) -> tuple[Array, Array]:
+        """When the piece begins that a time, or each of some times, is in; and its numbers."""
         # An engine may begin a span at a sample time that is t_i but for rounding.
         late = t + SAME_TIME * np.maximum(1.0, np.abs(t))
         index = np.maximum(np.searchsorted(self.starts, late, side="right") - 1, 0)
-        numbers = self._flat[index][..., self._varying]
-        return Held(np.asarray(self.starts[index]), numbers)
+        return np.asarray(self.starts[index]), self._flat[index][..., self._varying]
 
-    def piece(self, held: Held) -> Piece:
+    def piece(self, since: Array, varying: Array) -> Piece:
         """The piece with the numbers of `at`, which may be symbols, and with the structure."""
-        varying = held.numbers
         flat = np.empty_like(varying, shape=(*varying.shape[:-1], self._flat.shape[1]))
         flat[...] = self._flat[0]
         flat[..., self._varying] = varying
@@ -207,7 +189,7 @@ class Pieces:
             last = first + math.prod(shape)
             parts.append(flat[..., first:last].reshape(*flat.shape[:-1], *shape))
             first = last
-        return Piece(held.since, *parts)
+        return Piece(since, *parts)
 
 
 def derivative(polynomials: Array) -> Array:

@@ -12,7 +12,7 @@ from eqt_cli.core.component import Component
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.plots.drawing.layout import add_letters, add_remarks, freeze
 from eqt_cli.plots.drawing.style import HOUSE, house_style
 from eqt_cli.plots.shown.certificates import ShownCertificates

@@ -9,7 +9,7 @@ from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import summary
 from eqt_cli.core.validation import option_names, validated
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.plots import kept_numbers
 from eqt_cli.plots.base import Figure, OfCertificates
 from eqt_cli.plots.curve_data import curves

@@ -3,7 +3,7 @@
 from abc import abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, NamedTuple, Self, TypeVar
 
@@ -12,10 +12,11 @@ import numpy as np
 from eqt_cli.core.arrays import Array, stack
 from eqt_cli.core.component import Component
 from eqt_cli.core.expressions import Expression, formula
+from eqt_cli.core.leaves import STRUCTURE
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia
-from eqt_cli.mechanics.motions import Held, Piece, Pieces
+from eqt_cli.mechanics.motions import Piece, Pieces
 
 T = TypeVar("T")
 
@@ -144,16 +145,12 @@ class Reference(Component):
         """The times, s, at which an engine ends a step and begins anew; in order."""
         return np.empty(0)
 
-    def held(self, G: MatrixLieGroup, t: Any) -> Any:
-        """The numbers by which the motion goes on from time t to the next instant.
+    def held(self, G: MatrixLieGroup, t: Any) -> "Reference | None":
+        """The same motion from time t to the next instant, by numbers that are its leaves.
 
-        They are the leaves of what is returned; None where an instant changes no number.
+        None where an instant changes no number.
         """
         return None
-
-    def holding(self, held: Any) -> Self:
-        """The same motion between two instants, by the numbers of `held`, which may be symbols."""
-        return self
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """Note what of its options does not fit the group."""
@@ -233,26 +230,37 @@ class PiecewiseReference(ClosedReference):
         """All of its pieces."""
 
     def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
-        """The motion of the piece that is held, or else of those that the times are in."""
-        kept = vars(self)
-        if "_held" not in kept:
-            return self.holding(self.held(G, t)).motion(G, t)
-        if "_piece" not in kept:
-            kept["_piece"] = self.prepared(G, self.pieces).piece(kept["_held"])
-        piece: Piece = kept["_piece"]
-        return piece.motion(G, t)
+        """The motion of the pieces that the times are in."""
+        return self.held(G, t).motion(G, t)
 
     def instants(self, G: MatrixLieGroup) -> Array:
         """Where a piece begins."""
         return self.prepared(G, self.pieces).starts
 
-    def held(self, G: MatrixLieGroup, t: Any) -> Held:
-        """The numbers of a piece."""
-        return self.prepared(G, self.pieces).at(t)
+    def held(self, G: MatrixLieGroup, t: Any) -> "InPiece":
+        """The piece that a time, or each of some times, is in."""
+        return InPiece(self, *self.prepared(G, self.pieces).at(t))
 
-    def holding(self, held: Held) -> Self:
-        """The same in one piece, or in one for each run."""
-        found = copy(self)
-        vars(found)["_held"] = held
-        vars(found).pop("_piece", None)
-        return found
+
+@dataclass(frozen=True)
+class InPiece(ClosedReference):
+    """A piece of a motion, or one for each of some times, as if it were all of it.
+
+    Attributes
+    ----------
+    whole
+        All pieces, whose structure it has.
+    since, numbers
+        As `Pieces.at` gives them.
+    """
+
+    whole: PiecewiseReference = field(metadata=STRUCTURE)
+    since: Array
+    numbers: Array
+
+    def motion(self, G: MatrixLieGroup, t: Any) -> tuple[Array, Array, Array]:
+        """By its own numbers."""
+        return self.prepared(G, self._piece).motion(G, t)
+
+    def _piece(self, G: MatrixLieGroup) -> Piece:
+        return self.whole.prepared(G, self.whole.pieces).piece(self.since, self.numbers)

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Mapping
-from copy import copy
 from dataclasses import dataclass, field
 from hashlib import sha256
 from typing import Any, ClassVar, Literal, Self
@@ -11,6 +10,7 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
+from eqt_cli.core.leaves import with_fields
 from eqt_cli.core.option_types import Positive, PositiveAngle, Real
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import unknown_key, validated
@@ -87,11 +87,8 @@ class WaypointsReference(PiecewiseReference):
         """The same with the content of its file."""
         if self.file is None or self.file not in texts:
             return self
-        text, found = texts[self.file], copy(self)
-        vars(found).pop("_prepared", None)
-        object.__setattr__(found, "text", text)
-        object.__setattr__(found, "digest", sha256(text.encode()).hexdigest())
-        return found
+        text = texts[self.file]
+        return with_fields(self, text=text, digest=sha256(text.encode()).hexdigest())
 
     def pieces(self, G: MatrixLieGroup) -> Pieces:
         """A piece from each waypoint to the next; raises `InputError` for times out of bounds."""

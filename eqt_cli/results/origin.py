@@ -16,8 +16,9 @@ from eqt_cli.config.yaml_source import dump
 from eqt_cli.controllers import controllers
 from eqt_cli.core.errors import ComponentError, EqtError
 from eqt_cli.core.printable import printable
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import config_at
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.results.contract import CROSS_CHECK, check_attributes, check_coordinates
 from eqt_cli.store.reader import ResultFile

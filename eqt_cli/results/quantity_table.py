@@ -9,7 +9,7 @@ from eqt_cli.closed_loop.signals import MIXED, SIGNALS, THRUSTER, Signal, signal
 from eqt_cli.config.schema import Config
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Status
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.results.metrics import METRICS, by_thresholds_of_parts, energy_residual
 from eqt_cli.results.quantity import Per, Quantity

@@ -13,7 +13,8 @@ from eqt_cli.core.file_names import file_name
 from eqt_cli.core.problems import KeyPath, Problems, dotted, parse_key
 from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.ensemble.designs.base import overlap
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.results.quantity_table import quantities
 

@@ -12,8 +12,9 @@ from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.ensemble.designs.cases import Cases
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import section_of
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import require_sweepable
 from eqt_cli.results.metrics import METRICS
 from eqt_cli.tuning.folder import TUNE

@@ -14,7 +14,8 @@ from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.axes import Drawn
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.tuning.folder import Kind
 from eqt_cli.tuning.law_search import LawSearch, check_ends, check_overlaps, laws_of, range_of
 from eqt_cli.tuning.ranking import Scores

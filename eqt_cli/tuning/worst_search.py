@@ -9,7 +9,7 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems, parse_key
 from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.axes import Drawn
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import require_sweepable
 from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.tuning.folder import WORST

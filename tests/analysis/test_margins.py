@@ -16,7 +16,7 @@ from eqt_cli.closed_loop.linearised import Linearised, linearised
 from eqt_cli.core.arrays import Array
 from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 
 WHEEL = {
     "group": "SO2",
@@ -139,7 +139,7 @@ def errors_of(experiment: Experiment, factors: list[tuple[float, float]]) -> Arr
     Qd, Vd = experiment.initial_pose, experiment.initial_velocity
     start = loop.initial_state(Qd @ G.exp(np.array([0.02, 0.03, -0.01])), Vd, Qd, Vd)
     kp, kd = np.array(factors).T[..., None, None]
-    gains = {"kp": kp * loop.gains.K, "kd": kd * loop.gains.K_d}
+    gains = {"gains.K": kp * loop.gains.K, "gains.K_d": kd * loop.gains.K_d}
     times = np.linspace(0.0, 50.0, 101)
     problem = Problem(loop, np.tile(start, (len(factors), 1)), times, gains)
     states = SolveIvp(method="RK23", rtol=1e-3, atol=1e-5).solve(problem, lambda runs: None).states

@@ -13,6 +13,7 @@ from eqt_cli.analysis.certificates import Verdict
 from eqt_cli.analysis.verification import verify_experiment
 from eqt_cli.config.source import read_config
 from eqt_cli.core.arrays import absolute, apply_matrix, clip, cross, norm, stack, where
+from eqt_cli.core.leaves import with_fields
 from eqt_cli.experiment.build import build
 from eqt_cli.vehicle import Vehicle
 from eqt_cli.vehicle.actuators.deadband import Deadband
@@ -137,35 +138,36 @@ def in_method(owner, name, fault):
 def in_numbers(owner, **changes):
     """Numbers of a part that are others, by option: ``owner.numbers`` with a change of each."""
 
-    def numbers(exact, part, G, random):
+    def of_run(exact, part, G, random):
         found = exact(part, G, random)
-        return found | {name: change(found[name]) for name, change in changes.items()}
+        return with_fields(
+            found, **{name: change(getattr(found, name)) for name, change in changes.items()}
+        )
 
-    return in_method(owner, "numbers", numbers)
+    return in_method(owner, "of_run", of_run)
 
 
 def in_output(owner, fault):
     """What an actuator makes of a command, of the command and its numbers."""
-    return in_method(owner, "output", lambda exact, part, G, u, x, given: fault(u, given))
+    return in_method(owner, "output", lambda exact, part, G, u, x: fault(u, part))
 
 
 def dropping_rates(exact, vehicle, s, torque):
     """𝕀̇ V of the plant left out."""
-    true = vehicle.inertia.at(s.inertia, s.t, vehicle.numbers_of("plant.inertia"))
+    true = vehicle.inertia.at(s.inertia, s.t)
     V_dot = true.velocity(s.G.ad_star(s.V, true.momentum(s.V)) + torque)
     return s.inertia.momentum(V_dot) + s.inertia.rate_force(s.V) - s.G.ad_star(s.V, s.P)
 
 
 def momentum_of_the_model(exact, vehicle, s, torque):
-    true = vehicle.inertia.at(s.inertia, s.t, vehicle.numbers_of("plant.inertia"))
+    true = vehicle.inertia.at(s.inertia, s.t)
     V_dot = true.velocity(s.G.ad_star(s.V, s.P) + torque)
     return s.inertia.momentum(V_dot) - s.G.ad_star(s.V, s.P)
 
 
 def forces_with_the_other_sign(exact, vehicle, s, torque):
-    for k, force in enumerate(vehicle.forces):
-        given = vehicle.numbers_of(f"plant.forces[{k}]")
-        torque = torque - 2 * force.in_body(s.G, s.t, s.Q, s.V, given)
+    for force in vehicle.forces:
+        torque = torque - 2 * force.in_body(s.G, s.t, s.Q, s.V)
     return exact(vehicle, s, torque)
 
 
@@ -196,92 +198,99 @@ def newest(exact, channel, value, held):
     return exact(channel, value, held[..., -channel.size :])
 
 
-def as_a_body_force(exact, force, G, t, Q, V, given):
-    return force.acting(G, t, Q, V, given)
+def as_a_body_force(exact, force, G, t, Q, V):
+    return force.acting(G, t, Q, V)
 
 
-def of_the_inverse_pose(exact, force, G, t, Q, V, given):
+def of_the_inverse_pose(exact, force, G, t, Q, V):
     if force.frame == "body":
-        return exact(force, G, t, Q, V, given)
-    return G.Ad_star(G.inverse(Q), force.acting(G, t, Q, G.Ad(Q, V), given) + 0 * V)
+        return exact(force, G, t, Q, V)
+    return G.Ad_star(G.inverse(Q), force.acting(G, t, Q, G.Ad(Q, V)) + 0 * V)
 
 
-def of_the_body_velocity(exact, force, G, t, Q, V, given):
+def of_the_body_velocity(exact, force, G, t, Q, V):
     if force.frame == "body":
-        return exact(force, G, t, Q, V, given)
-    return G.Ad_star(Q, force.acting(G, t, Q, V, given) + 0 * V)
+        return exact(force, G, t, Q, V)
+    return G.Ad_star(Q, force.acting(G, t, Q, V) + 0 * V)
 
 
-def quadratic_without_sign(exact, force, G, t, Q, V, given):
-    return -apply_matrix(given["linear"], V) - apply_matrix(given["quadratic"], V * V)
+def quadratic_without_sign(exact, force, G, t, Q, V):
+    return -apply_matrix(force.linear, V) - apply_matrix(force.quadratic, V * V)
 
 
-def linear_in_the_square(exact, force, G, t, Q, V, given):
-    return -apply_matrix(given["linear"] + given["quadratic"], V)
+def linear_in_the_square(exact, force, G, t, Q, V):
+    return -apply_matrix(force.linear + force.quadratic, V)
 
 
-def buoyancy_turns_the_other_way(exact, force, G, t, Q, V, given):
-    up = (G.rotation(Q) * given["up"][..., :, None]).sum(axis=-2)
-    turn = cross(given["centre_of_buoyancy"], given["buoyancy"] * up)
+def buoyancy_turns_the_other_way(exact, force, G, t, Q, V):
+    up = (G.rotation(Q) * force.up[..., :, None]).sum(axis=-2)
+    turn = cross(force.centre_of_buoyancy, force.buoyancy * up)
     zero = 0 * turn[..., 0]
-    return exact(force, G, t, Q, V, given) - 2 * stack(
+    return exact(force, G, t, Q, V) - 2 * stack(
         [*(turn[..., k] for k in range(3)), zero, zero, zero]
     )
 
 
-def up_in_the_body(exact, force, G, t, Q, V, given):
-    return exact(force, G, t, np.swapaxes(Q, -1, -2), V, given)
+def up_in_the_body(exact, force, G, t, Q, V):
+    return exact(force, G, t, np.swapaxes(Q, -1, -2), V)
 
 
-def orbit_the_other_way(exact, force, G, t, Q, V, given):
-    return exact(force, G, -t, Q, V, given)
+def orbit_the_other_way(exact, force, G, t, Q, V):
+    return exact(force, G, -t, Q, V)
 
 
-def third_of_it(exact, force, G, t, Q, V, given):
-    return exact(force, G, t, Q, V, given) / 3
+def third_of_it(exact, force, G, t, Q, V):
+    return exact(force, G, t, Q, V) / 3
 
 
-def exchanged(exact, part, G, u, x, given):
+def exchanged(exact, part, G, u, x):
     if part.norm:
-        return exact(part, G, u, x, given)
-    return clip(u, given["high"], given["low"])
+        return exact(part, G, u, x)
+    return clip(u, part.high, part.low)
 
 
-def norm_along_each_axis(exact, part, G, u, x, given):
+def norm_along_each_axis(exact, part, G, u, x):
     if not part.norm:
-        return exact(part, G, u, x, given)
-    limit = given["limit"]
+        return exact(part, G, u, x)
+    limit = part.limit
     return u / where(norm(u)[..., None] > limit, norm(u)[..., None] / limit, 1.0)
 
 
-def without_the_period(exact, part, G, u, x, given, period):
-    return exact(part, G, u, x, given, 1.0)
+def without_the_period(exact, part, G, u, x, period):
+    return exact(part, G, u, x, 1.0)
 
 
-def no_lower_end(exact, part, G, u, x, given, period):
+def no_lower_end(exact, part, G, u, x, period):
     h = x[..., G.dimension :]
-    torque = np.minimum(u, (given["momentum"] - h) / period)
+    torque = np.minimum(u, (part.momentum - h) / period)
     return np.concatenate([torque, h + period * torque], axis=-1)
 
 
-def from_0(exact, part, G, u, x, given, period):
-    return exact(part, G, u, 0 * x, given, period)
+def from_0(exact, part, G, u, x, period):
+    return exact(part, G, u, 0 * x, period)
 
 
-def rounded_down(u, given):
-    return given["resolution"] * np.floor(u / given["resolution"])
+def rounded_down(u, part):
+    return part.resolution * np.floor(u / part.resolution)
 
 
-def half_of_what_is_small(u, given):
-    return where(absolute(u) < given["width"], 0.5 * u, u)
+def half_of_what_is_small(u, part):
+    return where(absolute(u) < part.width, 0.5 * u, u)
 
 
-def less_by_the_width(u, given):
-    return u - clip(u, -given["width"], given["width"])
+def less_by_the_width(u, part):
+    return u - clip(u, -part.width, part.width)
 
 
-def twice_as_slow(exact, part, G, u, x, given):
-    return exact(part, G, u, x, given) / 2
+def with_first_entries(part):
+    """A part whose vectors have their first entry everywhere."""
+    vectors = {name: getattr(part, name) for name in part.vectors}
+    known = {name: each for name, each in vectors.items() if each is not None}
+    return with_fields(part, **{name: 0 * each + each[:1] for name, each in known.items()})
+
+
+def twice_as_slow(exact, part, G, u, x):
+    return exact(part, G, u, x) / 2
 
 
 def in_the_spread(exact, sensor, G, period):
@@ -337,8 +346,8 @@ PLANTS = {
         in_method(
             RelativeInertia,
             "at",
-            lambda exact, part, model, t, given: dataclasses.replace(
-                exact(part, model, t, given), inverse=model.inverse
+            lambda exact, part, model, t: dataclasses.replace(
+                exact(part, model, t), inverse=model.inverse
             ),
         ),
     ),
@@ -347,12 +356,12 @@ PLANTS = {
         in_method(
             RelativeInertia,
             "at",
-            lambda exact, part, model, t, given: dataclasses.replace(
-                exact(part, model, t, given), change=model.change
+            lambda exact, part, model, t: dataclasses.replace(
+                exact(part, model, t), change=model.change
             ),
         ),
     ),
-    "relative inertia: 1 − r": ("forces", in_numbers(RelativeInertia, factor=lambda f: 2 - f)),
+    "relative inertia: 1 − r": ("forces", in_numbers(RelativeInertia, relative=lambda r: -r)),
     "true tensor: inverse of the diagonal's mean": (
         "true tensor",
         in_numbers(ConstantInertia, inverse=lambda A: np.eye(6) * np.trace(A) / 6),
@@ -362,7 +371,7 @@ PLANTS = {
         in_method(
             VaryingInertia,
             "at",
-            lambda exact, part, model, t, given: exact(part, model, 0 * t, given),
+            lambda exact, part, model, t: exact(part, model, 0 * t),
         ),
     ),
     # numbers.py, component.py
@@ -382,11 +391,8 @@ PLANTS = {
         "forces",
         in_method(
             VehiclePart,
-            "numbers",
-            lambda exact, part, G, random: {
-                name: 0 * value + value[:1] if name in part.vectors else value
-                for name, value in exact(part, G, random).items()
-            },
+            "of_run",
+            lambda exact, part, G, random: with_first_entries(exact(part, G, random)),
         ),
     ),
     # actuators/
@@ -407,7 +413,7 @@ PLANTS = {
         in_method(
             Limit,
             "at_limit",
-            lambda exact, part, G, u, x, given: ~exact(part, G, u, x, given),
+            lambda exact, part, G, u, x: ~exact(part, G, u, x),
         ),
     ),
     "limit: most of another limit": (
@@ -415,9 +421,7 @@ PLANTS = {
         in_method(
             Limit,
             "most",
-            lambda exact, part, G, torque, given: exact(
-                part, G, torque, dict.fromkeys(given, torque)
-            ),
+            lambda exact, part, G, torque: exact(part, G, torque, torque),
         ),
     ),
     "momentum limit: without the period": (
@@ -486,7 +490,7 @@ PLANTS = {
         in_method(
             Thrusters,
             "solution",
-            lambda exact, part, G, u, given: u @ given["inverse"].swapaxes(-1, -2)[0],
+            lambda exact, part, G, u: u @ part.inverse.swapaxes(-1, -2)[0],
         ),
     ),
     "current: in the body frame": (

@@ -16,6 +16,7 @@ from eqt_cli.closed_loop.signals import SIGNALS, compute
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.controllers.family import Family
 from eqt_cli.core.arrays import dot
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.engines import Problem
 from eqt_cli.engines.solve_ivp import SolveIvp
 from eqt_cli.groups import group_named
@@ -241,8 +242,8 @@ def test_vector_field_takes_object_arrays(law_on_group):
     """What a compiling engine relies on, with numbers in the place of its symbols."""
     loop = closed_loop(*law_on_group)
     state = initial_states(loop)
-    symbolic = loop.with_parameters(
-        {key: value.astype(object) for key, value in loop.parameters.items()}
+    symbolic = with_leaves(
+        loop, {path: number.astype(object) for path, number in leaves(loop).items()}
     )
     field = symbolic.vector_field(0.5, state[0].astype(object))
     assert field.dtype == object
@@ -254,11 +255,12 @@ def test_vector_field_takes_object_arrays(law_on_group):
 def test_parameters_may_differ_from_run_to_run(G):
     loops = [closed_loop(G, Family(g, c, 1 - c)) for g, c in ((0.0, 1.0), (1.0, 0.5), (2.0, -1.0))]
     scaled = [
-        loop.with_parameters(loop.parameters | {"kp": k * loop.gains.K, "kd": k * loop.gains.K_d})
+        dataclasses.replace(loop, gains=Gains(k * loop.gains.K, k * loop.gains.K_d))
         for k, loop in enumerate(loops, start=1)
     ]
-    batched = loops[0].with_parameters(
-        {key: np.stack([loop.parameters[key] for loop in scaled]) for key in loops[0].parameters}
+    batched = with_leaves(
+        loops[0],
+        {path: np.stack([leaves(loop)[path] for loop in scaled]) for path in leaves(loops[0])},
     )
     states = initial_states(loops[0])
     alone = [loop.vector_field(0.5, state) for loop, state in zip(scaled, states, strict=True)]

@@ -5,6 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines.recorded_field import Recording
 
@@ -45,13 +46,13 @@ def test_batched_parameters_equal_one_by_one(loop, states):
     many, scales = states(loop, (3,)), np.array([0.5, 1.0, 1.5])
     batched = {
         name: np.stack([scale * values for scale in scales])
-        for name, values in loop.parameters.items()
-        if name.startswith("controller.") or name in ("kp", "kd")
+        for name, values in leaves(loop).items()
+        if name.startswith(("controller.", "gains."))
     }
-    together = loop.with_parameters(loop.parameters | batched).vector_field(0.3, many)
+    together = with_leaves(loop, batched).vector_field(0.3, many)
     for run in range(3):
         own = {name: values[run] for name, values in batched.items()}
-        alone = loop.with_parameters(loop.parameters | own).vector_field(0.3, many[run])
+        alone = with_leaves(loop, own).vector_field(0.3, many[run])
         np.testing.assert_allclose(together[run], alone, rtol=0, atol=ROUNDING)
 
 
@@ -68,8 +69,8 @@ def test_dissipation_is_the_rate_at_which_l_falls(loop, states):
 def test_symbols_give_the_same_as_floats(loop, states, symbols):
     to, back = symbols
     y = states(loop, (2,))
-    traced = loop.with_parameters({name: to(value) for name, value in loop.parameters.items()})
-    traced = traced.holding({name: to(value) for name, value in loop.held(0.3).items()})
+    held = loop.holding(0.3)
+    traced = with_leaves(held, {path: to(number) for path, number in leaves(held).items()})
     # Symbols are added in another order than NumPy's products.
     found = back(traced.vector_field(to(0.3), to(y)))
     np.testing.assert_allclose(found, loop.vector_field(0.3, y), rtol=0, atol=ROUNDING)
@@ -77,15 +78,15 @@ def test_symbols_give_the_same_as_floats(loop, states, symbols):
 
 def test_a_recording_gives_the_same_as_the_law(loop, states):
     y, other = states(loop, (3,)), states(loop, (3,), seed=4)
-    loop = loop.holding(loop.held(0.3))
+    loop = loop.holding(0.3)
     found = Recording(loop.vector_field, 0.3, y).repeat(0.31, other)
     # NumPy adds in another order.
     np.testing.assert_allclose(found, loop.vector_field(0.31, other), rtol=0, atol=ROUNDING)
 
 
-def test_structure_is_hashable_and_parameters_are_arrays(loop):
+def test_structure_is_hashable_and_leaves_are_arrays(loop):
     hash(loop.controller.structure)
-    assert all(isinstance(value, np.ndarray) for value in loop.controller.parameters.values())
+    assert all(isinstance(value, np.ndarray) for value in leaves(loop.controller).values())
 
 
 def test_figures_and_configurations_have_a_name_for_it(controller_class):

@@ -14,6 +14,8 @@ import pytest
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import less, where
 from eqt_cli.engines import Problem, Status
+from eqt_cli.mechanics.inertia import Inertia
+from eqt_cli.mechanics.tracking import Gains
 from eqt_cli.references.base import ClosedReference
 from eqt_cli.references.constant import ConstantReference
 from eqt_cli.vehicle import Vehicle
@@ -40,7 +42,7 @@ def engine(make, engine_class):
 def problem(loop_with, states):
     """Runs of a closed loop with a gain that differs from run to run."""
     loop = loop_with("SO3", controllers.get("family")())
-    varying = {"kd": np.linspace(0.5, 1.5, RUNS)[:, None, None] * loop.gains.K_d}
+    varying = {"gains.K_d": np.linspace(0.5, 1.5, RUNS)[:, None, None] * loop.gains.K_d}
     return Problem(loop, states(loop, (RUNS,)), np.linspace(0.0, SHORT, SAMPLES), varying)
 
 
@@ -70,9 +72,7 @@ def masses(loop_with, **parts):
     """Runs on R1 from x = 1 at rest, of unit mass; other parts of the loop may be given."""
     loop = dataclasses.replace(loop_with("R1", Spring(), ConstantReference()), **parts)
     unit = np.eye(1)
-    loop = loop.with_parameters(
-        loop.parameters | {"inertia": unit, "inertia_inverse": unit, "kp": np.eye(2), "kd": unit}
-    )
+    loop = dataclasses.replace(loop, inertia=Inertia(unit, unit), gains=Gains(np.eye(2), unit))
     G = loop.group
     Q = np.broadcast_to(G.exp(np.ones(1)), (RUNS, 2, 2))
     still = np.zeros((RUNS, 1))
@@ -139,7 +139,7 @@ def held_from(t):
 class Gusts(Force):
     """A force that jumps at known instants; two of them are no sample times."""
 
-    def acting(self, G, t, Q, V, given):
+    def acting(self, G, t, Q, V):
         push = sum(
             jump * where(less(t, at), 0.0, 1.0)
             for at, jump in zip(CHANGES, np.diff(PUSHES), strict=True)
@@ -158,7 +158,7 @@ class Jolts(ClosedReference):
 
     def motion(self, G, t):
         if self.acceleration is None:
-            return self.holding(self.held(G, t)).motion(G, t)
+            return self.held(G, t).motion(G, t)
         still = np.zeros(1)
         return G.identity, still, self.acceleration
 
@@ -166,10 +166,7 @@ class Jolts(ClosedReference):
         return CHANGES
 
     def held(self, G, t):
-        return {"acceleration": held_from(t)[..., None]}
-
-    def holding(self, held):
-        return dataclasses.replace(self, **held)
+        return Jolts(held_from(t)[..., None])
 
 
 def positions(problem, solution):

@@ -7,6 +7,7 @@ from eqt_cli.closed_loop.law_program import NUMBER, TOLD
 from eqt_cli.closed_loop.signals import at_state
 from eqt_cli.config.source import read_config
 from eqt_cli.controllers import controllers
+from eqt_cli.core.leaves import leaves
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines.traced_loop import OneLoop, at_instants, law_of, sampled, trace
 from eqt_cli.experiment.build import build
@@ -25,7 +26,7 @@ def flat(numbers):
 
 def given(loop, t, state, **errors):
     """The inputs of the programs of a loop."""
-    numbers = {"parameters": flat(loop.parameters), "held": flat(loop.held(t))}
+    numbers = {"parameters": flat(leaves(loop)), "held": flat(loop.holding(t).held_leaves)}
     return {"state": state, "time": [t], **numbers, **errors}
 
 
@@ -40,7 +41,7 @@ def test_c_gives_the_same_field_as_the_law(loop_with, make, controller_class, st
     program = trace(loop).field
     for state in states(loop, (3,)):
         found = in_c(program, **given(loop, 0.3, state))["derivative"]
-        expected = loop.holding(loop.held(0.3)).vector_field(0.3, state)
+        expected = loop.holding(0.3).vector_field(0.3, state)
         np.testing.assert_allclose(found, expected, rtol=0, atol=ROUNDING)
 
 
@@ -81,7 +82,7 @@ def test_c_gives_the_same_sampled_loop(tmp_path, states, in_c):
     measured = np.concatenate([E.reshape(-1), b])
     for state in states(loop, (3,)):
         state = state + 0.1 * random.standard_normal(state.shape)  # what is on its way, too
-        held = loop.holding(loop.held(0.3))
+        held = loop.holding(0.3)
         found = in_c(programs.field, **given(loop, 0.3, state))["derivative"]
         np.testing.assert_allclose(found, held.vector_field(0.3, state), rtol=0, atol=ROUNDING)
         found = in_c(programs.after_instant, **given(loop, 0.3, state, errors=measured))["state"]
@@ -124,9 +125,9 @@ def test_a_law_by_itself_says_what_goes_in_and_comes_out(loop_with, make):
         ("desired_acceleration", (3,), "rad/s/s (rotation), m/s/s (translation)"),
     ]
     assert [(each.name, each.source) for each in law.numbers] == [
-        ("inertia", "inertia"),
-        ("kp", "kp"),
-        ("kd", "kd"),
+        ("inertia", "inertia.matrix"),
+        ("kp", "gains.K"),
+        ("kd", "gains.K_d"),
         ("ki", "controller.ki"),
         ("c2", "controller.c2"),
         ("period", "period"),

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.engines.recorded_field import Recording
 
 # Tens of last places of torques up to ten.
@@ -32,9 +33,8 @@ def test_many_states_equal_one_by_one(loop, states, t):
 def test_symbols_give_the_same_as_floats(loop, states, symbols):
     to, back = symbols
     y = states(loop, (2,))
-    traced = loop.with_parameters({name: to(value) for name, value in loop.parameters.items()})
-    held = {name: to(np.asarray(value)) for name, value in loop.held(0.3).items()}
-    traced = traced.holding(held)
+    held = loop.holding(0.3)
+    traced = with_leaves(held, {path: to(number) for path, number in leaves(held).items()})
     found = back(traced.tracking(to(0.3), to(y)).tau_d)
     expected = loop.tracking(0.3, y).tau_d
     np.testing.assert_allclose(*np.broadcast_arrays(found, expected), rtol=0, atol=ROUNDING)
@@ -42,13 +42,15 @@ def test_symbols_give_the_same_as_floats(loop, states, symbols):
 
 def test_a_recording_gives_the_same_as_the_reference(loop, states):
     y, other = states(loop, (3,)), states(loop, (3,), seed=4)
-    held, later = loop.held(0.3), loop.held(1.3)
+    held, later = loop.holding(0.3).held_leaves, loop.holding(1.3)
 
     def field(t, y, *numbers):
-        return loop.holding(dict(zip(held, numbers, strict=True))).vector_field(t, y)
+        return with_leaves(later, dict(zip(held, numbers, strict=True))).vector_field(t, y)
 
-    found = Recording(field, 0.3, y, *held.values()).repeat(1.31, other, *later.values())
-    expected = loop.holding(later).vector_field(1.31, other)
+    found = Recording(field, 0.3, y, *held.values()).repeat(
+        1.31, other, *later.held_leaves.values()
+    )
+    expected = later.vector_field(1.31, other)
     np.testing.assert_allclose(found, expected, rtol=0, atol=10 * ROUNDING)
 
 

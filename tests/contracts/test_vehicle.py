@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from eqt_cli.core.leaves import leaves, with_leaves
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines.recorded_field import Recording
 from eqt_cli.ensemble.seeds import Stream, generator_at
@@ -12,13 +13,17 @@ G = group_named("SE3")
 ROUNDING = 1e-13
 
 
-def numbers(part, run=0):
-    return part.numbers(G, generator_at(1, Stream.VEHICLE, run, "place"))
+def of_run(part, run=0):
+    return part.of_run(G, generator_at(1, Stream.VEHICLE, run, "place"))
 
 
-def spread(given):
-    """The numbers of two runs, along a leading axis."""
-    return {name: np.stack([values, values]) for name, values in given.items()}
+def changed(part, change):
+    return with_leaves(part, {path: change(number) for path, number in leaves(part).items()})
+
+
+def spread(part):
+    """A part with the numbers of two runs, along a leading axis."""
+    return changed(part, lambda number: np.stack([number, number]))
 
 
 def states(seed=2):
@@ -31,21 +36,20 @@ def test_a_force_takes_runs_together_and_symbols(force_class, make, symbols):
     problems = Problems()
     force.check(G, problems)
     assert list(problems) == []
-    given = numbers(force)
-    alone = np.stack([force.in_body(G, 0.3, Q[k], V[k], given) + 0 * V[k] for k in range(2)])
-    together = force.in_body(G, 0.3, Q, V, spread(given)) + 0 * V
+    force = of_run(force)
+    alone = np.stack([force.in_body(G, 0.3, Q[k], V[k]) + 0 * V[k] for k in range(2)])
+    together = spread(force).in_body(G, 0.3, Q, V) + 0 * V
     np.testing.assert_allclose(together, alone, rtol=0, atol=ROUNDING)
-    symbolic = {name: to(values[None]) for name, values in given.items()}
-    traced = force.in_body(G, to(0.3), to(Q[:1]), to(V[:1]), symbolic) + to(0 * V[:1])
+    symbolic = changed(force, lambda number: to(number[None]))
+    traced = symbolic.in_body(G, to(0.3), to(Q[:1]), to(V[:1])) + to(0 * V[:1])
     np.testing.assert_allclose(back(traced), alone[:1], rtol=0, atol=ROUNDING)
 
 
 def test_a_recording_gives_the_same_as_the_force(force_class, make):
-    force, (Q, V) = make(force_class, 6), states()
-    given = numbers(force)
+    force, (Q, V) = of_run(make(force_class, 6)), states()
 
     def field(t, y):
-        return force.in_body(G, t, G.unpack(y[:, 6:]), y[:, :6], given) + 0 * y[:, :6]
+        return force.in_body(G, t, G.unpack(y[:, 6:]), y[:, :6]) + 0 * y[:, :6]
 
     y, other = (np.concatenate([V, G.pack(Q)], axis=-1) for Q, V in ((Q, V), states(seed=3)))
     found = Recording(
@@ -56,12 +60,12 @@ def test_a_recording_gives_the_same_as_the_force(force_class, make):
 
 
 def test_a_recording_gives_the_same_as_the_actuator(actuator_class, make):
-    actuator, (_, command) = make(actuator_class, 6), states()
-    given, n = numbers(actuator), actuator.states(G)
+    actuator, (_, command) = of_run(make(actuator_class, 6)), states()
+    n = actuator.states(G)
 
     def field(t, y):
-        rates = actuator.state_rate(G, y[:, :6], y[:, 6:], given) if n else y[:, 6:]
-        return np.concatenate([actuator.output(G, y[:, :6], y[:, 6:], given), rates], axis=-1)
+        rates = actuator.state_rate(G, y[:, :6], y[:, 6:]) if n else y[:, 6:]
+        return np.concatenate([actuator.output(G, y[:, :6], y[:, 6:]), rates], axis=-1)
 
     y = np.concatenate([command, np.full((2, n), 0.3)], axis=-1)
     found = Recording(field, 0.3, y).repeat(0.31, 0.9 * y)
@@ -73,13 +77,13 @@ def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbo
     problems = Problems()
     actuator.check(G, problems)
     assert list(problems) == []
-    given, x = numbers(actuator), np.full((2, actuator.states(G)), 0.3)
-    for function in (actuator.output, actuator.state_rate) if x.size else (actuator.output,):
-        alone = np.stack([function(G, command[k], x[k], given) for k in range(2)])
-        together = function(G, command, x, spread(given))
+    actuator, x = of_run(actuator), np.full((2, actuator.states(G)), 0.3)
+    for name in ("output", "state_rate") if x.size else ("output",):
+        alone = np.stack([getattr(actuator, name)(G, command[k], x[k]) for k in range(2)])
+        together = getattr(spread(actuator), name)(G, command, x)
         np.testing.assert_allclose(together, alone, rtol=0, atol=ROUNDING)
-        symbolic = {name: to(values[None]) for name, values in given.items()}
-        traced = function(G, to(command[:1]), to(x[:1]), symbolic)
+        symbolic = changed(actuator, lambda number: to(number[None]))
+        traced = getattr(symbolic, name)(G, to(command[:1]), to(x[:1]))
         np.testing.assert_allclose(back(traced), alone[:1], rtol=0, atol=ROUNDING)
 
 
@@ -87,33 +91,33 @@ def test_an_actuator_takes_runs_together_and_symbols(actuator_class, make, symbo
 def test_an_actuator_says_of_each_command_whether_it_is_beyond_its_limit(
     actuator_class, make, shape
 ):
-    actuator = make(actuator_class, 6)
+    actuator = of_run(make(actuator_class, 6))
     command = 1e3 + np.random.default_rng(2).random((*shape, 6))
-    x, given = np.zeros((*shape, actuator.states(G))), numbers(actuator)
-    found = actuator.at_limit(G, command, x, given)
+    x = np.zeros((*shape, actuator.states(G)))
+    found = actuator.at_limit(G, command, x)
     assert (found is None) == (not actuator.limits)
     if found is not None:
         assert found.shape == shape
         assert found.all()
-        assert actuator.at_limit(G, -command, x, given).all()
-        assert not actuator.at_limit(G, 0 * command, x, given).any()
+        assert actuator.at_limit(G, -command, x).all()
+        assert not actuator.at_limit(G, 0 * command, x).any()
 
 
 def test_what_is_left_without_limits_and_steps_is_linear(actuator_class, make):
-    actuator = make(actuator_class, 6)
-    given, linear = numbers(actuator), actuator.linear_part
+    actuator = of_run(make(actuator_class, 6))
+    linear = actuator.linear_part
     if linear is actuator and not actuator_class.__module__.startswith("eqt_cli."):
         pytest.skip("a plugin need not say what of it is linear")
     n, random = linear.states(G), np.random.default_rng(4)
     one, other = (1e3 * random.standard_normal(6 + n) for _ in range(2))
 
     def found(y):
-        parts = [linear.output(G, y[:6], y[6:], given)]
-        return np.concatenate([*parts, linear.state_rate(G, y[:6], y[6:], given)] if n else parts)
+        parts = [linear.output(G, y[:6], y[6:])]
+        return np.concatenate([*parts, linear.state_rate(G, y[:6], y[6:])] if n else parts)
 
     sums = found(2 * one - 3 * other), 2 * found(one) - 3 * found(other)
     np.testing.assert_allclose(*sums, rtol=0, atol=1e5 * ROUNDING)
-    assert linear.linear_part == linear
+    assert linear.linear_part is linear
 
 
 def test_a_sensor_errs_by_run_and_instant_alone(sensor_class, make):
@@ -132,6 +136,6 @@ def test_a_sensor_errs_by_run_and_instant_alone(sensor_class, make):
 @pytest.mark.parametrize("run", [0, 7])
 def test_the_numbers_of_a_run_are_its_own(force_class, make, run):
     force = make(force_class, 6)
-    one, again = numbers(force, run), numbers(force, run)
-    for name in one:
-        np.testing.assert_array_equal(one[name], again[name])
+    one, again = (leaves(of_run(force, run)) for _ in range(2))
+    for path in one:
+        np.testing.assert_array_equal(one[path], again[path])

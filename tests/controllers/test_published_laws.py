@@ -360,8 +360,7 @@ def test_integral_removes_the_offset_of_a_constant_push(name, options, offset):
         reference=ConstantReference(),
     )
     push = Vehicle(forces=(ConstantForce(force=[0.1, -0.05, 0.08]),))
-    push = dataclasses.replace(push, given=push.numbers(free.group))
-    loop = dataclasses.replace(free, vehicle=push)
+    loop = dataclasses.replace(free, vehicle=push.of_run(free.group))
     G, zero = loop.group, np.zeros((1, 3))
     start = loop.initial_state(G.exp(np.array([[0.5, -0.3, 0.2]])), zero, G.identity[None], zero)
     problem = Problem(loop, start, np.array([0.0, 30.0]))

@@ -16,6 +16,7 @@ from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.controllers.family import Family
+from eqt_cli.core.leaves import with_leaves
 from eqt_cli.engines import Problem, Status
 from eqt_cli.engines.solve_ivp import SMALLEST_RTOL, SolveIvp
 from eqt_cli.groups import group_named
@@ -105,7 +106,7 @@ def test_every_method_keeps_its_tolerance(method, block):
 def test_implicit_methods_solve_blocks_of_stiff_runs(method):
     """Explicit methods take 15 000 evaluations and more at this damping; these take 300 to 650."""
     problem = paper_problem(runs=3, duration=1.0, samples=5)
-    stiff = problem.loop.with_parameters(problem.loop.parameters | {"kd": 1e4 * np.eye(3)})
+    stiff = with_leaves(problem.loop, {"gains.K_d": 1e4 * np.eye(3)})
     problem = Problem(stiff, problem.states, problem.times)
     engine = SolveIvp(method=method, rtol=1e-4, atol=1e-7, block=3, max_steps=1000)
     solution = engine.solve(problem, quiet)
@@ -128,14 +129,12 @@ def test_parameters_may_differ_from_run_to_run(block):
     gyroscopic, scale = np.array([0.0, 1.0, 2.0]), np.array([1.0, 2.0, 0.5])
     varying = {
         "controller.gyroscopic": gyroscopic[:, None],
-        "kd": scale[:, None, None] * problem.loop.gains.K_d,
+        "gains.K_d": scale[:, None, None] * problem.loop.gains.K_d,
     }
     engine = SolveIvp(rtol=1e-8, atol=1e-11, block=block)
     together = engine.solve(Problem(problem.loop, problem.states, problem.times, varying), quiet)
     for run in range(3):
-        loop = problem.loop.with_parameters(
-            problem.loop.parameters | {name: values[run] for name, values in varying.items()}
-        )
+        loop = with_leaves(problem.loop, {path: each[run] for path, each in varying.items()})
         one = Problem(loop, problem.states[run : run + 1], problem.times)
         assert errors(together, exact(one))[run] < 30 * 1e-8
 
@@ -420,7 +419,7 @@ def test_message_of_a_vector_field_that_is_not_finite_from_the_start():
 
 
 class InfiniteFromOneSecondOn(Force):
-    def acting(self, G, t, Q, V, given):
+    def acting(self, G, t, Q, V):
         return np.where(t < 1.0, 0.0, np.inf) * V
 
     def instants(self):

@@ -27,6 +27,7 @@ from eqt_cli.core import arrays
 from eqt_cli.core.arrays import FUNCTIONS, clip
 from eqt_cli.core.errors import TraceError
 from eqt_cli.core.expressions import parse
+from eqt_cli.core.leaves import with_leaves
 from eqt_cli.engines import Problem, Status, taylor, traced_loop
 from eqt_cli.engines.native import Native
 from eqt_cli.engines.solve_ivp import SolveIvp
@@ -429,19 +430,17 @@ def test_parameters_may_differ_from_run_to_run():
     random = np.random.default_rng(8)
     inertia = np.array([any_matrix(3, seed) for seed in range(runs)])
     varying = {
-        "inertia": inertia,
-        "inertia_inverse": np.linalg.inv(inertia),
-        "kp": np.array([any_matrix(3, seed + 50) for seed in range(runs)]),
-        "kd": np.array([any_matrix(3, seed + 99) for seed in range(runs)]),
+        "inertia.matrix": inertia,
+        "inertia.inverse": np.linalg.inv(inertia),
+        "gains.K": np.array([any_matrix(3, seed + 50) for seed in range(runs)]),
+        "gains.K_d": np.array([any_matrix(3, seed + 99) for seed in range(runs)]),
         "controller.gyroscopic": random.uniform(-1, 1, (runs, 1)),
         "controller.spatial": (np.arange(runs) % 2.0)[:, None],
     }
     together = Taylor().solve(Problem(loop, problem.states, problem.times, varying), quiet)
     for run in range(runs):
         own = {name: values[run] for name, values in varying.items()}
-        one = Problem(
-            loop.with_parameters(loop.parameters | own), problem.states[[run]], problem.times
-        )
+        one = Problem(with_leaves(loop, own), problem.states[[run]], problem.times)
         assert equal(Taylor().solve(one, quiet), together, [run])
 
 

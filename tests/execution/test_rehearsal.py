@@ -35,7 +35,7 @@ class Push(Force):
     name: ClassVar[str] = "push"
     departs: ClassVar[str] = "a push"
 
-    def acting(self, G, t, Q, V, given):
+    def acting(self, G, t, Q, V):
         return BODY
 """
 CONFIG = """\

@@ -8,7 +8,7 @@ import pytest
 
 from eqt_cli.core import registry
 from eqt_cli.core.errors import EqtError
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 
 
 @pytest.fixture(autouse=True)

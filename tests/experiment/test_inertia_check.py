@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 
 Build = Callable[..., Experiment]
 TURNING = "['cos(500*t)', '-sin(500*t)', 0], ['sin(500*t)', 'cos(500*t)', 0], [0, 0, 1]"

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 
 Message = Callable[..., str]
 Build = Callable[..., Experiment]

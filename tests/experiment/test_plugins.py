@@ -17,7 +17,8 @@ from eqt_cli.core import registry
 from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.executors import executors
 from eqt_cli.execution.run_study import Execution, execute
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.read_study import study
 from eqt_cli.store.reader import ResultFile, open_results
 

@@ -16,7 +16,8 @@ from eqt_cli.config import shipped
 from eqt_cli.config.json_schema import json_schema
 from eqt_cli.config.source import ConfigSource, read_config
 from eqt_cli.config.yaml_source import dump, load
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.experiment import Experiment
 
 Build = Callable[..., Experiment]
 

@@ -15,7 +15,8 @@ from eqt_cli.analysis.verification import Verification, verify_experiment
 from eqt_cli.config import shipped
 from eqt_cli.config.source import read_config
 from eqt_cli.engines import engines
-from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.experiment.build import build
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.groups import group_named, groups
 from eqt_cli.groups.product import ProductGroup
 

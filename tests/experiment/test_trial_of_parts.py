@@ -28,8 +28,8 @@ PLACES = {
     "Sensor": ("sensors", "{velocity: [{kind: noise, std: 0.1}, own]}", "sensors.velocity[1]"),
 }
 METHODS = {
-    "Force": "    def acting(self, G, t, Q, V, given):\n        return -V\n",
-    "Actuator": "    def output(self, G, command, x, given):\n        return command\n",
+    "Force": "    def acting(self, G, t, Q, V):\n        return -V\n",
+    "Actuator": "    def output(self, G, command, x):\n        return command\n",
     "Sensor": "    def errors(self, G, instants, period, random):\n"
     "        return random.standard_normal((instants, 3))\n",
 }
@@ -139,7 +139,7 @@ def test_a_part_that_does_not_fit(
 
 
 def test_a_limit_for_each_axis(message: Message) -> None:
-    body = "\n    limits: ClassVar[bool] = True\n\n    def at_limit(self, G, command, x, given):\n"
+    body = "\n    limits: ClassVar[bool] = True\n\n    def at_limit(self, G, command, x):\n"
     text = DEPARTS + METHODS["Actuator"] + body + "        return command > 1\n"
     assert said(message, "Actuator", text) == (
         "own' is wrong at the start of run 0: own.py:17: at_limit returns an array of shape "

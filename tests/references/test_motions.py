@@ -215,8 +215,8 @@ def test_a_span_that_begins_a_rounding_early_takes_the_piece_that_begins(G):
     """Engines take a knot for the sample time that it is but for rounding: 0.3 for 3 · 0.1."""
     found = reference("waypoints", G)
     for knot in KNOTS[1:-1]:
-        assert found.held(G, np.nextafter(knot, 0))["since"] == knot
-        assert found.held(G, knot - 1e-6)["since"] < knot
+        assert found.held(G, np.nextafter(knot, 0)).since == knot
+        assert found.held(G, knot - 1e-6).since < knot
 
 
 # In the loop --------------------------------------------------------------------------------------

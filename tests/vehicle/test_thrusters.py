@@ -181,8 +181,8 @@ def test_a_thrust_has_the_power_of_its_point_in_the_order_of_the_group():
 def test_thrusts_have_the_least_weighted_sum_of_squares():
     weights, tau = np.arange(1.0, 9.0), np.array([0.3, -0.2, 0.1, 1.0, 2.0, -0.7])
     part = Thrusters(thrusters=[Thruster(**each) for each in EIGHT], weights=weights.tolist())
-    given = part.numbers(SE3, None)
-    f, B = part.thrust(SE3, tau, tau[:0], given), given["matrix"]
+    part = part.of_run(SE3, None)
+    f, B = part.thrust(SE3, tau, tau[:0]), part.matrix
     np.testing.assert_allclose(B @ f, tau, atol=1e-14)
     across = np.linalg.svd(B)[2][6:]  # of the thrusts that give no torque
     np.testing.assert_allclose(across @ (weights * f), 0, atol=1e-13)
@@ -190,13 +190,13 @@ def test_thrusts_have_the_least_weighted_sum_of_squares():
 
 def test_what_thrusts_come_to_is_the_solution_of_their_rate(derivative):
     part = Thrusters(thrusters=[Thruster(**each) for each in FOUR], time_constant=0.4)
-    given, command, x = part.numbers(SE2, None), np.array([1.0, -2.0, 3.0]), np.ones(4)
+    part, command, x = part.of_run(SE2, None), np.array([1.0, -2.0, 3.0]), np.ones(4)
 
     def after(duration):
-        return part.after(SE2, command, x, given, np.array(duration))
+        return part.after(SE2, command, x, np.array(duration))
 
     np.testing.assert_allclose(after(0.0), x, atol=1e-15)
-    rate = part.state_rate(SE2, command, after(0.7), given)
+    rate = part.state_rate(SE2, command, after(0.7))
     np.testing.assert_allclose(derivative(lambda h: after(0.7 + h)), rate, atol=1e-10)
 
 
@@ -209,19 +209,19 @@ def test_bounded_thrusts_are_those_of_least_squares(size):
         allocation="bounded",
         weights=np.linspace(0.5, 2.0, 8).tolist(),
     )
-    given, random = part.numbers(SE3, None), np.random.default_rng(3)
-    commands, B = size * random.standard_normal((20, 6)), given["matrix"]
-    limits, inside = (given["low"], given["high"]), 0
-    for command, f in zip(commands, part.solution(SE3, commands, given), strict=True):
-        assert (given["low"] <= f).all() and (f <= given["high"]).all()
+    part, random = part.of_run(SE3, None), np.random.default_rng(3)
+    commands, B = size * random.standard_normal((20, 6)), part.matrix
+    limits, inside = (part.low, part.high), 0
+    for command, f in zip(commands, part.solution(SE3, commands), strict=True):
+        assert (part.low <= f).all() and (f <= part.high).all()
         best = lsq_linear(B, command, limits, method="trf", tol=1e-14)
         np.testing.assert_allclose(B @ f, B @ best.x, atol=1e-6 * size)
         # Of no thrust does the error fall towards the inside: the least squares are unique in B f.
         slope = B.T @ (B @ f - command)
-        free = (given["low"] < f) & (f < given["high"])
+        free = (part.low < f) & (f < part.high)
         np.testing.assert_allclose(slope[free], 0, atol=1e-10 * size)
-        assert (slope[f == given["low"]] >= -1e-10 * size).all()
-        assert (slope[f == given["high"]] <= 1e-10 * size).all()
+        assert (slope[f == part.low] >= -1e-10 * size).all()
+        assert (slope[f == part.high] <= 1e-10 * size).all()
         inside += free.all()
     assert inside < 20
 
@@ -233,16 +233,16 @@ def test_numbers_of_thrusters_are_drawn_once_each_in_their_order():
         high=[Uniform([1.0, 2.0]), 1.5, Uniform([1.0, 2.0])],
         time_constant=Normal([0.1, 1.0]),
     )
-    numbers = [part.numbers(SE2, np.random.default_rng(seed)) for seed in range(30)]
-    assert min(given["time_constant"].min() for given in numbers) > 0
-    assert all(np.ptp(given["low"]) == 0 and -2 <= given["low"][0] < -1 for given in numbers)
-    assert all(given["high"][1] == 1.5 != given["high"][0] != given["high"][2] for given in numbers)
+    runs = [part.of_run(SE2, np.random.default_rng(seed)) for seed in range(30)]
+    assert min(own.time_constant.min() for own in runs) > 0
+    assert all(np.ptp(own.low) == 0 and -2 <= own.low[0] < -1 for own in runs)
+    assert all(own.high[1] == 1.5 != own.high[0] != own.high[2] for own in runs)
 
 
 def test_a_run_that_is_lost_has_no_thrust():
     part = Thrusters(matrix=[[1.0], [0], [0]], low=-1.0, high=1.0, allocation="bounded")
-    given = part.numbers(SE2, None)
-    assert np.isnan(part.solution(SE2, np.array([[np.nan, 0, 0]]), given)).all()
+    part = part.of_run(SE2, None)
+    assert np.isnan(part.solution(SE2, np.array([[np.nan, 0, 0]]))).all()
 
 
 def test_the_medium_carries_a_body_without_drag():
@@ -251,9 +251,9 @@ def test_the_medium_carries_a_body_without_drag():
     V = np.concatenate([np.zeros(3), Q[0, :3, :3].T @ c])[None]
     for frame in ("body", "spatial"):
         drag = Drag(linear=2.0, quadratic=3.0, current=[*c.tolist()], frame=frame)
-        given = drag.numbers(SE3, None)
-        np.testing.assert_allclose(drag.in_body(SE3, 0.0, Q, V, given), 0, atol=1e-15)
-        assert np.abs(drag.in_body(SE3, 0.0, Q, 0 * V, given)).max() > 0.1
+        drag = drag.of_run(SE3, None)
+        np.testing.assert_allclose(drag.in_body(SE3, 0.0, Q, V), 0, atol=1e-15)
+        assert np.abs(drag.in_body(SE3, 0.0, Q, 0 * V)).max() > 0.1
 
 
 def test_directions_without_thrust_are_the_fewest_coordinates():

@@ -1,7 +1,5 @@
 """What the parts of a vehicle compute, in closed form; and what is said of wrong options."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -48,7 +46,7 @@ time: {{duration: 1}}
 
 
 def acting(force, G, Q, V, t=0.0):
-    return force.in_body(G, t, Q, V, force.numbers(G, None))
+    return force.of_run(G, None).in_body(G, t, Q, V)
 
 
 def test_drag_is_odd_and_takes_power():
@@ -100,8 +98,8 @@ def test_weight_alone_pulls_at_the_origin(up, down):
 
 def test_gusts_forget_within_their_time_constant():
     """The correlation Σ ½a² cos(ωs) of the sines is e^(−s/T), up to their number."""
-    given = Gust(std=0.3, time_constant=2.0).numbers(SO3, None)
-    power, frequency = given["amplitude"][0] ** 2 / 2, given["frequency"][:, 0]
+    gust = Gust(std=0.3, time_constant=2.0).of_run(SO3, None)
+    power, frequency = gust.amplitude[0] ** 2 / 2, gust.frequency[:, 0]
     for lapse in (0.0, 1.0, 2.0, 4.0):
         found = power * np.cos(frequency * lapse).sum()
         assert found == pytest.approx(0.09 * np.exp(-lapse / 2.0), abs=0.1 * 0.09)
@@ -110,66 +108,65 @@ def test_gusts_forget_within_their_time_constant():
 def test_gusts_have_the_variance_that_is_asked_for():
     # Over a long time the mean of each squared sine is 1/2, up to the length of the record.
     gust = Gust(std=0.3, time_constant=2.0)
-    given = gust.numbers(SO3, generator_at(0, Stream.VEHICLE, 0, "plant.forces[0]"))
+    gust = gust.of_run(SO3, generator_at(0, Stream.VEHICLE, 0, "plant.forces[0]"))
     times = np.linspace(0.0, 20_000.0, 100_001)
     V = np.zeros((len(times), 3))
-    found = gust.in_body(SO3, times, np.broadcast_to(np.eye(3), (len(times), 3, 3)), V, given)
+    found = gust.in_body(SO3, times, np.broadcast_to(np.eye(3), (len(times), 3, 3)), V)
     np.testing.assert_allclose(found.std(axis=0), 0.3, rtol=0.02)
-    assert given["phase"].shape == (SINES, 3)
+    assert gust.phase.shape == (SINES, 3)
 
 
 def test_phases_of_gusts_are_any():
     gust = Gust(std=0.3, time_constant=2.0)
-    phases = np.array([gust.numbers(SO3, np.random.default_rng(k))["phase"] for k in range(20)])
+    phases = np.array([gust.of_run(SO3, np.random.default_rng(k)).phase for k in range(20)])
     assert 0 <= phases.min() < 0.1
     assert 2 * np.pi - 0.1 < phases.max() < 2 * np.pi
 
 
 def test_a_limit_cuts_along_each_axis_or_keeps_the_direction():
     command, none = np.array([[3.0, -0.2, 4.0]]), np.zeros((1, 0))
-    each, whole = Limit(limit=1.0), Limit(limit=1.0, norm=True)
-    cut = each.output(SO3, command, none, each.numbers(SO3, None))
+    each, whole = (Limit(limit=1.0, norm=norm).of_run(SO3, None) for norm in (False, True))
+    cut = each.output(SO3, command, none)
     np.testing.assert_array_equal(cut, [[1.0, -0.2, 1.0]])
-    cut = whole.output(SO3, command, none, whole.numbers(SO3, None))
+    cut = whole.output(SO3, command, none)
     np.testing.assert_allclose(cut, command / np.linalg.norm(command), atol=ROUNDING)
 
 
 def test_a_limit_is_reached_by_more_than_it():
-    given = (each := Limit(limit=[1.0, 2.0, 3.0])).numbers(SO3, None)
-    whole, none = Limit(limit=[1.0, 2.0, 3.0], norm=True), np.zeros((3, 0))
+    limit, none = [1.0, 2.0, 3.0], np.zeros((3, 0))
+    each, whole = (Limit(limit=limit, norm=norm).of_run(SO3, None) for norm in (False, True))
     command = np.array([[1.0, -2.0, 3.0], [1.0, -2.0, 3.1], [0.6, -1.0, 1.0]])
-    assert each.at_limit(SO3, command, none, given).tolist() == [False, True, False]
-    of_norm = whole.numbers(SO3, None)
-    assert whole.at_limit(SO3, command, none, of_norm).tolist() == [True, True, False]
-    sizes, most = each.most(SO3, np.zeros(1), command, given)
+    assert each.at_limit(SO3, command, none).tolist() == [False, True, False]
+    assert whole.at_limit(SO3, command, none).tolist() == [True, True, False]
+    sizes, most = each.most(SO3, np.zeros(1), command)
     np.testing.assert_array_equal(sizes, np.abs(command))
     np.testing.assert_array_equal(most, np.broadcast_to([1.0, 2.0, 3.0], (3, 3)))
-    sizes, most = whole.most(SO3, np.zeros(1), command[:1], of_norm)  # in the longest axis
+    sizes, most = whole.most(SO3, np.zeros(1), command[:1])  # in the longest axis
     assert (sizes.item(), most.item()) == (pytest.approx(3 * np.sqrt(3)), 3.0)
 
 
 def test_a_limit_of_the_norm_counts_in_units_of_the_limits():
     part, command = Limit(limit=[1.0, 2.0, 4.0], norm=True), np.diag([2.0, 2.0, 2.0])
-    given, none = part.numbers(SO3, None), np.zeros((3, 0))
-    found = part.output(SO3, command, none, given)
+    part, none = part.of_run(SO3, None), np.zeros((3, 0))
+    found = part.output(SO3, command, none)
     np.testing.assert_allclose(found, np.diag([1.0, 2.0, 2.0]), atol=ROUNDING)
-    assert part.at_limit(SO3, command, none, given).tolist() == [True, False, False]
+    assert part.at_limit(SO3, command, none).tolist() == [True, False, False]
 
 
 def test_what_rounding_takes_from_a_command_is_no_limit():
     part, x = RateLimit(rate=1e6), np.full((50, 3), 1000 * np.pi)
-    given, command = part.numbers(SO3, None), np.linspace(2.0, 20.0, 150).reshape(50, 3)
-    after = part.step(SO3, command, x, given, period=1.0)
+    part, command = part.of_run(SO3, None), np.linspace(2.0, 20.0, 150).reshape(50, 3)
+    after = part.step(SO3, command, x, period=1.0)
     assert (after != command).any()
-    assert not part.at_limit(SO3, command, after, given).any()
-    assert not part.at_limit(SO3, -command, -after, given).any()
-    assert part.at_limit(SO3, command + 1e-6, after, given).all()
+    assert not part.at_limit(SO3, command, after).any()
+    assert not part.at_limit(SO3, -command, -after).any()
+    assert part.at_limit(SO3, command + 1e-6, after).all()
 
 
 def test_quantisation_gives_the_nearest_multiple():
     part, none = Quantisation(resolution=[0.1, 0.25, 1.0]), np.zeros((1, 0))
     command = np.array([[0.26, -0.4, 1234.4]])
-    found = part.output(SO3, command, none, part.numbers(SO3, None))
+    found = part.of_run(SO3, None).output(SO3, command, none)
     np.testing.assert_allclose(found, [[0.3, -0.5, 1234.0]], rtol=2 * ROUNDING)
     assert part.sampled
 
@@ -177,21 +174,21 @@ def test_quantisation_gives_the_nearest_multiple():
 def test_a_deadband_swallows_what_is_small_and_nothing_of_the_rest():
     part, none = Deadband(width=[0.4, 0.4, 1.0]), np.zeros((1, 0))
     command = np.array([[0.39, -0.4, -0.9], [-0.39, 0.41, 1.5], [3.0, -7.0, 0.0]])
-    found = part.output(SO3, command, none, part.numbers(SO3, None))
+    found = part.of_run(SO3, None).output(SO3, command, none)
     np.testing.assert_array_equal(found, [[0, -0.4, 0], [0, 0.41, 1.5], [3.0, -7.0, 0]])
     assert part.sampled
 
 
 def test_wheels_take_up_what_they_can():
     part, command = MomentumLimit(momentum=1.0), np.array([[0.4, -3.0, 0.0]])
-    given, x, taken = part.numbers(SO3, None), np.zeros((1, 6)), []
+    part, x, taken = part.of_run(SO3, None), np.zeros((1, 6)), []
     for _ in range(8):
-        x = part.step(SO3, command, x, given, period=0.5)
-        taken.append(part.output(SO3, command, x, given)[0])
+        x = part.step(SO3, command, x, period=0.5)
+        taken.append(part.output(SO3, command, x)[0])
     # 5 periods of 0.4 · 0.5 are 1; the second axis is full after one period of 2.
     expected = [[0.4, -2.0, 0.0], *[[0.4, 0.0, 0.0]] * 4, *[[0.0, 0.0, 0.0]] * 3]
     np.testing.assert_allclose(taken, expected, rtol=0, atol=10 * ROUNDING)
-    assert part.at_limit(SO3, command, x, given).all()
+    assert part.at_limit(SO3, command, x).all()
 
 
 @pytest.mark.parametrize("G", [SO3, SE3], ids=lambda G: G.name)
@@ -228,20 +225,20 @@ def test_gravity_pulls_no_torque_from_a_body_that_is_in_line_with_it():
 
 
 def test_a_lag_follows_its_command():
-    lag = Lag(time_constant=0.5)
-    rate = lag.state_rate(SO3, np.ones((1, 3)), np.full((1, 3), 0.25), lag.numbers(SO3, None))
+    lag = Lag(time_constant=0.5).of_run(SO3, None)
+    rate = lag.state_rate(SO3, np.ones((1, 3)), np.full((1, 3), 0.25))
     np.testing.assert_array_equal(rate, np.full((1, 3), 1.5))
 
 
 def test_what_a_lag_comes_to_is_the_solution_of_its_rate(derivative):
-    lag, command, x = Lag(time_constant=[0.5, 1.0, 2.0]), np.array([1.0, -2.0, 3.0]), np.ones(3)
-    given = lag.numbers(SO3, None)
+    lag = Lag(time_constant=[0.5, 1.0, 2.0]).of_run(SO3, None)
+    command, x = np.array([1.0, -2.0, 3.0]), np.ones(3)
 
     def after(duration):
-        return lag.after(SO3, command, x, given, np.array(duration))
+        return lag.after(SO3, command, x, np.array(duration))
 
     np.testing.assert_array_equal(after(0.0), x)
-    rate = lag.state_rate(SO3, command, after(0.7), given)
+    rate = lag.state_rate(SO3, command, after(0.7))
     np.testing.assert_allclose(derivative(lambda h: after(0.7 + h)), rate, atol=1e-10)
 
 
@@ -319,11 +316,11 @@ def test_a_distribution_upside_down_is_found_in_every_part(part, place):
 def test_relative_and_constant_inertia():
     model = Inertia(np.diag([1.0, 2.0, 4.0]), np.diag([1.0, 0.5, 0.25]))
     part = RelativeInertia(0.25)
-    true = part.at(model, 0.0, part.numbers(SO3, None))
+    true = part.of_run(SO3, None).at(model, 0.0)
     np.testing.assert_array_equal(true.matrix, 1.25 * model.matrix)
     np.testing.assert_allclose(true.inverse @ true.matrix, np.eye(3), atol=ROUNDING)
     part = ConstantInertia([1.0, Uniform([1.0, 3.0]), 4.0])
-    np.testing.assert_array_equal(part.numbers(SO3, None)["matrix"], model.matrix)
+    np.testing.assert_array_equal(part.of_run(SO3, None).matrix, model.matrix)
 
 
 ROWS = [["1 + 0.3*sin(t)", "0", "0"], ["0", "2", "0.2*t"], ["0", "0.2*t", "4*exp(-0.2*t)"]]
@@ -334,7 +331,7 @@ def test_a_relative_inertia_changes_in_time_as_it_is(derivative):
     part = RelativeInertia(0.25)
 
     def true(t):
-        return part.at(VARYING.at(t), t, part.numbers(SO3, None))
+        return part.of_run(SO3, None).at(VARYING.at(t), t)
 
     change = true(0.7).change
     rate = derivative(lambda h: true(0.7 + h).matrix)
@@ -356,7 +353,7 @@ def test_the_plant_obeys_its_own_inertia(true, derivative):
         Gains(np.eye(3), np.eye(3)),
         ConstantReference(),
         EqT(),
-        replace(vehicle, given=vehicle.numbers(SO3)),
+        vehicle.of_run(SO3),
     )
     Q, t = SO3.exp(np.array([0.4, -0.3, 0.6])), 0.7
     y = loop.initial_state(Q, np.array([0.5, -0.8, 1.1]), np.eye(3), np.zeros(3))
@@ -364,7 +361,7 @@ def test_the_plant_obeys_its_own_inertia(true, derivative):
 
     def momentum(h):
         s = loop.tracking(t + h, y + h * rate)
-        return true.at(believed.at(t + h), t + h, true.numbers(SO3, None)).momentum(s.V)
+        return true.of_run(SO3, None).at(believed.at(t + h), t + h).momentum(s.V)
 
     s = loop.tracking(t, y)
     expected = SO3.ad_star(s.V, momentum(0.0)) + loop.torque(s)
@@ -375,7 +372,7 @@ def test_the_plant_obeys_its_own_inertia(true, derivative):
 def test_a_run_draws_its_own_numbers_whatever_else_there_is():
     limit = Limit(limit=Uniform([0.4, 0.6]))
     one, again, other = (
-        limit.numbers(SO3, generator_at(5, Stream.VEHICLE, run, "actuators[0]"))["high"]
+        limit.of_run(SO3, generator_at(5, Stream.VEHICLE, run, "actuators[0]")).high
         for run in (0, 0, 1)
     )
     np.testing.assert_array_equal(one, again)
@@ -384,7 +381,7 @@ def test_a_run_draws_its_own_numbers_whatever_else_there_is():
 
 def test_numbers_that_must_be_positive_are_drawn_until_they_are():
     lag = Lag(time_constant=Normal([0.1, 1.0]))
-    drawn = [lag.of_run(np.random.default_rng(k)).time_constant for k in range(50)]
+    drawn = [lag.drawn(np.random.default_rng(k)).time_constant for k in range(50)]
     assert min(drawn) > 0
 
 
@@ -442,9 +439,9 @@ def test_what_is_wrong_is_said_at_its_place(tmp_path, section, message):
 
 
 def test_a_rate_limit_is_judged_by_the_change_of_the_torque():
-    limit = RateLimit(rate=[1.0, 2.0, 3.0])
+    limit = RateLimit(rate=[1.0, 2.0, 3.0]).of_run(SO3, None)
     times, torque = np.array([0.0, 0.5, 0.75]), np.array([[0, 0, 0], [1, -1, 0], [1, -2, 1.0]])
-    sizes, most = limit.most(SO3, times, torque, limit.numbers(SO3, None))
+    sizes, most = limit.most(SO3, times, torque)
     np.testing.assert_array_equal(sizes, [[2, 2, 0], [0, 4, 4]])
     np.testing.assert_array_equal(np.broadcast_to(most, (3,)), [1, 2, 3])
 

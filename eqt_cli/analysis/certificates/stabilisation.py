@@ -56,7 +56,7 @@ class ReferenceMotion(Identity):
         held = reference.held(G, floats(sample.times))
         if held is not None:
             numbers = {name: sample.lifted(number) for name, number in leaves(held).items()}
-            reference = reference.holding(with_leaves(held, numbers))
+            reference = with_leaves(held, numbers)
         t = with_rate(sample.times, 1.0)
         inertia = sample.loop.inertia.at(t)
         _, _, Qd, _ = sample.drawn

@@ -13,7 +13,7 @@ from eqt_cli.analysis.oracles.base import Oracle, RigidBody, SteppingOracle
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.core.arrays import Array, frobenius, norm
 from eqt_cli.engines import Problem
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.mechanics.inertia import Inertia
 from eqt_cli.mechanics.lie_poisson import lie_poisson

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from eqt_cli.core.problems import Problems
-from eqt_cli.experiment.build import Experiment
+from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.horizon import check_reference, reference_over_horizon
 from eqt_cli.plots.shown.controllers import error_of, positions
 from eqt_cli.results.result import Result
