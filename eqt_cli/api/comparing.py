@@ -12,8 +12,6 @@ from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.maps import Map, compare_map
 from eqt_cli.api.paths import ResultPath, path_from
 from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.executors import Progress
-from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.results.result import open_result
 
 
@@ -26,8 +24,6 @@ def compare(
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
-    progress: Progress = lambda amount: None,
-    stage: Stage | None = None,
 ) -> Comparison:
     """Compare the controllers of a result, run by run on the same initial states.
 
@@ -43,10 +39,6 @@ def compare(
         Of a sweep, counted from 0.
     confidence, resamples, seed
         Of the bootstrap.
-    progress
-        Called with how much more of the current step is done.
-    stage
-        Called with the name and the size of each step: the resampling.
 
     Returns
     -------
@@ -70,8 +62,8 @@ def compare(
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = [_window(window) for window in windows]
     with open_result(path_from("result", result), point) as results:
-        how, steps = Resampling(confidence, resamples, seed), Steps(progress, stage)
-        return compare_results(results, metrics=metrics, windows=parsed, how=how, steps=steps)
+        how = Resampling(confidence, resamples, seed)
+        return compare_results(results, metrics=metrics, windows=parsed, how=how)
 
 
 def compare_sweep(
@@ -81,8 +73,6 @@ def compare_sweep(
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
-    progress: Progress = lambda amount: None,
-    stage: Stage | None = None,
 ) -> list[Map]:
     """Compare the controllers at each point of a sweep: which of them wins where.
 
@@ -94,8 +84,6 @@ def compare_sweep(
         Names of stored numbers per run; one map each.
     confidence, resamples, seed
         As of `compare`.
-    progress, stage
-        As of `compare`; a step for each metric.
 
     Returns
     -------
@@ -116,8 +104,8 @@ def compare_sweep(
     with open_result(path_from("result", result)) as results:
         if not results.is_sweep:
             raise results.error("is a single experiment; `eqt compare` without more compares it")
-        how, steps = Resampling(confidence, resamples, seed), Steps(progress, stage)
-        return [compare_map(results, name, how, steps=steps) for name in metrics]
+        how = Resampling(confidence, resamples, seed)
+        return [compare_map(results, name, how) for name in metrics]
 
 
 def _window(given: Any) -> Window:

@@ -12,9 +12,8 @@ from eqt_cli.api.loading import LoadedExperiment, at_point, load_experiment
 from eqt_cli.api.paths import ResultPath
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.files import YAML
-from eqt_cli.execution.executors import Progress
+from eqt_cli.core.reporting import reporter, step
 from eqt_cli.execution.folder import FIGURES
-from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.results.result import Result, open_result, point_folder
 
@@ -42,9 +41,6 @@ def plot(
     point: int | Sequence[int] | None = None,
     trust_plugins: bool = False,
     workers: int = 1,
-    note: Note = lambda text: None,
-    progress: Progress = lambda amount: None,
-    stage: Stage | None = None,
 ) -> list[Path]:
     """Draw a figure of a result, or one of several, and write it as files.
 
@@ -75,12 +71,6 @@ def plot(
         Execute plugin sources that are stored in the result, where the figure shows certificates.
     workers
         Cores to use, where the figure shows certificates.
-    note
-        Called with what takes some seconds, before it is done.
-    progress
-        Called with how much more of the current step is done.
-    stage
-        Called with the name and the size of each step, such as the drawing of the figures.
 
     Returns
     -------
@@ -116,24 +106,20 @@ def plot(
             home = folder = Path(FIGURES, first.name)
         targets = [folder / f"{name}.{format}" for name in wanted for format in formats]
         check_targets(targets, home)
-        steps = Steps(progress, stage)
         rows: list[Row] = []
         of_certificates = any(issubclass(figures.get(name), OfCertificates) for name in wanted)
         if of_certificates and isinstance(first, Result):
             from eqt_cli.analysis.verification import verify_stored
 
-            note("checking the paper's statements on the result takes a few seconds")
-            rows = verify_stored(
-                first, trust_plugins=trust_plugins, workers=workers, steps=steps
-            ).rows
+            rows = verify_stored(first, trust_plugins=trust_plugins, workers=workers).rows
         look = Style(tuple(style), tex)
-        advance = steps.begin(DRAWN, len(wanted))
         files = []
-        for name, given in wanted.items():
-            files += render(
-                opened, name, folder, formats, width, given, style=look, certificates=rows
-            )
-            advance(1)
+        with step(DRAWN, len(wanted)):
+            for name, given in wanted.items():
+                files += render(
+                    opened, name, folder, formats, width, given, style=look, certificates=rows
+                )
+                reporter().advance(1)
         return files
 
 
