@@ -1,7 +1,7 @@
 """What `eqt_cli` offers and where that is, for type checkers and for the package itself."""
 
-from eqt_cli.api import LoadedExperiment as LoadedExperiment
 from eqt_cli.api import StoredResult as StoredResult
+from eqt_cli.api import Study as Study
 from eqt_cli.api import animate as animate
 from eqt_cli.api import check_figures as check_figures
 from eqt_cli.api import check_log as check_log

@@ -74,20 +74,20 @@ def test_unknown_attribute():
 def test_loaded_experiments_describe_themselves():
     loaded = eqt_cli.load_experiment(PAPER, FEW)
     assert repr(loaded) == "<experiment paper on SO3: 3 runs of eqt, gt, nog, asym>"
-    assert loaded.config["gains"] == {"kp": 1.0, "kd": 0.5}
+    assert loaded.resolved["gains"] == {"kp": 1.0, "kd": 0.5}
 
 
 def test_overrides_may_be_arrays():
     inertia = np.diag([1.0, 2.0, 2.5])
     loaded = eqt_cli.load_experiment(PAPER, {"inertia": inertia, "gains.kd": np.float64(2)})
-    assert loaded.config["inertia"] == inertia.tolist()
-    assert loaded.config["gains"]["kd"] == 2.0
+    assert loaded.resolved["inertia"] == inertia.tolist()
+    assert loaded.resolved["gains"]["kd"] == 2.0
 
 
 def test_a_mapping_is_the_same_experiment_as_its_file():
     from_file = eqt_cli.load_experiment(PAPER, FEW)
-    again = eqt_cli.load_experiment(from_file.config)
-    assert again.experiment.digest == from_file.experiment.digest
+    again = eqt_cli.load_experiment(from_file.resolved)
+    assert again.digest == from_file.digest
 
 
 def test_problems_of_overrides_are_named_as_python_has_them():
@@ -99,7 +99,7 @@ def test_problems_of_overrides_are_named_as_python_has_them():
 
 
 def test_problems_of_a_mapping_have_their_place():
-    config = eqt_cli.load_experiment(PAPER).config | {"inertia": [1, 2]}
+    config = eqt_cli.load_experiment(PAPER).resolved | {"inertia": [1, 2]}
     with pytest.raises(ConfigError) as caught:
         eqt_cli.load_experiment(config)
     (problem,) = caught.value.problems

@@ -405,7 +405,6 @@ def equations() -> Iterator[str]:
 @part
 def proofs() -> Iterator[str]:
     """What `eqt verify --exact` proves of every shipped configuration."""
-    from eqt_cli import api
     from eqt_cli.analysis.certificates import Verdict
     from eqt_cli.analysis.verification import identities_of
     from eqt_cli.config import shipped
@@ -417,7 +416,7 @@ def proofs() -> Iterator[str]:
     known: dict[tuple[str, str], list[Any]] = {}
     for path in sorted(shipped.folder().glob("*.yaml")):
         source = without_sweep(read_config(path, []))
-        experiment = api.LoadedExperiment(study(source, trust_plugins=False)).experiment
+        experiment = study(source, trust_plugins=False).base
         first = next(iter(experiment.loops.values()))
         place = f"{experiment.group.name} {type(first.inertia)} {first.vehicle.is_ideal}"
         # The states of a proof are free, so that equal laws on one group have equal proofs.

@@ -13,7 +13,6 @@ from eqt_cli.api.exporting import ExportedFiles as ExportedFiles
 from eqt_cli.api.exporting import export as export
 from eqt_cli.api.linearising import margins as margins
 from eqt_cli.api.loading import Configuration as Configuration
-from eqt_cli.api.loading import LoadedExperiment as LoadedExperiment
 from eqt_cli.api.loading import load_experiment as load_experiment
 from eqt_cli.api.opening import open_results as open_results
 from eqt_cli.api.paths import ResultPath as ResultPath
@@ -25,3 +24,4 @@ from eqt_cli.api.running import run as run
 from eqt_cli.api.searching import tune as tune
 from eqt_cli.api.searching import worst as worst
 from eqt_cli.api.verifying import verify as verify
+from eqt_cli.experiment.study import Study as Study

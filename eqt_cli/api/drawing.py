@@ -8,13 +8,14 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eqt_cli.api.loading import LoadedExperiment, at_point, load_experiment
+from eqt_cli.api.loading import at_point, load_experiment
 from eqt_cli.api.paths import ResultPath
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.files import YAML
 from eqt_cli.core.reporting import reporter, step
 from eqt_cli.execution.folder import FIGURES
 from eqt_cli.experiment.experiment import Experiment
+from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import Result, open_result, point_folder
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 Note = Callable[[str], None]
 
 
-Shown = ResultPath | LoadedExperiment
+Shown = ResultPath | Study
 """What figures are drawn of: a result, or an experiment as a YAML file or loaded."""
 
 
@@ -48,7 +49,7 @@ def plot(
     ----------
     result
         The result folder, or the file in it; several to draw them in one figure. Or a YAML
-        configuration or a `LoadedExperiment`, of which the figures that need no run are drawn.
+        configuration or a `Study`, of which the figures that need no run are drawn.
     figure
         Its name, as ``eqt list figures`` shows them; or several, with the options of each. If not
         given, ``paper``, and of a configuration ``reference``.
@@ -170,7 +171,7 @@ def _opened(
 ) -> Iterator[list[Result | Experiment]]:
     """All chosen points of all results, or of configurations that have not been run."""
     given: list[Shown]
-    given = [result] if isinstance(result, str | os.PathLike | LoadedExperiment) else list(result)
+    given = [result] if isinstance(result, str | os.PathLike | Study) else list(result)
     if not given:
         raise EqtError("result: expected a result or several, got none")
     points = _points(point) or [None]
@@ -179,7 +180,7 @@ def _opened(
 
 
 def _shown(one: Shown, point: int | None, stack: ExitStack) -> Result | Experiment:
-    if not isinstance(one, LoadedExperiment):
+    if not isinstance(one, Study):
         if Path(one).suffix not in YAML:
             return stack.enter_context(open_result(Path(one), point))
         one = load_experiment(one)

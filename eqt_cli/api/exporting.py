@@ -11,8 +11,9 @@ from typing import Literal
 import numpy as np
 
 from eqt_cli.analysis.evidence.program_error import ARITHMETICS
-from eqt_cli.api.loading import Configuration, LoadedExperiment, at_point, load_experiment
+from eqt_cli.api.loading import Configuration, at_point, load_experiment
 from eqt_cli.core.errors import EqtError
+from eqt_cli.experiment.study import Study
 from eqt_cli.exporting.files import files
 from eqt_cli.exporting.folder import check_folder, write_into
 from eqt_cli.exporting.laws import ExportedLaw, exported
@@ -41,7 +42,7 @@ class ExportedFiles:
 
 
 def export(
-    target: LoadedExperiment | Configuration,
+    target: Study | Configuration,
     out: str | os.PathLike[str] | None = None,
     *,
     controllers: str | Sequence[str] = (),
@@ -90,7 +91,7 @@ def export(
     """
     if real not in ARITHMETICS:
         raise EqtError(f"real: expected {' or '.join(ARITHMETICS)}, got {real!r}")
-    if not isinstance(target, LoadedExperiment):
+    if not isinstance(target, Study):
         target = load_experiment(target, trust_plugins=trust_plugins)
     experiment = at_point(target, point)
     folder = Path(out) if out is not None else Path("exported", experiment.name)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from eqt_cli.analysis.margins import Margins, margins_of
-from eqt_cli.api.loading import Configuration, LoadedExperiment, at_point, load_experiment
+from eqt_cli.api.loading import Configuration, at_point, load_experiment
+from eqt_cli.experiment.study import Study
 
 
 def margins(
-    target: LoadedExperiment | Configuration,
+    target: Study | Configuration,
     *,
     point: int | None = None,
     trust_plugins: bool = False,
@@ -54,6 +55,6 @@ def margins(
     >>> law.growth.is_stable, round(law.delay, 4)
     (True, 0.3043)
     """
-    if not isinstance(target, LoadedExperiment):
+    if not isinstance(target, Study):
         target = load_experiment(target, trust_plugins=trust_plugins)
     return margins_of(at_point(target, point))

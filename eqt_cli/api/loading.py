@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,58 +20,12 @@ Configuration = str | os.PathLike[str] | Mapping[str, Any]
 """A YAML file, a result whose configuration to use, or the configuration itself."""
 
 
-@dataclass(frozen=True)
-class LoadedExperiment:
-    """A checked experiment, or a sweep of them, ready to run.
-
-    Attributes
-    ----------
-    study
-        All of its points.
-    """
-
-    study: Study
-
-    @property
-    def experiment(self) -> Experiment:
-        """Its group, laws, gains and distributions, at the first point of a sweep."""
-        return self.study.base
-
-    @property
-    def source(self) -> ConfigSource:
-        """The configuration as it was given."""
-        return self.study.source
-
-    @property
-    def name(self) -> str:
-        """Its name, and that of its folder under ``results/``."""
-        return self.experiment.name
-
-    @property
-    def config(self) -> dict[str, Any]:
-        """The configuration with every default written out."""
-        return self.study.resolved
-
-    @property
-    def controllers(self) -> list[str]:
-        """The labels of its controllers."""
-        return list(self.experiment.loops)
-
-    def __repr__(self) -> str:
-        runs = self.experiment.config.ensemble.runs
-        points = f"{len(self.study)} points, each with " if self.study.sweep else ""
-        return (
-            f"<experiment {self.name} on {self.experiment.group.name}: {points}{runs} runs of "
-            f"{', '.join(self.controllers)}>"
-        )
-
-
 def load_experiment(
     config: Configuration,
     overrides: Mapping[str, Any] | None = None,
     *,
     trust_plugins: bool = False,
-) -> LoadedExperiment:
+) -> Study:
     """Read and check a configuration.
 
     Parameters
@@ -87,7 +40,7 @@ def load_experiment(
 
     Returns
     -------
-    LoadedExperiment
+    Study
         To be given to `run`.
 
     Raises
@@ -107,14 +60,14 @@ def load_experiment(
             f"overrides: expected values by key, as {{'gains.kp': 2}}, got {overrides!r}"
         )
     given = {f"overrides[{k!r}]": f"{k}={_flow(value)}" for k, value in (overrides or {}).items()}
-    return LoadedExperiment(study(source_from(config, given), trust_plugins=trust_plugins))
+    return study(source_from(config, given), trust_plugins=trust_plugins)
 
 
-def at_point(loaded: LoadedExperiment, point: int | None) -> Experiment:
+def at_point(loaded: Study, point: int | None) -> Experiment:
     """The experiment at a point of a sweep, at the first if none is chosen."""
-    if not 0 <= (point or 0) < len(loaded.study):
-        raise EqtError(f"point: expected one of 0 to {len(loaded.study) - 1}, got {point}")
-    return loaded.study.experiment(point or 0)
+    if not 0 <= (point or 0) < len(loaded):
+        raise EqtError(f"point: expected one of 0 to {len(loaded) - 1}, got {point}")
+    return loaded.experiment(point or 0)
 
 
 def source_from(config: Configuration, overrides: Mapping[str, str]) -> ConfigSource:

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from eqt_cli.api.loading import Configuration, LoadedExperiment, load_experiment
+from eqt_cli.api.loading import Configuration, load_experiment
 from eqt_cli.api.opening import open_results
 from eqt_cli.api.paths import ResultPath
 from eqt_cli.config.source import config_in
@@ -26,6 +26,7 @@ from eqt_cli.execution.run_study import (
 )
 from eqt_cli.experiment.horizon import remarks
 from eqt_cli.experiment.read_study import study
+from eqt_cli.experiment.study import Study
 
 if TYPE_CHECKING:
     import xarray
@@ -59,7 +60,7 @@ class StoredResult(Execution, os.PathLike[str]):
 
 
 def run(
-    experiment: LoadedExperiment | Configuration,
+    experiment: Study | Configuration,
     out: str | os.PathLike[str] | None = None,
     *,
     force: bool = False,
@@ -108,11 +109,11 @@ def run(
     >>> result.failed
     0
     """
-    loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
-    for known in remarks(loaded.experiment):
+    loaded = experiment if isinstance(experiment, Study) else load_experiment(experiment)
+    for known in remarks(loaded.base):
         reporter().remark(known)
     done = execute(
-        loaded.study,
+        loaded,
         Path("results") / loaded.name if out is None else Path(out),
         executor=executor or choose_executor(loaded, workers),
         force=force,
@@ -123,7 +124,7 @@ def run(
 
 
 def choose_executor(
-    experiment: LoadedExperiment,
+    experiment: Study,
     workers: int = 1,
     name: str | None = None,
     scheduler: str | None = None,
@@ -159,7 +160,7 @@ def choose_executor(
     found = component(executors, asked, problems)
     problems.raise_if_any()
     assert found is not None
-    return found.for_engine(experiment.experiment.engine)
+    return found.for_engine(experiment.base.engine)
 
 
 def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:

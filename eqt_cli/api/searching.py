@@ -6,7 +6,7 @@ import os
 from pathlib import Path
 from typing import Any, TypeVar
 
-from eqt_cli.api.loading import Configuration, LoadedExperiment, source_from
+from eqt_cli.api.loading import Configuration, source_from
 from eqt_cli.api.running import choose_executor
 from eqt_cli.execution.executors import Executor
 from eqt_cli.experiment.study import Study
@@ -130,7 +130,7 @@ def worst(
 
 
 def _executor(search: Searches[Any], workers: int) -> Executor:
-    return choose_executor(LoadedExperiment(Study(None, search.base)), workers)
+    return choose_executor(Study(None, search.base), workers)
 
 
 def _found(

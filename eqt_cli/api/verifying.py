@@ -7,13 +7,14 @@ from pathlib import Path
 
 from eqt_cli.analysis.oracles import oracle_named
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
-from eqt_cli.api.loading import Configuration, LoadedExperiment, at_point, load_experiment
+from eqt_cli.api.loading import Configuration, at_point, load_experiment
 from eqt_cli.core.errors import EqtError
+from eqt_cli.experiment.study import Study
 from eqt_cli.results.result import open_result
 
 
 def verify(
-    target: LoadedExperiment | Configuration,
+    target: Study | Configuration,
     *,
     runs: int | None = None,
     point: int | None = None,
@@ -60,7 +61,7 @@ def verify(
     """
     names = [oracle] if isinstance(oracle, str) else oracle
     oracles = [oracle_named(name) for name in names]
-    if not isinstance(target, (LoadedExperiment, Mapping)):
+    if not isinstance(target, (Study, Mapping)):
         path = Path(target)
         if path.suffix == ".h5" or path.is_dir():
             if runs is not None:
@@ -73,7 +74,7 @@ def verify(
                     oracles=oracles,
                     exact=exact,
                 )
-    if not isinstance(target, LoadedExperiment):
+    if not isinstance(target, Study):
         target = load_experiment(target, trust_plugins=trust_plugins)
     experiment = at_point(target, point)
     count = min(runs or RUNS, experiment.config.ensemble.runs)

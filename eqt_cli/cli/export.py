@@ -68,7 +68,7 @@ def export(
         say(f"{target}: exported without its sweep; choose one of its points with --point")
     source = without_sweep(source) if point is None else config_at(source, point)
     found = api.export(
-        api.LoadedExperiment(study(source, trust_plugins=trust_plugins)),
+        study(source, trust_plugins=trust_plugins),
         out,
         controllers=controller or (),
         real="float" if real == "float" else "double",

@@ -41,7 +41,7 @@ def margins(
     if point is None and source.data.get("sweep"):
         say(f"{config}: without its sweep; choose one of its points with --point")
     source = without_sweep(source) if point is None else config_at(source, point)
-    loaded = api.LoadedExperiment(study(source, trust_plugins=trust_plugins))
+    loaded = study(source, trust_plugins=trust_plugins)
     found = api.margins(loaded)
     causes = [f"the loop of '{law.label}' is unstable" for law in found.laws if law.is_unstable]
     print_found(_document(found, causes), *_pieces(found), json=json)

@@ -143,7 +143,6 @@ def plot(
 
 def _with_overrides(given: list[Path], set_: list[str] | None) -> list[Shown]:
     """What is drawn; configurations with what ``--set`` changes of them."""
-    from eqt_cli.api import LoadedExperiment
     from eqt_cli.config.source import read_config
     from eqt_cli.experiment.read_study import study
 
@@ -153,7 +152,7 @@ def _with_overrides(given: list[Path], set_: list[str] | None) -> list[Shown]:
         if path.suffix not in YAML:
             raise EqtError(f"--set changes configurations, and {path} is a result")
     overrides = options.overrides(set_)
-    return [LoadedExperiment(study(read_config(path, overrides))) for path in given]
+    return [study(read_config(path, overrides)) for path in given]
 
 
 def _print_checks(checks: dict[str, Check], results: Sequence[Path], json: bool) -> None:

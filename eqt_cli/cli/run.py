@@ -24,7 +24,6 @@ def run(
 
     After an interruption, run the same command again to continue.
     """
-    from eqt_cli.api import LoadedExperiment
     from eqt_cli.config.source import read_config
     from eqt_cli.experiment.read_study import study
 
@@ -32,7 +31,7 @@ def run(
     if source.data.get("sweep"):
         place = source.place(("sweep",))
         raise EqtError(f"{place}: defines a sweep; use `eqt sweep {source.path}`")
-    found = LoadedExperiment(study(source, trust_plugins=trust_plugins))
+    found = study(source, trust_plugins=trust_plugins)
     run_experiment(
         found,
         out,

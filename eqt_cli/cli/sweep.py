@@ -55,7 +55,6 @@ def sweep(
 
     After an interruption, run the same command again to continue.
     """
-    from eqt_cli.api import LoadedExperiment
     from eqt_cli.config.source import read_config
     from eqt_cli.experiment.read_study import add_grids, study
 
@@ -66,20 +65,18 @@ def sweep(
             f"{source.source.name}: defines no sweep; add a `sweep` section or --grid KEY=A,B, "
             f"or use `eqt run {source.path}`"
         )
-    found = LoadedExperiment(
-        study(
-            source,
-            trust_plugins=trust_plugins,
-            most_checked=MOST_CHECKED if dry_run else None,
-        )
+    found = study(
+        source,
+        trust_plugins=trust_plugins,
+        most_checked=MOST_CHECKED if dry_run else None,
     )
     chosen = executor_from(found, executor, workers, scheduler)
     if dry_run:
-        points = len(found.study)
+        points = len(found)
         if points > MOST_CHECKED:
             checked = f"{MOST_CHECKED} of its {points} points were checked"
             say(f"{config}: {checked}; a run checks all")
-        _print_plan(found.study, chosen, json)
+        _print_plan(found, chosen, json)
         return
     run_experiment(
         found,

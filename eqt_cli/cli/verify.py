@@ -85,8 +85,9 @@ def verify(
     from eqt_cli.experiment.config_at_point import config_at, without_sweep
     from eqt_cli.experiment.laws_in_code import with_code
     from eqt_cli.experiment.read_study import study
+    from eqt_cli.experiment.study import Study
 
-    subject: Path | api.LoadedExperiment
+    subject: Path | Study
     is_result = target.suffix == ".h5" or target.is_dir()
     _check_options(target, is_result, set_ or engine or runs, code, as_)
     if is_result:
@@ -98,7 +99,7 @@ def verify(
         source = overridden(source, options.overrides(set_, engine))
         is_sweep = point is None and source.data.get("sweep")
         source = without_sweep(source) if point is None else config_at(source, point)
-        loaded = api.LoadedExperiment(study(source, trust_plugins=trust_plugins))
+        loaded = study(source, trust_plugins=trust_plugins)
         if is_sweep:
             say(f"{target}: verified without its sweep; choose one of its points with --point")
         subject, point = loaded, None  # which is that point already

@@ -37,14 +37,14 @@ SHAPING = frozenset({"group", "time"})
 
 @dataclass(frozen=True, eq=False)
 class Study:
-    """Everything to be computed, checked.
+    """An experiment, or a sweep of them, checked and ready to run.
 
     Attributes
     ----------
     sweep
         The points; None for a single experiment.
     base
-        The experiment at the first point.
+        The experiment at the first point: its group, laws, gains and distributions.
     common
         The configuration that points change, where some change what others do not; None where that
         of any point will do.
@@ -58,6 +58,14 @@ class Study:
     def source(self) -> ConfigSource:
         """The configuration that points change."""
         return self.base.source if self.common is None else self.common
+
+    def __repr__(self) -> str:
+        runs = self.base.config.ensemble.runs
+        points = f"{len(self)} points, each with " if self.sweep else ""
+        return (
+            f"<experiment {self.name} on {self.base.group.name}: {points}{runs} runs of "
+            f"{', '.join(self.controllers)}>"
+        )
 
     # The points.
 
@@ -188,8 +196,13 @@ class Study:
 
     @property
     def name(self) -> str:
-        """Name of the experiment."""
+        """Name of the experiment, and that of its folder under ``results/``."""
         return self.base.name
+
+    @property
+    def controllers(self) -> list[str]:
+        """The labels of its controllers."""
+        return list(self.base.loops)
 
     @cached_property
     def resolved(self) -> dict[str, Any]:

@@ -103,7 +103,7 @@ def test_a_gain_that_a_law_does_not_use_has_no_margin() -> None:
 
 
 def loop_of(config: Mapping[str, Any], **changes: Any) -> tuple[Experiment, Linearised]:
-    experiment = eqt_cli.load_experiment({**config, **changes}).experiment
+    experiment = eqt_cli.load_experiment({**config, **changes}).base
     [loop] = experiment.loops.values()
     Qd, Vd = experiment.initial_pose[None], experiment.initial_velocity[None]
     return experiment, linearised(loop, np.zeros(1), Qd, Vd)
@@ -162,7 +162,7 @@ def test_runs_decay_with_the_largest_delay_that_is_stable_and_grow_with_one_peri
     assert periods is not None
     for more, expected in ((periods, assert_decays), (periods + 1, assert_grows)):
         late = {**LATE, "control": {"period": 0.5, "delay": 1 + more}}
-        [errors] = errors_of(eqt_cli.load_experiment(late).experiment, [(1.0, 1.0)])
+        [errors] = errors_of(eqt_cli.load_experiment(late).base, [(1.0, 1.0)])
         expected(errors)
 
 
@@ -176,7 +176,7 @@ def test_runs_decay_inside_of_the_gain_margins_and_grow_outside() -> None:
                 for found, factor in ((inside, limit * inwards), (outside, limit / inwards)):
                     found.append((factor**with_kp, factor**with_kd))
     assert len(inside) == 4  # both ends for kd, the upper one for kp and both
-    errors = errors_of(eqt_cli.load_experiment(LATE).experiment, inside + outside)
+    errors = errors_of(eqt_cli.load_experiment(LATE).base, inside + outside)
     for one in errors[: len(inside)]:
         assert_decays(one)
     for one in errors[len(inside) :]:

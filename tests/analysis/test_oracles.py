@@ -75,7 +75,7 @@ class WrongSign(Euler):
 
 
 def rows_of(oracle, config=CONFIG):
-    experiment = api.load_experiment(config).experiment
+    experiment = api.load_experiment(config).base
     found = oracle_rows(oracle, experiment, np.random.default_rng(3))
     return {row.name.split(" converges")[0]: row for row in found}
 

@@ -57,7 +57,7 @@ def test_show(eqt: Eqt) -> None:
         eqt("show", name, "--config", *point).out
         for name, point in (("out", ("--point", 3)), ("alone", ()))
     )
-    assert eqt_cli.load_experiment("alone").config == _loaded(config)
+    assert eqt_cli.load_experiment("alone").resolved == _loaded(config)
     assert _loaded(config) == _loaded(expected)
     header, first, *_ = eqt("show", "out", "--point", 3, "--table").out.splitlines()
     assert header.startswith("controller,run,effort")
@@ -67,7 +67,7 @@ def test_show(eqt: Eqt) -> None:
 
 def _loaded(text: str) -> dict[str, Any]:
     Path("again.yaml").write_text(text, encoding="utf-8")
-    return eqt_cli.load_experiment("again.yaml").config
+    return eqt_cli.load_experiment("again.yaml").resolved
 
 
 @pytest.mark.usefixtures("grid")

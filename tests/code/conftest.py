@@ -87,7 +87,7 @@ def judged():
     """Rows of a law in code that do not hold: name and remark."""
 
     def judge(configuration):
-        loop = eqt_cli.load_experiment(configuration).experiment.loops["ours"]
+        loop = eqt_cli.load_experiment(configuration).base.loops["ours"]
         rows = code_rows("ours", loop, 5.0, np.random.default_rng(0), None)
         return {row.name: row.remark for row in rows if row.verdict != "holds"}
 
@@ -132,7 +132,7 @@ KINDS = {
 def exports(tmp_path_factory):
     """What `eqt export` writes of some laws, by name: header and source."""
     data = EXPERIMENT | {"gains": SKEW, "name": "export", "controllers": list(KINDS.values())}
-    experiment = eqt_cli.load_experiment(data).experiment
+    experiment = eqt_cli.load_experiment(data).base
     laws = exported(experiment, [], DOUBLE).laws
     return {law.name: (header(law), source(law)) for law in laws}
 

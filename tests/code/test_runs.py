@@ -49,19 +49,19 @@ def test_numbers_that_are_not_given_are_the_defaults_of_the_file(written, config
     written(
         more="const lee_numbers lee_defaults = {3.0, 5.0, {0}};", body="torque[0] = n->kR * n->kW;"
     )
-    loop = eqt_cli.load_experiment(config(numbers={"kR": 7.0})).experiment.loops["ours"]
+    loop = eqt_cli.load_experiment(config(numbers={"kR": 7.0})).base.loops["ours"]
     assert _torque(loop)[0, 0] == 35.0
 
 
 def test_without_defaults_they_are_0(written, config):
     written(body="torque[0] = n->kR + n->kW;")
-    loop = eqt_cli.load_experiment(config(numbers={"kR": 7.0})).experiment.loops["ours"]
+    loop = eqt_cli.load_experiment(config(numbers={"kR": 7.0})).base.loops["ours"]
     assert _torque(loop)[0, 0] == 7.0
 
 
 def test_the_period_of_control_is_set(written, config):
     written(("J[3]", "J[3], period"), body="torque[0] = n->period;")
-    loop = eqt_cli.load_experiment(config()).experiment.loops["ours"]
+    loop = eqt_cli.load_experiment(config()).base.loops["ours"]
     assert _torque(loop)[0, 0] == 0.02
 
 
@@ -73,7 +73,7 @@ def test_memory_starts_as_the_file_says_and_goes_on_by_itself(written, config):
         body="torque[1] = m->count[1]; m->count[1] += 1;",
     )
     own = {"as": None, "memory": ["count"]}
-    loop = eqt_cli.load_experiment(config(**own)).experiment.loops["ours"]
+    loop = eqt_cli.load_experiment(config(**own)).base.loops["ours"]
     state = _state(loop)
     assert loop.memory(state)["count"][0].tolist() == [0.0, 5.0, 0.0]
     for expected in (5.0, 6.0):
@@ -98,7 +98,7 @@ def _torque(loop):
 
 def test_it_claims_nothing_unless_it_is_said(written, config):
     written()
-    loop = eqt_cli.load_experiment(config(**{"as": None})).experiment.loops["ours"]
+    loop = eqt_cli.load_experiment(config(**{"as": None})).base.loops["ours"]
     law = loop.controller
     assert law.formula is None
     assert (law.claims_decrease, law.matched, law.theorem) == (None, None, "")
@@ -120,7 +120,7 @@ def test_a_result_holds_the_source_and_runs_it_only_on_request(written, config, 
         "request; read it with `eqt show --plugins`, then add trust_plugins=True"
     )
     again = eqt_cli.load_experiment(found.path, trust_plugins=True)
-    kept = again.experiment.plugins["lee.c"]
+    kept = again.base.plugins["lee.c"]
     assert "typedef struct" in kept  # the header, too
     assert "lee_torque" in kept
     other = eqt_cli.run(again, out=tmp_path / "s")

@@ -58,7 +58,7 @@ def loop(request):
 
 def study_of(name, changes):
     path = Path(__file__).parents[2] / "configs" / f"{name}.yaml"
-    return eqt_cli.load_experiment(path, changes).study
+    return eqt_cli.load_experiment(path, changes)
 
 
 @pytest.fixture(scope="module")

@@ -46,7 +46,7 @@ def changed(request):
 
 def part_of(path, changes, threads=1):
     """What is kept of all runs."""
-    study = eqt_cli.load_experiment(path, changes).study
+    study = eqt_cli.load_experiment(path, changes)
     context = TaskContext(lambda runs: None, threads)
     return compute_part(study, study.plan.part(0), shared_reference(study), context)
 

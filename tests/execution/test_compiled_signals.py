@@ -42,7 +42,7 @@ COMPILED = pytest.mark.slow("compiles all signals of a large loop, as full code 
 def solved(request):
     """A batch of one controller, its solution and the reference."""
     sizes = {"solver.engine": "taylor", "ensemble.runs": RUNS, "time.samples": 21}
-    study = eqt_cli.load_experiment(f"configs/{request.param}.yaml", sizes).study
+    study = eqt_cli.load_experiment(f"configs/{request.param}.yaml", sizes)
     label = list(study.base.loops)[-1]
     (batch,) = batches(study, label, np.arange(RUNS))
     solution = batch.engine.solve(batch.problem)
@@ -88,7 +88,7 @@ def test_signals_do_not_depend_on_how_many_samples_are_evaluated_together(solved
 def test_a_part_does_not_depend_on_its_blocks(monkeypatch):
     sizes = {"solver.engine": "taylor", "solver.code": "full", "ensemble.runs": 11}
     few = {"time.samples": 21, "store.trajectories": 5}
-    study = eqt_cli.load_experiment("configs/paper.yaml", sizes | few).study
+    study = eqt_cli.load_experiment("configs/paper.yaml", sizes | few)
     part, reference = study.plan.part(0), shared_reference(study)
     whole = compute_part(study, part, reference, TaskContext())
     monkeypatch.setattr(taylor, "BLOCK_BYTES", 1)  # which as many runs fill as there are lanes

@@ -38,7 +38,7 @@ def study(**solver):
         "time": {"duration": 20},
         "solver": {"engine": "taylor", **solver},
     }
-    return load_experiment(config).study
+    return load_experiment(config)
 
 
 def test_a_check_may_cost_a_tenth_of_what_any_experiment_takes_to_begin():
@@ -123,7 +123,7 @@ def test_a_piece_that_is_wrong_shows(found):
 def test_a_loop_that_changes_at_instants_is_checked_from_its_beginning():
     slew = {"kind": "slew", "to": {"rotvec": [1, 0, 0]}, "duration": 9}
     config = study().resolved | {"reference": slew}
-    (batch,) = batches(load_experiment(config).study, "eqt", np.arange(3))
+    (batch,) = batches(load_experiment(config), "eqt", np.arange(3))
     assert len(batch.problem.spans) > 1
     assert _Pieces.of(batch.problem, SolveIvp(), 0.1).starts == (0,)
 

@@ -70,7 +70,7 @@ def test_the_order_of_points_is_part_of_an_experiment():
     """Parts of the one order would else be taken for those of the other."""
     there, back = (dict(order(SWEEP["sweep"][0]["cases"].items())) for order in (list, reversed))
     one, other = (
-        api.load_experiment(CONFIG | {"sweep": [{"cases": cases}]}).study.digest
+        api.load_experiment(CONFIG | {"sweep": [{"cases": cases}]}).digest
         for cases in (there, back)
     )
     assert one != other
@@ -79,9 +79,9 @@ def test_the_order_of_points_is_part_of_an_experiment():
 def test_a_result_of_cases_runs_again_from_its_own_configuration(swept, tmp_path):
     """The stored configuration has none of what the first case changes."""
     again = api.load_experiment(swept)
-    assert again.study.digest == api.load_experiment(CONFIG | SWEEP).study.digest
-    assert "actuators" not in again.study.resolved
-    assert again.study.experiment(1).config.actuators is None
+    assert again.digest == api.load_experiment(CONFIG | SWEEP).digest
+    assert "actuators" not in again.resolved
+    assert again.experiment(1).config.actuators is None
 
 
 def test_a_swept_delay_changes_the_states_of_its_points(tmp_path):

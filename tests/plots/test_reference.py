@@ -29,7 +29,7 @@ CONFIG = {
 
 
 def experiment(**changes):
-    return api.load_experiment(CONFIG | changes).experiment
+    return api.load_experiment(CONFIG | changes).base
 
 
 def drawn(source, **options):

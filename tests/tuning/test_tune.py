@@ -52,7 +52,7 @@ def test_a_search_leaves_winners_ready_to_run_and_held_out_runs(
         (winner,) = law["winners"]
         loaded = api.load_experiment(folder / winner["config"])
         assert loaded.controllers == [law["label"]]
-        given = loaded.config["gains"]["kp"]
+        given = loaded.resolved["gains"]["kp"]
         assert given == winner["values"]["gains.kp"]
     with open_result(folder) as result:
         assert result.labels == ["eqt", "family", "eqt, start", "family, start"]

@@ -319,7 +319,7 @@ def test_thrusts_are_stored_and_go_on_bit_for_bit(folder, monkeypatch, engine):
     monkeypatch.setattr("eqt_cli.engines.native.Native.part_runs", 2)
     solver = FLIGHT["solver"] | {"engine": engine}
     solver |= {"block": 2} if engine == "solve_ivp" else {}
-    study = load_experiment(FLIGHT | {"solver": solver}).study
+    study = load_experiment(FLIGHT | {"solver": solver})
     execute(study, Path("whole"))
     with pytest.raises(KeyboardInterrupt):
         execute(study, Path("halves"), executor=Halfway())
@@ -340,7 +340,7 @@ def test_thrusts_are_stored_and_go_on_bit_for_bit(folder, monkeypatch, engine):
 @pytest.mark.parametrize("allocation", ["bounded", "pseudo_inverse"])
 def test_what_flies_is_what_a_second_writing_says(folder, allocation):
     actuators = [FLIGHT["actuators"][0] | {"allocation": allocation}]
-    execute(load_experiment(FLIGHT | {"actuators": actuators}).study, Path("out"))
+    execute(load_experiment(FLIGHT | {"actuators": actuators}), Path("out"))
     rows = {row.name: row.verdict.value for row in verify(Path("out")).rows}
     written_twice = "forces", "actuators"
     for part in written_twice:
@@ -364,7 +364,7 @@ def test_points_with_other_thrusters_have_their_own(folder):
     }
     sweep = {"sweep": [{"cases": {name: {"actuators": own} for name, own in parts.items()}}]}
     few = {"ensemble": {"runs": 1}, "time": {"duration": 0.1, "samples": 2}}
-    execute(load_experiment(FLIGHT | few | sweep).study, Path("out"))
+    execute(load_experiment(FLIGHT | few | sweep), Path("out"))
     found = []
     for point in range(len(parts)):
         with open_result(Path("out"), point) as one:

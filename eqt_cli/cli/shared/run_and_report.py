@@ -23,9 +23,10 @@ from eqt_cli.core.interruptions import Interrupted
 from eqt_cli.execution.folder_progress import unfinished
 
 if TYPE_CHECKING:
-    from eqt_cli.api import LoadedExperiment, StoredResult
+    from eqt_cli.api import StoredResult
     from eqt_cli.execution.executors import Executor
     from eqt_cli.execution.run_study import Shard
+    from eqt_cli.experiment.study import Study
     from eqt_cli.results.result import Result
 
 
@@ -42,7 +43,7 @@ def shard_from(text: str | None) -> Shard | None:
 
 
 def executor_from(
-    experiment: LoadedExperiment, asked: str | None, workers: int | None, scheduler: str | None
+    experiment: Study, asked: str | None, workers: int | None, scheduler: str | None
 ) -> Executor:
     """The executor asked for, ``NAME`` or ``NAME:KEY=VALUE,KEY=VALUE``, or the one that suits."""
     from eqt_cli.api import choose_executor
@@ -61,7 +62,7 @@ def executor_from(
 
 
 def run_experiment(
-    experiment: LoadedExperiment,
+    experiment: Study,
     out: Path | None,
     executor: Executor,
     shard_text: str | None,
@@ -73,7 +74,7 @@ def run_experiment(
     """Run, report on stdout, and exit as the outcome demands."""
     from eqt_cli import api
 
-    shard, plans = shard_from(shard_text), experiment.study.plans
+    shard, plans = shard_from(shard_text), experiment.plans
     out = out or Path("results") / experiment.name
     try:
         done = api.run(
@@ -94,7 +95,7 @@ def run_experiment(
         say(f"{out} already holds this experiment; --force runs it again")
     elif done.resumed:
         say(f"{done.resumed} of {done.runs} runs were already computed")
-    report(done, shard, json=json, with_plugins=bool(experiment.experiment.plugins))
+    report(done, shard, json=json, with_plugins=bool(experiment.base.plugins))
 
 
 def report(

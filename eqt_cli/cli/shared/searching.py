@@ -48,10 +48,9 @@ def searched(
     computing
         The executor, the number of workers, and the scheduler that were asked for.
     """
-    from eqt_cli.api import LoadedExperiment
     from eqt_cli.experiment.study import Study
 
-    executor = executor_from(LoadedExperiment(Study(None, search.base)), *computing)
+    executor = executor_from(Study(None, search.base), *computing)
     if dry_run:
         _print_plan(search, executor, json=json)
         return None
