@@ -49,6 +49,7 @@ from eqt_cli.core.option_types import Count as Count
 from eqt_cli.core.option_types import CountOrNone as CountOrNone
 from eqt_cli.core.option_types import Positive as Positive
 from eqt_cli.core.option_types import Real as Real
+from eqt_cli.core.option_types import Scale as Scale
 from eqt_cli.core.problems import KeyPath as KeyPath
 from eqt_cli.core.problems import Problems as Problems
 from eqt_cli.core.registry import load_plugin as load_plugin

@@ -10,6 +10,8 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAdapter
 
 from eqt_cli.core.option_types import (
+    DAMPING,
+    TORQUE,
     Angle,
     Count,
     CountOrNone,
@@ -20,6 +22,7 @@ from eqt_cli.core.option_types import (
     Real,
     Runs,
     Samples,
+    Scale,
 )
 from eqt_cli.core.validation import one_of
 from eqt_cli.ensemble.axes import Drawn
@@ -87,6 +90,9 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
+KP, KD = Scale("k_p", TORQUE, is_symbol=True), Scale("k_d", DAMPING, is_symbol=True)
+
+
 class GainsSection(Section):
     """Gains of the control laws.
 
@@ -99,8 +105,8 @@ class GainsSection(Section):
         Rayleigh tensor K_d, positive definite: scalar, diagonal or m×m matrix.
     """
 
-    kp: Weight
-    kd: Matrix
+    kp: Annotated[Weight, KP]
+    kd: Annotated[Matrix, KD]
 
 
 class OwnGainsSection(Section):
@@ -114,8 +120,8 @@ class OwnGainsSection(Section):
         Rayleigh tensor of this law.
     """
 
-    kp: Weight | None = None
-    kd: Matrix | None = None
+    kp: Annotated[Weight | None, KP] = None
+    kd: Annotated[Matrix | None, KD] = None
 
 
 class InitialSection(Section):
@@ -152,7 +158,7 @@ class EnsembleSection(Section):
     """
 
     runs: Runs = 1
-    seed: int = Field(default=0, ge=0, lt=2**63)
+    seed: Annotated[int, Scale("seed")] = Field(default=0, ge=0, lt=2**63)
 
 
 class TimeSection(Section):
@@ -166,7 +172,7 @@ class TimeSection(Section):
         Number of sample times.
     """
 
-    duration: Duration
+    duration: Annotated[Duration, Scale("horizon", "s")]
     samples: Samples = 401
 
 
@@ -243,7 +249,7 @@ class RelativeInertiaSection(Section):
         r: 0.1 is 10 % more.
     """
 
-    relative: Number
+    relative: Annotated[Number, Scale("relative error of the inertia")]
 
 
 def _plant_inertia_kind(value: Any) -> str | None:
@@ -290,8 +296,8 @@ class ControlSection(Section):
         After how many whole periods a command arrives; until the first one does, 0 is held.
     """
 
-    period: Positive
-    delay: CountOrNone = 0
+    period: Annotated[Positive, Scale("control period", "s")]
+    delay: Annotated[CountOrNone, Scale("delay in periods")] = 0
 
 
 class SensorsSection(Section):

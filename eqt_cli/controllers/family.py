@@ -2,11 +2,11 @@
 
 from collections.abc import Hashable
 from dataclasses import dataclass, field
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, dot
-from eqt_cli.core.option_types import Real
+from eqt_cli.core.option_types import Real, Scale
 from eqt_cli.mechanics.tracking import Tracking
 
 Frame = Literal["spatial", "body"]
@@ -52,13 +52,13 @@ class Family(Controller):
     title: ClassVar[str] = "family"
     matched: ClassVar[bool | None] = True
 
-    gyroscopic: Real = 1.0
-    transport: Real = 1.0
-    connection: Real = 0.0
+    gyroscopic: Annotated[Real, Scale("gyroscopic weight g")] = 1.0
+    transport: Annotated[Real, Scale("transport weight c")] = 1.0
+    connection: Annotated[Real, Scale("connection weight n")] = 0.0
     damping: Frame | None = None
     spatial: float = field(init=False, repr=False)
     error: Frame = "spatial"
-    quadratic: Real = 0.0
+    quadratic: Annotated[Real, Scale("quadratic weight q")] = 0.0
     has_quadratic: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

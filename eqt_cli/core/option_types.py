@@ -87,6 +87,29 @@ _WITH_UNIT = re.compile(
 ``2pi``, and what looks like the numbers ``0x10`` and ``1e``, have none.
 """
 
+TORQUE, DAMPING, TORQUE_RATE = "torque", "torque s", "torque/s"
+"""Units that are those of a torque on the group, with what else belongs to them."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What an option is along an axis of a figure: ``Annotated[Real, Scale("horizon", "s")]``.
+
+    Attributes
+    ----------
+    label
+        In words, or a symbol.
+    unit
+        As figures write it, or one of a torque.
+    is_symbol
+        Whether it is a symbol.
+    """
+
+    label: str
+    unit: str = ""
+    is_symbol: bool = False
+
+
 Real = Annotated[float, _FiniteReal()]
 """A finite number; in a configuration also a constant expression."""
 

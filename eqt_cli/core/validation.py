@@ -82,10 +82,10 @@ def fields_of(model: type[BaseModel], data: Any, problems: Problems) -> dict[str
 def known_keys(kind: Any, path: KeyPath, common: tuple[str, ...] = ()) -> dict[str, str]:
     """The keys at a place within data of a type, with the meanings that models give them."""
     for step in path:
-        hints = [get_type_hints(owner) for owner in _owners(kind)]
+        hints = [get_type_hints(owner) for owner in owners(kind)]
         kind = next((hint[str(step)] for hint in hints if str(step) in hint), kind)
     found = dict.fromkeys(() if path else common, "")
-    for owner in _owners(kind):
+    for owner in owners(kind):
         found |= _meanings(owner)
     return found
 
@@ -104,11 +104,11 @@ def _meanings(owner: type) -> dict[str, str]:
     }
 
 
-def _owners(kind: Any) -> list[type]:
+def owners(kind: Any) -> list[type]:
     """The models and dataclasses that a value of a type may be, or contain."""
     if isinstance(kind, type) and (dataclasses.is_dataclass(kind) or issubclass(kind, BaseModel)):
         return [kind]
-    return [found for part in get_args(kind) for found in _owners(part)]
+    return [found for part in get_args(kind) for found in owners(part)]
 
 
 def one_of(kind: Callable[[Any], str | None], expected: str) -> Discriminator:

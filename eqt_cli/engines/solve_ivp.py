@@ -12,13 +12,13 @@ import math
 import warnings
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.leaves import with_leaves
-from eqt_cli.core.option_types import Count, Positive
+from eqt_cli.core.option_types import Count, Positive, Scale
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine
@@ -61,8 +61,8 @@ class SolveIvp(Engine):
     counted: ClassVar[str] = "evaluations"
 
     method: Literal["DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"] = "DOP853"
-    rtol: Positive = 1e-9
-    atol: Positive = 1e-12
+    rtol: Annotated[Positive, Scale("relative tolerance")] = 1e-9
+    atol: Annotated[Positive, Scale("absolute tolerance")] = 1e-12
     block: Count | None = None
     max_steps: Count = 1_000_000
 

@@ -169,7 +169,7 @@ class KnownResult(ResultFile):
     def kinds(self) -> dict[str, str]:
         """The controller's kind by label, as the stored configuration has it; else the label."""
         with suppress(KeyError, TypeError):
-            entries = self._config["controllers"]
+            entries = self.config["controllers"]
             return {str(entry["label"]): str(entry["kind"]) for entry in entries}
         return {label: label for label in self.labels}
 
@@ -177,11 +177,11 @@ class KnownResult(ResultFile):
     def loop_in_words(self) -> str:
         """What the loop has that the paper's has not, in a sentence; nothing for the paper's."""
         with suppress(KeyError, TypeError, AttributeError, ValueError):
-            return loop_in_words(self._config or {})
+            return loop_in_words(self.config or {})
         return ""
 
     @cached_property
-    def _config(self) -> Any:
+    def config(self) -> Any:
         """The stored configuration, of which nothing is checked; None if it is no YAML."""
         with suppress(yaml.YAMLError, RecursionError, ValueError):
             return yaml.safe_load(str(self.attributes.get("config", "")))
@@ -210,7 +210,7 @@ class KnownResult(ResultFile):
     @property
     def rtol(self) -> float | None:
         """The tolerance that all runs were asked for; None where it was swept, or is not known."""
-        config = self._config if isinstance(self._config, dict) else {}
+        config = self.config if isinstance(self.config, dict) else {}
         solver = config.get("solver")
         swept = any(name.startswith("solver") for name in self.coordinates)
         rtol = solver.get("rtol") if isinstance(solver, dict) else None

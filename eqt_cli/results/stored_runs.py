@@ -128,7 +128,7 @@ class StoredRuns(KnownResult):
     def _on_log_scales(self) -> set[str]:
         """The keys for which a range of the sweep asks for a logarithmic scale."""
         with suppress(KeyError, TypeError, RecursionError):
-            return set(log_keys(self._config["sweep"]))
+            return set(log_keys(self.config["sweep"]))
         return set()
 
     def point_name(self, point: int) -> str:

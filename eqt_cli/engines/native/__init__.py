@@ -12,13 +12,13 @@ import math
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
-from eqt_cli.core.option_types import Count, Positive
+from eqt_cli.core.option_types import Count, Positive, Scale
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine, Measured, Reduction, SampledFunction
@@ -72,8 +72,8 @@ class Native(Engine):
     cross_check_rank: ClassVar[int | None] = 3
     part_runs: ClassVar[int] = 2500
 
-    rtol: Positive = 1e-9
-    atol: Positive = 1e-9
+    rtol: Annotated[Positive, Scale("relative tolerance")] = 1e-9
+    atol: Annotated[Positive, Scale("absolute tolerance")] = 1e-9
     max_steps: Count = 1_000_000
 
     @classmethod

@@ -9,12 +9,12 @@ from __future__ import annotations
 import dataclasses
 import threading
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, norm
-from eqt_cli.core.option_types import Count, Positive
+from eqt_cli.core.option_types import Count, Positive, Scale
 from eqt_cli.core.problems import Problems
 from eqt_cli.engines import stability
 from eqt_cli.engines.base import Engine, SampledFunction
@@ -72,7 +72,7 @@ class Taylor(Engine):
     part_runs: ClassVar[int] = 500
 
     tol: Positive | None = None
-    rtol: Positive = 1e-9
+    rtol: Annotated[Positive, Scale("relative tolerance")] = 1e-9
     max_steps: Count = 100_000
     code: Literal["auto", "full", "compact"] = "auto"
 

@@ -1,12 +1,12 @@
 """Rotations by a given angle."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.option_types import Angle
+from eqt_cli.core.option_types import Angle, Scale
 from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.poses.base import RotationDistribution
 from eqt_cli.ensemble.spread import Axis, check_axis, check_size, directed
@@ -29,7 +29,7 @@ class AnglePose(RotationDistribution):
 
     name: ClassVar[str] = "angle"
 
-    angle: Angle | list[Angle] = np.pi
+    angle: Annotated[Angle | list[Angle], Scale("initial angle", "rad")] = np.pi
     axis: Axis = "random"
 
     def draw_rotation(self, G: EuclideanGroup, generator: np.random.Generator) -> Array:

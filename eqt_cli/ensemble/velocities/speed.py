@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.option_types import Real
+from eqt_cli.core.option_types import Real, Scale
 from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.spread import Axis, check_axis, check_size, directed
 from eqt_cli.ensemble.velocities.base import VelocityDistribution
@@ -28,7 +28,7 @@ class Speed:
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
 
-    speed: Real | list[Real]
+    speed: Annotated[Real | list[Real], Scale("initial speed of translation", "m/s")]
     axis: Axis = "random"
 
 
@@ -49,7 +49,7 @@ class SpeedVelocity(VelocityDistribution):
 
     name: ClassVar[str] = "speed"
 
-    speed: Real | list[Real] = 0.0
+    speed: Annotated[Real | list[Real], Scale("initial angular speed", "rad/s")] = 0.0
     axis: Axis = "random"
     translation: Speed | None = None
 

@@ -4,37 +4,12 @@ import re
 
 from matplotlib.axes import Axes
 
-from eqt_cli.core.problems import parse_key
+from eqt_cli.config.option_scales import scale_of
+from eqt_cli.core.option_types import TORQUE
 from eqt_cli.plots.drawing.labels import free_text, in_words, quantity
 from eqt_cli.plots.drawing.scales import number_values
 from eqt_cli.results.result import Result
 from eqt_cli.results.swept_key import SweptKey
-
-_TORQUE, _DAMPING, _RATE = "torque", "torque s", "torque/s"
-"""Units that are those of a torque on this group, with what else belongs to them."""
-
-_SYMBOLS = {"gains.kp": ("k_p", _TORQUE), "gains.kd": ("k_d", _DAMPING)}
-
-_WORDS = {
-    "gyroscopic": ("gyroscopic weight g", ""),
-    "transport": ("transport weight c", ""),
-    "connection": ("connection weight n", ""),
-    "quadratic": ("quadratic weight q", ""),
-    "period": ("control period", "s"),
-    "delay": ("delay in periods", ""),
-    "duration": ("horizon", "s"),
-    "limit": ("limit", _TORQUE),
-    "rate": ("rate limit", _RATE),
-    "time_constant": ("time constant", "s"),
-    "pose.angle": ("initial angle", "rad"),
-    "velocity.speed": ("initial angular speed", "rad/s"),
-    "translation.speed": ("initial speed of translation", "m/s"),
-    "relative": ("relative error of the inertia", ""),
-    "seed": ("seed", ""),
-    "rtol": ("relative tolerance", ""),
-    "atol": ("absolute tolerance", ""),
-}
-"""By the last step of a key, or the last two."""
 
 _LONGEST = 36
 """Characters in a line of a label."""
@@ -48,18 +23,13 @@ _BESIDE = 0.6
 
 def key_label(result: Result, swept: SweptKey) -> str:
     """The name of a swept key, with its unit; the key itself where it has no name."""
-    key = swept.key
-    path = parse_key(key)
-    steps = [step for step in path if isinstance(step, str)]
-    of = _owner(result, key)
-    symbol = _SYMBOLS.get(".".join(steps[-2:]))
-    if symbol and isinstance(path[-1], str):
-        return quantity(symbol[0], _unit(result, symbol[1])) + free_text(of, _LONGEST)
-    known = _WORDS.get(".".join(steps[-2:])) or _WORDS.get(steps[-1])
-    if known is None or not isinstance(path[-1], str):
+    key, scale = swept.key, scale_of(result.config, swept.key)
+    if scale is None:
         return in_words(free_text(key, _LONGEST), swept.unit)
-    words, unit = known
-    return in_words(free_text(words + of, _LONGEST), swept.unit or _unit(result, unit))
+    of, unit = _owner(result, key), swept.unit or _unit(result, scale.unit)
+    if scale.is_symbol:
+        return quantity(scale.label, unit) + free_text(of, _LONGEST)
+    return in_words(free_text(scale.label + of, _LONGEST), unit)
 
 
 def scale_along(panel: Axes, result: Result, axis: SweptKey, room: float) -> None:
@@ -88,9 +58,9 @@ def _owner(result: Result, key: str) -> str:
 
 def _unit(result: Result, unit: str) -> str:
     """A unit; nothing where it would be that of a torque of several kinds."""
-    if not unit.startswith(_TORQUE):
+    if not unit.startswith(TORQUE):
         return unit
     torque = result.units("peak_torque") if result.has("peak_torque") else "mixed"
     if torque in ("mixed", "1", ""):
         return ""
-    return torque + unit.removeprefix(_TORQUE)
+    return torque + unit.removeprefix(TORQUE)

@@ -19,7 +19,7 @@ from matplotlib.font_manager import FontProperties, fontManager
 from matplotlib.style import use
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.drawing import formulas, latex, style_sheets
+from eqt_cli.plots.drawing import latex, style_sheets
 from eqt_cli.plots.drawing.style_sheets import Settings
 
 Width = Literal["column", "page"]
@@ -89,11 +89,6 @@ class Style:
         own = style_sheets.read_file(_LATEX_SHEET) | kept
         return settings | own | {"text.latex.preamble": preamble}
 
-    @cached_property
-    def formulas(self) -> dict[Any, Any]:
-        """The formulas that Matplotlib has read in this style, for `formulas.read_once`."""
-        return {}
-
     def prepare(self, formats: Sequence[str] = ("pdf",)) -> None:
         """Make sure that figures can be drawn so, as files of these formats, before any is.
 
@@ -157,7 +152,7 @@ def house_style(style: Style = HOUSE) -> Iterator[None]:
             # Of a sheet that shows no grid; eqt does, and it must not hide the curves.
             _PRESENT["grid.color"] = ink(_GRID)
         explained = latex.explained() if settings["text.usetex"] else nullcontext()
-        with explained, formulas.read_once(style.formulas), _moderate_numbers():
+        with explained, _moderate_numbers():
             yield
 
 

@@ -1,9 +1,10 @@
 """An actuator that follows its command with a delay of first order."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from eqt_cli.core.arrays import Array, exp
+from eqt_cli.core.option_types import Scale
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator
 from eqt_cli.vehicle.numbers import Numbers
@@ -28,7 +29,7 @@ class Lag(Actuator):
 
     has_closed_form: ClassVar[bool] = True
 
-    time_constant: Numbers
+    time_constant: Annotated[Numbers, Scale("time constant", "s")]
 
     def states(self, G: MatrixLieGroup) -> int:
         """One along every axis."""

@@ -1,12 +1,13 @@
 """A hard limit of the torque."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, clip, less, norm, where
 from eqt_cli.core.leaves import with_fields
+from eqt_cli.core.option_types import TORQUE, Scale
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough, against
@@ -35,7 +36,7 @@ class Limit(Actuator):
     positive: ClassVar[tuple[str, ...]] = ("limit",)
     limits: ClassVar[bool] = True
 
-    limit: Numbers | None = None
+    limit: Annotated[Numbers | None, Scale("limit", TORQUE)] = None
     norm: bool = False
     low: Numbers | None = None
     high: Numbers | None = None

@@ -1,11 +1,12 @@
 """A hard limit of how fast the torque changes."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, clip
+from eqt_cli.core.option_types import TORQUE_RATE, Scale
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.actuators.base import Actuator, PassThrough
 from eqt_cli.vehicle.numbers import Numbers
@@ -30,7 +31,7 @@ class RateLimit(Actuator):
     sampled: ClassVar[bool] = True
     limited: ClassVar[str] = "a rate of "
 
-    rate: Numbers
+    rate: Annotated[Numbers, Scale("rate limit", TORQUE_RATE)]
 
     def states(self, G: MatrixLieGroup) -> int:
         """What it gives, along every axis."""

@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, clip, exp
 from eqt_cli.core.leaves import with_fields
-from eqt_cli.core.option_types import Real
+from eqt_cli.core.option_types import Real, Scale
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
@@ -91,7 +91,7 @@ class Thrusters(Actuator):
     thrusters: list[Thruster] | None = None
     low: Numbers | None = None
     high: Numbers | None = None
-    time_constant: Numbers | None = None
+    time_constant: Annotated[Numbers | None, Scale("time constant", "s")] = None
     weights: Numbers | None = None
     allocation: Literal["pseudo_inverse", "bounded"] = "pseudo_inverse"
     inverse: Any = field(default=None, init=False, repr=False)

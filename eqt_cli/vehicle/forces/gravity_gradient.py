@@ -1,12 +1,13 @@
 """Gravity that differs over a satellite: it turns the long axis towards the planet."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, cos, cross, sin, stack
 from eqt_cli.core.leaves import with_fields
+from eqt_cli.core.option_types import Scale
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.groups.euclidean import EuclideanGroup
@@ -33,7 +34,7 @@ class GravityGradient(Force):
     name: ClassVar[str] = "gravity_gradient"
     departs: ClassVar[str] = "gravity gradient"
 
-    rate: Number
+    rate: Annotated[Number, Scale("rate of the orbit", "rad/s")]
     inertia: Matrix
 
     def of_run(self, G: MatrixLieGroup, random: np.random.Generator | None) -> Self:

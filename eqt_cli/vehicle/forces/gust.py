@@ -1,12 +1,13 @@
 """Gusts: a random force that is smooth, as a sum of sines with phases of the run."""
 
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array, as_array, sin
 from eqt_cli.core.leaves import with_fields
+from eqt_cli.core.option_types import Scale
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.component import check_deviations
@@ -41,7 +42,7 @@ class Gust(Force):
     positive: ClassVar[tuple[str, ...]] = ("time_constant",)
 
     std: Numbers
-    time_constant: Number
+    time_constant: Annotated[Number, Scale("time constant", "s")]
     amplitude: Any = field(default=None, init=False, repr=False)
     frequency: Any = field(default=None, init=False, repr=False)
     phase: Any = field(default=None, init=False, repr=False)

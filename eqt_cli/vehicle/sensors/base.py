@@ -2,11 +2,12 @@
 
 from abc import abstractmethod
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.core.option_types import CountOrNone, Positive, Real
+from eqt_cli.core.option_types import CountOrNone, Positive, Real, Scale
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.vehicle.component import VehiclePart, check_count
@@ -37,8 +38,12 @@ class Sensor(VehiclePart):
     """
 
     of: str | None = field(default=None, kw_only=True)
-    period: Positive | None = field(default=None, kw_only=True)
-    delay: CountOrNone | None = field(default=None, kw_only=True)
+    period: Annotated[Positive | None, Scale("measurement period", "s")] = field(
+        default=None, kw_only=True
+    )
+    delay: Annotated[CountOrNone | None, Scale("delay in periods")] = field(
+        default=None, kw_only=True
+    )
     dropout: Real | None = field(default=None, kw_only=True)
 
     @abstractmethod
