@@ -116,7 +116,9 @@ class Mine(Limit):
 
 def test_a_part_without_a_second_form_is_named(flight):
     loop = flight.problem.loop
-    vehicle = replace(loop.vehicle, actuators=(Mine(1.0), *loop.vehicle.actuators[1:]))
+    configured = loop.vehicle.configured
+    configured = replace(configured, actuators=(Mine(1.0), *configured.actuators[1:]))
+    vehicle = configured.of_run(loop.group)
     flight = replace(flight, problem=replace(flight.problem, loop=replace(loop, vehicle=vehicle)))
     none = np.zeros(4)
     runs = Runs("eqt", None, 1e-9, 0.05, flight.problem.times, None, none, none, none, none, None,
