@@ -1,7 +1,7 @@
 """The shipped configurations: one for every group at least, each certified.
 
-By `solve_ivp`, and some of each kind of loop by `taylor` too, the one with the most control instants
-by `native`: that the engines agree is tested in tests/engines.
+By `solve_ivp`, and some of each kind of loop by `taylor` too; the one with the most control
+instants by `native`. That the engines agree is tested in tests/engines.
 """
 
 from __future__ import annotations
