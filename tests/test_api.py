@@ -297,6 +297,7 @@ def test_figures_of_several_results_and_of_certificates(result, tmp_path):
 
 
 @pytest.mark.slow("writes whole reports")
+@pytest.mark.usefixtures("unarranged")
 def test_reports_are_written_into_the_result_folder(result, tmp_path):
     assert eqt_cli.write_report(result) == result.path / "report.html"
     page = eqt_cli.write_report(result, tmp_path / "page.html", figures=["torque"])
@@ -385,6 +386,7 @@ PUBLIC = [name for name in eqt_cli.__all__ if inspect.isfunction(getattr(eqt_cli
         for name in PUBLIC
     ],
 )
+@pytest.mark.usefixtures("unarranged")
 def test_the_example_of_a_function_works(examples, name, monkeypatch):
     monkeypatch.chdir(examples)
     function = getattr(eqt_cli, name)

@@ -58,6 +58,7 @@ def test_commands_and_configurations_are_accepted(page, folder, monkeypatch):
         for page in ["../README.md", *PAGES]
     ],
 )
+@pytest.mark.usefixtures("unarranged")
 def test_commands_and_snippets(page, folder, monkeypatch):
     monkeypatch.chdir(folder)
     with docs_runner.without_plugins():

@@ -2,7 +2,10 @@
 # Every figure of the documentation from its experiment.
 #
 #   docs/figures/draw.sh draw    draw the pictures, and keep the numbers behind their curves
-#   docs/figures/draw.sh check   compare the numbers with those that are kept; exit 4 where they differ
+#   docs/figures/draw.sh check   compare the numbers with those that are kept
+#   docs/figures/draw.sh check se3 sweep_lag    those of these experiments alone
+#
+# Two experiments are computed at a time. The exit code is 0 if all is well.
 #
 # The paper's experiment is run by both engines where both are installed: its numbers must depend on
 # neither. The others are run by the fast one, and left out where it is missing.
@@ -10,13 +13,12 @@ set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/../.."
 
 task=${1:?draw or check}
+shift
 eqt=${EQT:-eqt}
 python=${PYTHON:-python}
 place=docs/figures
 built=build/figures
 status=0
-taylor=no
-if "$python" -c 'import heyoka' 2>/dev/null; then taylor=yes; fi
 
 # experiment NAME CONFIG [OPTION...], sweep and worst likewise: run it; what follows is about it.
 experiment() { computed run "$@"; }
@@ -80,107 +82,141 @@ followed() {
 	picture "$name" reference "${changes[@]}" --degrees
 }
 
-echo "What can be followed"
-followed torque '{kind: torque, torque: ["cos(t)", "sin(t)", "cos(t)*sin(t)"]}'
-followed constant '{kind: constant, velocity: [0, 0.1, 0.3]}'
-followed rates '{kind: rates, rates: [0.3*cos(t), 0, 0.1]}'
-followed path '{kind: path, pose: {euler: {sequence: ZYX, angles: [30 deg, 0, 0]}}, factors: [
-	{axis: wz, by: 0.3*sin(t)}, {axis: [1, 1, 0], by: "0.5*smoothstep(t, 2, 6)"}]}'
-followed slew '{kind: slew, to: {rotvec: [20 deg, -30 deg, 90 deg]}, start: 1.0, duration: 15.0}'
-followed waypoints '{kind: waypoints, points: [{t: 0, pose: identity},
-	{t: 8, pose: {rotvec: [0, 0, 90 deg]}}, {t: 20, pose: {quaternion: {wxyz: [0.5, 0.5, 0.5, 0.5]}}}]}'
+references() {
+	followed torque '{kind: torque, torque: ["cos(t)", "sin(t)", "cos(t)*sin(t)"]}'
+	followed constant '{kind: constant, velocity: [0, 0.1, 0.3]}'
+	followed rates '{kind: rates, rates: [0.3*cos(t), 0, 0.1]}'
+	followed path '{kind: path, pose: {euler: {sequence: ZYX, angles: [30 deg, 0, 0]}}, factors: [
+		{axis: wz, by: 0.3*sin(t)}, {axis: [1, 1, 0], by: "0.5*smoothstep(t, 2, 6)"}]}'
+	followed slew '{kind: slew, to: {rotvec: [20 deg, -30 deg, 90 deg]}, start: 1.0, duration: 15.0}'
+	followed waypoints '{kind: waypoints, points: [{t: 0, pose: identity},
+		{t: 8, pose: {rotvec: [0, 0, 90 deg]}},
+		{t: 20, pose: {quaternion: {wxyz: [0.5, 0.5, 0.5, 0.5]}}}]}'
+}
 
-echo "The paper's figures by engine solve_ivp"
-experiment paper configs/paper.yaml
-numbers_of_paper
-picture paper paper
-picture torque torque --width page
-picture torque_feedback torque --option share=feedback
-picture single_runs runs
-picture distributions distributions
-picture phase phase
-picture sphere sphere
-if [ "$task" = draw ]; then
-	"$eqt" animate "$result" --run 1 --controller eqt --controller gt --format gif --seconds 6 \
-		--out "$result/figures" --quiet
-	cp "$result/figures/run1.gif" "$place/animation.gif"
-fi
+paper() {
+	experiment paper configs/paper.yaml
+	numbers_of_paper
+	picture paper paper
+	picture torque torque --width page
+	picture torque_feedback torque --option share=feedback
+	picture single_runs runs
+	picture distributions distributions
+	picture phase phase
+	picture sphere sphere
+	if [ "$task" = draw ]; then
+		"$eqt" animate "$result" --run 1 --controller eqt --controller gt --format gif --seconds 6 \
+			--out "$result/figures" --quiet
+		cp "$result/figures/run1.gif" "$place/animation.gif"
+	fi
+}
 
-if [ "$taylor" = no ]; then
-	echo "heyoka is not installed: the other experiments are left out"
+paper_by_taylor() {
+	if [ "$task" = check ]; then
+		experiment paper_by_taylor configs/paper.yaml --engine taylor
+		name=paper numbers_of_paper
+	fi
+}
+
+# shipped NAME: what a shipped experiment shows of itself.
+shipped() {
+	experiment "$1" "configs/$1.yaml" --engine taylor
+	numbers paper
+	picture "$1" paper --option log=true --width page
+}
+se3() { shipped se3; }
+se2_vehicle() { shipped se2_vehicle; }
+se3_bluerov2() { shipped se3_bluerov2; }
+se23() { shipped se23; }
+satellite_panels() { shipped satellite_panels; }
+
+se3_bluerov2_thrusters() {
+	# At 3,000 control instants a run, native takes a tenth of the time of taylor.
+	experiment se3_bluerov2_thrusters configs/se3_bluerov2_thrusters.yaml --engine native \
+		--set solver.error_estimate=false --set solver.cross_check=0
+	numbers paper
+	picture se3_bluerov2_thrusters paper --option log=true --width page
+}
+
+satellite_folding() {
+	experiment satellite_folding configs/satellite_panels.yaml --engine taylor --set 'inertia={
+		initial: [[24.0, 0, 1.2], [0, 4.0, 0], [1.2, 0, 28.0]],
+		factor: [["1 - tanh(t/3)**2/2", 0, 0], [0, 1, 0], [0, 0, "1 - tanh(t/3)**2/2"]]}'
+	numbers paper
+	picture satellite_folding paper --option log=true --width page
+}
+
+attitude_distinct() {
+	experiment attitude_distinct configs/attitude_distinct.yaml --engine taylor
+	numbers paper
+	picture attitude_distinct runs
+}
+
+attitude_manifold() { # near the manifold of half-turns
+	experiment attitude_manifold configs/paper.yaml --engine taylor \
+		--set "initial.pose={kind: exp_normal, centre: [pi, 0, 0], std: 1e-3}" \
+		--set initial.velocity=fixed --set ensemble.runs=100 --set ensemble.seed=3 \
+		--set time.duration=40 --set time.samples=801
+	numbers paper
+	picture attitude_manifold runs
+}
+
+sweep_lag() {
+	sweep sweep_lag configs/sweep_lag.yaml --engine taylor
+	numbers envelope
+	picture sweep_lag envelope
+}
+
+sweep_region() {
+	sweep sweep_region configs/sweep_region.yaml --engine taylor
+	numbers region
+	picture sweep_region region --width page
+}
+
+satellite_wheels() {
+	experiment satellite_wheels configs/satellite_wheels.yaml --engine taylor --set ensemble.runs=2
+	numbers commands --option run=1
+	picture commands commands --option run=1
+}
+
+satellite_breaks() {
+	sweep satellite_breaks configs/satellite_breaks.yaml --engine native --set ensemble.runs=100 \
+		--set store.trajectories=none --grid "initial.pose.angle=30 deg,90 deg,150 deg,180 deg" \
+		--grid initial.velocity.speed=0,1,2,3,4
+	numbers region
+	picture satellite_region region --width page
+	if [ "$task" = draw ]; then # The search takes five minutes of a core.
+		worst satellite_worst configs/satellite_breaks.yaml --engine native --set ensemble.runs=5
+		numbers worst --width page
+		picture satellite_worst worst --width page
+	fi
+}
+
+sweep_family() {
+	sweep sweep_family configs/sweep_family.yaml --engine taylor
+	numbers sweep
+	picture sweep_family sweep
+}
+
+if [ $# = 1 ]; then # printed as a whole, since another is computed beside it
+	set +e
+	said=$(
+		set -e
+		"$1" 2>&1
+		exit "$status"
+	)
+	status=$?
+	printf '%s\n%s\n' "$1" "$said"
 	exit "$status"
 fi
-
-if [ "$task" = check ]; then
-	echo "The paper's figures by engine taylor"
-	experiment paper configs/paper.yaml --engine taylor
-	numbers_of_paper
+# The longest first.
+all=(paper references)
+if "$python" -c 'import heyoka' 2>/dev/null; then
+	all=(se3_bluerov2_thrusters paper paper_by_taylor references se3 se3_bluerov2 sweep_region
+		satellite_breaks se2_vehicle se23 satellite_panels satellite_folding attitude_distinct
+		attitude_manifold sweep_lag satellite_wheels sweep_family)
+elif [ $# = 0 ]; then
+	echo "heyoka is not installed: the other experiments are left out"
 fi
-
-for config in se3 se2_vehicle se3_bluerov2 se23 satellite_panels; do
-	echo "$config"
-	experiment $config configs/$config.yaml --engine taylor
-	numbers paper
-	picture $config paper --option log=true --width page
-done
-
-echo "se3_bluerov2_thrusters"
-# At 3,000 control instants a run, native takes a tenth of the time of taylor.
-experiment se3_bluerov2_thrusters configs/se3_bluerov2_thrusters.yaml --engine native \
-	--set solver.error_estimate=false --set solver.cross_check=0
-numbers paper
-picture se3_bluerov2_thrusters paper --option log=true --width page
-
-echo "satellite_panels, folding"
-experiment satellite_folding configs/satellite_panels.yaml --engine taylor --set 'inertia={
-	initial: [[24.0, 0, 1.2], [0, 4.0, 0], [1.2, 0, 28.0]],
-	factor: [["1 - tanh(t/3)**2/2", 0, 0], [0, 1, 0], [0, 0, "1 - tanh(t/3)**2/2"]]}'
-numbers paper
-picture satellite_folding paper --option log=true --width page
-
-echo "attitude_distinct"
-experiment attitude_distinct configs/attitude_distinct.yaml --engine taylor
-numbers paper
-picture attitude_distinct runs
-
-echo "attitude, near the manifold"
-experiment attitude_manifold configs/paper.yaml --engine taylor \
-	--set "initial.pose={kind: exp_normal, centre: [pi, 0, 0], std: 1e-3}" \
-	--set initial.velocity=fixed --set ensemble.runs=100 --set ensemble.seed=3 \
-	--set time.duration=40 --set time.samples=801
-numbers paper
-picture attitude_manifold runs
-
-echo "sweep_lag"
-sweep sweep_lag configs/sweep_lag.yaml --engine taylor
-numbers envelope
-picture sweep_lag envelope
-
-echo "sweep_region"
-sweep sweep_region configs/sweep_region.yaml --engine taylor
-numbers region
-picture sweep_region region --width page
-
-echo "satellite_wheels"
-experiment satellite_wheels configs/satellite_wheels.yaml --engine taylor --set ensemble.runs=2
-numbers commands --option run=1
-picture commands commands --option run=1
-
-echo "satellite_breaks"
-sweep satellite_breaks configs/satellite_breaks.yaml --engine native --set ensemble.runs=100 \
-	--set store.trajectories=none --grid "initial.pose.angle=30 deg,90 deg,150 deg,180 deg" \
-	--grid initial.velocity.speed=0,1,2,3,4
-numbers region
-picture satellite_region region --width page
-if [ "$task" = draw ]; then # The search takes five minutes of a core.
-	worst satellite_worst configs/satellite_breaks.yaml --engine native --set ensemble.runs=5
-	numbers worst --width page
-	picture satellite_worst worst --width page
-fi
-
-echo "sweep_family"
-sweep sweep_family configs/sweep_family.yaml --engine taylor
-numbers sweep
-picture sweep_family sweep
-
-exit "$status"
+[ $# = 0 ] && set -- "${all[@]}"
+printf '%s\n' "$@" | xargs -P 2 -n 1 "$BASH" docs/figures/draw.sh "$task"

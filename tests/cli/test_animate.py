@@ -46,8 +46,8 @@ def test_a_group_of_a_plugin_must_be_trusted(eqt, monkeypatch):
     assert eqt("animate", "results/c", "--format", "html", "--trust-plugins").code == 0
 
 
-@pytest.mark.slow("draws a report with all figures")
-@pytest.mark.usefixtures("twin")
+@pytest.mark.slow("draws a report")
+@pytest.mark.usefixtures("twin", "unarranged")
 def test_a_report_without_certificates_says_so(eqt, monkeypatch):
     from eqt_cli.core import registry
 

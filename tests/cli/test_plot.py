@@ -27,6 +27,7 @@ def svg(eqt: Eqt, result: str, *options: str) -> str:
 
 
 @pytest.mark.slow("draws several figures in several styles")
+@pytest.mark.usefixtures("unarranged")
 def test_styles_are_laid_over_each_other(eqt: Eqt, result: str) -> None:
     Path("mine.mplstyle").write_text("axes.facecolor: 123456\n", encoding="utf-8")
     plain = svg(eqt, result)
@@ -67,6 +68,7 @@ BOTH = ("--figure", "paper", "--figure", "torque", "--format", "json")
 
 
 @pytest.mark.slow("draws several figures")
+@pytest.mark.usefixtures("unarranged")
 def test_options_go_to_the_figures_that_have_them(eqt: Eqt, result: str) -> None:
     def curves(*options: str) -> list[int]:
         """How many curves each of the figures has."""

@@ -141,8 +141,8 @@ def test_a_configuration_without_a_sweep_has_no_points(eqt: Eqt) -> None:
     )
 
 
-@pytest.mark.slow("draws a report with all figures")
-@pytest.mark.usefixtures("grid")
+@pytest.mark.slow("draws a report")
+@pytest.mark.usefixtures("grid", "unarranged")
 def test_report_and_animate(eqt: Eqt) -> None:
     folder = Path("out/figures/point_3")
     done = eqt("report", "out", "--point", 3, "--figure", "paper")

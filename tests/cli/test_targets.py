@@ -73,6 +73,7 @@ def test_a_figure_replaces_no_file_of_others(eqt: Eqt, result: Path) -> None:
 
 
 @pytest.mark.slow("writes two reports and two animations")
+@pytest.mark.usefixtures("unarranged")
 def test_reports_and_animations_are_replaced(eqt: Eqt, result: Path) -> None:
     for _ in range(2):
         assert eqt("report", result, "--figure", "paper").code == 0

@@ -35,6 +35,7 @@ def config(folder: Path) -> Path:
 
 
 @pytest.mark.slow("searches, confirms and compares")
+@pytest.mark.usefixtures("unarranged")
 def test_it_prints_winners_bounds_and_pairs_on_held_out_runs(eqt: Eqt, config: Path) -> None:
     done = eqt("tune", config)
     assert (done.code, done.err) == (0, "")

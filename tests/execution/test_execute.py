@@ -79,7 +79,7 @@ def make(tmp_path):
 @pytest.fixture(scope="module")
 def finished(made_once):
     """The folder of an experiment or of a sweep that was not disturbed, to be read only."""
-    texts = {"run": CONFIG, "sweep": CONFIG + SWEEP}
+    texts = {"run": CONFIG, "sweep": CONFIG + SWEEP, "flight": CONFIG + FLIGHT}
 
     def found(name):
         def make(folder):
@@ -460,26 +460,21 @@ def test_runs_of_a_lost_part_are_rows_with_a_status(make, tmp_path):
         assert np.isnan(results["effort"][1, :3]).all()
 
 
-@pytest.mark.slow("computes an experiment three times")
+@pytest.mark.slow("computes an experiment twice")
 @pytest.mark.parametrize(
-    "text",
-    [
-        CONFIG,
-        pytest.param(CONFIG + SWEEP, marks=pytest.mark.slow("six points, computed twice")),
-        pytest.param(CONFIG + FLIGHT, marks=pytest.mark.slow("every run by itself, twice")),
-    ],
+    ("name", "text"),
+    [("run", CONFIG), ("sweep", CONFIG + SWEEP), ("flight", CONFIG + FLIGHT)],
     ids=["run", "sweep", "flight"],
 )
-def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, tmp_path, text):
-    execute(make(text), tmp_path / "whole")
+def test_rerun_failed_mends_a_lost_part_bit_for_bit(make, finished, tmp_path, name, text):
     out = tmp_path / "out"
     execute(make(text), out, executor=Losing({1, 2}))
     outcome = execute(make(text), out, rerun_failed=True)
     assert outcome.failed == 0
     assert outcome.resumed == outcome.runs - 6
-    found, expected = contents(out), contents(tmp_path / "whole")
-    for name in ("initial_pose", "initial_velocity"):  # rows of a lost part are drawn all the same
-        np.testing.assert_array_equal(found[name], expected[name])
+    found, expected = contents(out), contents(finished(name))
+    for given in ("initial_pose", "initial_velocity"):  # rows of a lost part are drawn, too
+        np.testing.assert_array_equal(found[given], expected[given])
     assert_same(found, expected)
     assert not (out / "reruns").exists()
     assert execute(make(text), out, rerun_failed=True).was_complete
@@ -519,10 +514,9 @@ def test_a_run_with_noise_is_the_same_alone_by_taylor(make, tmp_path):
 
 
 @pytest.mark.slow("starts two processes that load the libraries")
-def test_processes_give_the_same_bits_of_noisy_runs(make, tmp_path):
-    for name, executor in (("one", None), ("two", Local(2))):
-        execute(make(CONFIG + FLIGHT), tmp_path / name, executor=executor)
-    assert_same(contents(tmp_path / "two"), contents(tmp_path / "one"))
+def test_processes_give_the_same_bits_of_noisy_runs(make, finished, tmp_path):
+    execute(make(CONFIG + FLIGHT), tmp_path / "two", executor=Local(2))
+    assert_same(contents(tmp_path / "two"), contents(finished("flight")))
 
 
 def test_shards_and_pack_give_the_same_bits(make, whole, tmp_path):

@@ -1,7 +1,7 @@
 """The shipped configurations: one for every group at least, each certified.
 
-By `solve_ivp`, and some of each kind of loop by `taylor` too: that the engines agree is tested in
-tests/engines.
+By `solve_ivp`, and some of each kind of loop by `taylor` too; the one with the most control
+instants by `native`. That the engines agree is tested in tests/engines.
 """
 
 from __future__ import annotations
@@ -59,6 +59,10 @@ def test_every_group_has_a_configuration() -> None:
 
 
 BY_TAYLOR = ("satellite_panels", "se3_bluerov2_flies", "attitude_distinct")
+BY_NATIVE = ("se3_bluerov2_thrusters",)
+"""Which take seconds by the others."""
+BY_SOLVE_IVP = [name for name in shipped.names() if name not in BY_NATIVE]
+ENGINES = {"solve_ivp": BY_SOLVE_IVP, "taylor": BY_TAYLOR, "native": BY_NATIVE}
 
 
 @pytest.mark.parametrize(
@@ -70,7 +74,7 @@ BY_TAYLOR = ("satellite_panels", "se3_bluerov2_flies", "attitude_distinct")
             marks=[pytest.mark.slow("verifies the laws of a whole experiment")]
             * (name != "attitude_distinct"),
         )
-        for engine, names in (("solve_ivp", shipped.names()), ("taylor", BY_TAYLOR))
+        for engine, names in ENGINES.items()
         for name in names
     ],
 )

@@ -66,8 +66,14 @@ def fits(law, group):
 
 
 LAWS = [name for name in controllers.names() if controllers.get(name).tasks]  # not those in C
-ALL = [(law, group) for law in LAWS for group in GROUPS if fits(law, group)]
 FEW = [("lee2010", "SE3"), ("logarithmic", "SE2"), ("goodarzi2013", "SO3"), ("sliding", "SE2")]
+# A law is written once for all groups, so that more pairs tell no more.
+ALL = [
+    *((law, "SE3" if fits(law, "SE3") else "SO3") for law in LAWS),
+    *(("eqt", group) for group in GROUPS if group != "SE3"),
+    *(pair for pair in FEW if pair[1] != "SE3"),
+]
+"""Every law on SE(3) where it is for that, eqt and a few laws on the other groups."""
 
 
 def compilers():

@@ -44,7 +44,7 @@ def test_an_instant_of_native_has_the_bits_of_the_exported_law(tmp_path, law, gr
     compare(tmp_path, law, group)
 
 
-@pytest.mark.slow("every law on three groups is compiled twice")
+@pytest.mark.slow("every law is compiled twice")
 @pytest.mark.parametrize(("law", "group"), ALL)
 def test_an_instant_of_native_has_the_bits_of_every_exported_law(tmp_path, law, group):
     compare(tmp_path, law, group)

@@ -101,22 +101,22 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def reference(tmp_path_factory):
+def reference(made_once):
     """Results and durations of uninterrupted runs, each computed once."""
-    known = {}
 
     def find(which):
-        if which not in known:
-            folder = tmp_path_factory.mktemp("reference")
+        def compute(folder):
             config = folder / "config.yaml"
             config.write_text(CONFIGURATIONS[which], encoding="utf-8")
-            out = folder / "out"
-            session = Session(_command(which), config, out, ["--executor", "serial"])
+            session = Session(_command(which), config, folder / "out", ["--executor", "serial"])
             session.wait_for_start()
             started = time.monotonic()
             session.finish()
-            known[which] = config, contents(out / "results.h5"), time.monotonic() - started
-        return known[which]
+            (folder / "duration").write_text(str(time.monotonic() - started), encoding="utf-8")
+
+        folder = made_once(f"uninterrupted {which}", compute)
+        results = contents(folder / "out" / "results.h5")
+        return folder / "config.yaml", results, float((folder / "duration").read_text())
 
     return find
 

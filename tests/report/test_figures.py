@@ -53,6 +53,7 @@ def test_label_says_what_is_drawn(svg):
 
 
 @pytest.mark.slow("draws every figure of a page, which the tests of pages do too")
+@pytest.mark.usefixtures("unarranged")
 def test_figures_of_a_result(paper_result):
     with open_result(paper_result) as results:
         drawn, remarks = inline_figures(results, DEFAULT)

@@ -62,6 +62,7 @@ def test_page_of_the_paper_stays_below_3_megabytes(text):
 
 
 @pytest.mark.slow("draws all figures, twice")
+@pytest.mark.usefixtures("unarranged")
 def test_equal_results_give_equal_pages(paper_result):
     with open_result(paper_result) as results:
         assert report(results) == report(results)
@@ -144,6 +145,7 @@ def test_results_without_trajectories_have_a_page(make_result):
 
 
 @pytest.mark.slow("verifies a result for one figure")
+@pytest.mark.usefixtures("unarranged")
 def test_command_writes_the_page(invoke, paper_result, tmp_path):
     done = invoke("report", paper_result, "--out", tmp_path / "page.html", "--figure", "torque")
     assert done.stdout.startswith(f"report   {tmp_path / 'page.html'}  (")
@@ -186,6 +188,7 @@ def test_a_result_that_cannot_be_verified_says_why(invoke, make_result, tmp_path
 
 
 @pytest.mark.slow("computes a result twice, and draws its page")
+@pytest.mark.usefixtures("unarranged")
 def test_starting_over_removes_the_page_of_the_old_result(invoke, tmp_path):
     config = Path(__file__).parents[2] / "configs" / "paper.yaml"
     few = (
@@ -196,7 +199,7 @@ def test_starting_over_removes_the_page_of_the_old_result(invoke, tmp_path):
     )
     folder = tmp_path / "result"
     invoke("run", config, "--out", folder, *few)
-    invoke("report", folder)
+    invoke("report", folder, "--figure", "paper")
     assert (folder / "report.html").exists()
     invoke("run", config, "--out", folder, "--force", *few)
     assert not (folder / "report.html").exists()

@@ -94,6 +94,7 @@ def test_its_figures_are_those_of_sweeps(text):
 
 
 @pytest.mark.slow("computes a sweep of eight points, and draws its page")
+@pytest.mark.usefixtures("unarranged")
 def test_three_keys_leave_out_the_maps_with_a_remark(invoke, tmp_path):
     grids = [
         word
@@ -118,6 +119,7 @@ def test_three_keys_leave_out_the_maps_with_a_remark(invoke, tmp_path):
 
 
 @pytest.mark.slow("draws all figures, twice")
+@pytest.mark.usefixtures("unarranged")
 def test_equal_sweeps_give_equal_pages(results):
     assert report(results) == report(results)
 
