@@ -149,6 +149,7 @@ def recording_text(path: Path, missing: str, kind: type[EqtError], most: int, sm
     return text_of(path, missing, kind, most=MOST_BYTES, smaller=SMALLER, read=read)
 
 
+@np.errstate(all="ignore")  # of numbers that are none, which are found afterwards
 def table_of(content: bytes, name: str) -> str:
     """The table of a flight, with PX4's names as headings.
 
@@ -216,7 +217,7 @@ def _topics(content: bytes, name: str) -> tuple[dict[str, Mapping[str, Array]], 
             _require_small(formats, name)
             log = ULog(_Bounded(content), wanted)
     except _ExhaustedError:
-        raise InputError(f"{name}: is damaged, so that no messages were found in it") from None
+        raise InputError(f"{name}: is too damaged to be read") from None
     except InputError:
         raise
     except Exception as error:  # whatever a file from outside makes of the library
@@ -230,16 +231,17 @@ class _ExhaustedError(Exception):
 
 
 class _Bounded(io.BytesIO):
-    """Bytes that are read about once; a damaged file has pyulog read the same over and over."""
+    """Bytes that are read a few times; in some damaged files, pyulog reads on without an end."""
 
     def __init__(self, content: bytes) -> None:
         super().__init__(content)
-        self._left = 2 * len(content) + 10**6
+        self._reads, self._bytes = 3 * len(content) + 1000, 2 * len(content) + 10**9
 
     def read(self, size: int | None = -1, /) -> bytes:
         found = super().read(size)
-        self._left -= len(found)
-        if self._left < 0:
+        self._reads -= 1
+        self._bytes -= len(found)
+        if min(self._reads, self._bytes) < 0:
             raise _ExhaustedError
         return found
 
@@ -291,7 +293,7 @@ def _found(
 
 def _valid(source: _Source, data: Mapping[str, Array]) -> Array:
     """Rows of which PX4 says that they are known, in axes of the world that point down."""
-    rows = np.ones(len(data["timestamp"]), bool)
+    rows = np.ones(len(data[source.fields[0]]), bool)
     for flag in source.flags:
         rows &= data.get(flag, rows).astype(bool)
     if source.frame:

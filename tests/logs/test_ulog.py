@@ -204,7 +204,7 @@ FILES = {
     ),
     "of which little can be read": (
         START + b"\xff" * 200_000,
-        "f.ulg: is damaged, so that no messages were found in it",
+        "f.ulg: is too damaged to be read",
     ),
 }
 
