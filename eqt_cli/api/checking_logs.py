@@ -5,17 +5,19 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from eqt_cli.api.paths import path_from
 from eqt_cli.config import yaml_source
-from eqt_cli.core.errors import InputError
+from eqt_cli.core.errors import EqtError, InputError
 from eqt_cli.core.files import text_of
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import validated
 from eqt_cli.groups import group_named
 from eqt_cli.logs.check import LogCheck, check_text
 from eqt_cli.logs.mapping import LogMapping, MappingError, trajectory_format
+from eqt_cli.logs.ulog import SUFFIX, recording_text
 
 LOG_BYTES = 400_000_000
 """Of a recording; a million rows of 20 numbers have as many."""
@@ -33,7 +35,7 @@ def check_log(
     Parameters
     ----------
     path
-        The file.
+        The file; one that ends in ``.ulg`` is a flight of PX4.
     mapping
         What the file does not say of itself, as a YAML file or a mapping with the keys of
         ``reference.mapping``.
@@ -68,13 +70,14 @@ def check_log(
     said, problems = _mapping(mapping)
     problems.raise_if_any()
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
-    text = text_of(file, "check the path", most=LOG_BYTES, smaller=smaller)
+    text = recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
     try:
-        return check_text(text, str(file), kind, said, G)
+        found = check_text(text, str(file), kind, said, G)
     except MappingError as error:
         problems.at(*error.path).add(str(error))
         problems.raise_if_any()
         raise
+    return replace(found, format="ulog") if file.suffix.lower() == SUFFIX else found
 
 
 def _mapping(

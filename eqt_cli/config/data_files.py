@@ -6,7 +6,8 @@ import numpy as np
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import EqtError, InputError
-from eqt_cli.core.files import refusals, text_of
+from eqt_cli.core.files import refusals
+from eqt_cli.logs.ulog import recording_text
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.reserved_names import FILE_NAME
 
@@ -39,7 +40,7 @@ def data_file(source: ConfigSource, name: str) -> str:
 def _text(path: Path) -> str:
     relative = "paths are relative to the configuration's folder"
     smaller = "keep the rows and columns that the configuration needs"
-    return text_of(path, relative, InputError, most=MOST_BYTES, smaller=smaller)
+    return recording_text(path, relative, InputError, MOST_BYTES, smaller)
 
 
 def _starts_of(path: Path) -> str:

@@ -192,6 +192,8 @@ def _problems(log: Log) -> Iterator[str]:
 
 def notes(log: Log) -> Iterator[str]:
     """What is odd in a recording that can be used."""
+    if log.sheet.damaged:
+        yield "parts of the file are damaged and were skipped"
     yield from _turns_without_unit(log)
     yield from _times(log)
     yield from misfits(log)

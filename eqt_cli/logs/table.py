@@ -15,6 +15,8 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError, suggestion
 from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
+from eqt_cli.logs.ulog import DAMAGED
+from eqt_cli.logs.ulog import NAMES as PX4
 from eqt_cli.logs.units import factor_of, is_known
 
 QUATERNION = ("qx", "qy", "qz", "qw")
@@ -110,6 +112,8 @@ class Sheet:
         Whether rows may have entries beyond the columns.
     order
         That of its quaternions: xyzw or wxyz; empty where they are named.
+    damaged
+        Whether parts of the file were skipped.
     """
 
     name: str
@@ -122,6 +126,7 @@ class Sheet:
     head: int
     more: bool = False
     order: str = ""
+    damaged: bool = False
 
     @property
     def header_place(self) -> str:
@@ -229,6 +234,8 @@ def open_sheet(text: str, name: str, kind: TrajectoryFormat, mapping: LogMapping
     if kind != "csv":
         return _without_header(text, name, kind, mapping)
     lines, numbers = _lines(text, name)
+    damaged = bool(lines) and lines[0] == DAMAGED
+    lines, numbers = lines[damaged:], numbers[damaged:]
     number, header = (numbers[0], lines.pop(0)) if lines else (1, "")
     headings, units = [], {}
     for entry in _entries(header, ","):
@@ -242,7 +249,9 @@ def open_sheet(text: str, name: str, kind: TrajectoryFormat, mapping: LogMapping
     eqt_names = _renamed(headings, mapping, f"{name}:{number}")
     order = mapping.quaternion or ""
     known = {eqt: units[heading] for eqt, heading in zip(eqt_names, headings, strict=True)}
-    return Sheet(name, eqt_names, headings, known, ",", lines, numbers[1:], number, order=order)
+    return Sheet(
+        name, eqt_names, headings, known, ",", lines, numbers[1:], number, False, order, damaged
+    )
 
 
 def with_units(sheet: Sheet, mapping: LogMapping, used: Collection[str]) -> Sheet:
@@ -283,8 +292,10 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
             raise MappingError(("columns", name), f"{place}: no column '{heading}'{hint}")
     given = {heading: name for name, heading in mapping.columns.items()}
     # A column that has the name which the mapping gives to another is none of eqt's.
+    known = {each: name for each, name in PX4.items() if name not in mapping.columns}
     names = [
-        given.get(each, f"{each} (file)" if each in mapping.columns else each) for each in headings
+        given.get(each, f"{each} (file)" if each in mapping.columns else known.get(each, each))
+        for each in headings
     ]
     named = next((four for four in NUMBERED if set(four) <= set(names)), None)
     if named is None or set(QUATERNION) & set(names):
