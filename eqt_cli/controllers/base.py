@@ -11,6 +11,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.component import Component
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.mechanics.tracking import Gains, Tracking
 
 
@@ -40,7 +41,7 @@ class RunsCode:
 
 
 @dataclass(frozen=True)
-class Controller(Component):
+class Controller(GivenOverTime, Component):
     """A control law: a frozen dataclass whose fields are its options in a configuration.
 
     Every attribute that is a float is a runtime parameter: an engine may replace it by an array
