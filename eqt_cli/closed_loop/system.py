@@ -152,6 +152,11 @@ class ClosedLoop:
         return dissipation - dot(unknown, self.controller.velocity_error(s))
 
     @property
+    def departures(self) -> str:
+        """In what it departs from what theorems are about, in words; nothing where it does not."""
+        return ", ".join(filter(None, [self.controller.departs, self.vehicle.departures]))
+
+    @property
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None where nothing is said."""
         claims = self.controller.claims(self.group, self.gains)

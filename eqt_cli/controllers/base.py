@@ -65,6 +65,8 @@ class Controller(GivenOverTime, Component):
         of the paper's laws are, so that equal gains make a fair comparison. None: not known.
     claims_decrease
         Whether L is claimed to fall along every trajectory; None where the law does not say.
+    departs
+        In what a loop with it departs from those that theorems are about, in a few words.
     """
 
     title: ClassVar[str]
@@ -73,6 +75,7 @@ class Controller(GivenOverTime, Component):
     theorem: ClassVar[str] = "Theorems 3.2, 6.2"
     matched: ClassVar[bool | None] = None
     claims_decrease: ClassVar[bool | None] = None
+    departs: ClassVar[str] = ""
 
     def __init_subclass__(cls, **options: Any) -> None:
         """A class with a torque of its own claims only what it says itself, not what it extends.

@@ -44,6 +44,7 @@ class Replay(InFile, Controller):
     title: ClassVar[str] = "replay"
     tasks: ClassVar[tuple[str, ...]] = ()
     theorem: ClassVar[str] = ""
+    departs: ClassVar[str] = "no feedback, but a recorded wrench"
 
     file: str
     format: TrajectoryFormat = "csv"

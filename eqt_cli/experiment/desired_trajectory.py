@@ -134,8 +134,9 @@ def check_horizon(
     if first > 0:
         here.add(f"begins at {first:g} s, but runs begin at 0 s; shift its times")
     if last < duration:
+        what = key if key == "reference" else f"recording of {key}"
         problems.at("time", "duration").add(
-            f"expected at most {last:g} s, the end of the {key}, got {duration:g}"
+            f"expected at most {last:g} s, the end of the {what}, got {duration:g}"
         )
     within = [gap for gap in given.gaps(G) if gap[0] < duration and sum(gap) > 0]
     for begin, length in within[:1]:
