@@ -73,6 +73,7 @@ class TimeMapping:
         euroc after the first row.
     offset
         s that are added to the times that are kept; with ``first``, the first of them is at 0 s.
+        Without it, a recording that is compared with a run is aligned with it.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
@@ -80,7 +81,7 @@ class TimeMapping:
     scale: Positive = 1.0
     begin: Real | None = None
     end: Real | None = None
-    offset: _Offset = 0.0
+    offset: _Offset | None = None
 
 
 @dataclass(frozen=True)

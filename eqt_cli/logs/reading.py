@@ -157,7 +157,8 @@ def _timed(table: Table, kind: TrajectoryFormat, said: LogMapping) -> tuple[Tabl
         table, times = Table(table.name, columns, lines, table.since), times[kept]
     if asked.offset == "first":
         return table, times - times[0]
-    return table, times + (since + asked.offset) if since + asked.offset else times
+    late = since + (asked.offset or 0.0)
+    return table, times + late if late else times
 
 
 def read_starts(text: str, name: str, G: MatrixLieGroup) -> tuple[Array, Array | None]:

@@ -8,6 +8,7 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.logs.check import notes
 from eqt_cli.logs.columns import VELOCITY, WRENCH, columns_beside
 from eqt_cli.logs.mapping import LogMapping, TrajectoryFormat
 from eqt_cli.logs.reading import Log, read_log
@@ -19,8 +20,8 @@ class Recording:
 
     Attributes
     ----------
-    place
-        The file and the line of its header, for messages.
+    name, place
+        The file, and the line of its header, for messages.
     group
         G.
     times : (n,)
@@ -33,8 +34,13 @@ class Recording:
         The wrench in the dual, body frame; NaN in the coordinates that were not measured.
     gaps : (k,)
         The rows behind which others are missing.
+    timed
+        Whether the mapping says what its clock is off by.
+    notes
+        What is odd in the file.
     """
 
+    name: str
     place: str
     group: MatrixLieGroup
     times: Array
@@ -42,6 +48,8 @@ class Recording:
     velocities: Array
     wrenches: Array
     gaps: Array
+    timed: bool = False
+    notes: tuple[str, ...] = ()
 
     def require_velocities(self) -> Array:
         """Raise an `InputError` if a coordinate was not measured; the velocities."""
@@ -86,8 +94,18 @@ def recording_of(log: Log) -> Recording:
     for beside in log.recorded:
         found = velocities if beside.kind in VELOCITY else wrenches
         found[:, beside.axes] = log.in_body(beside)
-    place = log.sheet.header_place
-    return Recording(place, G, log.times, log.poses, velocities, wrenches, log.gaps)
+    return Recording(
+        log.table.name,
+        log.sheet.header_place,
+        G,
+        log.times,
+        log.poses,
+        velocities,
+        wrenches,
+        log.gaps,
+        log.said.time.offset is not None,
+        tuple(notes(log)),
+    )
 
 
 def read_recording(
