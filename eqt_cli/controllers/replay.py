@@ -12,7 +12,6 @@ from eqt_cli.core.arrays import Array, as_array
 from eqt_cli.core.errors import Remedy, TraceError
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.logs.check import gaps_of
 from eqt_cli.logs.in_file import InFile
 from eqt_cli.logs.mapping import LogMapping, TrajectoryFormat
 from eqt_cli.mechanics.motions import SAME_TIME
@@ -73,7 +72,7 @@ class Replay(InFile, Controller):
 
     def instants(self, G: MatrixLieGroup) -> Array:
         """The times of the rows."""
-        return self.log(G).times
+        return self.recording(G).times
 
     def held(self, G: MatrixLieGroup, t: Any) -> dict[str, Array]:
         """The wrench of the row before a time, and how it goes on."""
@@ -83,7 +82,7 @@ class Replay(InFile, Controller):
                 "continuous loop only",
                 Remedy("remove `control`, or use engine solve_ivp"),
             )
-        times, wrenches = self.log(G).times, self.recording(G).wrenches
+        times, wrenches = self.recording(G).times, self.recording(G).wrenches
         late = t + SAME_TIME * np.maximum(1.0, np.abs(t))
         row = np.searchsorted(times, late, side="right") - 1
         if self.hold == "zero":
@@ -105,7 +104,7 @@ class Replay(InFile, Controller):
 
     def gaps(self, G: MatrixLieGroup) -> list[tuple[float, float]]:
         """Those of the recording."""
-        return gaps_of(self.log(G))
+        return self.recorded_gaps(G)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A file or a mapping that will not do, or a file without a wrench."""

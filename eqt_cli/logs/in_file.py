@@ -46,11 +46,6 @@ class InFile:
         found: Log = kept[G.name, "log"]
         return found
 
-    def recorded_between(self, G: MatrixLieGroup) -> tuple[float, float]:
-        """The times of the first and the last row."""
-        times = self.log(G).times
-        return float(times[0]), float(times[-1])
-
     def recording(self, G: MatrixLieGroup) -> Recording:
         """The motion in it, body frame."""
         kept = vars(self).setdefault("_prepared", {})
@@ -58,6 +53,23 @@ class InFile:
             kept[G.name, "recording"] = recording_of(self.log(G))
         found: Recording = kept[G.name, "recording"]
         return found
+
+    def holds(self, recording: Recording) -> Self:
+        """The same with a recording that was read before."""
+        found = copy(self)
+        vars(found)["_prepared"] = {(recording.group.name, "recording"): recording}
+        return found
+
+    def recorded_between(self, G: MatrixLieGroup) -> tuple[float, float]:
+        """The times of the first and the last row."""
+        times = self.recording(G).times
+        return float(times[0]), float(times[-1])
+
+    def recorded_gaps(self, G: MatrixLieGroup) -> list[tuple[float, float]]:
+        """When a gap begins, and how long it is, s."""
+        times, gaps = self.recording(G).times, self.recording(G).gaps
+        lengths = times[gaps + 1] - times[gaps]
+        return list(zip(times[gaps].tolist(), lengths.tolist(), strict=True))
 
     def check_file(self, problems: Problems, use: Callable[[], Any]) -> None:
         """Note what of the file or its mapping will not do, where `use` looks at all of it."""

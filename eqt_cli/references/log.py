@@ -8,7 +8,6 @@ import numpy as np
 
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
-from eqt_cli.logs.check import gaps_of, notes
 from eqt_cli.logs.in_file import InFile
 from eqt_cli.logs.mapping import LogMapping, TrajectoryFormat
 from eqt_cli.mechanics.motions import Pieces, spline, through
@@ -54,11 +53,11 @@ class LogReference(InFile, PiecewiseReference):
 
     def gaps(self, G: MatrixLieGroup) -> list[tuple[float, float]]:
         """Those of the recording."""
-        return gaps_of(self.log(G))
+        return self.recorded_gaps(G)
 
     def remarks(self, G: MatrixLieGroup) -> Iterator[str]:
         """What is odd in the file."""
-        yield from (f"{self.file}: {note}" for note in notes(self.log(G)))
+        yield from (f"{self.file}: {note}" for note in self.recording(G).notes)
 
     def check(self, G: MatrixLieGroup, problems: Problems) -> None:
         """A file or a mapping that will not do."""
