@@ -3,19 +3,30 @@
 from collections.abc import Hashable, Mapping
 from copy import copy
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 
 from eqt_cli.controllers.base import Controller
 from eqt_cli.core.arrays import Array, as_array
-from eqt_cli.core.errors import Remedy, TraceError
+from eqt_cli.core.errors import InputError, Remedy, TraceError
 from eqt_cli.core.problems import Problems
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.logs.in_file import InFile
 from eqt_cli.logs.mapping import LogMapping, TrajectoryFormat
 from eqt_cli.mechanics.motions import SAME_TIME
 from eqt_cli.mechanics.tracking import Tracking
+
+Hold: TypeAlias = Literal["zero", "linear"]
+
+
+def hold_named(text: str) -> Hold:
+    """The way of this name; raises an `InputError` if there is none."""
+    known: tuple[Hold, ...] = get_args(Hold)
+    for name in known:
+        if text == name:
+            return name
+    raise InputError(f"hold: expected one of {', '.join(known)}, got {text!r}")
 
 
 @dataclass(frozen=True)
@@ -48,7 +59,7 @@ class Replay(InFile, Controller):
     file: str
     format: TrajectoryFormat = "csv"
     mapping: LogMapping | None = None
-    hold: Literal["zero", "linear"] = "zero"
+    hold: Hold = "zero"
     text: str | None = field(default=None, init=False, repr=False)
     digest: str = field(default="", init=False)
 

@@ -39,7 +39,9 @@ class Growth:
         Of the error over windows: the median, the 10 % and the 90 % quantile, the root mean square.
     noise : (parts, h)
         The root mean square that the noise of the recording alone gives a perfect model: that of
-        the first state, as it grows, and that of the pose at the horizon.
+        the first state, as it grows, and that of the row at the horizon.
+    notes
+        What a reader should know of the recording and the model.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Growth:
     high: Array
     rms: Array
     noise: Array
+    notes: tuple[str, ...] = ()
 
 
 def growth(loop: ClosedLoop, engine: Engine, windows: Windows, count: int) -> Growth:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -104,8 +105,10 @@ class PlantFit:
         act on their own, near 0 where some act as others do.
     windows, rows, horizon
         How many windows without a common row there are, how many rows in all, and their length, s.
-    source
-        The configuration with the numbers.
+    source, config
+        The configuration with the numbers, and where it was written.
+    notes
+        What a reader should know of the recording and the model.
     """
 
     name: str
@@ -116,6 +119,8 @@ class PlantFit:
     rows: int
     horizon: float
     source: ConfigSource
+    config: Path | None = None
+    notes: tuple[str, ...] = ()
 
 
 def starting_values(keys: Sequence[str], base: Experiment) -> list[float]:

@@ -42,8 +42,8 @@ FIRST_ROWS = 10
 """From which a first velocity is found, where none was recorded."""
 
 
-def driven(experiment: Experiment, replay: Replay, recording: Recording) -> ClosedLoop:
-    """The plant of an experiment under the wrench of a recording, with no law and no sensors.
+def driven(experiment: Experiment, law: Replay) -> ClosedLoop:
+    """The plant of an experiment under a recorded wrench, with no clock and no sensors.
 
     Raises
     ------
@@ -62,7 +62,6 @@ def driven(experiment: Experiment, replay: Replay, recording: Recording) -> Clos
                 "the wrench behind it"
             )
     vehicle = replace(vehicle, given=vehicle.numbers(loop.group))
-    law = replay.holds(recording)
     return replace(loop, reference=ConstantReference(), controller=law, vehicle=vehicle)
 
 
