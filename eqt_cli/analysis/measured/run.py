@@ -1,0 +1,170 @@
+"""A run of a result as a motion at any time, and a recording in time with it."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from eqt_cli.analysis.measured.alignment import Alignment, aligned
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
+from eqt_cli.groups import MatrixLieGroup, Part
+from eqt_cli.logs.columns import WRENCH, names_beside
+from eqt_cli.logs.recording import Recording
+from eqt_cli.mechanics.motions import Pieces, through
+from eqt_cli.results.result import Result
+
+NEEDED = ("pose", "velocity", "torque", "desired_pose", "desired_velocity", "desired_torque")
+
+
+@dataclass(frozen=True)
+class State:
+    """Pose ``(n, d, d)``, body velocity and wrench ``(n, m)`` at some times."""
+
+    pose: Array
+    velocity: Array
+    wrench: Array
+
+
+@dataclass(frozen=True)
+class Course:
+    """A motion between samples, cubic on the group, with a wrench that is linear between them."""
+
+    group: MatrixLieGroup
+    times: Array
+    states: State
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The motion alone."""
+        return through(self.group, self.times, self.states.pose, self.states.velocity)
+
+    def at(self, t: Array) -> State:
+        """The state at times ``(n,)`` within the samples."""
+        pose, velocity, _ = self.pieces.motion(self.group, t)
+        axes = [np.interp(t, self.times, along) for along in self.states.wrench.T]
+        return State(pose, velocity, np.stack(axes, axis=-1))
+
+
+@dataclass(frozen=True)
+class Error:
+    """How far motions are apart, in the body frame: in pose, velocity or wrench.
+
+    Attributes
+    ----------
+    quantity
+        ``pose``, ``velocity`` or ``wrench``.
+    measured, simulated : (n, m)
+        Of the recording and the run from the reference: log Q_d⁻¹Q, V − V_d, τ − τ_d; NaN in the
+        coordinates that were not measured.
+    difference : (n, m)
+        Of the recording from the run.
+    """
+
+    quantity: str
+    measured: Array
+    simulated: Array
+    difference: Array
+
+    def unit(self, part: Part) -> str:
+        """Of a part of the coordinates."""
+        if self.quantity == "pose":
+            return "rad" if part.turns else part.pose_unit
+        return part.velocity_unit if self.quantity == "velocity" else part.force_unit
+
+
+@dataclass(frozen=True)
+class MeasuredRun:
+    """A recording beside a run of a controller.
+
+    Attributes
+    ----------
+    label, title, run
+        Of the controller, and the number of the run.
+    recording
+        In the time of the run, with the rows that are within it.
+    alignment
+        What was added to its clock.
+    simulated, reference
+        The run and what it is to follow.
+    """
+
+    label: str
+    title: str
+    run: int
+    recording: Recording
+    alignment: Alignment
+    simulated: Course
+    reference: Course
+
+    @cached_property
+    def errors(self) -> list[Error]:
+        """Those of what was measured, at its times."""
+        G, seen = self.recording.group, self.recording
+        run, wanted = self.simulated.at(seen.times), self.reference.at(seen.times)
+
+        def between(Q: Array, P: Array) -> Array:
+            return G.log(G.inverse(Q) @ P)
+
+        found = [
+            Error(
+                "pose",
+                between(wanted.pose, seen.poses),
+                between(wanted.pose, run.pose),
+                between(run.pose, seen.poses),
+            )
+        ]
+        for quantity, measured, here, desired in (
+            ("velocity", seen.velocities, run.velocity, wanted.velocity),
+            ("wrench", seen.wrenches, run.wrench, wanted.wrench),
+        ):
+            if not np.isnan(measured).all():
+                differences = measured - desired, here - desired, measured - here
+                found.append(Error(quantity, *differences))
+        return found
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader must know: the run, the clock, the gaps, and what was not measured."""
+        seen = self.recording
+        gaps = f", {len(seen.gaps)} gap{'s' * (len(seen.gaps) != 1)}" if len(seen.gaps) else ""
+        found = [
+            f"{self.title}, run {self.run}, and {seen.name}: {len(seen.times)} rows from "
+            f"{seen.times[0]:.4g} to {seen.times[-1]:.4g} s{gaps}",
+            self.alignment.in_words,
+        ]
+        names = names_beside(seen.group, WRENCH)
+        if names and np.isnan(seen.wrenches).all():
+            found.append(f"without a wrench, which would be in columns {', '.join(names)}")
+        return found
+
+
+def measured_run(result: Result, recording: Recording, controller: int, run: int) -> MeasuredRun:
+    """A recording in time with a run.
+
+    Raises
+    ------
+    EqtError
+        If the result does not hold the run, or the recording cannot be brought in time with it.
+    """
+    result.single("a recording is compared with a single experiment")
+    result.check_stored(*NEEDED, who="a recording needs")
+    label = result.labels[controller]
+    trajectory = [result.trajectory(name, run)[controller] for name in NEEDED[:3]]
+    if not result.good[controller, run]:
+        raise result.error(f"run {run} of {label} failed; choose another")
+    times, G = result.times, recording.group
+    simulated = Course(G, times, State(*trajectory))
+    reference = Course(G, times, State(*(result[name] for name in NEEDED[3:])))
+    found = Alignment(0.0) if recording.timed else aligned(recording, times, simulated.pieces)
+    late = recording.times + found.offset
+    inside = np.flatnonzero((times[0] <= late) & (late <= times[-1]))
+    if len(inside) < 2:
+        raise InputError(
+            f"{recording.name}: expected two rows or more within the run, from {times[0]:.6g} to "
+            f"{times[-1]:.6g} s, got {len(inside)}: its times are from {late[0]:.6g} to "
+            f"{late[-1]:.6g} s; change time.offset of the mapping, or leave it out"
+        )
+    rows = slice(int(inside[0]), int(inside[-1]) + 1)
+    kept = recording.part(rows).shifted(found.offset)
+    return MeasuredRun(label, result.titled[label], run, kept, found, simulated, reference)
