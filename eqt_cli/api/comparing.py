@@ -11,10 +11,10 @@ from eqt_cli.analysis.comparison import compare as compare_results
 from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.maps import Map, compare_map
 from eqt_cli.analysis.measured.explained import Explanation, explained
-from eqt_cli.analysis.measured.run import measured_run
+from eqt_cli.analysis.measured.run import measured_runs
 from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.paths import ResultPath, path_from
-from eqt_cli.core.errors import EqtError, InputError
+from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.executors import Progress
 from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.results.result import open_result
@@ -95,7 +95,7 @@ def compare_measured(
         The result folder, or the file in it.
     measured, mapping, format
         A recording, as of `check_log`. Without ``time.offset`` in the mapping, its clock is aligned
-        with that of each run.
+        with that of the runs.
     run
         Its number, counted from 0.
     controllers
@@ -132,15 +132,7 @@ def compare_measured(
             raise opened.error(f"is on group '{opened.group_name}' of a plugin, which is not known")
         recording = read_measured(measured, opened.group, mapping, format)
         chosen = [opened.position_of(name) for name in controllers]
-        found, errors = [], []
-        for position in chosen or range(len(opened.labels)):
-            try:
-                found.append(explained(measured_run(opened, recording, position, run)))
-            except InputError as error:
-                errors.append(error)
-        if (chosen and errors) or not found:
-            raise errors[0]
-        return found
+        return [explained(one) for one in measured_runs(opened, recording, chosen, run)]
 
 
 def compare_sweep(

@@ -220,7 +220,7 @@ def _of_recording(
         result, measured, mapping, format=kind, run=run, controllers=laws, point=point
     )
     axes = whole or len(found) == 1
-    table = explained_table(found, measured.name, write, axes=axes)
+    table = explained_table(found, write, axes=axes)
     remarks = [] if axes else ["next: --verbose prints every axis, --against LAW one controller"]
     document = {"measured": str(measured), "controllers": [asdict(one) for one in found]}
     return _Found(document, records(found), [table], remarks)

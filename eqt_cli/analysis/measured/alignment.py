@@ -116,7 +116,9 @@ def aligned(recording: Recording, times: Array, run: Pieces) -> Alignment:
     models = [_of_poses, _of_velocities] if seen.known else [_of_poses]
     found = [_refined(model(seen, times, run), best, step) for model in models]
     alignment = min(found, key=lambda each: each.error)
-    if not alignment.error < SHARP * best.width:
+    if not np.isfinite(alignment.error):
+        raise _unknown(recording, f"the motions differ too much around {best.offset:.3g} s")
+    if alignment.error > SHARP * best.width:
         raise _unknown(recording, f"the offset is known to ± {alignment.error:.2g} s only")
     return alignment
 
@@ -345,6 +347,6 @@ def _refined(model: _Model, peak: _Peak, step: float) -> Alignment:
     blocks = [block.sum(axis=0) for block in np.array_split(pushes, BLOCKS)]
     together = float(np.linalg.norm([inverse[0] @ block for block in blocks]))
     error = max(together, float(np.sqrt(inverse[0, 0])))
-    if abs(offset - peak.offset) > 2 * step:
-        error = np.inf  # it went to another place
+    if abs(offset - peak.offset) > peak.width / 2:
+        error = np.inf  # it left the peak
     return Alignment(offset, error, peak.correlation, model.by)

@@ -123,28 +123,27 @@ def records(found: Sequence[Explanation]) -> list[dict[str, Any]]:
     ]
 
 
-def explained_table(
-    found: Sequence[Explanation], file: str, write: Plain, *, axes: bool
-) -> TextTable:
+def explained_table(found: Sequence[Explanation], write: Plain, *, axes: bool) -> TextTable:
     """The shares as a table, a block per controller; of parts only without `axes`."""
+    several = len(found) > 1
     blocks = [
         Block(
-            write.text(one.title) if len(found) > 1 else "",
+            write.text(one.title) if several else "",
             [_row(share, write) for share in one.shares if axes or not share.axis],
         )
         for one in found
     ]
-    runs = {one.run for one in found}
     notes = [
         "Errors are from the reference, in the body frame; root mean squares over the rows. "
         "Explained: 1 − difference² / measured error². It is 100 % where the run has the measured "
         "error, 0 % where it is as far from the recording as the reference is, and negative where "
         "it is farther.",
-        *(f"{note}." for one in found for note in one.notes),
+        *(f"{note}." for note in found[0].notes),
     ]
+    whose = "each controller" if several else found[0].title
     return TextTable(
         "measured",
-        f"How much of the error in {file} run {', '.join(map(str, runs))} explains",
+        write.text(f"How much of the measured error run {found[0].run} of {whose} explains"),
         ["error of", "axis", "unit", "measured", "simulated", "difference", "explained"],
         blocks,
         [write.text(note) for note in notes],
@@ -158,7 +157,7 @@ def _row(share: Share, write: Plain) -> list[str]:
     known = share.explained == share.explained
     return [
         write.text(f"{share.quantity}, {share.part.replace('_', ' ')}"),
-        write.text(share.axis or "all"),
+        write.text(share.axis.lstrip("ωv") if share.axis else "all"),
         write.unit(share.unit),
         *(write.number(f"{number:.3g}") for number in numbers),
         write.text(f"{100 * share.explained:.1f} %") if known else "-",

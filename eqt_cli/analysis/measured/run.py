@@ -1,6 +1,7 @@
 """A run of a result as a motion at any time, and a recording in time with it."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -125,22 +126,30 @@ class MeasuredRun:
 
     @property
     def notes(self) -> list[str]:
-        """What a reader must know: the run, the clock, the gaps, and what was not measured."""
-        seen = self.recording
-        gaps = f", {len(seen.gaps)} gap{'s' * (len(seen.gaps) != 1)}" if len(seen.gaps) else ""
+        """What a reader must know: the rows, the clock, the gaps, and what was not measured."""
+        seen, gaps = self.recording, len(self.recording.gaps)
+        missing = f", {gaps} gap{'s' * (gaps > 1)}" if gaps else ""
         found = [
-            f"{self.title}, run {self.run}, and {seen.name}: {len(seen.times)} rows from "
-            f"{seen.times[0]:.4g} to {seen.times[-1]:.4g} s{gaps}",
-            self.alignment.in_words,
+            f"{seen.name}: {len(seen.times)} rows from {seen.times[0]:.4g} to "
+            f"{seen.times[-1]:.4g} s of run {self.run}{missing}; {self.alignment.in_words}",
         ]
         names = names_beside(seen.group, WRENCH)
         if names and np.isnan(seen.wrenches).all():
-            found.append(f"without a wrench, which would be in columns {', '.join(names)}")
+            found.append(f"No wrench was measured; it would be in columns {', '.join(names)}")
         return found
 
 
-def measured_run(result: Result, recording: Recording, controller: int, run: int) -> MeasuredRun:
-    """A recording in time with a run.
+def measured_runs(
+    result: Result, recording: Recording, controllers: Sequence[int], run: int
+) -> list[MeasuredRun]:
+    """A recording in time with a run of some controllers.
+
+    It has one clock, which is aligned with the run that it is most like, of any controller.
+
+    Parameters
+    ----------
+    controllers
+        Their positions; all if empty, except for those whose run failed.
 
     Raises
     ------
@@ -149,14 +158,18 @@ def measured_run(result: Result, recording: Recording, controller: int, run: int
     """
     result.single("a recording is compared with a single experiment")
     result.check_stored(*NEEDED, who="a recording needs")
-    label = result.labels[controller]
-    trajectory = [result.trajectory(name, run)[controller] for name in NEEDED[:3]]
-    if not result.good[controller, run]:
-        raise result.error(f"run {run} of {label} failed; choose another")
-    times, G = result.times, recording.group
-    simulated = Course(G, times, State(*trajectory))
+    G, times = recording.group, result.times
+    states = [result.trajectory(name, run) for name in NEEDED[:3]]
     reference = Course(G, times, State(*(result[name] for name in NEEDED[3:])))
-    found = Alignment(0.0) if recording.timed else aligned(recording, times, simulated.pieces)
+    simulated = {
+        int(k): Course(G, times, State(*(each[k] for each in states)))
+        for k in np.flatnonzero(result.good[:, run])
+    }
+    for k in controllers or [k for k in range(len(result.labels)) if not simulated]:
+        if k not in simulated:
+            raise result.error(f"run {run} of {result.labels[k]} failed; choose another")
+    courses = {result.titles[k]: course for k, course in simulated.items()}
+    found = Alignment(0.0) if recording.timed else _best_aligned(recording, courses)
     late = recording.times + found.offset
     inside = np.flatnonzero((times[0] <= late) & (late <= times[-1]))
     if len(inside) < 2:
@@ -167,4 +180,23 @@ def measured_run(result: Result, recording: Recording, controller: int, run: int
         )
     rows = slice(int(inside[0]), int(inside[-1]) + 1)
     kept = recording.part(rows).shifted(found.offset)
-    return MeasuredRun(label, result.titled[label], run, kept, found, simulated, reference)
+    return [
+        MeasuredRun(result.labels[k], result.titles[k], run, kept, found, course, reference)
+        for k, course in simulated.items()
+        if not controllers or k in controllers
+    ]
+
+
+def _best_aligned(recording: Recording, courses: Mapping[str, Course]) -> Alignment:
+    """The offset by the run that the recording is most like; runs by titles of controllers."""
+    found, errors = [], []
+    for title, course in courses.items():
+        try:
+            one = aligned(recording, course.times, course.pieces)
+        except InputError as error:
+            errors.append(error)
+        else:
+            found.append(replace(one, by=f"{one.by} of {title}"))
+    if not found:
+        raise errors[0]
+    return max(found, key=lambda each: each.correlation)

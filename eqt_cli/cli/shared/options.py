@@ -177,10 +177,11 @@ TrustPlugins = Annotated[
 ]
 
 
-def require_measured(mapping: Path | None, kind: str, *more: object) -> None:
+def require_measured(mapping: Path | None, kind: str, run: int = 0) -> None:
     """Refuse what is said of a recording where there is none."""
-    if mapping or kind != "csv" or any(more):
-        raise EqtError("--mapping, --log-format and --run are of a recording; add --measured FILE")
+    given = {"--mapping": mapping, "--log-format": kind != "csv", "--run": run}
+    for name in (name for name, value in given.items() if value):
+        raise EqtError(f"{name} is of a recording; add --measured FILE")
 
 
 def cores() -> int:
