@@ -3,6 +3,7 @@
 from eqt_cli.api.animating import animate as animate
 from eqt_cli.api.checking_logs import check_log as check_log
 from eqt_cli.api.comparing import compare as compare
+from eqt_cli.api.comparing import compare_measured as compare_measured
 from eqt_cli.api.comparing import compare_sweep as compare_sweep
 from eqt_cli.api.differing import diff as diff
 from eqt_cli.api.drawing import Note as Note

@@ -67,7 +67,12 @@ def check_log(
     ('SO3', 100.0, [])
     """
     G = None if group is None else group_named(group)
-    return _read(path, mapping, format, lambda *found: check_text(*found, G))
+    return _read(
+        path,
+        mapping,
+        format,
+        lambda text, name, kind, said: check_text(text, name, kind, said, G),
+    )
 
 
 def read_measured(

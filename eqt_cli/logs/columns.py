@@ -88,6 +88,11 @@ def columns_beside(G: MatrixLieGroup, suffix: str = "") -> Iterator[Beside]:
             yield Beside(moving, names, axes, G, slice(0, G.size))
 
 
+def names_beside(G: MatrixLieGroup, kinds: Collection[str]) -> list[str]:
+    """The names of all columns of some kinds."""
+    return [name for each in columns_beside(G) if each.kind in kinds for name in each.names]
+
+
 def coordinate_names(G: MatrixLieGroup) -> list[str]:
     """The coordinates of the algebra as they are typed: ``wz`` for ωz, ``v2`` for v₂."""
     digits = {ord("₀") + digit: str(digit) for digit in range(10)}
@@ -121,8 +126,9 @@ def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | Non
     ways = (
         PoseColumns(pose_columns(G), "parts"),
         PoseColumns(pose_columns(G, turn=EULER), "parts", EULER),
-        PoseColumns(coordinate_names(G), "coordinates"),
+        # Before the coordinates, which are the names of velocities, too.
         PoseColumns([f"Q{row}{column}" for row in digits for column in digits], "entries"),
+        PoseColumns(coordinate_names(G), "coordinates"),
     )
     return next((way for way in ways if way.names and set(way.names) <= set(names)), None)
 

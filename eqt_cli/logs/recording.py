@@ -9,7 +9,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.logs.check import notes
-from eqt_cli.logs.columns import VELOCITY, WRENCH, columns_beside
+from eqt_cli.logs.columns import VELOCITY, WRENCH, columns_beside, names_beside
 from eqt_cli.logs.mapping import LogMapping, TrajectoryFormat
 from eqt_cli.logs.reading import Log, read_log
 
@@ -63,16 +63,31 @@ class Recording:
         G = self.group
         if not np.isnan(found).any():
             return found
-        known = [each for each in columns_beside(G) if each.kind in kinds]
-        names = [name for each in known for name in each.names]
+        names = names_beside(G, kinds)
         if len(names) < G.dimension:
             raise InputError(f"{self.place}: no columns of {what} on {G.name} are known")
         missing = [
-            name for each in known for name in each.names if np.isnan(found[:, each.axes]).any()
+            name
+            for each in columns_beside(G)
+            if each.kind in kinds and np.isnan(found[:, each.axes]).any()
+            for name in each.names
         ]
         raise InputError(
             f"{self.place}: missing column {', '.join(missing)}; {what} on {G.name} has "
             f"{', '.join(names)}"
+        )
+
+    def part(self, rows: slice) -> Self:
+        """The same with some of its rows, which follow each other."""
+        times = self.times[rows]
+        within = (self.gaps >= rows.start) & (self.gaps < rows.start + len(times) - 1)
+        return replace(
+            self,
+            times=times,
+            poses=self.poses[rows],
+            velocities=self.velocities[rows],
+            wrenches=self.wrenches[rows],
+            gaps=self.gaps[within] - rows.start,
         )
 
     def shifted(self, offset: float) -> Self:
