@@ -34,7 +34,7 @@ def replay(
     measured: str | os.PathLike[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     *,
-    format: str = "csv",
+    log_format: str = "csv",
     hold: str = "zero",
     horizon: float | None = None,
     windows: int = MOST_WINDOWS,
@@ -52,8 +52,8 @@ def replay(
         A configuration, as of `load_experiment`: its group, inertia, plant, actuators and solver.
     measured
         The recording: poses, wrenches, and perhaps velocities.
-    mapping, format
-        As of `check_log`.
+    mapping, log_format
+        As `mapping` and `format` of `check_log`.
     hold
         How the wrench goes on behind a row: ``zero`` holds it, ``linear`` interpolates.
     horizon
@@ -74,7 +74,7 @@ def replay(
         has parts whose state no recording tells.
     """
     base, cut, plant = _opened(
-        config, measured, mapping, format, hold, horizon, WINDOWS, trust_plugins
+        config, measured, mapping, log_format, hold, horizon, WINDOWS, trust_plugins
     )
     if windows < 1:
         raise EqtError(f"windows: expected 1 or more, got {windows}")
@@ -93,7 +93,7 @@ def fit(
     over: Sequence[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     *,
-    format: str = "csv",
+    log_format: str = "csv",
     hold: str = "zero",
     horizon: float | None = None,
     out: str | os.PathLike[str] | None = None,
@@ -106,7 +106,7 @@ def fit(
 
     Parameters
     ----------
-    config, measured, mapping, format, hold, trust_plugins
+    config, measured, mapping, log_format, hold, trust_plugins
         As of `replay`. The search starts at the numbers of the configuration.
     over
         Keys of numbers in `inertia`, `plant` and `actuators`; ``linear[0:3]`` is one number for
@@ -123,7 +123,7 @@ def fit(
         not tell.
     """
     base, cut, plant = _opened(
-        config, measured, mapping, format, hold, horizon, OF_FIT, trust_plugins
+        config, measured, mapping, log_format, hold, horizon, OF_FIT, trust_plugins
     )
     folder = Path("results") / f"{base.name}-fitted" if out is None else Path(out)
     found = plant_fit.fit(base, over, cut, plant)
@@ -135,7 +135,7 @@ def _opened(
     config: Configuration | ConfigSource,
     measured: str | os.PathLike[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
-    format: str,
+    log_format: str,
     hold: str,
     horizon: float | None,
     parts: int,
@@ -145,7 +145,7 @@ def _opened(
     source = config if isinstance(config, ConfigSource) else source_from(config, {})
     data = without_search(source.data)
     base = build(replace(source, data=data), trust_plugins=trust_plugins)
-    recording = read_measured(measured, base.group, mapping, format)
+    recording = read_measured(measured, base.group, mapping, log_format)
     recording.require_wrenches()
     if horizon is None:
         horizon = float(recording.times[-1] - recording.times[0]) / parts

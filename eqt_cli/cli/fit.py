@@ -15,28 +15,7 @@ if TYPE_CHECKING:
     from eqt_cli.fitting.plant_fit import PlantFit
 
 Measured = Annotated[
-    Path,
-    options.valued(
-        "--measured", "FILE", "Recording with poses and wrenches: CSV, TUM or EuRoC.", EXPERIMENT
-    ),
-]
-Mapping = Annotated[
-    Path | None,
-    options.valued(
-        "--mapping",
-        "FILE",
-        "YAML file with columns, units, frames and times, as in reference.mapping.",
-        EXPERIMENT,
-    ),
-]
-Format = Annotated[
-    str,
-    options.named(
-        "--format",
-        completion.words("csv", "tum", "euroc"),
-        "csv, tum or euroc. Default: csv.",
-        EXPERIMENT,
-    ),
+    Path, options.valued("--measured", "FILE", "Recording with poses and wrenches.", EXPERIMENT)
 ]
 Hold = Annotated[
     str,
@@ -59,8 +38,8 @@ def _horizon(default: str) -> Any:
 def replay(
     config: options.Config,
     measured: Measured,
-    mapping: Mapping = None,
-    format_: Format = "csv",
+    mapping: options.Mapping = None,
+    log_format: options.LogFormat = "csv",
     hold: Hold = "zero",
     horizon: Annotated[float | None, _horizon("a tenth")] = None,
     windows: Annotated[
@@ -86,7 +65,7 @@ def replay(
         read_config(config, options.overrides(set_, engine)),
         measured,
         mapping,
-        format=format_,
+        log_format=log_format,
         hold=hold,
         horizon=horizon,
         windows=windows,
@@ -111,8 +90,8 @@ def fit(
             EXPERIMENT,
         ),
     ],
-    mapping: Mapping = None,
-    format_: Format = "csv",
+    mapping: options.Mapping = None,
+    log_format: options.LogFormat = "csv",
     hold: Hold = "zero",
     horizon: Annotated[float | None, _horizon("a twentieth")] = None,
     set_: options.Set = None,
@@ -135,7 +114,7 @@ def fit(
         measured,
         [key.strip() for key in over.split(",") if key.strip()],
         mapping,
-        format=format_,
+        log_format=log_format,
         hold=hold,
         horizon=horizon,
         out=out,
