@@ -19,7 +19,7 @@ from eqt_cli.fitting import plant_fit
 from eqt_cli.fitting.growth import Growth, growth
 from eqt_cli.fitting.plant_fit import PlantFit
 from eqt_cli.fitting.prediction import Windows, driven
-from eqt_cli.fitting.written import write_fitted
+from eqt_cli.fitting.written import check_folder, write_fitted
 from eqt_cli.tuning.law_search import without_search
 
 WINDOWS, OF_FIT = 10, 20
@@ -34,7 +34,7 @@ def replay(
     measured: str | os.PathLike[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     *,
-    log_format: str = "csv",
+    format: str = "csv",
     hold: str = "zero",
     horizon: float | None = None,
     windows: int = MOST_WINDOWS,
@@ -52,8 +52,8 @@ def replay(
         A configuration, as of `load_experiment`: its group, inertia, plant, actuators and solver.
     measured
         The recording: poses, wrenches, and perhaps velocities.
-    mapping, log_format
-        As `mapping` and `format` of `check_log`.
+    mapping, format
+        As of `check_log`.
     hold
         How the wrench goes on behind a row: ``zero`` holds it, ``linear`` interpolates.
     horizon
@@ -74,7 +74,7 @@ def replay(
         has parts whose state no recording tells.
     """
     base, cut, plant = _opened(
-        config, measured, mapping, log_format, hold, horizon, WINDOWS, trust_plugins
+        config, measured, mapping, format, hold, horizon, WINDOWS, trust_plugins
     )
     if windows < 1:
         raise EqtError(f"windows: expected 1 or more, got {windows}")
@@ -93,7 +93,7 @@ def fit(
     over: Sequence[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
     *,
-    log_format: str = "csv",
+    format: str = "csv",
     hold: str = "zero",
     horizon: float | None = None,
     out: str | os.PathLike[str] | None = None,
@@ -106,7 +106,7 @@ def fit(
 
     Parameters
     ----------
-    config, measured, mapping, log_format, hold, trust_plugins
+    config, measured, mapping, format, hold, trust_plugins
         As of `replay`. The search starts at the numbers of the configuration.
     over
         Keys of numbers in `inertia`, `plant` and `actuators`; ``linear[0:3]`` is one number for
@@ -123,9 +123,10 @@ def fit(
         not tell.
     """
     base, cut, plant = _opened(
-        config, measured, mapping, log_format, hold, horizon, OF_FIT, trust_plugins
+        config, measured, mapping, format, hold, horizon, OF_FIT, trust_plugins
     )
     folder = Path("results") / f"{base.name}-fitted" if out is None else Path(out)
+    check_folder(folder)
     found = plant_fit.fit(base, over, cut, plant)
     written = write_fitted(found, folder)
     return replace(found, config=written, notes=tuple(_notes(base, cut)))
@@ -135,7 +136,7 @@ def _opened(
     config: Configuration | ConfigSource,
     measured: str | os.PathLike[str],
     mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
-    log_format: str,
+    format: str,
     hold: str,
     horizon: float | None,
     parts: int,
@@ -145,7 +146,7 @@ def _opened(
     source = config if isinstance(config, ConfigSource) else source_from(config, {})
     data = without_search(source.data)
     base = build(replace(source, data=data), trust_plugins=trust_plugins)
-    recording = read_measured(measured, base.group, mapping, log_format)
+    recording = read_measured(measured, base.group, mapping, format)
     recording.require_wrenches()
     if horizon is None:
         horizon = float(recording.times[-1] - recording.times[0]) / parts

@@ -28,6 +28,9 @@ SECTIONS = ("plant", "actuators", "inertia")
 FURTHER = 1e-4
 """Of a number, or of 1 where it is 0: the step from which derivatives are taken."""
 
+RESOLVED = 10.0
+"""Times the error of an engine: derivatives below it are none."""
+
 APART = 1e-3
 """The least singular value of the derivatives by numbers, each of length 1, with which these are
 told apart."""
@@ -240,8 +243,8 @@ class _Problem:
         noise, measured = self.windows.noise, np.isfinite(self.windows.noise)
         return (errors[:, measured] / noise[measured, None]).reshape(-1, errors.shape[-1])
 
-    def solved(self, start: Array) -> Array:
-        """The numbers with which the sum of squares is least."""
+    def solved(self, start: Array) -> tuple[Array, list[_Linear]]:
+        """The numbers with which the sum of squares is least, and all windows there."""
         from scipy.optimize import least_squares  # slow to import
 
         @lru_cache(maxsize=2)
@@ -266,7 +269,34 @@ class _Problem:
             ftol=ACCURACY,
             max_nfev=MOST_TRIED,
         )
-        return np.asarray(found.x)
+        return np.asarray(found.x), at(tuple(found.x.tolist())) or []
+
+    def require_told(self, found: list[_Linear]) -> Array:
+        """The singular values of the derivatives by the numbers, each scaled to length 1.
+
+        Raises
+        ------
+        EqtError
+            Where the recording does not tell a number, or not apart from others.
+        """
+        derivatives, noise = np.concatenate([one.derivatives for one in found]), self.windows.noise
+        name, lengths = self.windows.recording.name, np.linalg.norm(derivatives, axis=0)
+        error = self.base.engine.rtol / (FURTHER * self.scales) / np.nanmin(noise)
+        resolved = lengths > RESOLVED * np.sqrt(len(derivatives)) * error
+        for key in (key for key, is_so in zip(self.keys, resolved, strict=True) if not is_so):
+            raise EqtError(
+                f"{key}: has no influence on what is predicted of {name}; leave it out, give a "
+                "recording in which it acts, or start at a value of its size"
+            )
+        _, values, directions = np.linalg.svd(derivatives / lengths, full_matrices=False)
+        if values[-1] < APART:
+            parts = zip(self.keys, directions[-1], strict=True)
+            alike = " and ".join(key for key, part in parts if abs(part) > SHARE)
+            raise EqtError(
+                f"{alike}: {name} does not tell them apart, since a change of one acts as a change "
+                f"of the others (least singular value {values[-1]:.2g}); leave one out"
+            )
+        return np.asarray(values)
 
     @property
     def _size(self) -> int:
@@ -320,17 +350,15 @@ def fit(
             f"{name}: with the numbers of the configuration, the run of a window fails; check the "
             "inertia and the units of the wrench, or give a shorter horizon"
         )
-    require_told(keys, _derivatives(first), name)
-    before, numbers = problem.sizes(first, 0), start
+    problem.require_told(first)
+    before, numbers, found = problem.sizes(first, 0), start, first
     for _ in range(ROUNDS):
-        numbers = problem.solved(numbers)
-        found = problem.linear(numbers) or first  # they are finite where the search has ended
+        numbers, found = problem.solved(numbers)
         if problem.follow(found) < FOLLOWED:
             break
-    singular = require_told(keys, _derivatives(found), name)
+    singular = problem.require_told(found)
     after = problem.sizes(found, len(keys))
-    whole = _derivatives(found)
-    gram = whole.T @ whole
+    gram = sum(one.derivatives.T @ one.derivatives for one in found)
     pulls = [np.linalg.solve(gram, one.derivatives.T @ one.residuals) for one in found]
     intervals = intervals_of_means(numbers - len(found) * np.array(pulls), Resampling())
     columns = zip(keys, start, numbers, intervals.low, intervals.high, strict=True)
@@ -344,36 +372,6 @@ def fit(
         windows.horizon,
         problem.at(numbers),
     )
-
-
-def _derivatives(found: list[_Linear]) -> Array:
-    return np.concatenate([one.derivatives for one in found])
-
-
-def require_told(keys: Sequence[str], derivatives: Array, name: str) -> Array:
-    """The singular values of scaled derivatives by the numbers.
-
-    Raises
-    ------
-    EqtError
-        Where a recording does not tell a number, or not apart from others.
-    """
-    lengths = np.linalg.norm(derivatives, axis=0)
-    for key, length in zip(keys, lengths.tolist(), strict=True):
-        if length == 0.0:
-            raise EqtError(
-                f"{key}: has no influence on what is predicted of {name}; leave it out, or give a "
-                "recording in which it acts"
-            )
-    _, values, directions = np.linalg.svd(derivatives / lengths, full_matrices=False)
-    if values[-1] < APART:
-        alike = [key for key, part in zip(keys, directions[-1], strict=True) if abs(part) > SHARE]
-        raise EqtError(
-            f"{' and '.join(alike)}: {name} does not tell them apart, since a change of one acts "
-            f"as a change of the others (least singular value {values[-1]:.2g}); leave one out"
-        )
-    found: Array = values
-    return found
 
 
 def _residuals(windows: Windows, before: Array, after: Array) -> Iterator[Residual]:
