@@ -166,7 +166,7 @@ def _told(G: MatrixLieGroup) -> tuple[Entry, ...]:
 
 def _numbers(loop: ClosedLoop) -> tuple[Entry, ...]:
     """Those that a law can read, and the period."""
-    readable = dataclasses.replace(loop, vehicle=Vehicle(), held=None)
+    readable = dataclasses.replace(loop, vehicle=Vehicle(), held_reference=None, held_law=None)
     shapes = {path: _shape(value) for path, value in leaves(readable).items()}
     names = distinct([name_of_number(path) for path in shapes], taken=(PERIOD,))
     pairs = zip(names, shapes.items(), strict=True)

@@ -21,6 +21,7 @@ from eqt_cli.core.leaves import STRUCTURE, leaves
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.mechanics.inertia import Inertia, InertiaLaw
 from eqt_cli.mechanics.lie_poisson import lie_poisson
+from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.mechanics.tracking import Gains, Tracking
 from eqt_cli.references import Reference
 from eqt_cli.references.base import Desired
@@ -61,7 +62,8 @@ class ClosedLoop:
     reference: Reference = field(metadata=STRUCTURE)
     controller: Controller
     vehicle: Vehicle = field(default_factory=Vehicle)
-    held: Reference | None = field(default=None, kw_only=True)
+    held_reference: Reference | None = field(default=None, kw_only=True)
+    held_law: Any = field(default=None, kw_only=True)
 
     @classmethod
     def of(cls, loop: "ClosedLoop") -> Self:
@@ -74,7 +76,7 @@ class ClosedLoop:
         """The torque that the law asks for, or asked for last, body frame, ``(..., m)``."""
         if self.vehicle.control is not None:
             return self.vehicle.last_command(self.group, s.vehicle)
-        return self.controller.torque(s)
+        return (self.held_law or self.controller).torque(s)
 
     def torque(self, s: Tracking) -> Array:
         """τ, the torque that the actuators give, body frame, ``(..., m)``."""
@@ -132,6 +134,11 @@ class ClosedLoop:
         return dissipation - dot(unknown, self.controller.velocity_error(s))
 
     @property
+    def departures(self) -> str:
+        """In what it departs from what theorems are about, in words; nothing where it does not."""
+        return ", ".join(filter(None, [self.controller.departs, self.vehicle.departures]))
+
+    @property
     def claims_decrease(self) -> bool | None:
         """Whether L is claimed to fall along every trajectory; None where nothing is said."""
         claims = self.controller.claims(self.group, self.gains)
@@ -155,29 +162,46 @@ class ClosedLoop:
     @cached_property
     def knots(self) -> Array:
         """The times, s, at which it changes by what is `held` only; in order."""
-        return self.reference.instants(self.group) if self.holds else np.empty(0)
+        return self._instants_of(holds=True)
 
     @cached_property
     def breaks(self) -> Array:
         """The times, s, at which an engine ends a step and begins anew; in order."""
-        own = np.empty(0) if self.holds else self.reference.instants(self.group)
-        return np.unique(np.concatenate([own, *(f.instants() for f in self.vehicle.forces)]))
+        forces = (force.instants() for force in self.vehicle.forces)
+        return np.unique(np.concatenate([self._instants_of(holds=False), *forces]))
+
+    def _instants_of(self, holds: bool) -> Array:
+        """The instants of the parts that hold numbers, or of those that hold none."""
+        found = [
+            part.instants(self.group)
+            for part in self.given_over_time.values()
+            if (part.held(self.group, 0.0) is not None) is holds
+        ]
+        return np.unique(np.concatenate([np.empty(0), *found]))
+
+    @property
+    def given_over_time(self) -> dict[str, GivenOverTime]:
+        """The parts that may hold numbers, by the field of what they hold."""
+        return {"held_reference": self.reference, "held_law": self.controller}
 
     @cached_property
     def holds(self) -> bool:
         """Whether the vector field holds numbers from one instant to the next."""
-        return self.reference.held(self.group, 0.0) is not None
+        parts = self.given_over_time.values()
+        return any(part.held(self.group, 0.0) is not None for part in parts)
 
     def holding(self, t: Any) -> Self:
         """The same loop from time t to the next instant, whose numbers are among its leaves."""
         if not self.holds:
             return self
-        return dataclasses.replace(self, held=self.reference.held(self.group, t))
+        parts = self.given_over_time.items()
+        held = {name: part.held(self.group, t) for name, part in parts}
+        return dataclasses.replace(self, **held)
 
     @property
     def held_leaves(self) -> dict[str, Array]:
         """Those of its leaves that it holds, by path."""
-        return {path: number for path, number in leaves(self).items() if path.startswith("held.")}
+        return {path: number for path, number in leaves(self).items() if path.startswith("held_")}
 
     # Flat states.
 
@@ -247,7 +271,7 @@ class ClosedLoop:
         Qd, Pd = map(found.get, DESIRED)
         if Qd is not None:
             Qd = self.group.unpack(Qd)
-        desired = (self.held or self.reference).desired(self.group, inertia, t, Qd, Pd)
+        desired = (self.held_reference or self.reference).desired(self.group, inertia, t, Qd, Pd)
         batch = state.shape[:-1]
         Q, P = _spread(desired.Q, batch, 2), _spread(desired.P, batch, 1)
         return desired._replace(Q=Q, P=P), inertia

@@ -10,13 +10,14 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup, groups
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.logs.columns import (
+    VELOCITY,
     pose_columns,
     quaternion_norms,
     used_columns,
 )
 from eqt_cli.logs.fit import misfits, other_order, reordered
 from eqt_cli.logs.mapping import PARTNERS, LogMapping, MappingError, TrajectoryFormat
-from eqt_cli.logs.reading import RECORDED, Log, read_log
+from eqt_cli.logs.reading import Log, read_log
 from eqt_cli.logs.table import QUATERNION, open_sheet
 from eqt_cli.logs.units import is_turn, units_of
 
@@ -41,7 +42,7 @@ class ColumnUse:
     name
         eqt's name of it; empty where it is not used.
     use
-        ``time``, ``pose``, ``rates``, ``velocity`` or ``not used``.
+        ``time``, ``pose``, ``rates``, ``velocity``, ``torque``, ``force`` or ``not used``.
     unit
         That of its numbers; empty where they have none.
     assumed
@@ -163,11 +164,11 @@ def _uses(log: Log) -> Iterator[ColumnUse]:
         if name not in log.table.columns:
             yield ColumnUse(heading, "", "not used", log.sheet.units.get(name, ""), False)
             continue
-        parts = [part for part in log.recorded if name in RECORDED[part]]
-        use = "time" if name == "t" else parts[0] if parts else "pose"
+        kinds = [beside.kind for beside in log.recorded if name in beside.names]
+        use = "time" if name == "t" else kinds[0] if kinds else "pose"
         given = log.sheet.units.get(name, "")
         taken = next((unit for unit in units_of(name)), "")
-        if parts and "/" not in taken and taken:
+        if use in VELOCITY and "/" not in taken:
             taken += "/s"
         yield ColumnUse(heading, name, use, given or taken, bool(taken) and not given)
 
