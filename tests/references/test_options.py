@@ -133,7 +133,7 @@ def test_a_slew_begins_at_once_unless_told():
 def test_only_numbers_that_differ_from_piece_to_piece_are_held():
     """What is 0, 1 or −1 in all pieces is structure, which costs nothing once compiled."""
     pieces = SlewReference(to={"rotvec": [0.0, 0.0, 1.0]}, duration=2.0, start=1.0).pieces(G)
-    held = pieces.at(pieces.starts)["numbers"]
+    _, held = pieces.at(pieces.starts)
     shared = (held == held[0]).all(axis=0)
     assert not np.isin(held[0, shared], (-1.0, 0.0, 1.0)).any()
 
