@@ -21,7 +21,7 @@ def test_the_true_numbers_are_found(recorded):
     found = eqt_cli.fit(model("SO3"), "flight.csv", [INERTIA, ABOUT], horizon=0.6)
     assert [n.value for n in found.numbers] == pytest.approx([RELATIVE, 0.05], rel=1e-5)
     assert found.config.as_posix() == "results/model-fitted/fitted.yaml"
-    written = eqt_cli.load_experiment(found.config).base.config
+    written = eqt_cli.load_experiment(found.config).base.resolved
     assert written["plant"]["inertia"]["relative"] == found.numbers[0].value
     assert written["plant"]["forces"][0]["linear"] == [found.numbers[1].value] * 3
 
