@@ -2,6 +2,7 @@
 
 import ast
 import importlib.util
+import math
 import re
 import shutil
 import subprocess
@@ -12,6 +13,8 @@ from pkgutil import resolve_name
 
 import pytest
 import yaml
+
+from eqt_cli.execution.executors import auto
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -60,6 +63,9 @@ def test_commands_and_configurations_are_accepted(page, folder, monkeypatch):
 )
 @pytest.mark.usefixtures("unarranged")
 def test_commands_and_snippets(page, folder, monkeypatch):
+    # Where the machine is busy, even small experiments would start processes.
+    monkeypatch.setattr(auto, "WORTH_STARTING", math.inf)
+    monkeypatch.setattr(auto, "WORTH_LEAVING_THREADS", math.inf)
     monkeypatch.chdir(folder)
     with docs_runner.without_plugins():
         docs_runner.carry_out(_text(page))
