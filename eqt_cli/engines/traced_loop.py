@@ -18,6 +18,7 @@ import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
 from eqt_cli.closed_loop.law_program import MEMORY, NUMBER, TOLD, TORQUE, LawProgram, law_program
+from eqt_cli.closed_loop.parts import parts_of
 from eqt_cli.closed_loop.system import MEMORY as CONTROLLER
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import TraceError
@@ -398,20 +399,11 @@ def _explain(error: Exception, loop: ClosedLoop) -> str:
 
 def _places(trace: TracebackType | None, loop: ClosedLoop) -> dict[str, str]:
     """The components in the traceback, the innermost last, and how far each has come."""
-    components = {
-        id(component): f"{kind} '{component.name}'"
-        for kind, component in (
-            ("controller", loop.controller),
-            ("reference", loop.reference),
-            ("group", loop.group),
-        )
-    }
+    # What is traced are copies with symbols in place of numbers, of the same classes.
+    names = {type(part): name for part, _, name in reversed(parts_of(loop))}
     places: dict[str, str] = {}
     for frame, line in traceback.walk_tb(trace):
-        itself = frame.f_locals.get("self")
-        # The traced controller is a copy with symbols in place of its numbers.
-        is_controller = type(itself) is type(loop.controller)
-        name = components.get(id(loop.controller if is_controller else itself))
+        name = names.get(type(frame.f_locals.get("self")))
         if name:
             summary = traceback.FrameSummary(frame.f_code.co_filename, line, frame.f_code.co_name)
             places[name] = f"{Path(frame.f_code.co_filename).name}:{line}: {summary.line}"

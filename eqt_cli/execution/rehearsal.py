@@ -8,17 +8,16 @@ import traceback
 import warnings
 from collections.abc import Hashable, Iterator
 from contextlib import contextmanager
-from typing import Any, NamedTuple
 
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.parts import LoopPart, parts_of
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.error_origin import described, place_of
 from eqt_cli.core.errors import EqtError, InputError, TraceError
-from eqt_cli.core.problems import KeyPath, Problems, parse_key
-from eqt_cli.core.registry import is_foreign
+from eqt_cli.core.problems import Problems
 from eqt_cli.engines import Problem
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.experiment.study import Study
@@ -29,19 +28,6 @@ MOST_SECONDS = 3.0
 ALONE = 1e-8
 """Relative: what the rates of a run may change by where others are beside it. Sums of another
 length are rounded in another way, and differences of nearly equal numbers enlarge that."""
-
-
-class Component(NamedTuple):
-    """A part of a loop, where it is in the configuration, and what it is called."""
-
-    part: Any
-    path: KeyPath
-    name: str
-
-    @property
-    def is_foreign(self) -> bool:
-        """Whether it is the user's own."""
-        return is_foreign(type(self.part).__module__)
 
 
 def rehearse(study: Study, problems: Problems) -> list[str]:
@@ -60,7 +46,7 @@ def rehearse(study: Study, problems: Problems) -> list[str]:
             those = f"the laws before took more than {MOST_SECONDS:g} s"
             return [*remarks, f"not tried: {', '.join(left)}; {those}"]
         label, first = group[0]
-        components = _components(first.problem.loop, list(study.base.loops).index(label))
+        components = parts_of(first.problem.loop, list(study.base.loops).index(label))
         with _blaming(components, problems):
             remarks += _begin([batch for _, batch in group], components)
         for label, _ in group:
@@ -84,7 +70,7 @@ def _by_kind(study: Study) -> list[list[tuple[str, Batch]]]:
     return list(groups.values())
 
 
-def _begin(group: list[Batch], components: list[Component]) -> list[str]:
+def _begin(group: list[Batch], components: list[LoopPart]) -> list[str]:
     """Raise for the first thing that is wrong with these runs."""
     problem, engine = Problem.joined([batch.problem for batch in group]), group[0].engine
     law = components[0].name
@@ -139,20 +125,8 @@ def _measure(problem: Problem, law: str) -> None:
     compute(loop, times, states)
 
 
-def _components(loop: ClosedLoop, index: int) -> list[Component]:
-    """The parts of a loop, its law first."""
-    found = [
-        Component(loop.controller, ("controllers", index), f"controller '{loop.controller.name}'"),
-        Component(loop.reference, ("reference",), f"reference '{loop.reference.name}'"),
-        Component(loop.group, ("group",), f"group '{loop.group.name}'"),
-    ]
-    for place, part in loop.vehicle.parts.items():
-        found.append(Component(part, parse_key(place), f"'{getattr(part, 'name', place)}'"))
-    return found
-
-
 @contextmanager
-def _blaming(components: list[Component], problems: Problems) -> Iterator[None]:
+def _blaming(components: list[LoopPart], problems: Problems) -> Iterator[None]:
     """Note an exception at the component whose code raised it, with its line; else at the law.
 
     What nobody's component but eqt's own can have raised is raised again.
@@ -174,7 +148,7 @@ def _blaming(components: list[Component], problems: Problems) -> Iterator[None]:
         )
 
 
-def _culprit(error: BaseException, components: list[Component]) -> Component:
+def _culprit(error: BaseException, components: list[LoopPart]) -> LoopPart:
     """The component of the innermost line that is in the file of one that is not eqt's."""
     own = {type(c.part).__module__: c for c in reversed(components) if c.is_foreign}
     frames = [frame for frame, _ in traceback.walk_tb(error.__traceback__)]

@@ -14,11 +14,12 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.parts import LoopPart, parts_of
 from eqt_cli.closed_loop.signals import compute
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.error_origin import described, place_of, place_of_function
 from eqt_cli.core.errors import EqtError, InputError
-from eqt_cli.core.problems import KeyPath, Problems
+from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import is_foreign
 from eqt_cli.ensemble.initial import draw_initial_states
 from eqt_cli.experiment.experiment import Experiment
@@ -40,24 +41,24 @@ def probe(experiment: Experiment, problems: Problems) -> None:
         )
         state = first.initial_state(Q, V, Qd, Vd)[0]
     if not problems:
-        path, name = _suspect(first.reference, ("reference",), "reference", first)
-        with problems.catching(*path):
-            _probe_reference(first, state, name)
+        _, reference, group, *_ = parts_of(first)
+        suspect = _suspect(reference, group)
+        with problems.catching(*suspect.path):
+            _probe_reference(first, state, suspect.name)
     if problems:
         return
     for index, loop in enumerate(loops.values()):
-        path, name = _suspect(loop.controller, ("controllers", index), "controller", loop)
-        with problems.catching(*path):
-            with failing(name):
+        law, _, group, *_ = parts_of(loop, index)
+        suspect = _suspect(law, group)
+        with problems.catching(*suspect.path):
+            with failing(suspect.name):
                 state = loop.initial_state(Q, V, Qd, Vd)[0]  # with the memory of this law
-            _probe_law(loop, state, name)
+            _probe_law(loop, state, suspect.name)
 
 
-def _suspect(part: Any, path: KeyPath, kind: str, loop: ClosedLoop) -> tuple[KeyPath, str]:
-    """Where to look and at what: at the group of the user's, where the part itself is eqt's."""
-    if not is_foreign(type(part).__module__) and is_foreign(type(loop.group).__module__):
-        return ("group",), f"group '{loop.group.name}'"
-    return path, f"{kind} '{part.name}'"
+def _suspect(part: LoopPart, group: LoopPart) -> LoopPart:
+    """What to blame: the group of the user's, where the part itself is eqt's."""
+    return group if group.is_foreign and not part.is_foreign else part
 
 
 def _probe_reference(loop: ClosedLoop, state: Array, name: str) -> None:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.closed_loop.parts import vehicle_parts
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.error_origin import place_of_function
 from eqt_cli.core.errors import InputError
-from eqt_cli.core.problems import Problems, parse_key
-from eqt_cli.core.registry import is_foreign
+from eqt_cli.core.problems import Problems, dotted
 from eqt_cli.ensemble.seeds import Stream, generator_at
 from eqt_cli.experiment.experiment import Experiment
 from eqt_cli.experiment.trial_evaluation import WHEN, failing, repeated, require_fit
@@ -29,43 +29,34 @@ MEASUREMENTS = 3, 7
 def probe_parts(experiment: Experiment, problems: Problems) -> None:
     """Note what parts of the user's lack, raise, or return in a shape that does not fit."""
     loop = next(iter(experiment.loops.values()))
-    own = {
-        place: part
-        for place, part in loop.vehicle.parts.items()
-        if is_foreign(type(part).__module__)
-    }
+    own = [each for each in vehicle_parts(loop) if each.is_foreign]
     if not own:
         return
     Qd, Vd = experiment.initial_pose, experiment.initial_velocity
     state = loop.initial_state(Qd, Vd, Qd, Vd)
-    for place, part in own.items():
-        with problems.catching(*parse_key(place)):
-            _require_words(part)
+    for part, path, name in own:
+        with problems.catching(*path):
+            _require_words(part, name)
             if isinstance(part, Sensor):
-                _try_sensor(loop, part, experiment.config.ensemble.seed, place)
+                _try_sensor(loop, part, name, experiment.config.ensemble.seed, dotted(path))
             else:
-                _try_part(loop, part, repeated(loop, state))
+                _try_part(loop, part, name, repeated(loop, state))
 
 
-def _named(part: Any) -> str:
-    kind = next(kind for kind in (Force, Actuator, Sensor) if isinstance(part, kind))
-    return f"{kind.__name__.lower()} '{part.name}'"
-
-
-def _require_words(part: Any) -> None:
+def _require_words(part: Any, name: str) -> None:
     """Raise where a report has no words for it."""
     words = getattr(part, "departs", None)
     if isinstance(words, str) and words.strip():
         return
     found = "is missing" if words is None else f"is {words!r}"
     raise InputError(
-        f"{_named(part)}: `departs` {found}; expected text that says in a few words how the loop "
+        f"{name}: `departs` {found}; expected text that says in a few words how the loop "
         'departs from the ideal one, such as departs: ClassVar[str] = "a tether"'
     )
 
 
-def _try_sensor(loop: ClosedLoop, part: Sensor, seed: int, place: str) -> None:
-    control, name = loop.vehicle.control, _named(part)
+def _try_sensor(loop: ClosedLoop, part: Sensor, name: str, seed: int, place: str) -> None:
+    control = loop.vehicle.control
     assert control is not None
 
     def drawn(count: int) -> tuple[Array, Array]:
@@ -97,9 +88,9 @@ def _try_sensor(loop: ClosedLoop, part: Sensor, seed: int, place: str) -> None:
             )
 
 
-def _try_part(loop: ClosedLoop, part: Any, whole: Array) -> None:
+def _try_part(loop: ClosedLoop, part: Any, name: str, whole: Array) -> None:
     """As engines call it, for runs at one time, and as it is measured, on all samples."""
-    G, name = loop.group, _named(part)
+    G = loop.group
     for t, states in ((0.0, whole[:, 0]), (np.zeros(whole.shape[1]), whole)):
         s = loop.tracking(t, states)
         if isinstance(part, Force):

@@ -8,13 +8,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
-import yaml
-
 from eqt_cli.config.signal_path import loop_in_words
 from eqt_cli.config.source import ConfigSource, source_of
-from eqt_cli.config.yaml_source import dump
+from eqt_cli.config.yaml_source import dump, load
 from eqt_cli.controllers import controllers
-from eqt_cli.core.errors import ComponentError, EqtError, suggestion
+from eqt_cli.core.errors import ComponentError, ConfigError, EqtError, suggestion
 from eqt_cli.core.printable import printable
 from eqt_cli.experiment.build import build
 from eqt_cli.experiment.config_at_point import config_at
@@ -191,15 +189,15 @@ class KnownResult(ResultFile):
     def loop_in_words(self) -> str:
         """What the loop has that the paper's has not, in a sentence; nothing for the paper's."""
         with suppress(KeyError, TypeError, AttributeError, ValueError):
-            return loop_in_words(self.config or {})
+            return loop_in_words(self.config)
         return ""
 
     @cached_property
-    def config(self) -> Any:
-        """The stored configuration, of which nothing is checked; None if it is no YAML."""
-        with suppress(yaml.YAMLError, RecursionError, ValueError):
-            return yaml.safe_load(str(self.attributes.get("config", "")))
-        return None
+    def config(self) -> dict[str, Any]:
+        """The stored configuration, of which nothing is checked; empty if it cannot be read."""
+        with suppress(ConfigError):
+            return load(str(self.attributes.get("config", "")), "config").data
+        return {}
 
     @property
     def source(self) -> ConfigSource:
@@ -224,8 +222,7 @@ class KnownResult(ResultFile):
     @property
     def rtol(self) -> float | None:
         """The tolerance that all runs were asked for; None where it was swept, or is not known."""
-        config = self.config if isinstance(self.config, dict) else {}
-        solver = config.get("solver")
+        solver = self.config.get("solver")
         swept = any(name.startswith("solver") for name in self.coordinates)
         rtol = solver.get("rtol") if isinstance(solver, dict) else None
         return rtol if isinstance(rtol, float) and not swept else None

@@ -421,7 +421,7 @@ PLANTS = {
         in_method(
             Limit,
             "most",
-            lambda exact, part, G, torque: exact(part, G, torque, torque),
+            lambda exact, part, G, times, torque: (torque, torque),
         ),
     ),
     "momentum limit: without the period": (
@@ -480,8 +480,8 @@ PLANTS = {
         "thrusters",
         in_method(
             Thrusters,
-            "numbers",
-            lambda exact, part, *rest: exact(dataclasses.replace(part, weights=None), *rest),
+            "of_run",
+            lambda exact, part, *rest: exact(with_fields(part, weights=None), *rest),
         ),
     ),
     "thrusters: half the rate": ("thrusters", in_method(Thrusters, "state_rate", twice_as_slow)),
@@ -498,9 +498,7 @@ PLANTS = {
         in_method(
             Drag,
             "_flow",
-            lambda exact, part, G, t, Q, c: exact(
-                dataclasses.replace(part, frame="spatial"), G, t, Q, c
-            ),
+            lambda exact, part, G, t, Q: exact(with_fields(part, frame="spatial"), G, t, Q),
         ),
     ),
     "current: against the body": (

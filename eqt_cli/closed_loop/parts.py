@@ -1,0 +1,55 @@
+"""The parts of a closed loop: where each is in a configuration, and what messages call it."""
+
+from typing import Any, NamedTuple
+
+from eqt_cli.closed_loop.system import ClosedLoop
+from eqt_cli.core.problems import KeyPath, parse_key
+from eqt_cli.core.registry import is_foreign
+from eqt_cli.vehicle.actuators import Actuator
+from eqt_cli.vehicle.forces import Force
+from eqt_cli.vehicle.sensors import Sensor
+
+
+class LoopPart(NamedTuple):
+    """A part of a closed loop.
+
+    Attributes
+    ----------
+    path
+        In the configuration.
+    name
+        ``controller 'eqt'``; of what has no name, its place.
+    """
+
+    part: Any
+    path: KeyPath
+    name: str
+
+    @property
+    def is_foreign(self) -> bool:
+        """Whether it is the user's own."""
+        return is_foreign(type(self.part).__module__)
+
+
+def parts_of(loop: ClosedLoop, index: int = 0) -> list[LoopPart]:
+    """The parts of a loop, its law first, which is `index` among the controllers."""
+    law, reference, group = loop.controller, loop.reference, loop.group
+    return [
+        LoopPart(law, ("controllers", index), f"controller '{law.name}'"),
+        LoopPart(reference, ("reference",), f"reference '{reference.name}'"),
+        LoopPart(group, ("group",), f"group '{group.name}'"),
+        *vehicle_parts(loop),
+    ]
+
+
+def vehicle_parts(loop: ClosedLoop) -> list[LoopPart]:
+    """What is between the law and the motion."""
+    return [
+        LoopPart(part, parse_key(place), _name(part, place))
+        for place, part in loop.vehicle.parts.items()
+    ]
+
+
+def _name(part: Any, place: str) -> str:
+    kind = next((kind for kind in (Force, Actuator, Sensor) if isinstance(part, kind)), None)
+    return f"'{place}'" if kind is None else f"{kind.__name__.lower()} '{part.name}'"
