@@ -53,6 +53,7 @@ from eqt_cli.experiment.vehicle import resolved as resolved_vehicle
 from eqt_cli.experiment.vehicle import vehicle_from
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.groups.product import ProductGroup
+from eqt_cli.logs.mapping import MAPPING
 from eqt_cli.mechanics.rigid_body import not_rigid
 from eqt_cli.mechanics.tracking import Gains
 
@@ -227,7 +228,12 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     if initial:
         start = _start(initial, group, desired, source, problems.at("initial"))
     config = _agreeing(
-        source, {name: sections[name] for name in SEARCHES}, group, desired, start, problems
+        source,
+        {name: sections[name] for name in (*SEARCHES, "initial")},
+        group,
+        desired,
+        start,
+        problems,
     )
     problems.raise_if_any()
     assert config and group and desired and inertia and vehicle and start and solver
@@ -273,8 +279,8 @@ def _start(
     """Where the runs start, by distributions or by the rows of a file."""
     if section.file is not None:
         return start_from_file(section, G, desired, source, problems)
-    if "relative" in section.model_fields_set:
-        problems.at("relative").add(
+    for key in section.model_fields_set & {"relative", MAPPING}:
+        problems.at(key).add(
             "applies only to poses from a `file`; give `file` too, or remove this key"
         )
     poses = _poses(section.pose, G, problems.at("pose"))
@@ -288,7 +294,7 @@ def _start(
 
 def _agreeing(
     source: ConfigSource,
-    searches: dict[str, Any],
+    read: dict[str, Any],
     G: MatrixLieGroup | None,
     desired: DesiredTrajectory | None,
     start: Start | None,
@@ -299,7 +305,7 @@ def _agreeing(
         return None
     # Dataclasses, as ranges are, pass strict validation as such, and not as mappings.
     config = Config.model_validate(
-        source.data | {name: section for name, section in searches.items() if section}
+        source.data | {name: section for name, section in read.items() if section}
     )
     check_horizon(desired.reference, G, config.time.duration, problems)
     if start.rows is None:
