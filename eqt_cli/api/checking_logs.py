@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
 
 from eqt_cli.api.paths import path_from
 from eqt_cli.config import yaml_source
@@ -14,10 +13,13 @@ from eqt_cli.core.errors import EqtError, InputError
 from eqt_cli.core.files import text_of
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.validation import validated
-from eqt_cli.groups import group_named
+from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.logs.check import LogCheck, check_text
-from eqt_cli.logs.mapping import LogMapping, MappingError, trajectory_format
-from eqt_cli.logs.ulog import SUFFIX, recording_text
+from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat, trajectory_format
+from eqt_cli.logs.recording import Recording, read_recording
+from eqt_cli.logs.ulog import recording_text
+
+Found = TypeVar("Found")
 
 LOG_BYTES = 400_000_000
 """Of a recording; a million rows of 20 numbers have as many."""
@@ -65,19 +67,48 @@ def check_log(
     >>> found.group, found.rate, found.notes
     ('SO3', 100.0, [])
     """
-    kind, file = trajectory_format(format), path_from("path", path)
     G = None if group is None else group_named(group)
+    return _read(
+        path,
+        mapping,
+        format,
+        lambda text, name, kind, said: check_text(text, name, kind, said, G),
+    )
+
+
+def read_measured(
+    path: str | os.PathLike[str],
+    G: MatrixLieGroup,
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    format: str = "csv",
+) -> Recording:
+    """A recording as a motion on a group; arguments and errors as of `check_log`."""
+    return _read(
+        path,
+        mapping,
+        format,
+        lambda text, name, kind, said: read_recording(text, name, kind, G, said),
+    )
+
+
+def _read(
+    path: str | os.PathLike[str],
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
+    format: str,
+    use: Callable[[str, str, TrajectoryFormat, LogMapping], Found],
+) -> Found:
+    """What is made of a file by its mapping."""
+    kind, file = trajectory_format(format), path_from("path", path)
     said, problems = _mapping(mapping)
     problems.raise_if_any()
     smaller = "cut it into parts, leave out columns, or keep every tenth row"
     text = recording_text(file, "check the path", EqtError, LOG_BYTES, smaller)
     try:
-        found = check_text(text, str(file), kind, said, G)
+        return use(text, str(file), kind, said)
     except MappingError as error:
         problems.at(*error.path).add(str(error))
         problems.raise_if_any()
         raise
-    return replace(found, format="ulog") if file.suffix.lower() == SUFFIX else found
 
 
 def _mapping(

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from eqt_cli.analysis.comparison import Comparison, Window
 from eqt_cli.analysis.comparison import compare as compare_results
 from eqt_cli.analysis.comparison.bootstrap import Resampling
 from eqt_cli.analysis.comparison.maps import Map, compare_map
+from eqt_cli.analysis.measured.explained import Explanation, explained
+from eqt_cli.analysis.measured.run import measured_runs
+from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.paths import ResultPath, path_from
 from eqt_cli.core.errors import EqtError
 from eqt_cli.execution.executors import Progress
@@ -72,6 +75,64 @@ def compare(
     with open_result(path_from("result", result), point) as results:
         how, steps = Resampling(confidence, resamples, seed), Steps(progress, stage)
         return compare_results(results, metrics=metrics, windows=parsed, how=how, steps=steps)
+
+
+def compare_measured(
+    result: ResultPath,
+    measured: str | os.PathLike[str],
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    *,
+    format: str = "csv",
+    run: int = 0,
+    controllers: Sequence[str] = (),
+    point: int | None = None,
+) -> list[Explanation]:
+    """Say how much of a measured tracking error the runs of a result explain.
+
+    Parameters
+    ----------
+    result
+        The result folder, or the file in it.
+    measured, mapping, format
+        A recording, as of `check_log`. Without ``time.offset`` in the mapping, its clock is aligned
+        with that of the runs.
+    run
+        Its number, counted from 0.
+    controllers
+        Labels of those to compare with; all if empty.
+    point
+        Of a sweep, counted from 0.
+
+    Returns
+    -------
+    list of Explanation
+        One for each controller.
+
+    Raises
+    ------
+    EqtError
+        If there is no such run or controller, or the recording does not fit it.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> with eqt_cli.open_results("results/paper", "arrays") as result:
+    ...     V = result.trajectory("velocity", 0)[0]
+    ...     Q = result.trajectory("pose", 0)[0].reshape(-1, 9)
+    ...     rows = np.c_[result.times + 0.25, Q, V]
+    >>> names = [f"Q{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)]
+    >>> header = ",".join(["t", *names, "wx", "wy", "wz"])
+    >>> np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="")
+    >>> (found,) = eqt_cli.compare_measured("results/paper", "flight.csv", controllers=["eqt"])
+    >>> round(found.offset, 6), round(found.shares[0].explained, 6)
+    (-0.25, 1.0)
+    """
+    with open_result(path_from("result", result), point) as opened:
+        if opened.group is None:
+            raise opened.error(f"is on group '{opened.group_name}' of a plugin, which is not known")
+        recording = read_measured(measured, opened.group, mapping, format)
+        chosen = [opened.position_of(name) for name in controllers]
+        return [explained(one) for one in measured_runs(opened, recording, chosen, run)]
 
 
 def compare_sweep(

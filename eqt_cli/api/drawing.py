@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.loading import LoadedExperiment, at_point, load_experiment
 from eqt_cli.api.paths import ResultPath
 from eqt_cli.core.errors import EqtError
@@ -16,6 +17,7 @@ from eqt_cli.execution.executors import Progress
 from eqt_cli.execution.folder import FIGURES
 from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.logs.recording import Recording
 from eqt_cli.results.result import Result, open_result, point_folder
 
 if TYPE_CHECKING:
@@ -40,6 +42,9 @@ def plot(
     style: Sequence[str] = (),
     tex: bool = False,
     point: int | Sequence[int] | None = None,
+    measured: str | os.PathLike[str] | None = None,
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    log_format: str = "csv",
     trust_plugins: bool = False,
     workers: int = 1,
     note: Note = lambda text: None,
@@ -55,7 +60,7 @@ def plot(
         configuration or a `LoadedExperiment`, of which the figures that need no run are drawn.
     figure
         Its name, as ``eqt list figures`` shows them; or several, with the options of each. If not
-        given, ``paper``, and of a configuration ``reference``.
+        given, ``paper``, of a configuration ``reference``, and with a recording ``measured``.
     out
         The folder; ``figures`` in that of the first result if not given, and ``figures/<name>`` for
         a configuration.
@@ -71,6 +76,8 @@ def plot(
         Let LaTeX set the text.
     point
         Of a sweep, counted from 0; several to draw them in one figure.
+    measured, mapping, log_format
+        A recording to show beside a run, as of `check_log`.
     trust_plugins
         Execute plugin sources that are stored in the result, where the figure shows certificates.
     workers
@@ -97,7 +104,7 @@ def plot(
     >>> [file.name for file in eqt_cli.plot("results/paper", "torque", formats=["pdf", "svg"])]
     ['torque.pdf', 'torque.svg']
     """
-    from eqt_cli.plots.base import OfCertificates
+    from eqt_cli.plots.base import Alongside, OfCertificates
     from eqt_cli.plots.drawing.style import Style
     from eqt_cli.plots.figures import figures
     from eqt_cli.plots.render import DRAWN, render
@@ -105,7 +112,9 @@ def plot(
 
     with _opened(result, point) as opened:
         first = opened[0]
-        figure = figure or ("paper" if isinstance(first, Result) else "reference")
+        figure = figure or (
+            "measured" if measured else "paper" if isinstance(first, Result) else "reference"
+        )
         wanted = {figure: options or {}} if isinstance(figure, str) else figure
         within = Path(FIGURES) if point is None else point_folder(*_points(point))
         if out is not None:
@@ -116,6 +125,9 @@ def plot(
             home = folder = Path(FIGURES, first.name)
         targets = [folder / f"{name}.{format}" for name in wanted for format in formats]
         check_targets(targets, home)
+        beside = (
+            None if measured is None else _recording(first, wanted, measured, mapping, log_format)
+        )
         steps = Steps(progress, stage)
         rows: list[Row] = []
         of_certificates = any(issubclass(figures.get(name), OfCertificates) for name in wanted)
@@ -131,7 +143,14 @@ def plot(
         files = []
         for name, given in wanted.items():
             files += render(
-                opened, name, folder, formats, width, given, style=look, certificates=rows
+                opened,
+                name,
+                folder,
+                formats,
+                width,
+                given,
+                style=look,
+                alongside=Alongside(rows, beside),
             )
             advance(1)
         return files
@@ -143,12 +162,15 @@ def check_figures(
     folder: str | os.PathLike[str],
     *,
     point: int | Sequence[int] | None = None,
+    measured: str | os.PathLike[str] | None = None,
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None = None,
+    log_format: str = "csv",
 ) -> dict[str, Check]:
     """Compare the numbers behind figures with those that `plot` has written as ``json``.
 
     Parameters
     ----------
-    result, point
+    result, point, measured, mapping, log_format
         As of `plot`.
     figures
         Their names, with the options of each.
@@ -172,10 +194,36 @@ def check_figures(
     >>> checks["torque"].differences
     []
     """
+    from eqt_cli.plots.base import Alongside
     from eqt_cli.plots.render import check
 
     with _opened(result, point) as opened:
-        return {name: check(opened, name, Path(folder), given) for name, given in figures.items()}
+        beside = (
+            None
+            if measured is None
+            else _recording(opened[0], figures, measured, mapping, log_format)
+        )
+        kept, alongside = Path(folder), Alongside(measured=beside)
+        return {
+            name: check(opened, name, kept, given, alongside) for name, given in figures.items()
+        }
+
+
+def _recording(
+    shown: Result | Experiment,
+    wanted: Iterable[str],
+    measured: str | os.PathLike[str],
+    mapping: str | os.PathLike[str] | Mapping[str, Any] | None,
+    kind: str,
+) -> Recording:
+    """A recording on the group of what is shown, for a figure that shows one."""
+    from eqt_cli.plots.base import OfMeasured, figures
+
+    if not any(issubclass(figures.get(name), OfMeasured) for name in wanted):
+        raise EqtError("measured: no figure that is drawn shows a recording; 'measured' does")
+    if shown.group is None:
+        raise EqtError(f"measured: group '{shown.group_name}' of a plugin is not known here")
+    return read_measured(measured, shown.group, mapping, kind)
 
 
 @contextmanager

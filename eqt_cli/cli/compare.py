@@ -118,6 +118,13 @@ def compare(
         float,
         options.valued("--share", "P", "Share of runs that must settle, for --robust.", STATISTICS),
     ] = 0.9,
+    measured: options.Measured = None,
+    mapping: options.Mapping = None,
+    log_format: options.LogFormat = "csv",
+    run: Annotated[
+        int,
+        options.valued("--run", "K", "Run for --measured, counted from 0.", SELECTION),
+    ] = 0,
     list_: Annotated[
         bool,
         options.flag("--list", "List the metrics of this result.", SELECTION),
@@ -134,6 +141,9 @@ def compare(
     This prints the findings and the means; --verbose also prints every pair and every claim.
 
     For a sweep, this shows which law is best at each point; --point selects one point.
+
+    With --measured, it shows how much of the tracking error in a recording one run of each
+    controller explains.
     """
     from eqt_cli import api
     from eqt_cli.analysis.comparison.bootstrap import Resampling
@@ -148,10 +158,12 @@ def compare(
         return
     how = Resampling(confidence, resamples, seed)
     write = Latex() if format is Format.LATEX else Plain()
-    found = None
-    if robust:
+    recorded = measured, mapping, log_format, run
+    narrowed = bool(metric or window or table or robust)
+    found = _of_recording(result, recorded, narrowed, against or (), point, write, whole=verbose)
+    if found is None and robust:
         found = _robustness(result, share, confidence, write)
-    elif point is None:
+    elif found is None and point is None:
         found = _of_whole(result, metric or (), table, bool(window or against), how, write)
     if found is None:
         _require_table_of_experiment(table)
@@ -179,6 +191,39 @@ def compare(
         _print_tables(found.tables, format)
     for remark in () if json else found.remarks:
         say(remark)
+
+
+def _of_recording(
+    result: Path,
+    recorded: tuple[Path | None, Path | None, str, int],
+    narrowed: bool,
+    laws: Sequence[str],
+    point: int | None,
+    write: Plain,
+    *,
+    whole: bool,
+) -> _Found | None:
+    """How much of the errors in a recording the run of each controller explains."""
+    from eqt_cli import api
+    from eqt_cli.analysis.measured.explained import explained_table, records
+
+    measured, mapping, kind, run = recorded
+    if measured is None:
+        options.require_measured(mapping, kind, run)
+        return None
+    if narrowed:
+        raise EqtError(
+            "--measured compares with a recording; leave --metric, --window, --table and --robust "
+            "out"
+        )
+    found = api.compare_measured(
+        result, measured, mapping, format=kind, run=run, controllers=laws, point=point
+    )
+    axes = whole or len(found) == 1
+    table = explained_table(found, write, axes=axes)
+    remarks = [] if axes else ["next: --verbose prints every axis, --against LAW one controller"]
+    document = {"measured": str(measured), "controllers": [asdict(one) for one in found]}
+    return _Found(document, records(found), [table], remarks)
 
 
 def _print_tables(tables: Sequence[TextTable], format: Format) -> None:

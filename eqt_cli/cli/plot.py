@@ -33,7 +33,10 @@ def plot(
     ],
     figure: Annotated[
         list[str] | None,
-        options.figure("Figure to draw. Repeatable. Default: paper, or reference for a CONFIG."),
+        options.figure(
+            "Figure to draw. Repeatable. Default: paper, reference for a CONFIG, measured with "
+            "--measured."
+        ),
     ] = None,
     set_: options.Set = None,
     option: Annotated[
@@ -104,6 +107,9 @@ def plot(
             SELECTION,
         ),
     ] = None,
+    measured: options.Measured = None,
+    mapping: options.Mapping = None,
+    log_format: options.LogFormat = "csv",
     trust_plugins: options.TrustPlugins = False,
     json: options.Json = False,
     quiet: options.Quiet = False,
@@ -118,13 +124,23 @@ def plot(
     # A path that does not exist is reported where it is opened.
     if len(result) > 1 and out is None and check is None and all(map(Path.exists, result)):
         raise EqtError("figures of several results need a folder of their own; add --out DIR")
-    names = figure or _default(result[0], point, remark=not json)
+    recorded: dict[str, Any] = {
+        "measured": measured,
+        "mapping": mapping,
+        "log_format": log_format,
+    }
+    if measured is None:
+        options.require_measured(mapping, log_format)
+    default = ["measured"] if measured else None
+    names = figure or default or _default(result[0], point, remark=not json)
     shown = _with_overrides(result, set_)
     figures = _options(names, option or (), degrees=degrees)
     if check is not None:
         if format_ or out or style or tex:
             raise EqtError("--check draws nothing; leave --format, --style, --tex and --out out")
-        _print_checks(api.check_figures(shown, figures, check, point=point), result, json)
+        _print_checks(
+            api.check_figures(shown, figures, check, point=point, **recorded), result, json
+        )
         return
     with progress(0) as advance:
         files = api.plot(
@@ -136,6 +152,7 @@ def plot(
             style=style or (),
             tex=tex,
             point=point,
+            **recorded,
             trust_plugins=trust_plugins,
             workers=options.cores(),
             note=say,

@@ -1,15 +1,20 @@
 """Files with data that a configuration names: read once, and kept with it as text."""
 
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.errors import EqtError, InputError
 from eqt_cli.core.files import refusals
+from eqt_cli.core.problems import Problems
 from eqt_cli.logs.ulog import recording_text
+from eqt_cli.mechanics.over_time import GivenOverTime
 from eqt_cli.store.reader import open_results
 from eqt_cli.store.reserved_names import FILE_NAME
+
+P = TypeVar("P", bound=GivenOverTime)
 
 MOST_BYTES = 64_000_000
 """Of a file; it is kept in memory, and in every result."""
@@ -35,6 +40,15 @@ def data_file(source: ConfigSource, name: str) -> str:
             is_result = path.suffix == ".h5" or (path / FILE_NAME).exists()
         source.files[name] = _starts_of(path) if is_result else _text(path)
     return source.files[name]
+
+
+def with_data(part: P, source: ConfigSource, problems: Problems) -> tuple[P, dict[str, str]]:
+    """A component with the contents of its files, and these; what cannot be had is noted."""
+    texts = {}
+    for option, name in part.files.items():
+        with problems.catching(option):
+            texts[name] = data_file(source, name)
+    return part.with_files(texts), texts
 
 
 def _text(path: Path) -> str:

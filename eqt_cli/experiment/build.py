@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from eqt_cli.closed_loop import ClosedLoop
+from eqt_cli.config.data_files import with_data
 from eqt_cli.config.plugins import load_plugins
 from eqt_cli.config.schema import (
     SEARCHES,
@@ -197,7 +198,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
     task, initial = sections["task"], sections["initial"]
     group = _group(sections["group"], problems.at("group"))
     code = LawsInCode(source, trust_plugins)
-    laws = _controllers(
+    laws, files = _controllers(
         sections["controllers"] or [], task, group, code, problems.at("controllers")
     )
     desired = inertia = start = solver = None
@@ -232,6 +233,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         {name: sections[name] for name in (*SEARCHES, "initial")},
         group,
         desired,
+        {entry.index: entry.law for entry in laws.values()},
         start,
         problems,
     )
@@ -260,7 +262,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         start.velocities,
         solver,
         replace(source, stored_plugins=plugins | code.texts),
-        desired.files | start.files,
+        desired.files | start.files | files,
     )
     probe_parts(experiment, problems)
     problems.raise_if_any()
@@ -297,6 +299,7 @@ def _agreeing(
     read: dict[str, Any],
     G: MatrixLieGroup | None,
     desired: DesiredTrajectory | None,
+    laws: dict[int, Controller],
     start: Start | None,
     problems: Problems,
 ) -> Config | None:
@@ -307,7 +310,9 @@ def _agreeing(
     config = Config.model_validate(
         source.data | {name: section for name, section in read.items() if section}
     )
-    check_horizon(desired.reference, G, config.time.duration, problems)
+    check_horizon(desired.reference, "reference", G, config.time.duration, problems)
+    for index, law in laws.items():
+        check_horizon(law, f"controllers[{index}]", G, config.time.duration, problems)
     if start.rows is None:
         return config
     if "runs" not in config.ensemble.model_fields_set:
@@ -362,17 +367,21 @@ def _controllers(
     G: MatrixLieGroup | None,
     code: LawsInCode,
     problems: Problems,
-) -> dict[str, _Entry]:
-    """The control laws by label."""
+) -> tuple[dict[str, _Entry], dict[str, str]]:
+    """The control laws by label, and the contents of the files that they are given in."""
     laws: dict[str, _Entry] = {}
+    files: dict[str, str] = {}
     for index, entry in enumerate(entries):
         here = problems.at(index)
         entry = dict(entry) if isinstance(entry, dict) else entry
         label = entry.pop("label", None) if isinstance(entry, dict) else None
         own = entry.pop("gains", None) if isinstance(entry, dict) else None
         gains = validated(OwnGainsSection, own, here.at("gains")) if own is not None else None
-        law = component(controllers, entry, here, OF_EVERY_LAW, G)
+        law = component(controllers, entry, here, OF_EVERY_LAW)
         if law is not None and G is not None:
+            law, texts = with_data(law, code.source, here)
+            files |= texts
+            law.check(G, here)
             law = code.running(law, G, here)
         if law is None:
             continue
@@ -388,7 +397,7 @@ def _controllers(
             )
         else:
             laws[label] = _Entry(law, index, gains.model_dump(exclude_none=True) if gains else {})
-    return laws
+    return laws, files
 
 
 def _wrong_task(law: Controller, task: str) -> str:

@@ -10,14 +10,16 @@ from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup, groups
 from eqt_cli.groups.euclidean import EuclideanGroup
 from eqt_cli.logs.columns import (
+    VELOCITY,
     pose_columns,
     quaternion_norms,
     used_columns,
 )
 from eqt_cli.logs.fit import misfits, other_order, reordered
 from eqt_cli.logs.mapping import PARTNERS, LogMapping, MappingError, TrajectoryFormat
-from eqt_cli.logs.reading import RECORDED, Log, read_log
+from eqt_cli.logs.reading import Log, read_log
 from eqt_cli.logs.table import QUATERNION, open_sheet
+from eqt_cli.logs.ulog import SUFFIX
 from eqt_cli.logs.units import is_turn, units_of
 
 SLOWEST, FASTEST = 5.0, 1e-5
@@ -41,7 +43,7 @@ class ColumnUse:
     name
         eqt's name of it; empty where it is not used.
     use
-        ``time``, ``pose``, ``rates``, ``velocity`` or ``not used``.
+        ``time``, ``pose``, ``rates``, ``velocity``, ``torque``, ``force`` or ``not used``.
     unit
         That of its numbers; empty where they have none.
     assumed
@@ -118,7 +120,7 @@ def check_text(
     all_norms = np.concatenate(list(norms.values())) if norms else np.empty(0)
     return LogCheck(
         name,
-        kind,
+        "ulog" if name.lower().endswith(SUFFIX) else kind,
         G.name,
         list(_uses(log)),
         len(times),
@@ -163,11 +165,11 @@ def _uses(log: Log) -> Iterator[ColumnUse]:
         if name not in log.table.columns:
             yield ColumnUse(heading, "", "not used", log.sheet.units.get(name, ""), False)
             continue
-        parts = [part for part in log.recorded if name in RECORDED[part]]
-        use = "time" if name == "t" else parts[0] if parts else "pose"
+        kinds = [beside.kind for beside in log.recorded if name in beside.names]
+        use = "time" if name == "t" else kinds[0] if kinds else "pose"
         given = log.sheet.units.get(name, "")
         taken = next((unit for unit in units_of(name)), "")
-        if parts and "/" not in taken and taken:
+        if use in VELOCITY and "/" not in taken:
             taken += "/s"
         yield ColumnUse(heading, name, use, given or taken, bool(taken) and not given)
 

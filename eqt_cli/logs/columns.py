@@ -1,7 +1,8 @@
 """Which columns of a table hold the poses of a group, and these poses."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,6 +38,61 @@ class PoseColumns:
     turn: tuple[str, ...] = QUATERNION
 
 
+VELOCITY = {"rates": "w", "velocity": "v"}
+WRENCH = {"torque": "t", "force": "f"}
+"""What is measured beside poses, and the letter of its columns; each is a key of a mapping, too."""
+
+
+class Beside(NamedTuple):
+    """Columns of what was measured beside the poses.
+
+    Attributes
+    ----------
+    kind
+        Of `VELOCITY` or `WRENCH`.
+    names
+        Of the columns.
+    axes
+        Which coordinates of the Lie algebra they are, or of its dual.
+    group, block
+        The factor of the group that they belong to, and its rows and columns in a pose.
+    """
+
+    kind: str
+    names: tuple[str, ...]
+    axes: slice
+    group: EuclideanGroup
+    block: slice
+
+
+def columns_beside(G: MatrixLieGroup, suffix: str = "") -> Iterator[Beside]:
+    """The columns that velocities and wrenches of a group may have; none where not known."""
+    if isinstance(G, ProductGroup):
+        for k, (factor, first, own) in enumerate(
+            zip(G.factors, G.coordinates, G.blocks, strict=True), start=1
+        ):
+            for one in columns_beside(factor, str(k)):
+                axes = slice(first.start + one.axes.start, first.start + one.axes.stop)
+                yield one._replace(axes=axes, block=own)
+    if not isinstance(G, EuclideanGroup) or G.space > 3:
+        return
+    moves = [part.axes for part in G.parts if part.velocity_unit == "m/s"]
+    for kinds in (VELOCITY, WRENCH):
+        turning, moving = kinds
+        if G.rotations:
+            about = "xyz" if G.rotations == 3 else "z"
+            names = tuple(kinds[turning] + axis + suffix for axis in about)
+            yield Beside(turning, names, slice(0, G.rotations), G, slice(0, G.size))
+        for axes in moves:
+            names = tuple(kinds[moving] + axis + suffix for axis in "xyz"[: G.space])
+            yield Beside(moving, names, axes, G, slice(0, G.size))
+
+
+def names_beside(G: MatrixLieGroup, kinds: Collection[str]) -> list[str]:
+    """The names of all columns of some kinds."""
+    return [name for each in columns_beside(G) if each.kind in kinds for name in each.names]
+
+
 def coordinate_names(G: MatrixLieGroup) -> list[str]:
     """The coordinates of the algebra as they are typed: ``wz`` for ωz, ``v2`` for v₂."""
     digits = {ord("₀") + digit: str(digit) for digit in range(10)}
@@ -70,8 +126,9 @@ def used_columns(names: Collection[str], G: MatrixLieGroup) -> PoseColumns | Non
     ways = (
         PoseColumns(pose_columns(G), "parts"),
         PoseColumns(pose_columns(G, turn=EULER), "parts", EULER),
-        PoseColumns(coordinate_names(G), "coordinates"),
+        # Before the coordinates, which are the names of velocities, too.
         PoseColumns([f"Q{row}{column}" for row in digits for column in digits], "entries"),
+        PoseColumns(coordinate_names(G), "coordinates"),
     )
     return next((way for way in ways if way.names and set(way.names) <= set(names)), None)
 

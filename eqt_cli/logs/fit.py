@@ -12,7 +12,8 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array, apply_matrix, norm, transpose
 from eqt_cli.groups.euclidean import EuclideanGroup
-from eqt_cli.logs.reading import RECORDED, Log
+from eqt_cli.logs.columns import VELOCITY, Beside
+from eqt_cli.logs.reading import Log
 from eqt_cli.logs.table import QUATERNION
 
 WINDOWS = 1000
@@ -62,26 +63,25 @@ def misfits(log: Log) -> Iterator[str]:
     if not isinstance(G, EuclideanGroup) or G.space != 3 or len(log.table) < 3:
         return
     log = log.part(slice(None, None, -(-len(log.table) // MOST_ROWS)))
-    for part in log.recorded:
-        if (part == "rates" and not G.rotations) or (
-            part == "velocity" and "position" not in G.columns
-        ):
+    for beside in log.recorded:
+        if beside.kind not in VELOCITY:
             continue
-        as_said = _fit(log, G, part)
+        as_said = _fit(log, G, beside)
         if as_said is None or as_said.difference <= DOUBT:
             continue
-        yield f"{', '.join(RECORDED[part])} {_said_of(log, G, part, as_said)}"
+        yield f"{', '.join(beside.names)} {_said_of(log, G, beside, as_said)}"
 
 
-def _said_of(log: Log, G: EuclideanGroup, part: str, as_said: _Fit) -> str:
+def _said_of(log: Log, G: EuclideanGroup, beside: Beside, as_said: _Fit) -> str:
     """How far they are off, and what of a mapping would make them fit."""
+    part = beside.kind
     if as_said.shape <= FITS:
         return f"are {_of_factor(part, as_said.factor)}"
     seen = f"differ from the velocity of the poses by {100 * as_said.difference:.0f} %"
     found = [
         (fit, words)
         for words, variant in _variants(log, part)
-        if (fit := _fit(variant, G, part)) is not None and fit.shape <= FITS
+        if (fit := _fit(variant, G, beside)) is not None and fit.shape <= FITS
     ]
     if not found:
         return (
@@ -133,15 +133,12 @@ def reordered(log: Log) -> Log:
 
 
 @np.errstate(all="ignore")  # of numbers that are no velocity, and fit nothing
-def _fit(log: Log, G: EuclideanGroup, part: str) -> _Fit | None:
+def _fit(log: Log, G: EuclideanGroup, beside: Beside) -> _Fit | None:
     """Velocities against those of the poses, in the axes of the world; None where nothing moves."""
     poses = log.poses
-    R, given = G.rotation(poses), log.table.get(RECORDED[part])
-    if getattr(log.said, part) == "body":
-        given = apply_matrix(R, given @ log.said.axes("body").T)
-    else:
-        given = given @ log.said.axes("world").T
-    if part == "rates":
+    R = G.rotation(poses)
+    given = apply_matrix(R, log.in_body(beside))
+    if beside.kind == "rates":
         rows = _windows(lambda i, j: norm(_turns(R[i], R[j])), len(R), TURN)
         derived = None if rows is None else _turns(R[rows[0]], R[rows[1]])
     else:
@@ -151,7 +148,7 @@ def _fit(log: Log, G: EuclideanGroup, part: str) -> _Fit | None:
         derived = None if rows is None else p[rows[1]] - p[rows[0]]
     if rows is None or derived is None:
         return None
-    if part == "rates" and np.median(norm(derived)) > LARGEST_TURN:
+    if beside.kind == "rates" and np.median(norm(derived)) > LARGEST_TURN:
         return None
     first, last = rows
     missing = np.zeros(len(log.times), int)

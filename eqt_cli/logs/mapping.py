@@ -73,6 +73,7 @@ class TimeMapping:
         euroc after the first row.
     offset
         s that are added to the times that are kept; with ``first``, the first of them is at 0 s.
+        Without it, a recording that is compared with a run is aligned with it.
     """
 
     __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
@@ -80,7 +81,7 @@ class TimeMapping:
     scale: Positive = 1.0
     begin: Real | None = None
     end: Real | None = None
-    offset: _Offset = 0.0
+    offset: _Offset | None = None
 
 
 @dataclass(frozen=True)
@@ -102,8 +103,9 @@ class LogMapping:
         Whether the rotation takes coordinates of the body to those of the world, or back.
     world, body
         Axes of the file, and those to have them in.
-    rates, velocity
-        Of which frame the coordinates of recorded ``wx, wy, wz`` and ``vx, vy, vz`` are.
+    rates, velocity, torque, force
+        Of which frame the coordinates of recorded ``wx, wy, wz``, ``vx, vy, vz``, ``tx, ty, tz``
+        and ``fx, fy, fz`` are. The velocity is that of the body's origin; the torque is about it.
     time
         What its times stand for.
     """
@@ -119,6 +121,8 @@ class LogMapping:
     body: Literal["FRD to FLU", "FLU to FRD"] | None = None
     rates: Literal["body", "spatial"] = "body"
     velocity: Literal["body", "spatial"] = "spatial"
+    torque: Literal["body", "spatial"] = "body"
+    force: Literal["body", "spatial"] = "body"
     time: TimeMapping = field(default_factory=TimeMapping)
 
     def axes(self, which: str) -> Array:

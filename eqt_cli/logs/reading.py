@@ -6,11 +6,13 @@ from typing import Any, Self
 
 import numpy as np
 
-from eqt_cli.core.arrays import Array
+from eqt_cli.core.arrays import Array, apply_matrix, transpose
 from eqt_cli.core.errors import InputError
 from eqt_cli.groups import MatrixLieGroup
 from eqt_cli.logs.columns import (
+    Beside,
     PoseColumns,
+    columns_beside,
     coordinate_names,
     require_norms,
     require_pose,
@@ -18,9 +20,6 @@ from eqt_cli.logs.columns import (
 )
 from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
 from eqt_cli.logs.table import Sheet, Table, open_sheet, with_units
-
-RECORDED = {"rates": ("wx", "wy", "wz"), "velocity": ("vx", "vy", "vz")}
-"""Columns of a velocity that was measured beside the poses, by what it is."""
 
 GAP = 5.0
 """Times the median step: what is longer is a gap."""
@@ -41,7 +40,7 @@ class Log:
     times : (n,)
         s, in the order of the file.
     recorded
-        Columns of `RECORDED` that it has and that are no part of its poses.
+        Columns of velocities and wrenches that it has and that are no part of its poses.
     group, said
         That of its poses, and the mapping.
     """
@@ -50,7 +49,7 @@ class Log:
     table: Table
     columns: PoseColumns
     times: Array
-    recorded: list[str]
+    recorded: list[Beside]
     group: MatrixLieGroup
     said: LogMapping
 
@@ -72,6 +71,23 @@ class Log:
         return (
             np.flatnonzero(steps > GAP * np.median(steps)) if len(steps) > 2 else np.empty(0, int)
         )
+
+    def in_body(self, beside: Beside) -> Array:
+        """The numbers of columns beside the poses in the axes of the body, ``(n, k)``.
+
+        A covector turns as a vector does, because the origin of the body stays where it is.
+        """
+        given, said, frame = self.table.get(beside.names), self.said, "body"
+        if len(beside.names) != beside.group.space:
+            return given  # of a turn in the plane, which all axes share
+        if getattr(said, beside.kind) == "spatial":
+            frame = "world"
+        if beside.group.space == 3:
+            given = given @ said.axes(frame).T
+        if frame == "body":
+            return given
+        own = self.poses[:, beside.block, beside.block]
+        return apply_matrix(transpose(beside.group.rotation(own)), given)
 
     def by(self, **changes: Any) -> Self:
         """The same by a mapping with other values of some keys."""
@@ -110,12 +126,9 @@ def read_log(
     """
     sheet = open_sheet(text, name, kind, said)
     columns = require_pose(sheet, G, time=True)
-    beside = [
-        part
-        for part, names in RECORDED.items()
-        if set(names) <= set(sheet.names) - set(columns.names)
-    ]
-    used = ["t", *columns.names, *(name for part in beside for name in RECORDED[part])]
+    others = set(sheet.names) - set(columns.names)
+    beside = [each for each in columns_beside(G) if set(each.names) <= others]
+    used = ["t", *columns.names, *(name for each in beside for name in each.names)]
     sheet = with_units(sheet, said, used)
     table, times = _timed(sheet.table(used), kind, said)
     sheet = replace(sheet, lines=[])  # as large as the file
@@ -144,7 +157,8 @@ def _timed(table: Table, kind: TrajectoryFormat, said: LogMapping) -> tuple[Tabl
         table, times = Table(table.name, columns, lines, table.since), times[kept]
     if asked.offset == "first":
         return table, times - times[0]
-    return table, times + (since + asked.offset) if since + asked.offset else times
+    late = since + (asked.offset or 0.0)
+    return table, times + late if late else times
 
 
 OF_STARTS = ("columns", "units", "quaternion", "euler", "attitude", "world", "body")

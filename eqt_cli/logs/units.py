@@ -1,4 +1,4 @@
-"""Units that columns of a file may be in, and their factors to s, rad and m."""
+"""Units that columns of a file may be in, and their factors to s, rad, m and N."""
 
 import math
 import re
@@ -13,6 +13,8 @@ _ANGLES = {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180}
 _LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3}
 _RATES = _ANGLES | {f"{unit}/s": factor for unit, factor in _ANGLES.items()}
 _SPEEDS = _LENGTHS | {f"{unit}/s": factor for unit, factor in _LENGTHS.items()} | {"km/h": 1 / 3.6}
+_FORCES = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
+_TORQUES = {f"{unit}{m}": factor for unit, factor in _FORCES.items() for m in (" m", "m", "·m")}
 
 _OF_COLUMNS: tuple[tuple[str, Mapping[str, float]], ...] = (
     (r"t", _TIMES),
@@ -20,6 +22,8 @@ _OF_COLUMNS: tuple[tuple[str, Mapping[str, float]], ...] = (
     (r"[xyz]\d?", _LENGTHS),
     (r"w[xyz]?\d?", _RATES),
     (r"[va][xyz]?\d{0,2}", _SPEEDS),
+    (r"t[xyz]\d?", _TORQUES),
+    (r"f[xyz]\d?", _FORCES),
 )
 """The units of a column by its name; those of others have none."""
 

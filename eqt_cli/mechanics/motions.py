@@ -179,6 +179,10 @@ class Pieces:
         index = np.maximum(np.searchsorted(self.starts, late, side="right") - 1, 0)
         return {"since": self.starts[index], "numbers": self._flat[index][..., self._varying]}
 
+    def motion(self, G: MatrixLieGroup, t: Array) -> tuple[Array, Array, Array]:
+        """Q, V and V̇ at some times, ``(n,)``."""
+        return self.piece(self.at(t)).motion(G, t)
+
     def piece(self, held: Mapping[str, Array]) -> Piece:
         """The piece with the numbers of `at`, which may be symbols, and with the structure."""
         varying = held["numbers"]
@@ -204,14 +208,32 @@ CUBIC = np.array([[0.0, 3.0, -3.0, 1.0], [0.0, 0.0, 3.0, -2.0], [0.0, 0.0, 0.0, 
 """The cumulative Bernstein polynomials of degree 3 on [0, 1], which rise from 0 to 1."""
 
 
+def through(G: MatrixLieGroup, times: Array, poses: Array, velocities: Array) -> Pieces:
+    """The motion through poses with body velocities, a cubic Bézier curve between two of them.
+
+    Each piece is Q_i exp(β₁ω₁) exp(β₂ω₂) exp(β₃ω₃) with ω₁ = hV_i/3, ω₃ = hV_{i+1}/3 and ω₂ such
+    that it ends in Q_{i+1} (Kim, Kim and Shin, SIGGRAPH 1995).
+
+    Parameters
+    ----------
+    times : (n + 1,)
+    poses : (n + 1, d, d)
+    velocities : (n + 1, m)
+    """
+    h = np.diff(times)[:, None]
+    first, last = h * velocities[:-1] / 3, h * velocities[1:] / 3
+    step = G.inverse(poses[:-1]) @ poses[1:]
+    vectors = np.stack([first, G.log(G.exp(-first) @ step @ G.exp(-last)), last], axis=1)
+    coefficients = CUBIC / h[:, :, None] ** np.arange(4)
+    return Pieces.of(G, times[:-1], poses[:-1], vectors, coefficients)
+
+
 def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
     """The cubic spline through poses at times that need not be uniform.
 
-    Each piece is a Bézier curve on the group, Q_i exp(β₁ω₁) exp(β₂ω₂) exp(β₃ω₃) with ω₁ = hV_i/3,
-    ω₃ = hV_{i+1}/3 and ω₂ such that it ends in Q_{i+1} (Kim, Kim and Shin, SIGGRAPH 1995): it goes
-    through the poses with the velocities V_i whatever these are. They are solved for, so that
-    the acceleration has no jumps, and is 0 at both ends. In a vector space this is the natural
-    cubic spline, which equals the B-spline through the same points.
+    It goes `through` them with velocities V_i that are solved for, so that the acceleration has no
+    jumps, and is 0 at both ends. In a vector space this is the natural cubic spline, which equals
+    the B-spline through the same points.
 
     Parameters
     ----------
@@ -244,9 +266,7 @@ def spline(G: MatrixLieGroup, times: Array, poses: Array) -> Pieces:
         sizes.append(float(np.abs(change).max() / max(np.abs(V).max(), np.abs(change).max(), TINY)))
         stalled = len(sizes) > 5 and sizes[-1] < STALLED and sizes[-1] >= min(sizes[-4:-1])
         if sizes[-1] <= ROUNDING or stalled:
-            vectors = np.stack([first, middle, last], axis=1)
-            coefficients = CUBIC / h[:, :, None] ** np.arange(4)
-            return Pieces.of(G, times[:-1], poses[:-1], vectors, coefficients)
+            return through(G, times, poses, V)
         V = V + change
     raise InputError("no smooth motion was found through these poses; give more where they turn")
 

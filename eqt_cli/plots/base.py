@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, Generic, Protocol, TypeVar, cast
+from typing import TYPE_CHECKING, ClassVar, Generic, NamedTuple, Protocol, TypeVar, cast
 
 from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.core.component import Component
@@ -13,10 +13,12 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import Registry
 from eqt_cli.experiment.build import Experiment
+from eqt_cli.logs.recording import Recording
 from eqt_cli.plots.drawing.layout import add_letters, add_remarks, freeze
 from eqt_cli.plots.drawing.style import HOUSE, house_style
 from eqt_cli.plots.shown.certificates import ShownCertificates
 from eqt_cli.plots.shown.fronts import ShownFronts
+from eqt_cli.plots.shown.measured import ShownMeasured
 from eqt_cli.plots.shown.metrics import ShownMetrics
 from eqt_cli.plots.shown.reference import ShownReference
 from eqt_cli.plots.shown.sweep import ShownSweep
@@ -28,6 +30,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Drawing
 
     from eqt_cli.plots.drawing.style import Style, Width
+
+
+class Alongside(NamedTuple):
+    """What figures show beside results.
+
+    Attributes
+    ----------
+    certificates
+        What the verification of the results found.
+    measured
+        A recording on their group.
+    """
+
+    certificates: Sequence[Row] = ()
+    measured: Recording | None = None
+
+
+NOTHING = Alongside()
 
 
 class Subject(Protocol):
@@ -63,7 +83,7 @@ class Figure(Component, Generic[S]):
         width: Width = "column",
         *,
         style: Style | None = None,
-        certificates: Sequence[Row] = (),
+        alongside: Alongside = NOTHING,
     ) -> Drawing:
         """Draw what `subject` takes from results, with remarks on what it leaves out.
 
@@ -75,8 +95,8 @@ class Figure(Component, Generic[S]):
             One ``column`` of a journal (3.5 in) or the ``page`` (7.16 in).
         style
             The look; eqt's own if None.
-        certificates
-            What the verification of the results found; figures of runs and sweeps need none.
+        alongside
+            What some figures show beside the results.
 
         Raises
         ------
@@ -89,7 +109,7 @@ class Figure(Component, Generic[S]):
         problems.raise_if_any()
         if self.needs_runs:
             self._require_results(results)
-        shown = self.subject(cast(Sequence[Result], results), certificates)
+        shown = self.subject(cast(Sequence[Result], results), alongside)
         with house_style(style or HOUSE):
             drawing = self.compose(shown, width)
             add_letters(drawing)
@@ -116,7 +136,7 @@ class Figure(Component, Generic[S]):
         return results[0]
 
     @abstractmethod
-    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> S:
+    def subject(self, results: Sequence[Result], alongside: Alongside) -> S:
         """What of the results is shown."""
 
     @abstractmethod
@@ -128,7 +148,7 @@ class Figure(Component, Generic[S]):
 class OverTime(Figure[ShownRuns]):
     """A figure of trajectories, of one result or several."""
 
-    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownRuns:
+    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownRuns:
         """The runs that did not fail."""
         return ShownRuns(results, self.name, self.controllers)
 
@@ -166,7 +186,7 @@ class OfMetrics(Figure[ShownMetrics]):
 
     metrics: Sequence[str] = ()
 
-    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownMetrics:
+    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownMetrics:
         """The runs that did not fail, and what was measured of each."""
         return ShownMetrics(results, self.name, self.controllers, self.metrics)
 
@@ -175,7 +195,7 @@ class OfMetrics(Figure[ShownMetrics]):
 class OfSweep(Figure[ShownSweep]):
     """A figure of the metrics of one sweep."""
 
-    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownSweep:
+    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownSweep:
         """The points and what was measured at each."""
         return ShownSweep(self._only(results, "sweep"), self.name, self.controllers)
 
@@ -184,10 +204,33 @@ class OfSweep(Figure[ShownSweep]):
 class OfCertificates(Figure[ShownCertificates]):
     """A figure of what the verification of one result found."""
 
-    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownCertificates:
+    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownCertificates:
         """The certificates that have a number and a bound."""
         shown = self._only(results, "result")
-        return ShownCertificates(shown, certificates, self.name, self.controllers)
+        return ShownCertificates(shown, alongside.certificates, self.name, self.controllers)
+
+
+@dataclass(frozen=True)
+class OfMeasured(Figure[ShownMeasured]):
+    """A figure of a recording beside a run of one result.
+
+    Attributes
+    ----------
+    run
+        Which run, by its number.
+    """
+
+    run: int = 0
+
+    def check(self, problems: Problems) -> None:
+        """A run has a number from 0."""
+        if self.run < 0:
+            problems.at("run").add(f"expected 0 or more, got {self.run}")
+
+    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownMeasured:
+        """The run of one controller, in time with the recording."""
+        shown = self._only(results, "result")
+        return ShownMeasured(shown, alongside.measured, self.name, self.controllers, self.run)
 
 
 @dataclass(frozen=True)
@@ -197,7 +240,7 @@ class OfReference(Figure[ShownReference]):
     needs_runs: ClassVar[bool] = False
 
     def subject(
-        self, results: Sequence[Result | Experiment], certificates: Sequence[Row]
+        self, results: Sequence[Result | Experiment], alongside: Alongside
     ) -> ShownReference:
         """The reference over the whole horizon."""
         if len(results) > 1:
@@ -209,7 +252,7 @@ class OfReference(Figure[ShownReference]):
 class OfTuning(Figure[ShownFronts]):
     """A figure of what a search found, on its held-out runs."""
 
-    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownFronts:
+    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownFronts:
         """The fronts of the laws."""
         return ShownFronts(self._only(results, "search"), self.name, self.controllers)
 
@@ -218,7 +261,7 @@ class OfTuning(Figure[ShownFronts]):
 class OfWorst(Figure[ShownWorst]):
     """A figure of what a search for the worst run found."""
 
-    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownWorst:
+    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownWorst:
         """The runs along each key."""
         return ShownWorst(self._only(results, "search"), self.name, self.controllers)
 

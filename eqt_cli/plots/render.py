@@ -4,14 +4,13 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypeVar, get_args
 
-from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.problems import Problems
 from eqt_cli.core.registry import summary
 from eqt_cli.core.validation import option_names, validated
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.plots import kept_numbers
-from eqt_cli.plots.base import Figure, OfCertificates
+from eqt_cli.plots.base import NOTHING, Alongside, Figure, OfCertificates
 from eqt_cli.plots.curve_data import curves
 from eqt_cli.plots.drawing.style import HOUSE, WIDTHS, Style
 from eqt_cli.plots.figures import figures
@@ -38,7 +37,7 @@ def render(
     options: Mapping[str, Any] | None = None,
     *,
     style: Style = HOUSE,
-    certificates: Sequence[Row] = (),
+    alongside: Alongside = NOTHING,
 ) -> list[Path]:
     """Draw one figure of results and write it as ``<folder>/<figure_name>.<format>``.
 
@@ -56,8 +55,8 @@ def render(
         The fields of the figure to set, as data from a configuration or a command line.
     style
         The look.
-    certificates
-        What the verification of the results found, for figures of it.
+    alongside
+        What some figures show beside the results.
 
     Returns
     -------
@@ -74,7 +73,7 @@ def render(
     wanted = [_one_of("format", given, (*FORMATS, NUMBERS)) for given in formats]
     style.prepare([format for format in wanted if format != NUMBERS])
     drawing = figure.draw(
-        results, _one_of("width", width, list(WIDTHS)), style=style, certificates=certificates
+        results, _one_of("width", width, list(WIDTHS)), style=style, alongside=alongside
     )
     title = f"{', '.join(_names(results))}: {figure.name}"
     digests = ", ".join(map(_digest, results))
@@ -94,6 +93,7 @@ def check(
     figure_name: str,
     folder: Path,
     options: Mapping[str, Any] | None = None,
+    alongside: Alongside = NOTHING,
 ) -> Check:
     """Compare the numbers behind the curves of a figure with ``<folder>/<figure_name>.json``.
 
@@ -110,7 +110,7 @@ def check(
             "`eqt verify` checks them against their bounds"
         )
     expected = kept_numbers.read(folder / f"{figure.name}.{NUMBERS}")
-    return kept_numbers.compare(curves(figure.draw(results)), expected)
+    return kept_numbers.compare(curves(figure.draw(results, alongside=alongside)), expected)
 
 
 def _names(shown: Sequence[Result | Experiment]) -> list[str]:

@@ -10,7 +10,7 @@ from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import description
 from eqt_cli.execution.steps import SILENT, Steps
-from eqt_cli.plots.base import OfCertificates
+from eqt_cli.plots.base import Alongside, OfCertificates
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import DRAWN, figure_from
 from eqt_cli.plots.save import encode
@@ -176,7 +176,7 @@ def named(names: Sequence[str]) -> list[Wanted]:
 
 def _draw(result: Result, wanted: Wanted, key: str, certificates: Sequence[Row]) -> Drawn:
     figure = figure_from(wanted.name, wanted.options)
-    text = encode(figure.draw([result], "page", certificates=certificates), "svg")
+    text = encode(figure.draw([result], "page", alongside=Alongside(certificates)), "svg")
     caption = wanted.caption or description(type(figure))
     svg = inlined(text, key, caption)
     if len(svg) > LARGEST:

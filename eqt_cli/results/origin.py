@@ -14,7 +14,7 @@ from eqt_cli.config.signal_path import loop_in_words
 from eqt_cli.config.source import ConfigSource, source_of
 from eqt_cli.config.yaml_source import dump
 from eqt_cli.controllers import controllers
-from eqt_cli.core.errors import ComponentError, EqtError
+from eqt_cli.core.errors import ComponentError, EqtError, suggestion
 from eqt_cli.core.printable import printable
 from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.config_at_point import config_at
@@ -137,6 +137,20 @@ class KnownResult(ResultFile):
         A name that is neither is returned as it is.
         """
         return label_named(name, self.titled)
+
+    def position_of(self, name: str) -> int:
+        """Where the controller of this label or title stands.
+
+        Raises
+        ------
+        EqtError
+            If there is none.
+        """
+        label = self.label_of(name)
+        if label not in self.labels:
+            hint = suggestion(label, self.labels) or f"; there are: {', '.join(self.labels)}"
+            raise self.error(f"holds no controller '{label}'{hint}")
+        return self.labels.index(label)
 
     @cached_property
     def lyapunov_functions(self) -> dict[str, str]:

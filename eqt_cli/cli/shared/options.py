@@ -135,6 +135,29 @@ Point = Annotated[
     int | None,
     valued("--point", "K", "Point of a sweep, counted from 0.", SELECTION),
 ]
+Measured = Annotated[
+    Path | None,
+    valued("--measured", "FILE", "Recording to compare the run with.", SELECTION),
+]
+Mapping = Annotated[
+    Path | None,
+    valued(
+        "--mapping",
+        "FILE",
+        "YAML file with columns, units, frames and times of the recording, as in "
+        "reference.mapping.",
+        SELECTION,
+    ),
+]
+LogFormat = Annotated[
+    str,
+    named(
+        "--log-format",
+        completion.words("csv", "tum", "euroc"),
+        "Format of the recording: csv, tum or euroc.",
+        SELECTION,
+    ),
+]
 DryRun = Annotated[
     bool, flag("--dry-run", "Print the points, runs and expected time only.", COMPUTING)
 ]
@@ -152,6 +175,13 @@ TrustPlugins = Annotated[
         EXPERIMENT,
     ),
 ]
+
+
+def require_measured(mapping: Path | None, kind: str, run: int = 0) -> None:
+    """Refuse what is said of a recording where there is none."""
+    given = {"--mapping": mapping, "--log-format": kind != "csv", "--run": run}
+    for name in (name for name, value in given.items() if value):
+        raise EqtError(f"{name} is of a recording; add --measured FILE")
 
 
 def cores() -> int:

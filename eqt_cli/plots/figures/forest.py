@@ -8,14 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Drawing
 
-from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.comparison.bootstrap import FEWEST
 from eqt_cli.analysis.comparison.pairs import resolved_differences
 from eqt_cli.analysis.comparison.ratios import relative_difference
 from eqt_cli.analysis.comparison.shares import shares
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.problems import Problems
-from eqt_cli.plots.base import OfSweep
+from eqt_cli.plots.base import Alongside, OfSweep
 from eqt_cli.plots.drawing.labels import free_text, metric_label
 from eqt_cli.plots.drawing.layout import add_legend
 from eqt_cli.plots.drawing.style import WIDTHS, Width, ink, line_style, marker
@@ -64,7 +63,7 @@ class Forest(OfSweep):
             expected = "expected a number between 0 and 1"
             problems.at("confidence").add(f"{expected}, got {self.confidence:g}")
 
-    def subject(self, results: Sequence[Result], certificates: Sequence[Row]) -> ShownSweep:
+    def subject(self, results: Sequence[Result], alongside: Alongside) -> ShownSweep:
         """The points; of a tuning, the winners unless others are chosen."""
         shown = self._only(results, "sweep")
         chosen = self.controllers or (side_by_side(shown) if shown.is_sweep else ())

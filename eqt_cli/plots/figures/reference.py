@@ -7,10 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
-from eqt_cli.core.arrays import Array
-from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.plots.base import OfReference
-from eqt_cli.plots.drawing.labels import component, part_name, quantity
+from eqt_cli.plots.drawing.coordinates import axis_labels, pose_coordinates, symbols
+from eqt_cli.plots.drawing.labels import part_name, quantity
 from eqt_cli.plots.drawing.layout import add_legend, add_title, name_scale, sheet
 from eqt_cli.plots.drawing.style import WIDTHS, Width, line_style
 from eqt_cli.plots.shown.reference import ShownReference
@@ -40,8 +39,8 @@ class ReferenceOverTime(OfReference):
         drawing, panels = sheet(width, rows, span, "s")
         for place, part in enumerate(parts):
             turns = self.degrees and part.turns
-            values, symbol, unit = pose_coordinates(shown.group, part, shown.pose)
-            velocity, force = _symbols(part) if len(parts) > 1 else ("V_d", r"\tau_d")
+            values, symbol, unit = pose_coordinates(shown.group, part, shown.pose, "_d")
+            velocity, force = (f"{each}_d" for each in symbols(part, len(parts)))
             panes = (
                 (symbol, values, unit),
                 (velocity, shown.velocity[:, part.axes], part.velocity_unit),
@@ -56,48 +55,6 @@ class ReferenceOverTime(OfReference):
                 name_scale(axes, quantity(name, in_unit))
             if len(parts) > 1:
                 add_title(panels[rows[0][place]], part_name(part.name), WIDTHS[width] / len(parts))
-        self._add_legend(drawing, shown.group)
+        names = axis_labels(shown.group)
+        add_legend(drawing, [Line2D([], [], **line_style(k)) for k in range(len(names))], names)
         return drawing
-
-    def _add_legend(self, drawing: Drawing, group: MatrixLieGroup) -> None:
-        names = [group.axis_names[part.axes] for part in group.parts]
-        most = max(map(len, names))
-        labels = [
-            ", ".join(f"${component('', axes[k]).lstrip('_')}$" for axes in names if k < len(axes))
-            for k in range(most)
-        ]
-        add_legend(drawing, [Line2D([], [], **line_style(k)) for k in range(most)], labels)
-
-
-def _symbols(part: Part) -> tuple[str, str]:
-    """Of the velocity and the force in a part of several."""
-    if part.turns:
-        return r"\omega_d", r"\tau_d"
-    return ("v_d", "f_d") if part.pose_unit == "m" else ("V_d", r"\tau_d")
-
-
-def pose_coordinates(G: MatrixLieGroup, part: Part, pose: Array) -> tuple[Array, str, str]:
-    """A part of some poses ``(n, d, d)`` as curves ``(n, coordinates)``, their symbol and unit."""
-    block = pose[(..., *part.entries)].reshape(len(pose), -1)
-    if block.shape[1] == len(G.axis_names[part.axes]):
-        return block, "x_d" if part.pose_unit == "m" else "Q_d", part.pose_unit
-    with np.errstate(all="ignore"):
-        logarithm = np.full((len(pose), G.dimension), np.nan)
-        real = np.isfinite(pose).all(axis=(1, 2))
-        logarithm[real] = G.log(pose[real])
-    turns = logarithm[:, part.axes]
-    if not part.turns:
-        return turns, r"\log Q_d", ""
-    return without_jumps(turns), r"\log R_d", "rad"
-
-
-def without_jumps(vectors: Array) -> Array:
-    """Rotation vectors ``(n, k)`` with whole turns about their axes added, so that none jumps."""
-    found = vectors.copy()
-    for now, before in zip(found[1:], found[:-1], strict=True):
-        angle = np.linalg.norm(now)
-        axis = now / angle if angle > 0 else before / max(np.linalg.norm(before), 1.0)
-        turns = np.round((before @ axis - angle) / (2 * np.pi))
-        if np.isfinite(turns):
-            now += 2 * np.pi * turns * axis
-    return found

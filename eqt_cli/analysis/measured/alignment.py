@@ -1,0 +1,352 @@
+"""The offset between the clock of a recording and that of a run.
+
+Cross-correlation finds it among all offsets: of body velocities where they were measured, and of
+increments Q(t)⁻¹Q(t + W) of the poses over several windows W. Least squares on velocities and on
+poses then make it precise. All of these are the same in every frame of the world. It knows no
+result.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.logs.recording import Recording
+from eqt_cli.mechanics.motions import Pieces
+
+FEWEST = 20
+"""Rows, and samples of the run, that can be aligned."""
+
+MOST = 50_000
+"""Instants at which a recording is compared."""
+
+OVERLAP = 0.5
+"""Of the shorter of the two, that must be in common."""
+
+MOST_TURN = 2.0
+"""rad that a body turns by in a window at most: near π, an increment jumps."""
+
+STILL = 1e-5
+"""Relative: a velocity that changes by less is constant but for the errors of an engine."""
+
+LEAST = 0.5
+"""Of the correlation at the offset that is found."""
+
+APART = 1.5
+"""By this factor the misfit of every other offset is larger."""
+
+SHARP = 0.1
+"""The standard error of the offset over the width of the peak, at most."""
+
+LEAST_NOISE = 0.05
+"""Of the variance of a measured coordinate."""
+
+BLOCKS = 20
+"""Into which a recording is cut for the standard error, because errors nearby are alike."""
+
+ITERATIONS, CONVERGED = 20, 1e-9
+"""Of Gauss and Newton's method; and the change over the step of the instants at which it ends."""
+
+WHAT_TO_DO = "give the offset of the clock in the mapping, as `time: {offset: 0.137}`"
+
+
+@dataclass(frozen=True)
+class Alignment:
+    """How a recording is in time with a run.
+
+    Attributes
+    ----------
+    offset
+        s, to add to the times of the recording.
+    error
+        The standard error of the offset, s; NaN where the offset was given.
+    correlation
+        Of the two motions there; NaN where the offset was given.
+    by
+        What was compared; nothing where the offset was given.
+    """
+
+    offset: float
+    error: float = np.nan
+    correlation: float = np.nan
+    by: str = ""
+
+    @property
+    def in_words(self) -> str:
+        """What to say of it."""
+        if not self.by:
+            return f"clock offset {self.offset:+.4g} s, as the mapping says"
+        return (
+            f"clock offset {self.offset:+.4f} s, standard error {self.error:.1g} s, from the "
+            f"{self.by}; correlation {self.correlation:.3f}"
+        )
+
+
+def aligned(recording: Recording, times: Array, run: Pieces) -> Alignment:
+    """The offset at which a recording is in time with a run.
+
+    Parameters
+    ----------
+    times : (n,)
+        Those of the run's samples, s.
+    run
+        The run as a motion.
+
+    Raises
+    ------
+    InputError
+        If nothing tells the offset.
+    """
+    for what, count in (("rows", len(recording.times)), ("samples of the run", len(times))):
+        if count < FEWEST:
+            raise _unknown(recording, f"expected {FEWEST} {what} or more, got {count}")
+    begin, end = recording.times[[0, -1]]
+    step = max(float(np.median(np.diff(recording.times))), float(end - begin) / MOST)
+    seen = _Seen.of(recording, begin + step * np.arange(int((end - begin) / step * (1 + 1e-9)) + 1))
+    peaks = [_peak(signal, times, step) for signal in _signals(seen, times, run)]
+    if not peaks:
+        raise _unknown(recording, "its rows are too far apart for the run")
+    best = max(peaks, key=lambda peak: (not peak.doubt, peak.quality))
+    if best.doubt:
+        raise _unknown(recording, best.doubt)
+    models = [_of_poses, _of_velocities] if seen.known else [_of_poses]
+    found = [_refined(model(seen, times, run), best, step) for model in models]
+    alignment = min(found, key=lambda each: each.error)
+    if not np.isfinite(alignment.error):
+        raise _unknown(recording, f"the motions differ too much around {best.offset:.3g} s")
+    if alignment.error > SHARP * best.width:
+        raise _unknown(recording, f"the offset is known to ± {alignment.error:.2g} s only")
+    return alignment
+
+
+def _unknown(recording: Recording, reason: str) -> InputError:
+    return InputError(f"{recording.name}: cannot be aligned with the run: {reason}; {WHAT_TO_DO}")
+
+
+class _Seen(NamedTuple):
+    """A recording at equidistant instants; NaN in its gaps."""
+
+    group: MatrixLieGroup
+    instants: Array
+    poses: Array
+    velocities: Array
+    known: list[int]
+    """Which coordinates of the velocity were measured."""
+
+    @classmethod
+    def of(cls, recording: Recording, instants: Array) -> "_Seen":
+        """Between two rows, the motion is one of constant velocity."""
+        G, times = recording.group, recording.times
+        row = np.clip(np.searchsorted(times, instants, side="right") - 1, 0, len(times) - 2)
+        share = (instants - times[row]) / (times[row + 1] - times[row])
+        inner = (share > 1e-6) & (share < 1 - 1e-6)  # at both ends of a gap there is a row
+        real = ~(np.isin(row, recording.gaps) & inner)
+        row, part = row[real], share[real, None]
+        poses = np.full((len(instants), G.size, G.size), np.nan)
+        velocities = np.full((len(instants), G.dimension), np.nan)
+        before, V = recording.poses[row], recording.velocities
+        poses[real] = before @ G.exp(part * G.log(G.inverse(before) @ recording.poses[row + 1]))
+        velocities[real] = (1 - part) * V[row] + part * V[row + 1]
+        known = np.flatnonzero(np.isfinite(V).all(axis=0))
+        return cls(G, instants, poses, velocities, known.tolist())
+
+
+# Among all offsets --------------------------------------------------------------------------------
+
+
+class _Signal(NamedTuple):
+    """What is compared: of the recording at its instants, and of the run at any time."""
+
+    begin: float
+    measured: Array
+    simulated: Callable[[Array], Array]
+    """NaN beyond the run."""
+
+
+class _Peak(NamedTuple):
+    """The best offset by a signal, and what is in doubt about it."""
+
+    offset: float
+    correlation: float
+    quality: float = -1.0
+    """The misfit of the next best offset over that of the best."""
+    width: float = 0.0
+    doubt: str = ""
+
+
+def _signals(seen: _Seen, times: Array, run: Pieces) -> Iterator[_Signal]:
+    from scipy.interpolate import CubicSpline  # slow to import; readers of results do without
+
+    G, begin, count = seen.group, float(seen.instants[0]), len(seen.instants)
+    poses, velocities, _ = run.motion(G, times)
+    if seen.known:
+        spline = CubicSpline(times, velocities[:, seen.known], extrapolate=False)
+        yield _Signal(begin, seen.velocities[:, seen.known], spline)
+    step, window = float(seen.instants[1]) - begin, 1
+    turns = [part.axes for part in G.parts if part.turns]
+    real = ~np.isnan(seen.poses[:, 0, 0])
+    while window <= count // 4:
+        early = times <= times[-1] - window * step
+        if early.sum() < FEWEST:
+            return
+        later, _, _ = run.motion(G, times[early] + window * step)
+        simulated = G.log(G.inverse(poses[early]) @ later)
+        if any(np.linalg.norm(simulated[:, axes], axis=1).max() > MOST_TURN for axes in turns):
+            return
+        both = real[:-window] & real[window:]
+        measured = np.full((count - window, G.dimension), np.nan)
+        first, last = seen.poses[:-window][both], seen.poses[window:][both]
+        measured[both] = G.log(G.inverse(first) @ last)
+        yield _Signal(begin, measured, CubicSpline(times[early], simulated, extrapolate=False))
+        window *= 2
+
+
+def _peak(signal: _Signal, times: Array, step: float) -> _Peak:
+    measured = signal.measured
+    grid = times[0] + step * np.arange(int((times[-1] - times[0]) / step * (1 + 1e-9)) + 1)
+    simulated = signal.simulated(grid)
+    real = simulated[np.isfinite(simulated).all(axis=1)]
+    if not real.std(axis=0).max() > STILL * np.sqrt(np.mean(real**2)):
+        return _Peak(0.0, -1.0, doubt="the velocity of the run is constant")
+    # A coordinate counts by its noise, which is what the run does not have; not all is noise.
+    whole = np.nanvar(measured, axis=0)
+    scale = np.sqrt(np.maximum(whole - real.var(axis=0), LEAST_NOISE * whole))
+    scale[scale == 0.0] = 1.0
+    correlation = _correlations(measured / scale, simulated / scale)
+    if not np.isfinite(correlation).any():
+        return _Peak(0.0, -1.0, doubt="they have too little in common")
+    correlation = np.nan_to_num(correlation, nan=-1.0)
+    best = int(np.argmax(correlation))
+    first, last = _slopes(correlation, best)
+    others = correlation.copy()
+    others[first : last + 1] = -1.0
+    other, top = int(np.argmax(others)), float(correlation[best])
+    offset = float(grid[0]) - signal.begin + step * (best - (len(measured) - 1))
+    quality = (1 - float(others[other])) / max(1 - top, 1e-12)
+    doubt = ""
+    if top < LEAST:
+        doubt = f"the motions correlate by {top:.2f} at most, and {LEAST:g} is needed"
+    elif quality < APART:
+        two = sorted([offset, offset + step * (other - best)])
+        doubt = f"offsets of {two[0]:.3g} s and {two[1]:.3g} s fit about equally well"
+    return _Peak(offset, top, quality, step * (last - first), doubt)
+
+
+def _correlations(measured: Array, simulated: Array) -> Array:
+    """The correlation at every shift, over the instants that both have; NaN for too few of them.
+
+    Shift k takes row i of the recording to sample i + k − (n − 1) of the run. It is 1 for equal
+    motions only, and not for one that is a multiple of the other, as parts of a decay are.
+    """
+    size = len(measured) + len(simulated) - 1
+    padded = 1 << size.bit_length()
+
+    def over_shifts(a: Array, b: Array) -> Array:
+        product = np.fft.rfft(a, padded, axis=0) * np.conj(np.fft.rfft(b, padded, axis=0))
+        return np.roll(np.fft.irfft(product, axis=0), len(measured) - 1, axis=0)[:size]
+
+    def centred(values: Array) -> tuple[Array, Array]:
+        real = np.isfinite(values).all(axis=1, keepdims=True)
+        return np.where(real, values - np.nanmean(values, axis=0), 0.0), real.astype(float)
+
+    (x, here), (y, there) = centred(measured), centred(simulated)
+    count = np.round(over_shifts(there, here))
+    enough = count >= max(OVERLAP * min(here.sum(), there.sum()), FEWEST / 2)
+    sums = over_shifts(there, x), over_shifts(y, here)
+    n = np.where(enough, count, 1.0)
+    both = over_shifts(y, x) - sums[0] * sums[1] / n
+    squares = (
+        over_shifts(there, x * x) + over_shifts(y * y, here) - (sums[0] ** 2 + sums[1] ** 2) / n
+    )
+    total, squares, enough = both.sum(axis=1), squares.sum(axis=1), enough[:, 0]
+    moves = squares > STILL * squares.max()  # else it is rounding
+    return np.where(enough & moves, 2 * total / np.where(moves, squares, 1.0), np.nan)
+
+
+def _slopes(heights: Array, peak: int) -> tuple[int, int]:
+    """Where a peak begins and ends: beyond, it rises again."""
+    rises = np.diff(heights) > 0
+    left, right = np.flatnonzero(~rises[:peak]), np.flatnonzero(rises[peak:])
+    first = int(left[-1]) + 1 if len(left) else 0
+    return first, peak + int(right[0]) if len(right) else len(heights) - 1
+
+
+# At one of them -----------------------------------------------------------------------------------
+
+
+class _Model(NamedTuple):
+    """What is fitted: the offset, and constants that the clock does not explain."""
+
+    by: str
+    constants: Array
+    at: Callable[[float, Array], tuple[Array, Array, Array]]
+    """Residuals ``(n, k)``, and what an offset ``(n, k)`` and constants ``(n, k, c)`` take away."""
+    moved: Callable[[Array, Array], Array]
+    """The constants after a change."""
+
+
+def _of_velocities(seen: _Seen, times: Array, run: Pieces) -> _Model:
+    """Body velocities; what is constant is a bias of each coordinate."""
+    from scipy.interpolate import CubicSpline  # slow to import; readers of results do without
+
+    known = seen.known
+    spline = CubicSpline(times, run.motion(seen.group, times)[1][:, known], extrapolate=False)
+    rate = spline.derivative()
+
+    def at(offset: float, bias: Array) -> tuple[Array, Array, Array]:
+        t, measured = seen.instants + offset, seen.velocities[:, known]
+        constants = np.broadcast_to(np.eye(len(bias)), (len(t), len(bias), len(bias)))
+        return measured - spline(t) - bias, rate(t), constants
+
+    return _Model("body velocities", np.zeros(len(known)), at, np.add)
+
+
+def _of_poses(seen: _Seen, times: Array, run: Pieces) -> _Model:
+    """Poses Q; what is constant is a frame C of the world, with C Q_s near Q."""
+    G = seen.group
+
+    def at(offset: float, frame: Array) -> tuple[Array, Array, Array]:
+        t = seen.instants + offset
+        inside = (times[0] <= t) & (t <= times[-1]) & ~np.isnan(seen.poses[:, 0, 0])
+        Q, V, _ = run.motion(G, t[inside])
+        if not frame.any():
+            middle = int(inside.sum()) // 2
+            frame[...] = seen.poses[inside][middle] @ G.inverse(Q[middle])
+        left, rates = np.full((2, len(t), G.dimension), np.nan)
+        constants = np.full((len(t), G.dimension, G.dimension), np.nan)
+        left[inside] = G.log(G.inverse(frame @ Q) @ seen.poses[inside])
+        rates[inside], constants[inside] = V, G.Ad_matrix(G.inverse(Q))
+        return left, rates, constants
+
+    return _Model("poses", np.zeros((G.size, G.size)), at, lambda C, c: C @ G.exp(c))
+
+
+def _refined(model: _Model, peak: _Peak, step: float) -> Alignment:
+    """Least squares by Gauss and Newton's method, from a peak of the correlation."""
+    offset, constants = peak.offset, model.constants
+    for _ in range(ITERATIONS):
+        left, rates, held = model.at(offset, constants)
+        real = np.isfinite(left).all(axis=1)
+        left, J = left[real], np.concatenate([rates[real, :, None], held[real]], axis=-1)
+        noise = np.mean(left**2, axis=0)
+        weights = 1 / np.maximum(noise, max(1e-9 * float(noise.max()), 1e-30))
+        normal = np.einsum("nki,k,nkj->ij", J, weights, J)
+        inverse = np.linalg.pinv(normal, hermitian=True)
+        pushes = np.einsum("nki,k,nk->ni", J, weights, left)
+        change = inverse @ pushes.sum(axis=0)
+        offset += float(np.clip(change[0], -step, step))
+        constants = model.moved(constants, change[1:])
+        if abs(change[0]) < CONVERGED * step:
+            break
+    # Errors of neighbours are alike; those of blocks of them hardly are. Where few blocks tell the
+    # offset, these are too few for a deviation, and that of independent errors is larger.
+    blocks = [block.sum(axis=0) for block in np.array_split(pushes, BLOCKS)]
+    together = float(np.linalg.norm([inverse[0] @ block for block in blocks]))
+    error = max(together, float(np.sqrt(inverse[0, 0])))
+    if abs(offset - peak.offset) > peak.width / 2:
+        error = np.inf  # it left the peak
+    return Alignment(offset, error, peak.correlation, model.by)

@@ -1,0 +1,164 @@
+"""How much of a measured tracking error a run explains: numbers, a table, and plain data."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from eqt_cli.analysis.comparison.notation import Plain
+from eqt_cli.analysis.measured.run import Error, MeasuredRun
+from eqt_cli.analysis.text_tables import Block, TextTable
+from eqt_cli.core.arrays import Array
+from eqt_cli.groups import MatrixLieGroup
+
+
+@dataclass(frozen=True)
+class Share:
+    """How much of a measured error a run explains.
+
+    Attributes
+    ----------
+    quantity, part, axis, unit
+        Of what: ``pose``, ``velocity`` or ``wrench``; of which part of the coordinates, and of
+        which axis or, where that is empty, of all of them.
+    measured, simulated, difference
+        Root mean squares over the rows: of the measured error, the simulated error, and the
+        difference of both.
+    explained
+        1 − difference² / measured²: 1 where the run has the measured error, 0 where it is as far
+        from the recording as the reference is, and less than 0 where it is farther.
+    """
+
+    quantity: str
+    part: str
+    axis: str
+    unit: str
+    measured: float
+    simulated: float
+    difference: float
+    explained: float
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """How much of the errors of a recording the run of a controller explains.
+
+    Attributes
+    ----------
+    controller, title, run
+        Of the controller, and the number of the run.
+    offset, offset_error
+        s, added to the clock of the recording, and its standard error; NaN where it was given.
+    rows
+        How many were compared.
+    shares
+        By quantity, part and axis.
+    notes
+        What was compared, and what was not measured.
+    """
+
+    controller: str
+    title: str
+    run: int
+    offset: float
+    offset_error: float
+    rows: int
+    shares: list[Share]
+    notes: list[str]
+
+
+def explained(measured: MeasuredRun) -> Explanation:
+    """What the run explains of the errors of a recording."""
+    G = measured.recording.group
+    shares = [share for error in measured.errors for share in _shares(G, error)]
+    return Explanation(
+        measured.label,
+        measured.title,
+        measured.run,
+        measured.alignment.offset,
+        measured.alignment.error,
+        len(measured.recording.times),
+        shares,
+        measured.notes,
+    )
+
+
+def _shares(G: MatrixLieGroup, error: Error) -> Iterator[Share]:
+    for part in G.parts:
+        axes = list(range(*part.axes.indices(G.dimension)))
+        known = [axis for axis in axes if not np.isnan(error.measured[:, axis]).any()]
+        if not known:
+            continue
+        chosen = [("", known)]
+        if len(axes) > 1:
+            chosen += [(G.axis_names[axis], [axis]) for axis in known]
+        for name, of in chosen:
+            measured, simulated = _size(error.measured[:, of]), _size(error.simulated[:, of])
+            difference = _size(error.difference[:, of])
+            yield Share(
+                error.quantity,
+                part.name,
+                name,
+                error.unit(part),
+                measured,
+                simulated,
+                difference,
+                1 - (difference / measured) ** 2 if measured > 0 else np.nan,
+            )
+
+
+def _size(values: Array) -> float:
+    """The root mean square over the rows of the norm."""
+    return float(np.sqrt(np.mean(np.sum(values**2, axis=1))))
+
+
+def records(found: Sequence[Explanation]) -> list[dict[str, Any]]:
+    """A record for each share."""
+    return [
+        {"controller": one.controller, "run": one.run, "rows": one.rows, "offset": one.offset}
+        | asdict(share)
+        for one in found
+        for share in one.shares
+    ]
+
+
+def explained_table(found: Sequence[Explanation], write: Plain, *, axes: bool) -> TextTable:
+    """The shares as a table, a block per controller; of parts only without `axes`."""
+    several = len(found) > 1
+    blocks = [
+        Block(
+            write.text(one.title) if several else "",
+            [_row(share, write) for share in one.shares if axes or not share.axis],
+        )
+        for one in found
+    ]
+    notes = [
+        "Errors are from the reference, in the body frame; root mean squares over the rows. "
+        "Explained: 1 − difference² / measured error². It is 100 % where the run has the measured "
+        "error, 0 % where it is as far from the recording as the reference is, and negative where "
+        "it is farther.",
+        *(f"{note}." for note in found[0].notes),
+    ]
+    whose = "each controller" if several else found[0].title
+    return TextTable(
+        "measured",
+        write.text(f"How much of the measured error run {found[0].run} of {whose} explains"),
+        ["error of", "axis", "unit", "measured", "simulated", "difference", "explained"],
+        blocks,
+        [write.text(note) for note in notes],
+        spare=("simulated",),
+        keys=2,
+    )
+
+
+def _row(share: Share, write: Plain) -> list[str]:
+    numbers = (share.measured, share.simulated, share.difference)
+    known = share.explained == share.explained
+    return [
+        write.text(f"{share.quantity}, {share.part.replace('_', ' ')}"),
+        write.text(share.axis.lstrip("ωv") if share.axis else "all"),
+        write.unit(share.unit),
+        *(write.number(f"{number:.3g}") for number in numbers),
+        write.text(f"{100 * share.explained:.1f} %") if known else "-",
+    ]

@@ -1,0 +1,202 @@
+"""A run of a result as a motion at any time, and a recording in time with it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from eqt_cli.analysis.measured.alignment import Alignment, aligned
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import InputError
+from eqt_cli.groups import MatrixLieGroup, Part
+from eqt_cli.logs.columns import WRENCH, names_beside
+from eqt_cli.logs.recording import Recording
+from eqt_cli.mechanics.motions import Pieces, through
+from eqt_cli.results.result import Result
+
+NEEDED = ("pose", "velocity", "torque", "desired_pose", "desired_velocity", "desired_torque")
+
+
+@dataclass(frozen=True)
+class State:
+    """Pose ``(n, d, d)``, body velocity and wrench ``(n, m)`` at some times."""
+
+    pose: Array
+    velocity: Array
+    wrench: Array
+
+
+@dataclass(frozen=True)
+class Course:
+    """A motion between samples, cubic on the group, with a wrench that is linear between them."""
+
+    group: MatrixLieGroup
+    times: Array
+    states: State
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The motion alone."""
+        return through(self.group, self.times, self.states.pose, self.states.velocity)
+
+    def at(self, t: Array) -> State:
+        """The state at times ``(n,)`` within the samples."""
+        pose, velocity, _ = self.pieces.motion(self.group, t)
+        axes = [np.interp(t, self.times, along) for along in self.states.wrench.T]
+        return State(pose, velocity, np.stack(axes, axis=-1))
+
+
+@dataclass(frozen=True)
+class Error:
+    """How far motions are apart, in the body frame: in pose, velocity or wrench.
+
+    Attributes
+    ----------
+    quantity
+        ``pose``, ``velocity`` or ``wrench``.
+    measured, simulated : (n, m)
+        Of the recording and the run from the reference: log Q_d⁻¹Q, V − V_d, τ − τ_d; NaN in the
+        coordinates that were not measured.
+    difference : (n, m)
+        Of the recording from the run.
+    """
+
+    quantity: str
+    measured: Array
+    simulated: Array
+    difference: Array
+
+    def unit(self, part: Part) -> str:
+        """Of a part of the coordinates."""
+        if self.quantity == "pose":
+            return "rad" if part.turns else part.pose_unit
+        return part.velocity_unit if self.quantity == "velocity" else part.force_unit
+
+
+@dataclass(frozen=True)
+class MeasuredRun:
+    """A recording beside a run of a controller.
+
+    Attributes
+    ----------
+    label, title, run
+        Of the controller, and the number of the run.
+    recording
+        In the time of the run, with the rows that are within it.
+    alignment
+        What was added to its clock.
+    simulated, reference
+        The run and what it is to follow.
+    """
+
+    label: str
+    title: str
+    run: int
+    recording: Recording
+    alignment: Alignment
+    simulated: Course
+    reference: Course
+
+    @cached_property
+    def errors(self) -> list[Error]:
+        """Those of what was measured, at its times."""
+        G, seen = self.recording.group, self.recording
+        run, wanted = self.simulated.at(seen.times), self.reference.at(seen.times)
+
+        def between(Q: Array, P: Array) -> Array:
+            return G.log(G.inverse(Q) @ P)
+
+        found = [
+            Error(
+                "pose",
+                between(wanted.pose, seen.poses),
+                between(wanted.pose, run.pose),
+                between(run.pose, seen.poses),
+            )
+        ]
+        for quantity, measured, here, desired in (
+            ("velocity", seen.velocities, run.velocity, wanted.velocity),
+            ("wrench", seen.wrenches, run.wrench, wanted.wrench),
+        ):
+            if not np.isnan(measured).all():
+                differences = measured - desired, here - desired, measured - here
+                found.append(Error(quantity, *differences))
+        return found
+
+    @property
+    def notes(self) -> list[str]:
+        """What a reader must know: the rows, the clock, the gaps, and what was not measured."""
+        seen, gaps = self.recording, len(self.recording.gaps)
+        missing = f", {gaps} gap{'s' * (gaps > 1)}" if gaps else ""
+        found = [
+            f"{seen.name}: {len(seen.times)} rows from {seen.times[0]:.4g} to "
+            f"{seen.times[-1]:.4g} s of run {self.run}{missing}; {self.alignment.in_words}",
+        ]
+        names = names_beside(seen.group, WRENCH)
+        if names and np.isnan(seen.wrenches).all():
+            found.append(f"No wrench was measured; it would be in columns {', '.join(names)}")
+        return found
+
+
+def measured_runs(
+    result: Result, recording: Recording, controllers: Sequence[int], run: int
+) -> list[MeasuredRun]:
+    """A recording in time with a run of some controllers.
+
+    It has one clock, which is aligned with the run that it is most like, of any controller.
+
+    Parameters
+    ----------
+    controllers
+        Their positions; all if empty, except for those whose run failed.
+
+    Raises
+    ------
+    EqtError
+        If the result does not hold the run, or the recording cannot be brought in time with it.
+    """
+    result.single("a recording is compared with a single experiment")
+    result.check_stored(*NEEDED, who="a recording needs")
+    G, times = recording.group, result.times
+    states = [result.trajectory(name, run) for name in NEEDED[:3]]
+    reference = Course(G, times, State(*(result[name] for name in NEEDED[3:])))
+    simulated = {
+        int(k): Course(G, times, State(*(each[k] for each in states)))
+        for k in np.flatnonzero(result.good[:, run])
+    }
+    for k in controllers or [k for k in range(len(result.labels)) if not simulated]:
+        if k not in simulated:
+            raise result.error(f"run {run} of {result.labels[k]} failed; choose another")
+    courses = {result.titles[k]: course for k, course in simulated.items()}
+    found = Alignment(0.0) if recording.timed else _best_aligned(recording, courses)
+    late = recording.times + found.offset
+    inside = np.flatnonzero((times[0] <= late) & (late <= times[-1]))
+    if len(inside) < 2:
+        raise InputError(
+            f"{recording.name}: expected two rows or more within the run, from {times[0]:.6g} to "
+            f"{times[-1]:.6g} s, got {len(inside)}: its times are from {late[0]:.6g} to "
+            f"{late[-1]:.6g} s; change time.offset of the mapping, or leave it out"
+        )
+    rows = slice(int(inside[0]), int(inside[-1]) + 1)
+    kept = recording.part(rows).shifted(found.offset)
+    return [
+        MeasuredRun(result.labels[k], result.titles[k], run, kept, found, course, reference)
+        for k, course in simulated.items()
+        if not controllers or k in controllers
+    ]
+
+
+def _best_aligned(recording: Recording, courses: Mapping[str, Course]) -> Alignment:
+    """The offset by the run that the recording is most like; runs by titles of controllers."""
+    found, errors = [], []
+    for title, course in courses.items():
+        try:
+            one = aligned(recording, course.times, course.pieces)
+        except InputError as error:
+            errors.append(error)
+        else:
+            found.append(replace(one, by=f"{one.by} of {title}"))
+    if not found:
+        raise errors[0]
+    return max(found, key=lambda each: each.correlation)

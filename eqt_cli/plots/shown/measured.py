@@ -1,0 +1,86 @@
+"""A recording beside a run of one controller of a result."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from eqt_cli.analysis.measured.run import measured_runs
+from eqt_cli.core.arrays import Array
+from eqt_cli.core.errors import EqtError, Remedy
+from eqt_cli.groups import MatrixLieGroup
+from eqt_cli.logs.recording import Recording
+from eqt_cli.plots.shown.controllers import error_of, positions
+from eqt_cli.results.result import Result
+
+
+class ShownMeasured:
+    """A recording in time with a run.
+
+    Parameters
+    ----------
+    result, measured
+        Open, and a recording on its group.
+    figure, chosen
+        As for `ShownControllers`; the first controller if none is chosen.
+    run
+        The number of the run.
+
+    Attributes
+    ----------
+    pair
+        The run with the recording.
+
+    Raises
+    ------
+    EqtError
+        If there is no recording, no such run or controller, or they do not fit.
+    """
+
+    def __init__(
+        self,
+        result: Result,
+        measured: Recording | None,
+        figure: str,
+        chosen: Sequence[str],
+        run: int,
+    ) -> None:
+        if measured is None:
+            text = f"figure '{figure}' shows a recording beside a run, and none is given"
+            raise EqtError(text, Remedy("give one with {}", "measured"))
+        (places,) = positions([result], figure, chosen)
+        if chosen and len(places) > 1:
+            raise error_of(result, figure, f"shows one controller, got {len(places)}")
+        (self.pair,) = measured_runs(result, measured, places[:1], run)
+        self.unit = result.units("time")
+
+    @property
+    def group(self) -> MatrixLieGroup:
+        """G."""
+        return self.pair.recording.group
+
+    @property
+    def curves(self) -> list[tuple[str, tuple[Array, Array], tuple[Array, Array]]]:
+        """Rows of panels: a name, times and values of the recording, and of the run.
+
+        Values are poses, or coordinates of errors, velocities and wrenches.
+        """
+        pair, seen = self.pair, self.pair.recording
+        here, wanted = pair.simulated.states, pair.reference.states
+        G, t = self.group, pair.simulated.times
+        errors = pair.errors
+        error = G.log(G.inverse(wanted.pose) @ here.pose)
+        found = [
+            ("pose", (seen.times, seen.poses), (t, here.pose)),
+            ("error", (seen.times, errors[0].measured), (t, error)),
+            ("velocity", (seen.times, seen.velocities), (t, here.velocity)),
+            ("wrench", (seen.times, seen.wrenches), (t, here.wrench)),
+        ]
+        return [row for row in found if not np.isnan(row[1][1]).all()]
+
+    def notes(self) -> list[str]:
+        """What is shown, how it was aligned, and what was not measured."""
+        pair = self.pair
+        return [
+            f"Lines: {pair.title}, run {pair.run}. Tints: {pair.notes[0]}.",
+            *(f"{note}." for note in pair.notes[1:]),
+        ]
