@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Any, TypeVar
 
 from eqt_cli.api.paths import path_from
@@ -18,7 +17,7 @@ from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.logs.check import LogCheck, check_text
 from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat, trajectory_format
 from eqt_cli.logs.recording import Recording, read_recording
-from eqt_cli.logs.ulog import SUFFIX, recording_text
+from eqt_cli.logs.ulog import recording_text
 
 Found = TypeVar("Found")
 
@@ -69,13 +68,12 @@ def check_log(
     ('SO3', 100.0, [])
     """
     G = None if group is None else group_named(group)
-    found = _read(
+    return _read(
         path,
         mapping,
         format,
         lambda text, name, kind, said: check_text(text, name, kind, said, G),
     )
-    return replace(found, format="ulog") if found.file.lower().endswith(SUFFIX) else found
 
 
 def read_measured(

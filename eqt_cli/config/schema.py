@@ -7,7 +7,17 @@ What depends on the group or on a component (shapes, options, definiteness) is c
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, Tag, TypeAdapter
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    Tag,
+    TypeAdapter,
+    ValidationInfo,
+    WithJsonSchema,
+    field_validator,
+)
 
 from eqt_cli.core.option_types import (
     DAMPING,
@@ -23,12 +33,15 @@ from eqt_cli.core.option_types import (
     Runs,
     Samples,
     Scale,
+    written_as_time,
 )
 from eqt_cli.core.validation import one_of
 from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.groups.angles import distance_of_turn
+from eqt_cli.logs.mapping import LogMapping
 from eqt_cli.vehicle.numbers import Matrix as DrawnMatrix
 from eqt_cli.vehicle.numbers import Number
+from eqt_cli.vehicle.sampling import periods_in
 
 
 def _rank(value: Any) -> str | None:
@@ -138,12 +151,16 @@ class InitialSection(Section):
         result, whose runs start there; relative to this file.
     relative
         Whether the poses and velocities in the file are relative to the reference's.
+    mapping
+        What the file does not say of itself, as `reference.mapping`: columns, units, order of
+        quaternions, axes.
     """
 
     pose: Any = "fixed"
     velocity: Any = "fixed"
     file: str | None = None
     relative: bool = False
+    mapping: LogMapping | None = None
 
 
 class EnsembleSection(Section):
@@ -285,6 +302,16 @@ class PlantSection(Section):
     forces: list[Any] | None = None
 
 
+_COUNT_OR_TIME = WithJsonSchema(
+    {
+        "anyOf": [
+            {"type": "integer", "minimum": 0},
+            {"type": "string", "description": "a time such as 20 ms"},
+        ]
+    }
+)
+
+
 class ControlSection(Section):
     """The clock of the laws; without it they act continuously.
 
@@ -293,11 +320,22 @@ class ControlSection(Section):
     period
         The laws are evaluated at t = k·period, s, and their commands held in between.
     delay
-        After how many whole periods a command arrives; until the first one does, 0 is held.
+        After how many whole periods a command arrives, or after which time, such as 20 ms; until
+        the first one does, 0 is held.
     """
 
     period: Annotated[Positive, Scale("control period", "s")]
-    delay: Annotated[CountOrNone, Scale("delay in periods")] = 0
+    delay: Annotated[CountOrNone, _COUNT_OR_TIME, Scale("delay in periods")] = 0
+
+    @field_validator("delay", mode="before")
+    @classmethod
+    def _in_periods(cls, value: Any, known: ValidationInfo) -> Any:
+        time = written_as_time(value)
+        if time is None:
+            return value
+        if "period" not in known.data:
+            return 0  # which is noted
+        return periods_in(time, known.data["period"])
 
 
 class SensorsSection(Section):

@@ -48,6 +48,7 @@ from eqt_cli.experiment.vehicle import resolved as resolved_vehicle
 from eqt_cli.experiment.vehicle import vehicle_from
 from eqt_cli.groups import MatrixLieGroup, group_named
 from eqt_cli.groups.product import ProductGroup
+from eqt_cli.logs.mapping import MAPPING
 from eqt_cli.mechanics.tracking import Gains
 
 OF_EVERY_LAW = ("label", "gains")
@@ -110,7 +111,7 @@ def build(source: ConfigSource, *, trust_plugins: bool = False) -> Experiment:
         start = _start(initial, group, desired, source, problems.at("initial"))
     config = _agreeing(
         source,
-        {name: sections[name] for name in SEARCHES},
+        {name: sections[name] for name in (*SEARCHES, "initial")},
         group,
         desired,
         {entry.index: entry.law for entry in laws.values()},
@@ -161,8 +162,8 @@ def _start(
     """Where the runs start, by distributions or by the rows of a file."""
     if section.file is not None:
         return start_from_file(section, G, desired, source, problems)
-    if "relative" in section.model_fields_set:
-        problems.at("relative").add(
+    for key in section.model_fields_set & {"relative", MAPPING}:
+        problems.at(key).add(
             "applies only to poses from a `file`; give `file` too, or remove this key"
         )
     poses = _poses(section.pose, G, problems.at("pose"))
@@ -176,7 +177,7 @@ def _start(
 
 def _agreeing(
     source: ConfigSource,
-    searches: dict[str, Any],
+    read: dict[str, Any],
     G: MatrixLieGroup | None,
     desired: DesiredTrajectory | None,
     laws: dict[int, Controller],
@@ -188,7 +189,7 @@ def _agreeing(
         return None
     # Dataclasses, as ranges are, pass strict validation as such, and not as mappings.
     config = Config.model_validate(
-        source.data | {name: section for name, section in searches.items() if section}
+        source.data | {name: section for name, section in read.items() if section}
     )
     check_horizon(desired.reference, "reference", G, config.time.duration, problems)
     for index, law in laws.items():

@@ -15,9 +15,9 @@ import numpy as np
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import InputError, suggestion
 from eqt_cli.logs.mapping import LogMapping, MappingError, TrajectoryFormat
-from eqt_cli.logs.ulog import DAMAGED
+from eqt_cli.logs.ulog import DAMAGED, SUFFIX
 from eqt_cli.logs.ulog import NAMES as PX4
-from eqt_cli.logs.units import factor_of, is_known
+from eqt_cli.logs.units import factor_of, is_known, units_of
 
 QUATERNION = ("qx", "qy", "qz", "qw")
 
@@ -50,6 +50,9 @@ MOST_DIGITS = 19
 
 CHUNK = 20_000
 """Lines that are read at once; of those that cannot be read, the first is looked for."""
+
+_OURS = re.compile(r"q[xyzw]\d?|q_?\d|q\[\d\]|V\w+|Q\d+")
+"""Names of columns that have no unit."""
 
 _HEADING = re.compile(r"(.*?)\s*(?:\[(?!\d+\])([^\]]*)\]|\((?!\d+\))([^)]*)\))")
 """A name and a unit: ``angle (deg)``, ``t [ms]``; ``q[0]`` has none."""
@@ -242,6 +245,8 @@ def open_sheet(text: str, name: str, kind: TrajectoryFormat, mapping: LogMapping
         heading, unit = _heading(entry.removeprefix("#").strip())
         headings.append(heading)
         units[heading] = unit
+    if _is_tum(header):
+        raise InputError(f"{name}:{number}: has 8 numbers parted by spaces; use the format tum")
     if not header or any(not entry or _is_number(entry) for entry in headings):
         raise InputError(
             f"{name}:{number}: expected a header that names the columns, such as t, qx, qy, qz, qw"
@@ -289,7 +294,14 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
     for name, heading in mapping.columns.items():
         if heading not in headings:
             hint = suggestion(heading, headings) or "; write a heading of the file, without a unit"
+            if name in headings and not _is_ours(name):
+                hint = f"; eqt's name is first: write `{{{heading}: {name}}}`"
             raise MappingError(("columns", name), f"{place}: no column '{heading}'{hint}")
+        if not _is_ours(name):
+            some = ", ".join(("t", *QUATERNION, "yaw, pitch, roll, x, y, z, wx, vx"))
+            raise MappingError(
+                ("columns", name), f"eqt has no column of this name; it knows {some} and others"
+            )
     given = {heading: name for name, heading in mapping.columns.items()}
     # A column that has the name which the mapping gives to another is none of eqt's.
     known = {each: name for each, name in PX4.items() if name not in mapping.columns}
@@ -318,6 +330,8 @@ def _renamed(headings: list[str], mapping: LogMapping, place: str) -> list[str]:
 
 def _without_header(text: str, name: str, kind: str, mapping: LogMapping) -> Sheet:
     """A file of a format that has no header of names."""
+    if name.lower().endswith(SUFFIX):
+        raise InputError(f"{name}: a flight of PX4 has a format of its own; leave out {kind}")
     if mapping.columns:
         raise MappingError(
             ("columns",), f"the format {kind} has no header; remove this key, or use format: csv"
@@ -331,12 +345,25 @@ def _without_header(text: str, name: str, kind: str, mapping: LogMapping) -> She
     if lines:
         found = len(_entries(lines[0], delimiter))
         if found < LEAST or (found > LEAST and kind == "tum"):
-            raise InputError(f"{name}:{numbers[0]}: expected {LEAST} entries, got {found}")
+            parted = "by commas" if delimiter else "by spaces"
+            raise InputError(
+                f"{name}:{numbers[0]}: expected {LEAST} entries parted {parted}, got {found}"
+            )
         names = names[: max(min(len(_entries(line, delimiter)) for line in lines), LEAST)]
     units = {"t": "ns"} if kind == "euroc" else {}
     order = mapping.quaternion or ("wxyz" if kind == "euroc" else "xyzw")
     euroc = kind == "euroc"
     return Sheet(name, names, names, units, delimiter, lines, numbers, 1, euroc, order)
+
+
+def _is_ours(name: str) -> bool:
+    """Whether a column of this name means something to eqt."""
+    return bool(units_of(name) or _OURS.fullmatch(name))
+
+
+def _is_tum(line: str) -> bool:
+    entries = line.split()
+    return len(entries) == LEAST and all(map(_is_number, entries))
 
 
 def _heading(entry: str) -> tuple[str, str]:
