@@ -219,7 +219,7 @@ def test_kills_of_shards_beside_each_other(reference, tmp_path):
         for session in sessions:
             session.wait_for_start()
         if done < wanted:
-            time.sleep(rng.uniform(0, duration / 2))
+            time.sleep(rng.uniform(0, duration / 4))  # each has half of the runs, and does not pack
             before = parts(out)
             done += rng.choice(sessions).kill()
             check_left_over(out, before)
