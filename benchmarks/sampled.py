@@ -77,7 +77,7 @@ def sampled(repeats: int = 3) -> Iterator[Sampled]:
         ]
         for engine in (Native(), Taylor(code="full")):
             if engine.unavailable() is None:
-                engine.solve(case.problems[0].select(slice(0, 1)), lambda done: None)  # compiles
+                engine.solve(case.problems[0].select(slice(0, 1)))  # compiles
                 ways.insert(0, (f"eqt {engine.name}", runs, _by(case, engine)))
         if MuJoCo.is_installed():
             stepped = partial(_stepped, case, period, _references(case, period))
@@ -95,7 +95,7 @@ def sampled(repeats: int = 3) -> Iterator[Sampled]:
 def _by(case: Case, engine: Engine) -> Callable[[Array], Motion]:
     def solve(runs: Array) -> Motion:
         problems = [problem.select(runs) for problem in case.problems]
-        found = [engine.solve(each, lambda done: None) for each in problems]
+        found = [engine.solve(each) for each in problems]
         return case.motion(found, runs)
 
     return solve

@@ -18,6 +18,6 @@ def solved(tmp_path):
         found = study(read_config(path))
         entries = np.arange(found.plan.entries) if runs is None else np.asarray(runs)
         [batch] = batches(found, label, entries)
-        return batch.problem, batch.engine.solve(batch.problem, lambda done: None, workers)
+        return batch.problem, batch.engine.solve(batch.problem, workers)
 
     return solve
