@@ -62,6 +62,8 @@ def start_from_file(
         return None
     said = section.mapping or LogMapping()
     said.check(problems.at(MAPPING))
+    if problems.at(MAPPING):
+        return None
     with problems.catching("file"):
         text = data_file(source, name)
         try:
