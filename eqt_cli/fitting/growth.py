@@ -39,7 +39,8 @@ class Growth:
         Of the error over windows: the median, the 10 % and the 90 % quantile, the root mean square.
     noise : (parts, h)
         The root mean square that the noise of the recording alone gives a perfect model: that of
-        the first state, as it grows, and that of the row at the horizon.
+        the first state, as it grows, and that of the row at the horizon. A first velocity that
+        was not recorded counts as exact.
     notes
         What a reader should know of the recording and the model.
     """
