@@ -48,6 +48,9 @@ LEAST_NOISE = 0.05
 BLOCKS = 20
 """Into which a recording is cut for the standard error, because errors nearby are alike."""
 
+LEAST_ERROR = 1e-6
+"""s, that is told; clocks are not better."""
+
 ITERATIONS, CONVERGED = 20, 1e-9
 """Of Gauss and Newton's method; and the change over the step of the instants at which it ends."""
 
@@ -79,10 +82,11 @@ class Alignment:
     def in_words(self) -> str:
         """What to say of it."""
         if not self.by:
-            return f"clock offset {self.offset:+.4g} s, as the mapping says"
+            return "clock offset as the mapping says"
+        error = max(self.error, LEAST_ERROR)
         return (
-            f"clock offset {self.offset:+.4f} s, standard error {self.error:.1g} s, from the "
-            f"{self.by}; correlation {self.correlation:.3f}"
+            f"clock offset {self.offset:+.4f} s, standard error {error:.1g} s, from the {self.by}; "
+            f"correlation {self.correlation:.3f}"
         )
 
 

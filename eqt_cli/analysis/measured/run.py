@@ -18,6 +18,10 @@ from eqt_cli.results.result import Result
 NEEDED = ("pose", "velocity", "torque", "desired_pose", "desired_velocity", "desired_torque")
 
 
+SAME_TIME = 1e-9
+"""Over the length of a run: by less than this, a row is not beyond it."""
+
+
 @dataclass(frozen=True)
 class State:
     """Pose ``(n, d, d)``, body velocity and wrench ``(n, m)`` at some times."""
@@ -129,9 +133,10 @@ class MeasuredRun:
         """What a reader must know: the rows, the clock, the gaps, and what was not measured."""
         seen, gaps = self.recording, len(self.recording.gaps)
         missing = f", {gaps} gap{'s' * (gaps > 1)}" if gaps else ""
+        first, last = (round(t, 6) + 0.0 for t in seen.times[[0, -1]].tolist())
         found = [
-            f"{seen.name}: {len(seen.times)} rows from {seen.times[0]:.4g} to "
-            f"{seen.times[-1]:.4g} s of run {self.run}{missing}; {self.alignment.in_words}",
+            f"{seen.name}: {len(seen.times)} rows from {first:.4g} to {last:.4g} s of run "
+            f"{self.run}{missing}; {self.alignment.in_words}",
         ]
         names = names_beside(seen.group, WRENCH)
         if names and np.isnan(seen.wrenches).all():
@@ -140,7 +145,11 @@ class MeasuredRun:
 
 
 def measured_runs(
-    result: Result, recording: Recording, controllers: Sequence[int], run: int
+    result: Result,
+    recording: Recording,
+    controllers: Sequence[int],
+    run: int,
+    who: str = "a comparison with a recording",
 ) -> list[MeasuredRun]:
     """A recording in time with a run of some controllers.
 
@@ -150,14 +159,16 @@ def measured_runs(
     ----------
     controllers
         Their positions; all if empty, except for those whose run failed.
+    who
+        Who asks, for messages.
 
     Raises
     ------
     EqtError
         If the result does not hold the run, or the recording cannot be brought in time with it.
     """
-    result.single("a recording is compared with a single experiment")
-    result.check_stored(*NEEDED, who="a recording needs")
+    result.single(f"{who} is of single experiments")
+    result.check_stored(*NEEDED, who=f"{who} needs")
     G, times = recording.group, result.times
     states = [result.trajectory(name, run) for name in NEEDED[:3]]
     reference = Course(G, times, State(*(result[name] for name in NEEDED[3:])))
@@ -171,7 +182,8 @@ def measured_runs(
     courses = {result.titles[k]: course for k, course in simulated.items()}
     found = Alignment(0.0) if recording.timed else _best_aligned(recording, courses)
     late = recording.times + found.offset
-    inside = np.flatnonzero((times[0] <= late) & (late <= times[-1]))
+    slack = SAME_TIME * (times[-1] - times[0])
+    inside = np.flatnonzero((times[0] - slack <= late) & (late <= times[-1] + slack))
     if len(inside) < 2:
         raise InputError(
             f"{recording.name}: expected two rows or more within the run, from {times[0]:.6g} to "
