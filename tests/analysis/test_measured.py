@@ -1,6 +1,7 @@
 """A recording beside a run: its clock, what the run explains of its error, what is refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -121,7 +122,10 @@ def test_another_motion_tells_none():
     G = group_named("SO3")
     other = course(G, lambda t: np.array([np.cos(5.3 * t), np.sin(0.3 * t * t), np.cos(7 * t)]))
     said = refused(G, waving(G), recorded(G, other, SAMPLED))
-    assert said == "the motions correlate by 0.22 at most, and 0.5 is needed"
+    assert said == (
+        "the motions correlate by 0.22 at most, and 0.5 is needed; check the number of the run, "
+        "the units and the axes of the body"
+    )
 
 
 def test_few_rows_tell_none():
@@ -276,6 +280,21 @@ def test_a_run_between_its_samples_is_of_third_order():
         return np.abs(Course(G, times, state(times)).at(between).pose - state(between).pose).max()
 
     assert 7 < error(0.04) / error(0.02) < 9
+
+
+def test_another_world_is_noted(made):
+    """A recording whose world is turned by 90° about z against that of the reference."""
+    with open_result(made) as result:
+        recording = read_recording(
+            log_of(made), "flight.csv", "csv", result.group, LogMapping(**MAPPING)
+        )
+        G = recording.group
+        turn = G.exp(np.pi / 2 * np.eye(G.dimension)[2])
+        (one,) = measured_runs(result, replace(recording, poses=turn @ recording.poses), [0], 0)
+    assert one.notes[1] == (
+        "The rotation of the recording differs from that of the run by 90 deg throughout; check "
+        "`world` and `attitude` of the mapping, or move its poses to the world of the reference"
+    )
 
 
 def said(folder, text, **more):

@@ -233,7 +233,10 @@ def _peak(signal: _Signal, times: Array, step: float) -> _Peak:
     quality = (1 - float(others[other])) / max(1 - top, 1e-12)
     doubt = ""
     if top < LEAST:
-        doubt = f"the motions correlate by {top:.2f} at most, and {LEAST:g} is needed"
+        doubt = (
+            f"the motions correlate by {top:.2f} at most, and {LEAST:g} is needed; check the "
+            "number of the run, the units and the axes of the body"
+        )
     elif quality < APART:
         two = sorted([offset, offset + step * (other - best)])
         doubt = f"offsets of {two[0]:.3g} s and {two[1]:.3g} s fit about equally well"

@@ -1,6 +1,6 @@
 """A run of a result as a motion at any time, and a recording in time with it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -17,6 +17,9 @@ from eqt_cli.results.result import Result
 
 NEEDED = ("pose", "velocity", "torque", "desired_pose", "desired_velocity", "desired_torque")
 
+
+VARIES = 0.3
+"""Of a difference of poses: by less than this, it is about constant."""
 
 SAME_TIME = 1e-9
 """Over the length of a run: by less than this, a row is not beyond it."""
@@ -138,10 +141,32 @@ class MeasuredRun:
             f"{seen.name}: {len(seen.times)} rows from {first:.4g} to {last:.4g} s of run "
             f"{self.run}{missing}; {self.alignment.in_words}",
         ]
+        found += self._other_world()
         names = names_beside(seen.group, WRENCH)
         if names and np.isnan(seen.wrenches).all():
             found.append(f"No wrench was measured; it would be in columns {', '.join(names)}")
         return found
+
+    def _other_world(self) -> Iterator[str]:
+        """The parts that differ from the run by about a constant, larger than its own error."""
+        G, seen, pose = self.recording.group, self.recording, self.errors[0]
+        apart = G.log(seen.poses @ G.inverse(self.simulated.at(seen.times).pose))
+        for part in G.parts:
+            own, mean = apart[:, part.axes], apart[:, part.axes].mean(axis=0)
+            varies = np.sum((own - mean) ** 2) > VARIES**2 * np.sum(own**2)
+            if varies or _size(pose.difference, part) <= _size(pose.simulated, part):
+                continue
+            size = float(np.linalg.norm(mean))
+            amount = f"{np.degrees(size):.3g} deg" if part.turns else f"{size:.3g} {part.pose_unit}"
+            yield (
+                f"The {part.name.replace('_', ' ')} of the recording differs from that of the run "
+                f"by {amount} throughout; check `world` and `attitude` of the mapping, or move its "
+                "poses to the world of the reference"
+            )
+
+
+def _size(values: Array, part: Part) -> float:
+    return float(np.sum(values[:, part.axes] ** 2))
 
 
 def measured_runs(

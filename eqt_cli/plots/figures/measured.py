@@ -29,8 +29,9 @@ _PALE = 0.35
 class Measured(OfMeasured):
     """A recording beside a run: pose, error, velocity and wrench, a column per part.
 
-    The error is log Q_d⁻¹Q, from the reference in the body frame. The clock of the recording is
-    aligned with that of the run, and its gaps stay empty.
+    It shows one controller: the first, unless another is chosen. The error is log Q_d⁻¹Q, from the
+    reference in the body frame. The clock of the recording is aligned with that of the run, and
+    its gaps stay empty.
 
     Attributes
     ----------
