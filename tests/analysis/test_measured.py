@@ -282,6 +282,16 @@ def test_a_run_between_its_samples_is_of_third_order():
     assert 7 < error(0.04) / error(0.02) < 9
 
 
+def test_of_many_rows_some_are_compared(made, monkeypatch):
+    monkeypatch.setattr("eqt_cli.analysis.measured.run.MOST", 100)
+    one = pair_of(made, log_of(made))
+    seen = one.recording
+    assert len(seen.times) == 82  # every fourth of 325
+    assert one.notes[0].startswith("flight.csv: 82 of 325 rows from 0.52")
+    (gap,) = seen.gaps
+    assert seen.times[gap] < 3.01 < 3.49 < seen.times[gap + 1]
+
+
 def test_another_world_is_noted(made):
     """A recording whose world is turned by 90° about z against that of the reference."""
     with open_result(made) as result:

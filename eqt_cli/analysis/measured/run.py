@@ -18,6 +18,9 @@ from eqt_cli.results.result import Result
 NEEDED = ("pose", "velocity", "torque", "desired_pose", "desired_velocity", "desired_torque")
 
 
+MOST = 20_000
+"""Rows that are compared, spread over a longer recording."""
+
 VARIES = 0.3
 """Of a difference of poses: by less than this, it is about constant."""
 
@@ -90,7 +93,9 @@ class MeasuredRun:
     label, title, run
         Of the controller, and the number of the run.
     recording
-        In the time of the run, with the rows that are within it.
+        In the time of the run, with the rows that are within it; `MOST` of more.
+    rows
+        How many are within it in all.
     alignment
         What was added to its clock.
     simulated, reference
@@ -101,6 +106,7 @@ class MeasuredRun:
     title: str
     run: int
     recording: Recording
+    rows: int
     alignment: Alignment
     simulated: Course
     reference: Course
@@ -137,8 +143,9 @@ class MeasuredRun:
         seen, gaps = self.recording, len(self.recording.gaps)
         missing = f", {gaps} gap{'s' * (gaps > 1)}" if gaps else ""
         first, last = (round(t, 6) + 0.0 for t in seen.times[[0, -1]].tolist())
+        count = f"{len(seen.times)} of " * (self.rows > len(seen.times)) + f"{self.rows} rows"
         found = [
-            f"{seen.name}: {len(seen.times)} rows from {first:.4g} to {last:.4g} s of run "
+            f"{seen.name}: {count} from {first:.4g} to {last:.4g} s of run "
             f"{self.run}{missing}; {self.alignment.in_words}",
         ]
         found += self._other_world()
@@ -215,10 +222,19 @@ def measured_runs(
             f"{times[-1]:.6g} s, got {len(inside)}: its times are from {late[0]:.6g} to "
             f"{late[-1]:.6g} s; change time.offset of the mapping, or leave it out"
         )
-    rows = slice(int(inside[0]), int(inside[-1]) + 1)
-    kept = recording.part(rows).shifted(found.offset)
+    first, last = int(inside[0]), int(inside[-1]) + 1
+    kept = recording.part(first, last, -(-(last - first) // MOST)).shifted(found.offset)
     return [
-        MeasuredRun(result.labels[k], result.titles[k], run, kept, found, course, reference)
+        MeasuredRun(
+            result.labels[k],
+            result.titles[k],
+            run,
+            kept,
+            last - first,
+            found,
+            course,
+            reference,
+        )
         for k, course in simulated.items()
         if not controllers or k in controllers
     ]
