@@ -15,8 +15,6 @@ from eqt_cli.analysis.measured.run import measured_runs
 from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.paths import ResultPath, path_from
 from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.executors import Progress
-from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.results.result import open_result
 
 
@@ -29,8 +27,6 @@ def compare(
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
-    progress: Progress = lambda amount: None,
-    stage: Stage | None = None,
 ) -> Comparison:
     """Compare the controllers of a result, run by run on the same initial states.
 
@@ -46,10 +42,6 @@ def compare(
         Of a sweep, counted from 0.
     confidence, resamples, seed
         Of the bootstrap.
-    progress
-        Called with how much more of the current step is done.
-    stage
-        Called with the name and the size of each step: the resampling.
 
     Returns
     -------
@@ -73,8 +65,8 @@ def compare(
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = [_window(window) for window in windows]
     with open_result(path_from("result", result), point) as results:
-        how, steps = Resampling(confidence, resamples, seed), Steps(progress, stage)
-        return compare_results(results, metrics=metrics, windows=parsed, how=how, steps=steps)
+        how = Resampling(confidence, resamples, seed)
+        return compare_results(results, metrics=metrics, windows=parsed, how=how)
 
 
 def compare_measured(
@@ -141,8 +133,6 @@ def compare_sweep(
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
-    progress: Progress = lambda amount: None,
-    stage: Stage | None = None,
 ) -> list[Map]:
     """Compare the controllers at each point of a sweep: which of them wins where.
 
@@ -154,8 +144,6 @@ def compare_sweep(
         Names of stored numbers per run; one map each.
     confidence, resamples, seed
         As of `compare`.
-    progress, stage
-        As of `compare`; a step for each metric.
 
     Returns
     -------
@@ -176,8 +164,8 @@ def compare_sweep(
     with open_result(path_from("result", result)) as results:
         if not results.is_sweep:
             raise results.error("is a single experiment; `eqt compare` without more compares it")
-        how, steps = Resampling(confidence, resamples, seed), Steps(progress, stage)
-        return [compare_map(results, name, how, steps=steps) for name in metrics]
+        how = Resampling(confidence, resamples, seed)
+        return [compare_map(results, name, how) for name in metrics]
 
 
 def _window(given: Any) -> Window:
