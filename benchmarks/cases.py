@@ -101,7 +101,7 @@ def load(name: str, runs: int | None = None, overrides: Sequence[str] = ()) -> C
 def exact(case: Case) -> Motion:
     """The Taylor engine at a tolerance of 2.2e-16, the smallest of doubles."""
     engine = Taylor(tol=EPSILON)
-    return case.motion([engine.solve(each, lambda runs: None, 2) for each in case.problems])
+    return case.motion([engine.solve(each, 2) for each in case.problems])
 
 
 def errors(found: Motion, reference: Motion) -> Array:

@@ -123,7 +123,7 @@ def _raw_writing(results: Path, copy: Path) -> float:
 
 def _scaling(workers: int) -> Scaling:
     from eqt_cli.config.source import read_config
-    from eqt_cli.execution.executors.base import Executor, Outcome, Progress, Task
+    from eqt_cli.execution.executors.base import Executor, Outcome, Task
     from eqt_cli.execution.executors.local import Local
     from eqt_cli.execution.run_study import execute
     from eqt_cli.experiment.read_study import study
@@ -131,10 +131,8 @@ def _scaling(workers: int) -> Scaling:
     moments: list[float] = []
 
     class Watched(Local):
-        def outcomes(
-            self, task: Task, items: Sequence[int], progress: Progress
-        ) -> Iterator[Outcome]:
-            for outcome in super().outcomes(task, items, progress):
+        def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+            for outcome in super().outcomes(task, items):
                 moments.append(time.perf_counter())
                 yield outcome
 

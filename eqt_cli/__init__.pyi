@@ -23,4 +23,6 @@ from eqt_cli.api import tune as tune
 from eqt_cli.api import verify as verify
 from eqt_cli.api import worst as worst
 from eqt_cli.api import write_report as write_report
+from eqt_cli.core.reporting import Reporter as Reporter
+from eqt_cli.core.reporting import reporting as reporting
 from eqt_cli.core.version import __version__ as __version__

@@ -13,7 +13,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
 from dataclasses import dataclass
 from functools import cache, partial
 from io import StringIO
@@ -30,8 +30,10 @@ from eqt_cli.cli import main
 from eqt_cli.config.source import read_config
 from eqt_cli.controllers import Controller, controllers
 from eqt_cli.core.arrays import Array, transpose
+from eqt_cli.core.errors import EqtWarning
 from eqt_cli.core.interruptions import ASKED_BY
 from eqt_cli.core.problems import Problems
+from eqt_cli.core.reporting import Reporter, reporting
 from eqt_cli.engines.native import cache as native_cache
 from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.build import Experiment, build
@@ -644,3 +646,53 @@ def in_c() -> Callable[..., dict[str, Array]]:
         return found
 
     return run
+
+
+class Told(Reporter):
+    """Remembers what it was told."""
+
+    def __init__(self) -> None:
+        self.steps: list[tuple[str, int]] = []
+        self.done: list[list[float]] = []
+        self.skipped: list[float] = []
+        self.ended = 0
+        self.notes: dict[str, str] = {}
+        self.remarks: list[str] = []
+        self.activities: list[str] = []
+
+    def begin(self, what: str, count: int) -> None:
+        self.steps.append((what, count))
+        self.done.append([])
+
+    def advance(self, amount: float) -> None:
+        self.done[-1].append(amount)
+
+    def skip(self, amount: float) -> None:
+        self.skipped.append(amount)
+
+    def end(self) -> None:
+        self.ended += 1
+
+    def note(self, about: str, words: str) -> None:
+        self.notes[about] = words
+
+    @contextmanager
+    def busy(self, words: str) -> Iterator[None]:
+        self.activities.append(words)
+        yield
+
+    def remark(self, warning: EqtWarning) -> None:
+        self.remarks.append(str(warning))
+
+    def total(self, what: str) -> float:
+        """How much was done of the steps that counted this."""
+        each = zip(self.steps, self.done, strict=True)
+        return sum(sum(done) for (name, _), done in each if name == what)
+
+
+@pytest.fixture
+def told() -> Iterator[Told]:
+    """What eqt tells in this test."""
+    remembering = Told()
+    with reporting(remembering):
+        yield remembering

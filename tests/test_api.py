@@ -147,37 +147,33 @@ def test_a_command_loads_only_what_it_calls():
     ],
     ids=["verify", "report", "plot"],
 )
-def test_long_steps_are_counted_under_their_own_names(result, call, steps):
-    assert_counted(partial(call, result), steps)
+def test_long_steps_are_counted_under_their_own_names(result, told, call, steps):
+    assert_counted(told, partial(call, result), steps)
 
 
-def test_resampling_is_counted_where_there_are_runs_enough(tmp_path):
+def test_resampling_is_counted_where_there_are_runs_enough(tmp_path, told):
     result = eqt_cli.run(eqt_cli.load_experiment(PAPER, FEW | {"ensemble.runs": 5}), tmp_path / "o")
-    assert_counted(partial(eqt_cli.compare, result, resamples=1500), {"resamples": 1500})
+    told.steps.clear()
+    told.done.clear()
+    told.ended = 0
+    assert_counted(told, partial(eqt_cli.compare, result, resamples=1500), {"resamples": 1500})
 
 
-def assert_counted(call, steps):
+def assert_counted(told, call, steps):
     """That a call begins these steps, and goes through all that they count."""
-    begun, done = {}, []
-
-    def stage(name, count):
-        begun[name] = count
-        done.append(0.0)
-
-    def progress(amount):
-        done[-1] += amount
-
-    call(stage=stage, progress=progress)
-    assert begun == steps
-    assert done == pytest.approx(list(steps.values()))
+    call()
+    assert dict(told.steps) == steps
+    assert [told.total(name) for name in steps] == pytest.approx(list(steps.values()))
+    assert told.ended == len(steps)
 
 
 @pytest.mark.parametrize("estimates", [False, True])
-def test_run_reports_progress(tmp_path, estimates):
+def test_run_reports_progress(tmp_path, told, estimates):
     """A run whose error is estimated is done after its second solve, and counts once."""
-    done, settings = [], FEW | {"solver.error_estimate": estimates}
-    eqt_cli.run(eqt_cli.load_experiment(PAPER, settings), tmp_path / "result", progress=done.append)
-    assert sum(done) == pytest.approx(12)
+    settings = FEW | {"solver.error_estimate": estimates}
+    eqt_cli.run(eqt_cli.load_experiment(PAPER, settings), tmp_path / "result")
+    assert told.steps[0] == ("runs", 12)
+    assert told.total("runs") == pytest.approx(12)
 
 
 @needs_xarray

@@ -24,7 +24,7 @@ class Blocks(Contender):
 
         def solve() -> list[Solution]:
             with threadpool_limits(1):  # as eqt runs it
-                return [engine.solve(each, lambda runs: None) for each in case.problems]
+                return [engine.solve(each) for each in case.problems]
 
         return solve
 

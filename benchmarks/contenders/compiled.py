@@ -33,13 +33,13 @@ class Compiled(Contender):
     def prepare(self, case: Case, tolerance: float) -> Solve:
         """Compile for the first controller; the others are the same code, so all go together."""
         engine = self.engine(tolerance)
-        engine.solve(case.problems[0].select(slice(0, 1)), lambda runs: None)
+        engine.solve(case.problems[0].select(slice(0, 1)))
         workers = os.cpu_count() or 1
         together = Problem.joined(case.problems)
         runs = case.problems[0].runs
 
         def solve() -> list[Solution]:
-            found = engine.solve(together, lambda runs: None, workers)
+            found = engine.solve(together, workers)
             parts = [slice(start, start + runs) for start in range(0, together.runs, runs)]
             return [
                 Solution(found.states[p], found.status[p], found.steps[p], found.messages[p])

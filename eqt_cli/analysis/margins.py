@@ -15,6 +15,7 @@ from eqt_cli.core.arrays import Array
 from eqt_cli.core.error_origin import blamed
 from eqt_cli.core.errors import InputError
 from eqt_cli.core.problems import Problems
+from eqt_cli.core.reporting import reporter, step
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.horizon import along_reference, check_reference, reference_over_horizon
 from eqt_cli.experiment.local_stability import Along, Growth, growth, left_out, size_of
@@ -109,13 +110,8 @@ class Margins:
 
 
 @blamed()
-def margins_of(experiment: Experiment, done: Callable[[float], None]) -> Margins:
+def margins_of(experiment: Experiment) -> Margins:
     """The margins of every law of an experiment.
-
-    Parameters
-    ----------
-    done
-        Called with 1 after every law.
 
     Raises
     ------
@@ -131,10 +127,11 @@ def margins_of(experiment: Experiment, done: Callable[[float], None]) -> Margins
     problems.raise_if_any()
     along = along_reference(experiment, shown)
     laws = []
-    for label, loop in experiment.loops.items():
-        with threadpool_limits(1):  # small matrices, for which threads take ten times as long
+    # One thread: for small matrices, several take ten times as long.
+    with threadpool_limits(1), step("laws", len(experiment.loops)):
+        for label, loop in experiment.loops.items():
             laws.append(_of_law(label, loop, along))
-        done(1.0)
+            reporter().advance(1)
     first = next(iter(experiment.loops.values()))
     control = first.vehicle.control
     period = None if control is None else control.period

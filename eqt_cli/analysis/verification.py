@@ -21,12 +21,11 @@ from eqt_cli.closed_loop import ErrorSystem
 from eqt_cli.controllers.eqt import EqT
 from eqt_cli.core.arrays import Array, norm
 from eqt_cli.core.error_origin import blamed
+from eqt_cli.core.reporting import RUNS_DONE, reporter, step
 from eqt_cli.engines import Solution
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
 from eqt_cli.execution.compute_part import Desired, measured, shared_reference
-from eqt_cli.execution.executors import Progress
-from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.mechanics.semidirect import Semidirect
@@ -78,7 +77,6 @@ class Verification:
 def verify_experiment(
     experiment: Experiment,
     runs: int = RUNS,
-    steps: Steps = SILENT,
     workers: int = 1,
     oracles: Sequence[type[Oracle]] = (),
     exact: bool = False,
@@ -87,17 +85,16 @@ def verify_experiment(
 
     Parameters
     ----------
-    steps
-        Told of the new runs, and then of the statements.
     oracles
         Other programs whose rigid bodies eqt's is compared with.
     exact
         Whether identities are to be proved.
     """
     with threadpool_limits(1):
-        verifier = _Verifier(experiment, runs, steps, steps.progress, workers, oracles, exact)
+        verifier = _Verifier(experiment, runs, workers, oracles, exact)
         desired = shared_reference(verifier.study)
-        found = [verifier.of_new_runs(label, desired) for label in experiment.loops]
+        with step(RUNS_DONE, verifier.study.plans.total):
+            found = [verifier.of_new_runs(label, desired) for label in experiment.loops]
         return verifier.verification(found, desired)
 
 
@@ -107,7 +104,6 @@ def verify_stored(
     *,
     trust_plugins: bool,
     workers: int = 1,
-    steps: Steps = SILENT,
     oracles: Sequence[type[Oracle]] = (),
     exact: bool = False,
 ) -> Verification:
@@ -124,8 +120,7 @@ def verify_stored(
     results.single("one experiment is verified")
     with threadpool_limits(1):
         runs = min(ERROR_SYSTEM_RUNS, experiment.config.ensemble.runs)
-        progress = steps.begin(INTEGRATED, runs * len(experiment.loops))
-        verifier = _Verifier(experiment, runs, steps, progress, workers, oracles, exact)
+        verifier = _Verifier(experiment, runs, workers, oracles, exact)
         if results.has("desired_pose"):
             desired = {name: results[name] for name in ("desired_pose", "desired_velocity")}
             for name, values in desired.items():
@@ -133,7 +128,8 @@ def verify_stored(
                     raise results.refusal(f"its '{name}' is not finite at the start")
         else:  # of a sweep that keeps metrics only
             desired = shared_reference(verifier.study)
-        found = [verifier.of_stored_runs(label, results, desired) for label in experiment.loops]
+        with step(INTEGRATED, runs * len(experiment.loops)):
+            found = [verifier.of_stored_runs(label, results, desired) for label in experiment.loops]
         return verifier.verification(found, desired)
 
 
@@ -143,8 +139,6 @@ class _Verifier:
 
     experiment: Experiment
     runs: int
-    steps: Steps
-    progress: Progress
     workers: int
     oracles: Sequence[type[Oracle]]
     exact: bool
@@ -198,7 +192,7 @@ class _Verifier:
 
     def _solved(self, label: str) -> tuple[Batch, Solution]:
         [batch] = batches(self.study, label, np.arange(self.study.plan.runs))
-        return batch, batch.engine.solve(batch.problem, self.progress, self.workers)
+        return batch, batch.engine.solve(batch.problem, self.workers, reporter().advance)
 
     def _runs(
         self,
@@ -247,7 +241,7 @@ class _Verifier:
         system = ErrorSystem.of(few.loop)
         start = ErrorSystem.of(few.batched_loop()).state_from(few.states, 0.0)
         problem = replace(few, loop=system, states=start)
-        alone = batch.engine.solve(problem, lambda runs: None, self.workers)
+        alone = batch.engine.solve(problem, self.workers)
         s = loop.tracking(times, states)
         expected = Semidirect(loop.group).error((s.Q, s.P), (s.Qd, s.Pd))
         with np.errstate(all="ignore"):
@@ -264,7 +258,7 @@ class _Verifier:
         times = np.linspace(0.0, horizon, len(Qd))[finite]
         rigid = self.experiment.config.rigid is not False
         rows = [
-            *identities_of(self.experiment, self.steps, exact=self.exact),
+            *identities_of(self.experiment, exact=self.exact),
             *trajectory_rows(runs),
             *hypothesis_rows(Setting(loops, times, Qd[finite], Vd[finite], rigid)),
             *self._of_oracles(),
@@ -287,9 +281,7 @@ class _Verifier:
             yield from oracle_rows(oracle, self.experiment, _random(self.experiment, index))
 
 
-def identities_of(
-    experiment: Experiment, steps: Steps = SILENT, *, exact: bool = False
-) -> list[Row]:
+def identities_of(experiment: Experiment, *, exact: bool = False) -> list[Row]:
     """Check every identity of an experiment, which needs no runs.
 
     Parameters
@@ -311,7 +303,7 @@ def identities_of(
             random = _random(experiment, index, Stream.EXACT_STATES)
             sample = replace(sample, exact=ExactStates(label, loop, random))
         samples.append(sample)
-    return identity_rows(samples[0], samples[1:], steps)
+    return identity_rows(samples[0], samples[1:])
 
 
 def _random(

@@ -6,7 +6,6 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
-from eqt_cli.api.drawing import Note
 from eqt_cli.api.paths import ResultPath
 from eqt_cli.config.plugins import load_stored_plugins
 from eqt_cli.config.source import source_of
@@ -25,7 +24,6 @@ def animate(
     seconds: float = 8.0,
     point: int | None = None,
     trust_plugins: bool = False,
-    note: Note = lambda text: None,
 ) -> list[Path]:
     """Show one run as a moving picture: bodies against the reference frame, error and torque.
 
@@ -47,8 +45,6 @@ def animate(
         Of a sweep, counted from 0.
     trust_plugins
         Execute plugin sources that are stored in the result.
-    note
-        Called with what takes some seconds, before it is done.
 
     Returns
     -------
@@ -91,7 +87,6 @@ def animate(
             if format == "html":
                 contents[path] = animation(opened, run, controllers).encode()
             else:
-                note("drawing the pictures of the GIF takes a few seconds")
                 contents[path] = gif(opened, run, controllers, seconds=seconds)
     write(contents, home)
     return list(contents)

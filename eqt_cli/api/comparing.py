@@ -15,8 +15,6 @@ from eqt_cli.analysis.measured.run import measured_runs
 from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.paths import ResultPath, path_from
 from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.executors import Progress
-from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.results.result import open_result
 
 
@@ -29,8 +27,6 @@ def compare(
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
-    progress: Progress = lambda amount: None,
-    stage: Stage | None = None,
 ) -> Comparison:
     """Compare the controllers of a result, run by run on the same initial states.
 
@@ -46,10 +42,6 @@ def compare(
         Of a sweep, counted from 0.
     confidence, resamples, seed
         Of the bootstrap.
-    progress
-        Called with how much more of the current step is done.
-    stage
-        Called with the name and the size of each step: the resampling.
 
     Returns
     -------
@@ -73,8 +65,8 @@ def compare(
         raise EqtError(f"windows: expected a list of windows, as ['0:5'], got {windows!r}")
     parsed = [_window(window) for window in windows]
     with open_result(path_from("result", result), point) as results:
-        how, steps = Resampling(confidence, resamples, seed), Steps(progress, stage)
-        return compare_results(results, metrics=metrics, windows=parsed, how=how, steps=steps)
+        how = Resampling(confidence, resamples, seed)
+        return compare_results(results, metrics=metrics, windows=parsed, how=how)
 
 
 def compare_measured(
@@ -117,15 +109,14 @@ def compare_measured(
     --------
     >>> import numpy as np
     >>> with eqt_cli.open_results("results/paper", "arrays") as result:
-    ...     V = result.trajectory("velocity", 0)[0]
-    ...     Q = result.trajectory("pose", 0)[0].reshape(-1, 9)
-    ...     rows = np.c_[result.times + 0.25, Q, V]
-    >>> names = [f"Q{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3)]
-    >>> header = ",".join(["t", *names, "wx", "wy", "wz"])
+    ...     poses = result.trajectory("pose", 0)[0].reshape(-1, 9)
+    ...     rows = np.c_[result.times + 0.25, poses]
+    >>> header = "t,Q11,Q12,Q13,Q21,Q22,Q23,Q31,Q32,Q33"
     >>> np.savetxt("flight.csv", rows, delimiter=",", header=header, comments="")
-    >>> (found,) = eqt_cli.compare_measured("results/paper", "flight.csv", controllers=["eqt"])
-    >>> round(found.offset, 6), round(found.shares[0].explained, 6)
-    (-0.25, 1.0)
+    >>> late = {"time": {"offset": -0.25}}
+    >>> found = eqt_cli.compare_measured("results/paper", "flight.csv", late)
+    >>> found[0].rows == len(rows), round(found[0].shares[0].explained, 6)
+    (True, 1.0)
     """
     with open_result(path_from("result", result), point) as opened:
         if opened.group is None:
@@ -142,8 +133,6 @@ def compare_sweep(
     confidence: float = Resampling.confidence,
     resamples: int = Resampling.resamples,
     seed: int = Resampling.seed,
-    progress: Progress = lambda amount: None,
-    stage: Stage | None = None,
 ) -> list[Map]:
     """Compare the controllers at each point of a sweep: which of them wins where.
 
@@ -155,8 +144,6 @@ def compare_sweep(
         Names of stored numbers per run; one map each.
     confidence, resamples, seed
         As of `compare`.
-    progress, stage
-        As of `compare`; a step for each metric.
 
     Returns
     -------
@@ -177,8 +164,8 @@ def compare_sweep(
     with open_result(path_from("result", result)) as results:
         if not results.is_sweep:
             raise results.error("is a single experiment; `eqt compare` without more compares it")
-        how, steps = Resampling(confidence, resamples, seed), Steps(progress, stage)
-        return [compare_map(results, name, how, steps=steps) for name in metrics]
+        how = Resampling(confidence, resamples, seed)
+        return [compare_map(results, name, how) for name in metrics]
 
 
 def _window(given: Any) -> Window:

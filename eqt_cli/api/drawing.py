@@ -11,11 +11,10 @@ from typing import TYPE_CHECKING, Any
 from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.loading import LoadedExperiment, at_point, load_experiment
 from eqt_cli.api.paths import ResultPath
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import EqtError, EqtWarning
 from eqt_cli.core.files import YAML
-from eqt_cli.execution.executors import Progress
+from eqt_cli.core.reporting import reporter, step
 from eqt_cli.execution.folder import FIGURES
-from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.logs.recording import Recording
 from eqt_cli.results.result import Result, open_result, point_folder
@@ -47,9 +46,6 @@ def plot(
     log_format: str = "csv",
     trust_plugins: bool = False,
     workers: int = 1,
-    note: Note = lambda text: None,
-    progress: Progress = lambda amount: None,
-    stage: Stage | None = None,
 ) -> list[Path]:
     """Draw a figure of a result, or one of several, and write it as files.
 
@@ -82,12 +78,6 @@ def plot(
         Execute plugin sources that are stored in the result, where the figure shows certificates.
     workers
         Cores to use, where the figure shows certificates.
-    note
-        Called with what takes some seconds, before it is done.
-    progress
-        Called with how much more of the current step is done.
-    stage
-        Called with the name and the size of each step, such as the drawing of the figures.
 
     Returns
     -------
@@ -128,31 +118,27 @@ def plot(
         beside = (
             None if measured is None else _recording(first, wanted, measured, mapping, log_format)
         )
-        steps = Steps(progress, stage)
         rows: list[Row] = []
         of_certificates = any(issubclass(figures.get(name), OfCertificates) for name in wanted)
         if of_certificates and isinstance(first, Result):
             from eqt_cli.analysis.verification import verify_stored
 
-            note("checking the paper's statements on the result takes a few seconds")
-            rows = verify_stored(
-                first, trust_plugins=trust_plugins, workers=workers, steps=steps
-            ).rows
+            rows = verify_stored(first, trust_plugins=trust_plugins, workers=workers).rows
         look = Style(tuple(style), tex)
-        advance = steps.begin(DRAWN, len(wanted))
         files = []
-        for name, given in wanted.items():
-            files += render(
-                opened,
-                name,
-                folder,
-                formats,
-                width,
-                given,
-                style=look,
-                alongside=Alongside(rows, beside),
-            )
-            advance(1)
+        with step(DRAWN, len(wanted)):
+            for name, given in wanted.items():
+                files += render(
+                    opened,
+                    name,
+                    folder,
+                    formats,
+                    width,
+                    given,
+                    style=look,
+                    alongside=Alongside(rows, beside),
+                )
+                reporter().advance(1)
         return files
 
 
@@ -223,7 +209,10 @@ def _recording(
         raise EqtError("measured: no figure that is drawn shows a recording; 'measured' does")
     if shown.group is None:
         raise EqtError(f"measured: group '{shown.group_name}' of a plugin is not known here")
-    return read_measured(measured, shown.group, mapping, kind)
+    found = read_measured(measured, shown.group, mapping, kind)
+    for note in found.notes:
+        reporter().remark(EqtWarning(f"{found.name}: {note}"))
+    return found
 
 
 @contextmanager

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from eqt_cli.analysis.margins import Margins, margins_of
 from eqt_cli.api.loading import Configuration, LoadedExperiment, at_point, load_experiment
-from eqt_cli.execution.executors import Progress
 
 
 def margins(
@@ -12,7 +11,6 @@ def margins(
     *,
     point: int | None = None,
     trust_plugins: bool = False,
-    progress: Progress = lambda laws: None,
 ) -> Margins:
     """Compute eigenvalues, delay margin and gain margins of the loop of every law.
 
@@ -27,8 +25,6 @@ def margins(
         Of a sweep, counted from 0; the first if not given.
     trust_plugins
         Execute plugin sources that are stored in a result file.
-    progress
-        Called with 1 after every law.
 
     Returns
     -------
@@ -60,4 +56,4 @@ def margins(
     """
     if not isinstance(target, LoadedExperiment):
         target = load_experiment(target, trust_plugins=trust_plugins)
-    return margins_of(at_point(target, point), progress)
+    return margins_of(at_point(target, point))

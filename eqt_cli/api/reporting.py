@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.analysis.verification import verify_stored
-from eqt_cli.api.drawing import Note
 from eqt_cli.api.paths import ResultPath
-from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.executors import Progress
+from eqt_cli.core.errors import EqtError, EqtWarning
+from eqt_cli.core.reporting import reporter
 from eqt_cli.execution.folder import REPORT
-from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.results.result import open_result, point_folder
 
 
@@ -27,10 +25,6 @@ def write_report(
     point: int | None = None,
     trust_plugins: bool = False,
     workers: int = 1,
-    note: Note = lambda text: None,
-    progress: Progress = lambda amount: None,
-    stage: Stage | None = None,
-    unverified: Callable[[EqtError], None] = lambda error: None,
 ) -> Path:
     """Write a result as one HTML page that needs no network: figures, comparison, certificates.
 
@@ -51,14 +45,6 @@ def write_report(
         page without certificates, which says so.
     workers
         Cores to use.
-    note
-        Called with what takes some seconds, before it is done.
-    progress
-        Called with how much more of the current step is done.
-    stage
-        Called with the name and the size of each step, such as the drawing of the figures.
-    unverified
-        Called with the reason why the page has no certificates.
 
     Returns
     -------
@@ -85,18 +71,16 @@ def write_report(
         path = home / within / REPORT if out is None else Path(out)
         check_targets([path], home)  # before the work, and not after it
         wanted = named(figures) if figures else None
-        note("checking the paper's statements and drawing the figures takes a few seconds")
-        steps = Steps(progress, stage)
         rows: list[Row] = []
         reason = ""
         if not opened.is_sweep:
             try:
-                rows = verify_stored(
-                    opened, trust_plugins=trust_plugins, workers=workers, steps=steps
-                ).rows
+                rows = verify_stored(opened, trust_plugins=trust_plugins, workers=workers).rows
             except EqtError as error:
                 reason = f"The result could not be verified: {error}"
-                unverified(error)
-        page = report(opened, wanted, rows, reason, author, notes, steps)
+                why = "the page has no certificates; the result could not be verified: "
+                why += str(error.args[0])
+                reporter().remark(EqtWarning(why, *error.remedies, lines=error.lines))
+        page = report(opened, wanted, rows, reason, author, notes)
     write({path: page.encode()}, home)
     return path

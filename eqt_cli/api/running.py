@@ -14,18 +14,16 @@ from eqt_cli.api.opening import open_results
 from eqt_cli.api.paths import ResultPath
 from eqt_cli.config.source import config_in
 from eqt_cli.core.problems import Problems
+from eqt_cli.core.reporting import reporter
 from eqt_cli.core.validation import component
-from eqt_cli.execution.executors import Executor, Progress, executors
+from eqt_cli.execution.executors import Executor, executors
 from eqt_cli.execution.folder import CONFIG, ResultFolder
 from eqt_cli.execution.run_study import (
     Execution,
-    Remark,
     Shard,
     execute,
     pack_folder,
-    warn,
 )
-from eqt_cli.execution.steps import Stage
 from eqt_cli.experiment.horizon import remarks
 from eqt_cli.experiment.read_study import study
 
@@ -66,13 +64,9 @@ def run(
     *,
     force: bool = False,
     workers: int = 1,
-    progress: Progress = lambda runs: None,
     executor: Executor | None = None,
     rerun_failed: bool = False,
     shard: Shard | None = None,
-    resumed: Progress = lambda runs: None,
-    remark: Remark = warn,
-    stage: Stage | None = None,
 ) -> StoredResult:
     """Run an experiment, and keep its result in a folder.
 
@@ -89,21 +83,12 @@ def run(
     workers
         Cores to use. More than one may start processes, for which a script needs the usual
         ``if __name__ == "__main__":``.
-    progress
-        Called with the number of runs that are done since the last call, in fractions.
     executor
         Who computes; if not given, `choose_executor` chooses.
     rerun_failed
         Compute those runs again that failed, each by itself.
     shard
         Compute only this share, beside other processes; `pack` joins the shares.
-    resumed
-        Called at the start with the number of runs that earlier sessions have done.
-    remark
-        Called with what is worth knowing and no error; a warning if not given.
-    stage
-        Called with the name and the size of each step after the runs, such as the cross-check;
-        `progress` then counts this step.
 
     Returns
     -------
@@ -125,7 +110,7 @@ def run(
     """
     loaded = experiment if isinstance(experiment, LoadedExperiment) else load_experiment(experiment)
     for known in remarks(loaded.experiment):
-        remark(known)
+        reporter().remark(known)
     done = execute(
         loaded.study,
         Path("results") / loaded.name if out is None else Path(out),
@@ -133,10 +118,6 @@ def run(
         force=force,
         rerun_failed=rerun_failed,
         shard=shard,
-        progress=progress,
-        resumed=resumed,
-        remark=remark,
-        stage=stage,
     )
     return StoredResult(**vars(done))
 
@@ -181,7 +162,7 @@ def choose_executor(
     return found.for_engine(experiment.experiment.engine)
 
 
-def pack(folder: ResultPath, *, trust_plugins: bool = False, remark: Remark = warn) -> StoredResult:
+def pack(folder: ResultPath, *, trust_plugins: bool = False) -> StoredResult:
     """Join the shares of an experiment that several calls of `run` have computed.
 
     Parameters
@@ -190,8 +171,6 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False, remark: Remark = wa
         The result folder that all of them wrote to.
     trust_plugins
         Execute the plugins that the folder contains.
-    remark
-        As of `run`.
 
     Returns
     -------
@@ -210,4 +189,4 @@ def pack(folder: ResultPath, *, trust_plugins: bool = False, remark: Remark = wa
     """
     ResultFolder(Path(folder)).check()
     found = study(config_in(Path(folder), CONFIG), trust_plugins=trust_plugins)
-    return StoredResult(**vars(pack_folder(found, Path(folder), remark)))
+    return StoredResult(**vars(pack_folder(found, Path(folder))))

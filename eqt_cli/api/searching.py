@@ -8,11 +8,9 @@ from typing import Any, TypeVar
 
 from eqt_cli.api.loading import Configuration, LoadedExperiment, source_from
 from eqt_cli.api.running import choose_executor
-from eqt_cli.execution.executors import Executor, Progress
-from eqt_cli.execution.run_study import Remark, warn
-from eqt_cli.execution.steps import silent
+from eqt_cli.execution.executors import Executor
 from eqt_cli.experiment.study import Study
-from eqt_cli.tuning.generations import Computing, Told
+from eqt_cli.tuning.generations import Computing
 from eqt_cli.tuning.search import Search
 from eqt_cli.tuning.searches import Searches
 from eqt_cli.tuning.searching import Conclude, Found, carry_out
@@ -29,11 +27,7 @@ def tune(
     *,
     force: bool = False,
     workers: int = 1,
-    progress: Progress = silent,
     executor: Executor | None = None,
-    resumed: Progress = silent,
-    remark: Remark = warn,
-    told: Told = lambda law, generation, population: None,
 ) -> Found:
     """Search for the best gains of each law, and compare the winners on held-out runs.
 
@@ -47,11 +41,8 @@ def tune(
     out
         The folder; ``results/<name>-tuned`` if not given. Generations that it holds are not
         computed again.
-    force, workers, progress, executor, resumed, remark
+    force, workers, executor
         As of `run`.
-    told
-        Called after every generation, with the law, the number of generations over all searches
-        for the law, and the points that are left of them.
 
     Returns
     -------
@@ -73,7 +64,7 @@ def tune(
     """
     read = search if isinstance(search, Search) else Search.read(source_from(search, {}))
     on = executor or _executor(read, workers)
-    return _found(read, out, tuned, Computing(on, progress, resumed, remark), told, force)
+    return _found(read, out, tuned, Computing(on), force)
 
 
 def worst(
@@ -82,11 +73,7 @@ def worst(
     *,
     force: bool = False,
     workers: int = 1,
-    progress: Progress = silent,
     executor: Executor | None = None,
-    resumed: Progress = silent,
-    remark: Remark = warn,
-    told: Told = lambda law, generation, population: None,
 ) -> Found:
     """Search for the worst run of each law within ranges of keys.
 
@@ -99,7 +86,7 @@ def worst(
         A configuration with a section ``worst``, or what `WorstSearch.read` has made of one.
     out
         The folder; ``results/<name>-worst`` if not given.
-    force, workers, progress, executor, resumed, remark, told
+    force, workers, executor
         As of `tune`.
 
     Returns
@@ -139,7 +126,7 @@ def worst(
     """
     read = search if isinstance(search, WorstSearch) else WorstSearch.read(source_from(search, {}))
     on = executor or _executor(read, workers)
-    return _found(read, out, worst_runs, Computing(on, progress, resumed, remark), told, force)
+    return _found(read, out, worst_runs, Computing(on), force)
 
 
 def _executor(search: Searches[Any], workers: int) -> Executor:
@@ -151,8 +138,7 @@ def _found(
     out: str | os.PathLike[str] | None,
     conclude: Conclude[S],
     do: Computing,
-    told: Told,
     force: bool,
 ) -> Found:
     folder = search.folder if out is None else Path(out)
-    return carry_out(search, folder, conclude, do, told, force=force)
+    return carry_out(search, folder, conclude, do, force=force)

@@ -9,8 +9,6 @@ from eqt_cli.analysis.oracles import oracle_named
 from eqt_cli.analysis.verification import RUNS, Verification, verify_experiment, verify_stored
 from eqt_cli.api.loading import Configuration, LoadedExperiment, at_point, load_experiment
 from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.executors import Progress
-from eqt_cli.execution.steps import Stage, Steps
 from eqt_cli.results.result import open_result
 
 
@@ -21,8 +19,6 @@ def verify(
     point: int | None = None,
     trust_plugins: bool = False,
     workers: int = 1,
-    progress: Progress = lambda runs: None,
-    stage: Stage | None = None,
     oracle: str | Sequence[str] = (),
     exact: bool = False,
 ) -> Verification:
@@ -41,11 +37,6 @@ def verify(
         Execute plugin sources that are stored in a result file.
     workers
         Cores to use.
-    progress
-        Called with the number of new runs that are done since the last call, in fractions.
-    stage
-        Called with the name and the size of each step after them, such as the certificates;
-        `progress` then counts this step.
     oracle
         ``mujoco``, ``pinocchio`` or both: programs whose rigid bodies eqt's is compared with.
     exact
@@ -68,7 +59,6 @@ def verify(
     []
     """
     names = [oracle] if isinstance(oracle, str) else oracle
-    steps = Steps(progress, stage)
     oracles = [oracle_named(name) for name in names]
     if not isinstance(target, (LoadedExperiment, Mapping)):
         path = Path(target)
@@ -80,7 +70,6 @@ def verify(
                     opened,
                     trust_plugins=trust_plugins,
                     workers=workers,
-                    steps=steps,
                     oracles=oracles,
                     exact=exact,
                 )
@@ -88,4 +77,4 @@ def verify(
         target = load_experiment(target, trust_plugins=trust_plugins)
     experiment = at_point(target, point)
     count = min(runs or RUNS, experiment.config.ensemble.runs)
-    return verify_experiment(experiment, count, steps, workers, oracles, exact)
+    return verify_experiment(experiment, count, workers, oracles, exact)

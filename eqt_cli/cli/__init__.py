@@ -9,7 +9,8 @@ from typing import Any
 
 from eqt_cli.cli.shared import streams
 from eqt_cli.core import interruptions
-from eqt_cli.core.errors import EqtError, EqtWarning, InterruptedRun
+from eqt_cli.core.errors import EqtError, InterruptedRun
+from eqt_cli.core.reporting import reporting
 from eqt_cli.core.surroundings import without_current_folder
 
 # pydantic otherwise reads the metadata of every installed package, in search of plugins.
@@ -35,13 +36,10 @@ def main() -> None:
 
 
 def _show(message: Warning | str, category: type[Warning], *place: Any, **more: Any) -> None:
-    """A remark as all others are told, without the line of code that warned."""
-    from eqt_cli.cli.shared.output import say, warn
+    """A library's warning, without the line of code that warned."""
+    from eqt_cli.cli.shared.output import say
 
-    if isinstance(message, EqtWarning):
-        warn(message)
-    else:
-        say(f"{category.__name__}: {message}")
+    say(f"{category.__name__}: {message}")
 
 
 def _run() -> None:
@@ -50,9 +48,11 @@ def _run() -> None:
     be_quiet(False)
     try:
         from eqt_cli.cli.app import app
+        from eqt_cli.cli.shared.progress import meter
 
         try:
-            app()
+            with reporting(meter()):
+                app()
         finally:
             sys.stdout.flush()
     except (EqtError, interruptions.Interrupted) as error:

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from eqt_cli.cli.shared import options
 from eqt_cli.cli.shared.help import RESULT, SELECTION
-from eqt_cli.cli.shared.output import print_found, say
+from eqt_cli.cli.shared.output import print_found
 
 
 class Format(StrEnum):
@@ -54,7 +54,6 @@ def animate(
         seconds=seconds,
         point=point,
         trust_plugins=trust_plugins,
-        note=say,
     )
     sizes = {file: f"{file.stat().st_size / 1e6:.1f} MB" for file in files}
     text = "\n".join(f"animation  {file}  ({size})" for file, size in sizes.items())

@@ -20,7 +20,6 @@ from eqt_cli.cli.shared.output import (
     room,
     say,
 )
-from eqt_cli.cli.shared.progress import progress
 from eqt_cli.cli.shared.table_formats import as_csv, as_latex
 from eqt_cli.cli.shared.unbroken import folded
 from eqt_cli.core.errors import EqtError, suggestion
@@ -84,7 +83,10 @@ def compare(
     against: Annotated[
         list[str] | None,
         options.valued(
-            "--against", "LAW", "Show only pairs with this controller. Repeatable.", SELECTION
+            "--against",
+            "LAW",
+            "Show only pairs with this controller, or with --measured only its run. Repeatable.",
+            SELECTION,
         ),
     ] = None,
     table: Annotated[
@@ -167,16 +169,7 @@ def compare(
         found = _of_whole(result, metric or (), table, bool(window or against), how, write)
     if found is None:
         _require_table_of_experiment(table)
-        with progress(0) as advance:
-            comparison = api.compare(
-                result,
-                metric or (),
-                window or (),
-                point=point,
-                **vars(how),
-                progress=advance,
-                stage=advance.begin,
-            )
+        comparison = api.compare(result, metric or (), window or (), point=point, **vars(how))
         against = _labels(comparison, against or ())
         chosen = metric or window or against or table or format is not Format.TEXT
         whole = None if chosen else verbose
@@ -265,10 +258,7 @@ def _of_whole(
                 "--window, --against and the tables of pairs and claims are of one experiment; "
                 "choose a point of the sweep with --point, or --table winners or points"
             )
-        with progress(0) as advance:
-            maps = api.compare_sweep(
-                path, metrics or (MAPPED,), **vars(how), progress=advance, stage=advance.begin
-            )
+        maps = api.compare_sweep(path, metrics or (MAPPED,), **vars(how))
         return _of_sweep(maps, result, table, write)
 
 

@@ -10,7 +10,6 @@ import typer
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.cli.shared import options
 from eqt_cli.cli.shared.output import complain, count_of, laid_out, print_found, say
-from eqt_cli.cli.shared.progress import progress
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -43,9 +42,7 @@ def margins(
         say(f"{config}: without its sweep; choose one of its points with --point")
     source = without_sweep(source) if point is None else config_at(source, point)
     loaded = api.LoadedExperiment(study(source, trust_plugins=trust_plugins))
-    with progress(len(loaded.controllers)) as advance:
-        advance.begin("laws", len(loaded.controllers))
-        found = api.margins(loaded, progress=advance)
+    found = api.margins(loaded)
     causes = [f"the loop of '{law.label}' is unstable" for law in found.laws if law.is_unstable]
     print_found(_document(found, causes), *_pieces(found), json=json)
     if quiet and not json:

@@ -6,7 +6,6 @@ from typing import Annotated
 import typer
 
 from eqt_cli.cli.shared import options
-from eqt_cli.cli.shared.output import warn
 from eqt_cli.cli.shared.run_and_report import report
 
 
@@ -20,4 +19,4 @@ def pack(
     """Join the parts of all shards to one results.h5."""
     from eqt_cli import api
 
-    report(api.pack(folder, trust_plugins=trust_plugins, remark=warn), json=json)
+    report(api.pack(folder, trust_plugins=trust_plugins), json=json)

@@ -12,7 +12,6 @@ import typer
 from eqt_cli.cli.shared import completion, options
 from eqt_cli.cli.shared.help import LOOKS, RESULT, SELECTION
 from eqt_cli.cli.shared.output import print_found, say
-from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError, suggestion
 from eqt_cli.core.files import YAML
 from eqt_cli.store.reserved_names import FILE_NAME
@@ -142,23 +141,19 @@ def plot(
             api.check_figures(shown, figures, check, point=point, **recorded), result, json
         )
         return
-    with progress(0) as advance:
-        files = api.plot(
-            shown,
-            figures,
-            out,
-            formats=format_ or FORMATS,
-            width=width,
-            style=style or (),
-            tex=tex,
-            point=point,
-            **recorded,
-            trust_plugins=trust_plugins,
-            workers=options.cores(),
-            note=say,
-            progress=advance,
-            stage=advance.begin,
-        )
+    files = api.plot(
+        shown,
+        figures,
+        out,
+        formats=format_ or FORMATS,
+        width=width,
+        style=style or (),
+        tex=tex,
+        point=point,
+        **recorded,
+        trust_plugins=trust_plugins,
+        workers=options.cores(),
+    )
     text = "\n".join(f"figure   {file}" for file in files)
     print_found({"figures": list(map(str, files))}, text, json=json)
 

@@ -5,9 +5,7 @@ from typing import Annotated
 
 from eqt_cli.cli.shared import options
 from eqt_cli.cli.shared.help import RESULT
-from eqt_cli.cli.shared.output import option, print_found, say
-from eqt_cli.cli.shared.progress import progress
-from eqt_cli.core.errors import EqtError
+from eqt_cli.cli.shared.output import print_found
 
 
 def report(
@@ -36,26 +34,17 @@ def report(
 
     result = options.the_one("report", [result, *(more or ())])
 
-    def unverified(error: EqtError) -> None:
-        reason = f"the result could not be verified: {error.told(option)}"
-        say(f"the page has no certificates; {reason}")
-
     text = text_of(notes, "write the notes there first") if notes else ""
-    with progress(0) as advance:
-        path = api.write_report(
-            result,
-            out,
-            figures=figure or (),
-            author=author,
-            notes=text,
-            point=point,
-            trust_plugins=trust_plugins,
-            workers=options.cores(),
-            note=say,
-            progress=advance,
-            stage=advance.begin,
-            unverified=unverified,
-        )
+    path = api.write_report(
+        result,
+        out,
+        figures=figure or (),
+        author=author,
+        notes=text,
+        point=point,
+        trust_plugins=trust_plugins,
+        workers=options.cores(),
+    )
     size = path.stat().st_size
     text = f"report   {path}  ({size / 1e6:.1f} MB)"
     print_found({"report": str(path), "bytes": size}, text, json=json)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Annotated
 from eqt_cli.cli.shared import completion, options
 from eqt_cli.cli.shared.help import COMPUTING, EXPERIMENT
 from eqt_cli.cli.shared.output import count_of, duration, print_found, say
-from eqt_cli.cli.shared.progress import progress
 from eqt_cli.cli.shared.run_and_report import executor_from, run_experiment
 from eqt_cli.core.errors import EqtError
 
@@ -72,7 +71,6 @@ def sweep(
             source,
             trust_plugins=trust_plugins,
             most_checked=MOST_CHECKED if dry_run else None,
-            watch=lambda points: progress(points, "points checked"),
         )
     )
     chosen = executor_from(found, executor, workers, scheduler)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from typing import TYPE_CHECKING
 
 import typer
@@ -11,9 +10,7 @@ from eqt_cli.cli.shared import options
 from eqt_cli.cli.shared.searching import report, searched
 
 if TYPE_CHECKING:
-    from eqt_cli.tuning.evolution import Population
-    from eqt_cli.tuning.law_search import LawSearch
-    from eqt_cli.tuning.search import Search
+    pass
 
 
 def tune(
@@ -43,10 +40,7 @@ def tune(
     source = read_config(config, options.overrides(set_, engine))
     search = Search.read(source, trust_plugins=trust_plugins)
     computing = (executor, workers, scheduler)
-    best = partial(_best, search)
-    done = searched(
-        search, api.tune, "best", best, out, computing, dry_run=dry_run, force=force, json=json
-    )
+    done = searched(search, api.tune, out, computing, dry_run=dry_run, force=force, json=json)
     if done is None:
         return
     laws, failed = done.record["laws"], done.judged.failed
@@ -60,17 +54,3 @@ def tune(
     report(done, tuning_tables, causes, first, json=json)
     if causes:
         raise typer.Exit(4 if lost else 3)
-
-
-def _best(search: Search, law: LawSearch, population: Population) -> str:
-    """The best of a law so far, in words."""
-    from eqt_cli.results.quantity_table import QUANTITIES
-    from eqt_cli.tuning.tables import values_text
-
-    best, scored = population.best, population.scores
-    if not scored.feasible[best]:
-        return f"no feasible point, least violation {scored.violation[best]:.3g}"
-    values = values_text(law.values(population.shares[best].tolist()))
-    name = search.objectives[0]
-    front = f", {len(population.front)} on the front" if search.seeks_front else ""
-    return f"{name} {QUANTITIES[name].cost(scored.objectives[best, 0]):.4g} at {values}{front}"

@@ -13,7 +13,6 @@ from eqt_cli.analysis.text_tables import Block
 from eqt_cli.cli.shared import completion, options
 from eqt_cli.cli.shared.help import EXPERIMENT
 from eqt_cli.cli.shared.output import complain, laid_out, print_found, say
-from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError
 
 if TYPE_CHECKING:
@@ -82,7 +81,6 @@ def verify(
     """
     from eqt_cli import api
     from eqt_cli.analysis.certificate_table import titled
-    from eqt_cli.analysis.verification import RUNS
     from eqt_cli.config.source import overridden, read_config
     from eqt_cli.experiment.config_at_point import config_at, without_sweep
     from eqt_cli.experiment.laws_in_code import with_code
@@ -92,7 +90,7 @@ def verify(
     is_result = target.suffix == ".h5" or target.is_dir()
     _check_options(target, is_result, set_ or engine or runs, code, as_)
     if is_result:
-        subject, new_runs = target, 0
+        subject = target
     else:
         source = read_config(target)
         if code:
@@ -103,21 +101,16 @@ def verify(
         loaded = api.LoadedExperiment(study(source, trust_plugins=trust_plugins))
         if is_sweep:
             say(f"{target}: verified without its sweep; choose one of its points with --point")
-        count = min(runs or RUNS, loaded.experiment.config.ensemble.runs)
         subject, point = loaded, None  # which is that point already
-        new_runs = count * len(loaded.controllers)
-    with progress(new_runs) as advance:
-        found = api.verify(
-            subject,
-            runs=runs,
-            point=point,
-            trust_plugins=trust_plugins,
-            workers=workers or options.cores(),
-            progress=advance,
-            stage=advance.begin,
-            oracle=oracle or (),
-            exact=exact,
-        )
+    found = api.verify(
+        subject,
+        runs=runs,
+        point=point,
+        trust_plugins=trust_plugins,
+        workers=workers or options.cores(),
+        oracle=oracle or (),
+        exact=exact,
+    )
     print_found(_document(target, found), *_pieces(found, verbose=verbose), json=json)
     if quiet and not json:
         for cause in _causes(titled(found.rows, found.experiment.titles), found.failed_runs):

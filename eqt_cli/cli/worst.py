@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,9 +12,7 @@ from eqt_cli.cli.shared.help import RESULT
 from eqt_cli.cli.shared.searching import report, searched
 
 if TYPE_CHECKING:
-    from eqt_cli.tuning.evolution import Population
-    from eqt_cli.tuning.law_search import LawSearch
-    from eqt_cli.tuning.worst_search import WorstSearch
+    pass
 
 
 def worst(
@@ -55,26 +52,13 @@ def worst(
     source = read_config(config, options.overrides(set_, engine))
     search = WorstSearch.read(source, trust_plugins=trust_plugins)
     computing = (executor, workers, scheduler)
-    found = partial(_found, search)
-    done = searched(
-        search, api.worst, "worst", found, out, computing, dry_run=dry_run, force=force, json=json
-    )
+    done = searched(search, api.worst, out, computing, dry_run=dry_run, force=force, json=json)
     if done is None:
         return
     causes = [] if fail_above is None else list(_beyond(done.record, fail_above))
     report(done, worst_tables, causes, done.record["laws"][0]["config"], json=json)
     if causes:
         raise typer.Exit(4)
-
-
-def _found(search: WorstSearch, law: LawSearch, population: Population) -> str:
-    """The worst of a law so far, in words."""
-    from eqt_cli.results.quantity_table import QUANTITIES
-    from eqt_cli.tuning.tables import values_text
-
-    values = values_text(law.values(population.shares[population.best].tolist()))
-    cost = -population.scores.objectives[population.best, 0]
-    return f"{search.objective} {QUANTITIES[search.objective].cost(cost):.4g} at {values}"
 
 
 def _beyond(record: dict[str, Any], bound: float) -> Iterator[str]:

@@ -83,10 +83,13 @@ class Engine(Component):
         """What integrates runs of a problem through one span after the other."""
 
     @final
-    def solve(self, problem: Problem, progress: Progress, workers: int = 1) -> Solution:
+    def solve(
+        self, problem: Problem, workers: int = 1, progress: Progress = lambda runs: None
+    ) -> Solution:
         """Integrate every run; a run that fails gets a status and harms no other.
 
         `workers` bounds the threads of an engine that can use several; it never changes a result.
+        `progress` is called with how many more runs are done, in fractions.
         """
         threads = workers if self.threads else 1
         spans = self.spans(problem)
@@ -105,7 +108,7 @@ class Engine(Component):
         """Raise what `solve` would raise at its start, at little cost; nothing is kept of it."""
         start, stop = problem.times[[0, -1]]
         little = np.array([start, start + REHEARSED * (stop - start)])
-        self.solve(replace(problem, times=little), lambda runs: None)
+        self.solve(replace(problem, times=little))
 
     def blocks(self, problem: Problem, threads: int = 1) -> list[Array]:
         """The runs that threads best solve and evaluate together; it never changes a result."""
@@ -135,8 +138,8 @@ class Engine(Component):
         problem: Problem,
         rows: Sequence[Array],
         kept: Sequence[str] | None,
-        progress: Progress,
         workers: int = 1,
+        progress: Progress = lambda runs: None,
     ) -> Measured:
         """The solution, with numbers of each run that follow from arrays at every sample.
 
@@ -147,7 +150,7 @@ class Engine(Component):
         kept
             The arrays that are returned; None for all of them, and the states.
         """
-        solution = self.solve(problem, progress, workers)
+        solution = self.solve(problem, workers, progress)
         with np.errstate(all="ignore"):  # runs that failed are NaN, or large
             found = self.evaluate(function, problem, solution.states, *rows)
             numbers = dict(reduction(Samples(problem.times), found))

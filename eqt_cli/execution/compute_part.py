@@ -19,7 +19,6 @@ from eqt_cli.execution.batches import Batch, batches, initial_states, reference_
 from eqt_cli.execution.cross_check import chosen_entries, largest, squares
 from eqt_cli.execution.executors import TaskContext
 from eqt_cli.execution.result_layout import Layout
-from eqt_cli.execution.steps import scaled
 from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.groups import MatrixLieGroup
@@ -77,7 +76,7 @@ def solve_references(study: Study, points: Array) -> dict[str, Array]:
     states = np.empty((len(points), len(times), systems[0].state_length))
     if systems[0].state_length:  # else it is evaluated
         for batch in reference_batches(study, points):
-            states[batch.rows] = batch.engine.solve(batch.problem, lambda runs: None).states
+            states[batch.rows] = batch.engine.solve(batch.problem).states
     found = [_desired(system, times, own) for system, own in zip(systems, states, strict=True)]
     return {name: np.array([own[name] for own in found]) for name in DESIRED}
 
@@ -297,9 +296,15 @@ def _solved(
     """The solution of a batch, with its metrics and, where `whole`, all signals."""
     engine, solver = batch.engine, batch.experiment.solver
     # To estimate its error, a run is solved twice; it counts as done after both.
-    progress = scaled(context.progress, 0.5) if solver.estimates_errors else context.progress
+    share = 0.5 if solver.estimates_errors else 1.0
     kept = None if whole else (MOTION,)
-    rows, ways = [_in_rows(reference)], (progress, context.threads)
+    rows, ways = (
+        [_in_rows(reference)],
+        (
+            context.threads,
+            lambda runs: context.progress(share * runs),
+        ),
+    )
     first = engine.measured(*_functions(batch, names), batch.problem, rows, kept, *ways)
     estimate = np.full(batch.problem.runs, np.nan)
     if solver.estimates_errors:

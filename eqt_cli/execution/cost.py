@@ -66,7 +66,7 @@ def _run(study: Study, threads: int) -> float:
     seconds = 0.0
     for _ in range(2):  # the first time may include a compilation
         started = time.perf_counter()
-        compute_part(study, study.plan.part(0), shared, TaskContext(threads=threads))
+        compute_part(study, study.plan.part(0), shared, TaskContext(lambda runs: None, threads))
         seconds = time.perf_counter() - started
         if seconds > COMPILING:
             break

@@ -15,11 +15,11 @@ from eqt_cli.config.schema import Judgement
 from eqt_cli.core.arrays import Array, maximum, sqrt, stack
 from eqt_cli.core.errors import TraceError
 from eqt_cli.core.over_time import OverTime, Samples
+from eqt_cli.core.reporting import reporter
 from eqt_cli.engines import Engine, Problem
+from eqt_cli.engines.problem import Progress
 from eqt_cli.ensemble.seeds import Stream, generator
 from eqt_cli.execution.batches import Batch, batches
-from eqt_cli.execution.executors import Progress
-from eqt_cli.execution.steps import scaled
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.origin import CrossCheck
@@ -81,7 +81,6 @@ def cross_check(
     study: Study,
     found: Mapping[str, Sequence[Array]],
     work: Mapping[str, Sequence[Array]],
-    progress: Progress,
 ) -> CrossCheck | None:
     """Solve the chosen runs again and compare; None where none are chosen.
 
@@ -91,8 +90,6 @@ def cross_check(
         For each controller the states that were found for its chosen runs, some at a time.
     work
         For each controller the work of all of its runs, as the engine counts it, some at a time.
-    progress
-        Told how many more runs are checked, in fractions.
     """
     chosen = chosen_entries(study)
     if not len(chosen):
@@ -101,10 +98,10 @@ def cross_check(
     steps = {label: np.concatenate(own) for label, own in work.items()}
     way = _another_way
     try:
-        differences, redone = _differences(study, groups, way, steps, progress)
+        differences, redone = _differences(study, groups, way, steps)
     except TraceError:  # the results do not depend on what another engine cannot compile
         way = _tighter
-        differences, redone = _differences(study, groups, way, steps, progress)
+        differences, redone = _differences(study, groups, way, steps)
     _, method = way(study.base)
     method = " ".join(filter(None, (method, redone.words(study.base.times))))
     largest = float(differences.max()) if len(differences) else float("nan")
@@ -242,7 +239,6 @@ def _differences(
     groups: list[list[tuple[Batch, Array]]],
     way: Way,
     steps: Mapping[str, Array],
-    progress: Progress,
 ) -> tuple[Array, _Pieces]:
     """How far another way comes from each of the runs that did not fail, and what it redoes."""
     part, found, redone = _affordable(study, way, len(groups), steps), [np.empty(0)], []
@@ -253,19 +249,25 @@ def _differences(
         pieces = everything if engine.threads else _Pieces.of(problem, engine, part)
         states = np.concatenate([states for _, states in group])
         good = np.flatnonzero(np.isfinite(states).all(axis=(1, 2)))
-        progress(problem.runs - len(good))
+        reporter().advance(problem.runs - len(good))
         if not len(good):
             continue
         whole, states = problem.select(good), states[good]
         if not pieces.can_share_evaluations(whole, states):
             pieces = _Pieces.beginning(problem, part)
         redone.append(pieces)
-        share = 1 / len(pieces.starts)
-        again = engine.solve(pieces.problem(whole, states), scaled(progress, share))
+        counted = _counted(1 / len(pieces.starts))
+        again = engine.solve(pieces.problem(whole, states), progress=counted)
         with np.errstate(all="ignore"):  # where the other engine failed, or came far
             distances = pieces.differences(whole, states, again.states)
         found.append(np.nan_to_num(distances, nan=np.inf))
     return np.concatenate(found), min(redone, key=_Pieces.reach, default=everything)
+
+
+def _counted(share: float) -> Progress:
+    """Counts a piece of a run as this share of it."""
+    told = reporter()
+    return lambda pieces: told.advance(share * pieces)
 
 
 def _by_kind(

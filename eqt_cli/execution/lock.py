@@ -6,7 +6,7 @@ import os
 import platform
 import stat
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from eqt_cli.core.errors import OTHER_FOLDER, EqtError, EqtWarning, Remedy
 from eqt_cli.core.files import refusals
 from eqt_cli.core.own_files import check_kind, foreign
 from eqt_cli.core.regular_files import FILE
+from eqt_cli.core.reporting import reporter
 from eqt_cli.execution.provenance import now
 
 LOCK = ".lock"
@@ -47,7 +48,7 @@ def locked(
     *,
     shared: bool = False,
     name: str = LOCK,
-    remark: Callable[[EqtWarning], None] = lambda remark: None,
+    tells: bool = True,
 ) -> Iterator[None]:
     """Keep the folder for this process until the block ends.
 
@@ -60,8 +61,8 @@ def locked(
         Let others in that also ask for a share, as the shards of a job array do.
     name
         The file that is locked.
-    remark
-        Told if the disk refuses.
+    tells
+        Whether a disk that refuses is remarked upon.
 
     Raises
     ------
@@ -73,8 +74,8 @@ def locked(
         folder.mkdir(parents=True, exist_ok=True)
         handle, is_locked = _opened(path, shared)
     try:
-        if not is_locked:
-            remark(
+        if tells and not is_locked:
+            reporter().remark(
                 EqtWarning(
                     f"{folder}: its disk refuses file locks, so nothing keeps a second eqt from "
                     "writing to it at the same time",

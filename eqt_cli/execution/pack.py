@@ -9,9 +9,9 @@ import numpy as np
 
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import ResultError
+from eqt_cli.core.reporting import reporter, step
 from eqt_cli.execution.compute_part import checked_states, read_part
 from eqt_cli.execution.cross_check import chosen_entries, cross_check, together
-from eqt_cli.execution.executors import Progress
 from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.result_layout import (
     Destination,
@@ -20,7 +20,7 @@ from eqt_cli.execution.result_layout import (
     in_root,
     new_result_file,
 )
-from eqt_cli.execution.steps import Steps, silent, timed
+from eqt_cli.execution.wall_time import timed
 from eqt_cli.experiment.parts import Part
 from eqt_cli.experiment.study import Study
 from eqt_cli.results.quantity import Per, Quantity
@@ -55,15 +55,12 @@ def pack(
     task: PartTask,
     results: Path,
     attributes: Mapping[str, Attribute],
-    steps: Steps,
     seconds: dict[str, float],
 ) -> None:
     """Write the result file from the parts, all of which must exist.
 
     Parameters
     ----------
-    steps
-        Told of those of it that take long.
     seconds
         Where the wall time of the cross-check is noted.
 
@@ -80,13 +77,13 @@ def pack(
             shared, decimate = task.shared(index), study.base.config.store.decimate
             for name, values in (shared or {}).items():
                 place.put(name, values[::decimate])
-        states, work = _put_parts(task, file, steps.begin(PACKING, len(task)))
+        with step(PACKING, len(task)):
+            states, work = _put_parts(task, file)
         pieces = [study.piece(index) for index in range(len(study.shapes))]
         redone = sum(len(chosen_entries(piece)) * len(piece.base.loops) for piece in pieces)
-        with timed(seconds, "cross-check"):
-            progress = steps.begin(CHECKING, redone)
+        with timed(seconds, "cross-check"), step(CHECKING, redone):
             check = together(
-                [cross_check(piece, states[k], work[k], progress) for k, piece in enumerate(pieces)]
+                [cross_check(piece, states[k], work[k]) for k, piece in enumerate(pieces)]
             )
         fields = {} if check is None else asdict(check)
         checked = {f"cross_check_{name}": value for name, value in fields.items()}
@@ -108,7 +105,8 @@ def replace_runs(task: PartTask, results: Path, attributes: Mapping[str, Attribu
             _copy(group, old.at(point), layout.quantities)
         for written in (file.root, *file.groups):
             written.replaces = True
-        _put_parts(task, file, silent)
+        with step(PACKING, len(task)):
+            _put_parts(task, file)
         file.root.describe({**old.attributes, **attributes})
     with open_results(results) as new:
         return int(np.count_nonzero(new["status"]))
@@ -133,9 +131,7 @@ def _rows(shape: tuple[int, ...]) -> Iterator[slice]:
         yield slice(start, min(start + step, shape[0]))
 
 
-def _put_parts(
-    task: PartTask, file: ResultFile, progress: Progress
-) -> tuple[_ByController, _ByController]:
+def _put_parts(task: PartTask, file: ResultFile) -> tuple[_ByController, _ByController]:
     """Put all that finished parts hold in its place.
 
     Returns
@@ -167,7 +163,7 @@ def _put_parts(
                     work[index][label].append(found["steps"])
         except ResultError as error:
             raise BrokenPart(listed.path, str(error)) from error
-        progress(1)
+        reporter().advance(1)
     return states, work
 
 

@@ -1,8 +1,7 @@
 """A study from configuration to result folder: what is missing is computed, then all is packed."""
 
 import json
-import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,8 +11,9 @@ import numpy as np
 
 from eqt_cli.core.errors import EqtError, EqtWarning, FullDiskError, Remedy
 from eqt_cli.core.replacement import NO_SPACE
+from eqt_cli.core.reporting import RUNS_DONE, reporter, step
 from eqt_cli.execution.cost import check_resources
-from eqt_cli.execution.executors import MOST_TRIES, Executor, Progress
+from eqt_cli.execution.executors import MOST_TRIES, Executor
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.folder import RERUN, ResultFolder
 from eqt_cli.execution.lock import LOCK, locked
@@ -22,16 +22,9 @@ from eqt_cli.execution.part_task import PartTask
 from eqt_cli.execution.provenance import OTHERS, differences, now, provenance, together
 from eqt_cli.execution.rerun_failed import rerun_of
 from eqt_cli.execution.result_layout import described
-from eqt_cli.execution.steps import SILENT, Stage, Steps, silent, timed
+from eqt_cli.execution.wall_time import timed
 from eqt_cli.experiment.study import Study
 from eqt_cli.store.reader import open_results
-
-Remark = Callable[[EqtWarning], None]
-
-
-def warn(remark: EqtWarning) -> None:
-    """What is done with a remark where nothing else is asked for."""
-    warnings.warn(remark, stacklevel=3)
 
 
 @dataclass(frozen=True)
@@ -82,10 +75,6 @@ def execute(
     force: bool = False,
     rerun_failed: bool = False,
     shard: Shard | None = None,
-    progress: Progress = silent,
-    resumed: Progress = silent,
-    remark: Remark = warn,
-    stage: Stage | None = None,
 ) -> Execution:
     """Compute what of a study is not in its folder yet, and pack the result file.
 
@@ -99,15 +88,6 @@ def execute(
         Compute those runs again that failed, each by itself.
     shard
         Compute only this share of the parts, beside other processes, and do not pack.
-    progress
-        Told how many more runs are done, in fractions.
-    resumed
-        Told at the start how many runs earlier sessions have done.
-    remark
-        Told what a user should know and no error is.
-    stage
-        Told the name of each step after the runs, and of how much it consists; what `progress` is
-        told then counts for this step. Without it, these steps tell nothing.
 
     Raises
     ------
@@ -123,14 +103,14 @@ def execute(
     check_resources(study, out, 1 - there / study.plans.total)
     with ExitStack() as locks:
         locks.enter_context(_telling_what_is_kept(study, folder))
-        locks.enter_context(locked(out, shared=shard is not None, remark=remark))
+        locks.enter_context(locked(out, shared=shard is not None))
         if shard:
-            locks.enter_context(locked(out, name=f"{LOCK}-{shard.index}-{shard.count}"))
+            locks.enter_context(
+                locked(out, name=f"{LOCK}-{shard.index}-{shard.count}", tells=False)
+            )
             if shard.index > len(study.plans):
-                remark(_without_work(shard, out, len(study.plans)))
-        session = _Session(
-            study, folder, executor or Serial(), Steps(progress, stage), resumed, remark
-        )
+                reporter().remark(_without_work(shard, out, len(study.plans)))
+        session = _Session(study, folder, executor or Serial())
         if complete:
             return session.rerun(complete.failed)
         if rerun_failed:
@@ -140,8 +120,8 @@ def execute(
         return session.rerun(done.failed) if again else done
 
 
-def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
-    """Pack the parts that shards have computed; `remark` is as of `execute`.
+def pack_folder(study: Study, out: Path) -> Execution:
+    """Pack the parts that shards have computed.
 
     Raises
     ------
@@ -152,14 +132,14 @@ def pack_folder(study: Study, out: Path, remark: Remark = warn) -> Execution:
     folder.check()
     if complete := _complete(study, folder):
         return complete
-    with _telling_what_is_kept(study, folder), locked(out, remark=remark):
+    with _telling_what_is_kept(study, folder), locked(out):
         missing = len(PartTask(study, folder.parts).missing())
         if missing:
             raise EqtError(
                 f"{out}: {missing} of {len(study.plans)} parts are missing; run every shard to its "
                 "end, or eqt run (eqt sweep) on the folder, which computes what is missing"
             )
-        return _Session(study, folder, Serial(), SILENT, silent, remark).run(False, None)
+        return _Session(study, folder, Serial()).run(False, None)
 
 
 def _complete(study: Study, folder: ResultFolder) -> Execution | None:
@@ -224,9 +204,6 @@ class _Session:
     study: Study
     folder: ResultFolder
     executor: Executor
-    steps: Steps
-    resumed: Progress
-    remark: Remark
     seconds: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -243,7 +220,6 @@ class _Session:
         wanted = range(first, len(self.plan), step)
         runs = sum(map(self.task.runs_of, wanted))
         resumed = runs - sum(map(self.task.runs_of, self.task.missing(wanted)))
-        self.resumed(resumed)
         with timed(self.seconds, "simulation"):
             self._compute(self.task, wanted)
         if shard is None:
@@ -268,7 +244,6 @@ class _Session:
 
     def rerun(self, failed: int) -> Execution:
         """Compute the failed runs of a finished result again, and replace their rows."""
-        self.resumed(self.plan.total - failed)
         self.folder.tidy()
         place = self.folder.path.resolve() / RERUN
         place.mkdir(exist_ok=True)
@@ -291,17 +266,22 @@ class _Session:
     def _compute(self, task: PartTask, wanted: Iterable[int] | None = None) -> None:
         """Compute what of a task is missing, or of some of its parts."""
         task.prepare()
-        for outcome in self.executor.outcomes(task, task.missing(wanted), self.steps.progress):
-            if outcome.failed is None:
-                message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
-                self.steps.progress(task.lose(outcome.item, message))
+        wanted = range(len(task)) if wanted is None else wanted
+        missing = task.missing(wanted)
+        runs, left = (sum(map(task.runs_of, items)) for items in (wanted, missing))
+        with step(RUNS_DONE, runs):
+            reporter().skip(runs - left)
+            for outcome in self.executor.outcomes(task, missing):
+                if outcome.failed is None:
+                    message = f"worker lost {MOST_TRIES} times (killed, or out of memory)"
+                    reporter().advance(task.lose(outcome.item, message))
 
     def _pack(self, origin: dict[str, Any]) -> None:
         """Pack all parts; those that turn out to be damaged are computed again."""
         attributes, mended = described(self.study, origin), set[Path]()
         while True:
             try:
-                pack(self.task, self.folder.results, attributes, self.steps, self.seconds)
+                pack(self.task, self.folder.results, attributes, self.seconds)
                 return
             except BrokenPart as broken:
                 if broken.path in mended:  # what computing it again does not cure
@@ -314,7 +294,7 @@ class _Session:
         """Say that not all runs are of the same versions, if they are not."""
         differing = (differences(session, here) for session in earlier)
         if listed := "; or ".join(filter(None, differing)):
-            self.remark(
+            reporter().remark(
                 EqtWarning(
                     f"{self.folder.path}: some of its runs were computed with {listed}; they agree "
                     "with the new ones within tolerances, not bit for bit",

@@ -86,7 +86,7 @@ def reference_over_horizon(experiment: Experiment) -> Horizon:
     spent = None
     if len(state):
         engine = SolveIvp(rtol=RTOL, atol=1e-3 * RTOL, max_steps=_affordable(experiment))
-        solution = engine.solve(Problem(system, state[None], times), lambda runs: None)
+        solution = engine.solve(Problem(system, state[None], times))
         states = solution.states[0]
         if solution.status[0] == Status.STEP_LIMIT:
             spent = engine.max_steps

@@ -143,7 +143,7 @@ def _by_radau(experiment: Experiment, loop: ClosedLoop) -> tuple[float, float]:
     engine = SolveIvp(method="Radau", rtol=experiment.engine.rtol, max_steps=TRIAL)
     states = loop.initial_state(Qd, Vd, Qd, Vd)[None]
     problem = Problem(loop, states, np.linspace(0.0, stop, SAMPLES))
-    solution = engine.solve(problem, lambda runs: None)
+    solution = engine.solve(problem)
     known = int(np.isfinite(solution.states[0]).all(axis=-1).sum()) - 1
     reached = known / (SAMPLES - 1)
     return (solution.steps[0] / reached if known else np.inf), reached

@@ -1,14 +1,14 @@
 """From a configuration to a study: the sweep is read, and every point of it checked."""
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Mapping, Sequence
 
 from eqt_cli.config.schema import FIXED, Config
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.config.yaml_source import parse_value
 from eqt_cli.core.errors import ConfigError, EqtError, InputError, InputProblem
 from eqt_cli.core.problems import Problems
+from eqt_cli.core.reporting import reporter, step
 from eqt_cli.core.validation import shown
 from eqt_cli.ensemble.sweep import EXPECTED
 from eqt_cli.experiment.build import Experiment, build
@@ -26,9 +26,6 @@ RUNS = (
     "so the first 50 of 200 runs are the ensemble of 50; set the largest number, and use the first "
     "runs of it"
 )
-
-
-Watch = Callable[[int], AbstractContextManager[Callable[[float], None]]]
 
 
 def add_grids(source: ConfigSource, grids: Mapping[str, str]) -> None:
@@ -60,7 +57,6 @@ def study(
     *,
     trust_plugins: bool = False,
     most_checked: int | None = None,
-    watch: Watch = lambda points: nullcontext(lambda amount: None),
 ) -> Study:
     """Check a configuration and everything that its sweep makes of it.
 
@@ -70,8 +66,6 @@ def study(
         Execute plugin sources that are stored in a result file.
     most_checked
         Check so many points at most, spread over all; None checks every one.
-    watch
-        Told how many points there are to check, and then that some more are.
 
     Raises
     ------
@@ -98,8 +92,8 @@ def study(
             f"{source.place(('sweep',))}: {len(found):,} points that differ in group, times or "
             f"parts are too many for one file; sweep at most {MOST_GROUPS:,}, or split the sweep"
         )
-    with watch(len(found)) as advance:
-        _check_points(found, spread(len(found), most_checked), advance)
+    with step("points checked", len(found)):
+        _check_points(found, spread(len(found), most_checked))
     return found
 
 
@@ -148,12 +142,12 @@ def require_sweepable(key: str) -> None:
         raise InputError(f"unknown key '{key}'; keys are in: {', '.join(known)}")
 
 
-def _check_points(found: Study, points: Sequence[int], advance: Callable[[float], None]) -> None:
+def _check_points(found: Study, points: Sequence[int]) -> None:
     """Build points; a value that is wrong at many of them is reported once."""
     problems: dict[InputProblem, None] = {}
     first_of = {each: alike[0] for alike in found.shapes for each in alike}
     for point in points:
-        advance(len(found) / len(points))
+        reporter().advance(len(found) / len(points))
         try:
             experiment = found.experiment(point)
         except ConfigError as error:

@@ -68,7 +68,7 @@ def states_of(experiment: Experiment, label: str, law: LawProgram, workers: int 
     ensemble = config.ensemble.model_copy(update={"runs": runs})
     few = replace(experiment, config=config.model_copy(update={"ensemble": ensemble}))
     [batch] = batches(Study(None, few), label, np.arange(runs))
-    solution = batch.engine.solve(batch.problem, lambda runs: None, workers)
+    solution = batch.engine.solve(batch.problem, workers)
     good = np.flatnonzero(solution.status == 0)
     if not len(good):
         raise EqtError(

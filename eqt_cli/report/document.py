@@ -17,7 +17,6 @@ from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.comparison.tables import text_tables
 from eqt_cli.analysis.extreme_points import extreme_points
 from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.report.animation import animation
 from eqt_cli.report.environment import TEMPLATES, page
 from eqt_cli.report.experiment import given, laws
@@ -65,7 +64,6 @@ def report(
     unverified: str = "",
     author: str = "",
     notes: str = "",
-    steps: Steps = SILENT,
 ) -> str:
     """The page about an experiment or a sweep.
 
@@ -84,12 +82,10 @@ def report(
         Why there are no certificates, if there are none.
     author, notes
         Who answers for the page, and remarks for its reader; blank lines part their paragraphs.
-    steps
-        Told of the figures and of the comparison.
     """
     shown = _default(result) if wanted is None else wanted
-    drawn, remarks = inline_figures(result, shown, certificates, steps)
-    of_kind = _of_sweep(result) if result.is_sweep else _of_experiment(result, steps)
+    drawn, remarks = inline_figures(result, shown, certificates)
+    of_kind = _of_sweep(result) if result.is_sweep else _of_experiment(result)
     return page(
         "report.html.j2",
         ["report.css"],
@@ -134,7 +130,7 @@ def _has_fronts(record: dict[str, Any] | None) -> bool:
     return record is not None and len(record["objectives"]) > 1
 
 
-def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
+def _of_experiment(result: Result) -> dict[str, Any]:
     record = TUNE.beside(result)
     return {
         "headline": result.headline(),
@@ -149,7 +145,7 @@ def _of_experiment(result: Result, steps: Steps) -> dict[str, Any]:
         ),
         "picker": curves(result),
         "table": run_table(result),
-        **({} if _has_fronts(record) else _compared(result, steps)),
+        **({} if _has_fronts(record) else _compared(result)),
         **_animated(result),
     }
 
@@ -169,8 +165,8 @@ def _searched(result: Result) -> dict[str, Any] | None:
     return None
 
 
-def _compared(result: Result, steps: Steps) -> dict[str, Any]:
-    comparison = compare(result, steps=steps)
+def _compared(result: Result) -> dict[str, Any]:
+    comparison = compare(result)
     made = text_tables(comparison, Plain())
     return {
         "findings": findings(comparison, result.titled),

@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 from eqt_cli.analysis.certificates.base import Row
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import description
-from eqt_cli.execution.steps import SILENT, Steps
+from eqt_cli.core.reporting import reporter, step
 from eqt_cli.plots.base import Alongside, OfCertificates
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import DRAWN, figure_from
@@ -130,7 +130,6 @@ def inline_figures(
     result: Result,
     wanted: Sequence[Wanted],
     certificates: Sequence[Row] = (),
-    steps: Steps = SILENT,
 ) -> tuple[list[Drawn], list[str]]:
     """The figures that can be drawn of a result, and remarks on the others."""
     drawn: list[Drawn] = []
@@ -140,13 +139,13 @@ def inline_figures(
         for figure in wanted
         if figure.name in figures.names() and not _is_idle(result, figure, certificates)
     ]
-    advance = steps.begin(DRAWN, len(due))
-    for figure in due:
-        try:
-            drawn.append(_draw(result, figure, f"figure{len(drawn) + 1}", certificates))
-        except EqtError as error:
-            remarks.append(str(error).removeprefix(f"{result.path}: "))
-        advance(1)
+    with step(DRAWN, len(due)):
+        for figure in due:
+            try:
+                drawn.append(_draw(result, figure, f"figure{len(drawn) + 1}", certificates))
+            except EqtError as error:
+                remarks.append(str(error).removeprefix(f"{result.path}: "))
+            reporter().advance(1)
     return drawn, remarks
 
 

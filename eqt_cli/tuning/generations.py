@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,11 @@ import numpy as np
 
 from eqt_cli.config.source import ConfigSource
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.reporting import reporter
 from eqt_cli.execution.cost import estimate
-from eqt_cli.execution.executors import Executor, Progress
+from eqt_cli.execution.executors import Executor
 from eqt_cli.execution.folder import ResultFolder
-from eqt_cli.execution.run_study import Execution, Remark, execute
+from eqt_cli.execution.run_study import Execution, execute
 from eqt_cli.experiment.read_study import study
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.store.reserved_names import FILE_NAME
@@ -27,15 +29,11 @@ from eqt_cli.tuning.searches import Searches
 SWEEP, GROUP = 0.2, 0.07
 """s, of a sweep beside its runs, and of each point where points differ in shape, as measured."""
 
-Told = Callable[[LawSearch, int, Population], None]
-"""Told after every generation of a law: its number, counted over all searches for the law, and what
-is left of all points."""
-
 Scored = Callable[[Result], Scores]
 """The scores of all points of a sweep with one law."""
 
-After = Callable[[int, dict[int, Population]], None]
-"""Told after every generation: its number over all searches, and what each search has left."""
+After = Callable[[dict[int, Population]], None]
+"""Called after every generation with what each search has left."""
 
 
 @dataclass(frozen=True)
@@ -43,16 +41,13 @@ class Computing:
     """Has points computed, or finds that they were."""
 
     executor: Executor
-    progress: Progress
-    resumed: Progress
-    remark: Remark
 
     def generation(self, law: LawSearch, out: Path, shares: Array, scored: Scored) -> Scores:
         """The scores of the points of a generation, which is an ordinary sweep."""
         columns = _columns(law, shares)
         if _holds(out, columns):
             with open_result(out) as result:
-                self.resumed(len(shares) * result.runs)
+                reporter().skip(len(shares) * result.runs)
                 return scored(result)
         self.execute(_swept(law, columns), out)
         with open_result(out) as result:
@@ -67,12 +62,9 @@ class Computing:
             out,
             executor=self.executor,
             force=there is not None and there["digest"] != found.digest,  # of fewer generations
-            progress=self.progress,
-            resumed=self.resumed,
-            remark=self.remark,
         )
         if done.was_complete:
-            self.resumed(done.runs)
+            reporter().skip(done.runs)
         return done
 
 
@@ -82,7 +74,7 @@ def evolve(
     folder: SearchFolder,
     do: Computing,
     scored: Scored,
-    after: After,
+    after: After = lambda searches: None,
 ) -> dict[int, Population]:
     """All generations of all searches for one law; returns what each has left, by its seed."""
     section, cases = search.section, search.in_cases(law).values()
@@ -98,7 +90,10 @@ def evolve(
             each = [do.generation(*one, shares, scored) for one in zip(cases, outs, strict=True)]
             tried = Population(shares, search.over_cases(each))
             searches[seed] = selected(searches[seed], tried) if number else tried
-            after(count * section.budget + number + 1, searches)
+            after(searches)
+            done = f"generation {count * section.budget + number + 1} of {search.all_generations}"
+            so_far = search.so_far(law, reduce(selected, searches.values()))
+            reporter().note(law.label, f"{done}, {so_far}")
     return searches
 
 

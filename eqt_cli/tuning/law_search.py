@@ -215,3 +215,11 @@ def value_at(data: Any, path: KeyPath) -> Any:
         inside |= isinstance(data, list) and isinstance(step, int) and step < len(data)
         data = data[step] if inside else None
     return data
+
+
+def values_text(values: Mapping[str, float]) -> str:
+    """Values by key, the keys as short as they are told apart: ``kp 2.1, kd[0] 0.5``."""
+    short = {key: key.rpartition(".")[2] for key in values}
+    if len(set(short.values())) < len(short):
+        short = {key: key for key in values}
+    return ", ".join(f"{short[key]} {value:.4g}" for key, value in values.items())

@@ -16,8 +16,16 @@ from eqt_cli.experiment.build import Experiment, build
 from eqt_cli.experiment.config_at_point import section_of
 from eqt_cli.experiment.read_study import require_sweepable
 from eqt_cli.results.metrics import METRICS
+from eqt_cli.results.quantity_table import QUANTITIES
+from eqt_cli.tuning.evolution import Population
 from eqt_cli.tuning.folder import TUNE
-from eqt_cli.tuning.law_search import LawSearch, entries_of, require_metric, without_search
+from eqt_cli.tuning.law_search import (
+    LawSearch,
+    entries_of,
+    require_metric,
+    values_text,
+    without_search,
+)
 from eqt_cli.tuning.ranking import Scores
 from eqt_cli.tuning.searches import Searches
 
@@ -129,6 +137,16 @@ class Search(Searches[TuneSection]):
         own = {"controllers": [*tuned, *starts], "ensemble": ensemble, "store": store}
         own |= {"sweep": [{"cases": self.cases}]} if self.cases else {}
         return replace(self.base.source, data=without_search(data) | own)
+
+    def so_far(self, law: LawSearch, population: Population) -> str:
+        """The best of a law so far, in words."""
+        best, scored = population.best, population.scores
+        if not scored.feasible[best]:
+            return f"no feasible point so far, least violation {scored.violation[best]:.3g}"
+        values = values_text(law.values(population.shares[best].tolist()))
+        cost = QUANTITIES[self.objectives[0]].cost(scored.objectives[best, 0])
+        front = f", {len(population.front)} on the front" if self.seeks_front else ""
+        return f"best so far: {self.objectives[0]} {cost:.4g} at {values}{front}"
 
     @classmethod
     def _axis(cls, key: str, axis: Drawn | None, base: Experiment) -> Drawn | None:

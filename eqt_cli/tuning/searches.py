@@ -15,6 +15,7 @@ from eqt_cli.core.errors import EqtError
 from eqt_cli.core.problems import Problems
 from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.experiment.build import Experiment, build
+from eqt_cli.tuning.evolution import Population
 from eqt_cli.tuning.folder import Kind
 from eqt_cli.tuning.law_search import LawSearch, check_ends, check_overlaps, laws_of, range_of
 from eqt_cli.tuning.ranking import Scores
@@ -131,6 +132,10 @@ class Searches(ABC, Generic[S]):
         """The scores of points over all cases."""
         (only,) = cases
         return only
+
+    @abstractmethod
+    def so_far(self, law: LawSearch, population: Population) -> str:
+        """What was found of a law so far, in words."""
 
     @property
     def seeds(self) -> range:

@@ -5,15 +5,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+from eqt_cli.core.reporting import RUNS_DONE, step
 from eqt_cli.execution.lock import LOCK, locked
 from eqt_cli.execution.run_study import Execution
 from eqt_cli.tuning.folder import SearchFolder
-from eqt_cli.tuning.generations import Computing, Told
+from eqt_cli.tuning.generations import Computing
 from eqt_cli.tuning.searches import Searches
 
 S = TypeVar("S", bound=Searches[Any])
 
-Conclude = Callable[[S, SearchFolder, Computing, Told], tuple[Execution, dict[str, Any]]]
+Conclude = Callable[[S, SearchFolder, Computing], tuple[Execution, dict[str, Any]]]
 """Searches for every law; gives the runs that judge the outcome, and what the record says of it."""
 
 
@@ -37,7 +38,7 @@ class Found:
 
 
 def carry_out(
-    search: S, out: Path, conclude: Conclude[S], do: Computing, told: Told, *, force: bool = False
+    search: S, out: Path, conclude: Conclude[S], do: Computing, *, force: bool = False
 ) -> Found:
     """Search in a folder; generations that are there are not computed again.
 
@@ -53,9 +54,10 @@ def carry_out(
     """
     folder = SearchFolder(out, search.kind)
     folder.check(search)
-    with locked(out, name=f"{LOCK}-{search.kind.command}", remark=do.remark):
+    with locked(out, name=f"{LOCK}-{search.kind.command}"):
         folder.claim(search, force)
-        judged, outcome = conclude(search, folder, do, told)
+        with step(RUNS_DONE, search.all_runs):
+            judged, outcome = conclude(search, folder, do)
         record = search.settings | outcome
         folder.write_record(record)
     return Found(search, judged, record)

@@ -20,6 +20,7 @@ from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result, mean_over_runs
 from eqt_cli.tuning.fronts import equal_cost_table
 from eqt_cli.tuning.held_out import cases_of, held_out
+from eqt_cli.tuning.law_search import values_text
 from eqt_cli.tuning.luck import luck_table, measured, seed_labels
 from eqt_cli.tuning.scores import excess
 from eqt_cli.tuning.search import Constraint
@@ -223,11 +224,3 @@ def _range(means: Sequence[float], half: float) -> str:
     digits = decimals(half, means[0] if means else 0.0)
     ends = dict.fromkeys(fixed(end, digits) for end in (min(means), max(means)) if means)
     return " to ".join(ends) or "-"
-
-
-def values_text(values: Mapping[str, float]) -> str:
-    """Values by key, the keys as short as they are told apart: ``kp 2.1, kd[0] 0.5``."""
-    short = {key: key.rpartition(".")[2] for key in values}
-    if len(set(short.values())) < len(short):
-        short = {key: key for key in values}
-    return ", ".join(f"{short[key]} {value:.4g}" for key, value in values.items())

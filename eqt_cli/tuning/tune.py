@@ -13,7 +13,7 @@ from eqt_cli.experiment.read_study import study
 from eqt_cli.results.result import Result
 from eqt_cli.tuning.evolution import Population, selected
 from eqt_cli.tuning.folder import TUNE, SearchFolder, found_files
-from eqt_cli.tuning.generations import Computing, Told, evolve
+from eqt_cli.tuning.generations import Computing, evolve
 from eqt_cli.tuning.law_search import LawSearch
 from eqt_cli.tuning.ranking import Scores
 from eqt_cli.tuning.scores import scores
@@ -98,18 +98,15 @@ class Tuned:
         return float(self.population.scores.violation.min())
 
 
-def tune(
-    search: Search, folder: SearchFolder, do: Computing, told: Told
-) -> tuple[Execution, dict[str, Any]]:
+def tune(search: Search, folder: SearchFolder, do: Computing) -> tuple[Execution, dict[str, Any]]:
     """Search for the best gains of each law, and run the winners on held-out initial states."""
     found = []
     for law in search.laws:
 
-        def after(generation: int, searches: dict[int, Population], law: LawSearch = law) -> None:
+        def after(searches: dict[int, Population], law: LawSearch = law) -> None:
             so_far = Tuned(law, searches, search.seeks_front)
             studies = [study(law.at(values), trust_plugins=True) for values in so_far.chosen]
             folder.write_found(law, studies, search.seeks_front)
-            told(law, generation, so_far.population)
 
         searches = evolve(search, law, folder, do, partial(_scored, search), after)
         found.append(Tuned(law, searches, search.seeks_front))

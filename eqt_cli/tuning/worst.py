@@ -17,7 +17,7 @@ from eqt_cli.results.quantity_table import QUANTITIES
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.tuning.evolution import Population, selected
 from eqt_cli.tuning.folder import WORST, SearchFolder, found_files
-from eqt_cli.tuning.generations import Computing, Scored, Told, evolve
+from eqt_cli.tuning.generations import Computing, Scored, evolve
 from eqt_cli.tuning.law_search import LawSearch
 from eqt_cli.tuning.ranking import Scores
 from eqt_cli.tuning.worst_search import Line, WorstSearch
@@ -45,17 +45,13 @@ def badness(metric: str, result: Result) -> Scores:
 
 
 def worst(
-    search: WorstSearch, folder: SearchFolder, do: Computing, told: Told
+    search: WorstSearch, folder: SearchFolder, do: Computing
 ) -> tuple[Execution, dict[str, Any]]:
     """Search for the worst run of each law, and run all laws along each key through it."""
     found, first = {}, {}
     scored = partial(badness, search.objective)
     for law in search.laws:
-
-        def after(generation: int, searches: dict[int, Population], law: LawSearch = law) -> None:
-            told(law, generation, reduce(selected, searches.values()))
-
-        found[law.label] = evolve(search, law, folder, do, scored, after)
+        found[law.label] = evolve(search, law, folder, do, scored)
         first[law.label] = [_first(folder.generation(law, k, 0)[0], scored) for k in search.seeds]
     best = {label: reduce(selected, searches.values()) for label, searches in found.items()}
     shares = {label: tuple(one.shares[one.best].tolist()) for label, one in best.items()}

@@ -12,12 +12,15 @@ from eqt_cli.ensemble.axes import Drawn
 from eqt_cli.experiment.build import Experiment
 from eqt_cli.experiment.read_study import require_sweepable
 from eqt_cli.results.quantity_table import QUANTITIES
+from eqt_cli.tuning.evolution import Population
 from eqt_cli.tuning.folder import WORST
 from eqt_cli.tuning.law_search import (
+    LawSearch,
     entries_of,
     expanded,
     require_metric,
     value_at,
+    values_text,
     without_search,
 )
 from eqt_cli.tuning.searches import Searches
@@ -102,6 +105,12 @@ class WorstSearch(Searches[WorstSection]):
             "store": {"trajectories": "none"} | dict(data.get("store") or {}),
         }
         return replace(self.base.source, data=without_search(data) | own)
+
+    def so_far(self, law: LawSearch, population: Population) -> str:
+        """The worst of a law so far, in words."""
+        values = values_text(law.values(population.shares[population.best].tolist()))
+        cost = QUANTITIES[self.objective].cost(-population.scores.objectives[population.best, 0])
+        return f"worst so far: {self.objective} {cost:.4g} at {values}"
 
     @classmethod
     def _axis(cls, key: str, axis: Drawn | None, base: Experiment) -> Drawn | None:

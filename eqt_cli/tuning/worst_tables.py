@@ -7,8 +7,9 @@ from eqt_cli.analysis.comparison.notation import Plain
 from eqt_cli.analysis.text_tables import Block, TextTable
 from eqt_cli.results.origin import law_title
 from eqt_cli.results.result import Result
+from eqt_cli.tuning.law_search import values_text
 from eqt_cli.tuning.luck import measured
-from eqt_cli.tuning.tables import searched, values_text
+from eqt_cli.tuning.tables import searched
 from eqt_cli.tuning.worst import AGREEING
 
 Record = Mapping[str, Any]

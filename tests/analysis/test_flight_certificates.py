@@ -47,7 +47,7 @@ def flight(tmp_path_factory):
     path.write_text(CONFIG, encoding="utf-8")
     found = study(read_config(path))
     [batch] = batches(found, "eqt", np.arange(4))
-    solution = batch.engine.solve(batch.problem, lambda runs: None)
+    solution = batch.engine.solve(batch.problem)
     return Flight(batch.problem, solution.states, 4, np.arange(4))
 
 

@@ -142,7 +142,7 @@ def errors_of(experiment: Experiment, factors: list[tuple[float, float]]) -> Arr
     gains = {"kp": kp * loop.gains.K, "kd": kd * loop.gains.K_d}
     times = np.linspace(0.0, 50.0, 101)
     problem = Problem(loop, np.tile(start, (len(factors), 1)), times, gains)
-    states = SolveIvp(method="RK23", rtol=1e-3, atol=1e-5).solve(problem, lambda runs: None).states
+    states = SolveIvp(method="RK23", rtol=1e-3, atol=1e-5).solve(problem).states
     Q = G.unpack(loop.layout.split(states)["pose"])
     error: Array = np.linalg.norm(G.identity - G.inverse(Qd) @ Q, axis=(-2, -1))
     return error

@@ -7,14 +7,15 @@ import re
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from eqt_cli.cli.shared import output, progress
-from eqt_cli.core.activity import activity
+from eqt_cli.core.reporting import reporter, reporting, step
 
 Eqt = Callable[..., Any]
 
@@ -42,10 +43,17 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     return clock
 
 
+@contextmanager
+def shown(what: str, count: int) -> Iterator[Callable[[float], None]]:
+    """A step, as a command shows it."""
+    with reporting(progress.meter()), step(what, count):
+        yield reporter().advance
+
+
 def test_lines_tell_rate_and_remaining_time(
     clock: Clock, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with progress.progress(800) as advance:
+    with shown("runs", 800) as advance:
         for second, runs in ((0.5, 50), (1.5, 50), (2.0, 40), (6.4, 60), (6.6, 200)):
             clock.now = 100.0 + second
             advance(runs)
@@ -60,7 +68,7 @@ def test_lines_tell_rate_and_remaining_time(
 def test_a_guess_waits_for_more_than_the_first_runs(
     clock: Clock, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with progress.progress(100_000, "points checked") as advance:
+    with shown("points checked", 100_000) as advance:
         for second, points in ((2.0, 8), (10.0, 1992), (20.0, 97_999.999), (30.0, 0.002)):
             clock.now = 100.0 + second
             advance(points)
@@ -73,7 +81,7 @@ def test_a_guess_waits_for_more_than_the_first_runs(
 
 
 def test_short_work_shows_nothing(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
-    with progress.progress(8) as advance:
+    with shown("runs", 8) as advance:
         clock.now += 0.9
         advance(8)
     assert capsys.readouterr() == ("", "")
@@ -83,7 +91,7 @@ def test_quiet_work_shows_nothing(
     clock: Clock, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(output, "_silent", True)
-    with progress.progress(8) as advance:
+    with shown("runs", 8) as advance:
         clock.now += 60
         advance(4)
     assert capsys.readouterr() == ("", "")
@@ -99,7 +107,7 @@ def test_a_terminal_has_a_bar(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    with progress.progress(8) as advance:
+    with shown("runs", 8) as advance:
         advance(3)
         advance(2)
     assert "5/8 runs" in terminal.getvalue()
@@ -111,7 +119,7 @@ def test_a_terminal_that_cannot_move_its_cursor_has_lines(
     monkeypatch.setenv("TERM", "dumb")
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    with progress.progress(8) as advance:
+    with shown("runs", 8) as advance:
         clock.now += 2
         advance(4)
     assert terminal.getvalue() == "4/8 runs, 2.0 runs/s, 2 s left\n"
@@ -120,7 +128,7 @@ def test_a_terminal_that_cannot_move_its_cursor_has_lines(
 def test_short_work_on_a_terminal_shows_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     terminal = Terminal()
     monkeypatch.setattr(sys, "stderr", terminal)
-    with progress.progress(8) as advance:
+    with shown("runs", 8) as advance:
         advance(8)
     assert terminal.getvalue() == ""
 
@@ -139,11 +147,12 @@ def test_a_run_tells_how_far_it_is(eqt: Eqt, monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_a_step_that_begins_counts_anew(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
-    with progress.progress(8) as advance:
-        advance(8)
-        advance.begin("runs cross-checked", 12)
-        clock.now += 2
-        advance(6)
+    with reporting(progress.meter()):
+        with step("runs", 8):
+            reporter().advance(8)
+        with step("runs cross-checked", 12):
+            clock.now += 2
+            reporter().advance(6)
     assert capsys.readouterr().err == "6/12 runs cross-checked, 3.0 runs/s, 2 s left\n"
 
 
@@ -158,7 +167,7 @@ def test_what_takes_long_and_cannot_be_counted_is_named(
     monkeypatch.setattr(progress, "SHOW_AFTER", 0.01)
     told = threading.Event()
     monkeypatch.setattr(progress, "say", lambda text: (output.say(text), told.set()))
-    with progress.progress(8), activity("compiling the laws"):
+    with shown("runs", 8), reporter().busy("compiling the laws"):
         assert told.wait(10)
     assert capsys.readouterr().err == "compiling the laws\n"
 
@@ -166,8 +175,8 @@ def test_what_takes_long_and_cannot_be_counted_is_named(
 def test_what_cannot_be_counted_says_nothing_of_the_rate(
     clock: Clock, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with progress.progress(800) as advance:
-        with activity("compiling the laws"):
+    with shown("runs", 800) as advance:
+        with reporter().busy("compiling the laws"):
             clock.now += 30.0
         clock.now += 2.0
         advance(100)
@@ -178,10 +187,10 @@ def test_what_is_soon_done_is_not_named(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(progress, "SHOW_AFTER", 0.2)
-    with progress.progress(8):
-        with activity("compiling the laws"):
+    with shown("runs", 8):
+        with reporter().busy("compiling the laws"):
             pass
         time.sleep(0.3)
-    with activity("compiling the laws"):  # which nobody watches
+    with reporter().busy("compiling the laws"):  # which nobody watches
         pass
     assert capsys.readouterr().err == ""

@@ -40,8 +40,8 @@ from eqt_cli.engines.solve_ivp import SolveIvp
 class Shifted(SolveIvp):
     name: ClassVar[str] = "shifted"
 
-    def solve(self, problem, progress, workers=1):
-        solution = super().solve(problem, progress, workers)
+    def solve(self, problem, workers=1, progress=lambda runs: None):
+        solution = super().solve(problem, workers, progress)
         solution.states[:] += 0.01
         return solution
 """

@@ -42,7 +42,7 @@ def both(loop, engine):
     """E of the error system, and X X_d⁻¹ of the closed loop."""
     state, system = start(loop), ErrorSystem.of(loop)
     solved = [
-        engine.solve(Problem(one, states, TIMES), lambda runs: None).states
+        engine.solve(Problem(one, states, TIMES)).states
         for one, states in ((loop, state), (system, system.state_from(state, 0.0)))
     ]
     s = loop.tracking(TIMES, solved[0])

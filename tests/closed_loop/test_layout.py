@@ -110,7 +110,7 @@ def test_memory_is_integrated(engine, kind):
     if kind is ErrorSystem:
         loop = ErrorSystem.of(loop)
         states = loop.state_from(states, 0.0)
-    solution = engines.get(engine)(rtol=RTOL).solve(Problem(loop, states, times), lambda runs: None)
+    solution = engines.get(engine)(rtol=RTOL).solve(Problem(loop, states, times))
     s = loop.tracking(times, solution.states)
     np.testing.assert_allclose(s.memory["clock"][..., 0], 2.0 + times + np.zeros((4, 1)), atol=RTOL)
     h = times[1]  # Simpson's rule errs by h⁴ times a fourth derivative of at most some thousands

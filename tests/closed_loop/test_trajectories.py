@@ -82,7 +82,7 @@ def trajectories(loop, times=TIMES, states=None):
     """States ``(runs, samples, n)``."""
     engine = SolveIvp(rtol=RTOL, atol=RTOL * 1e-3, block=RUNS)
     start = initial_states(loop) if states is None else states
-    solution = engine.solve(Problem(loop, start, times), lambda runs: None)
+    solution = engine.solve(Problem(loop, start, times))
     assert not solution.status.any()
     return solution.states
 

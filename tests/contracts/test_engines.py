@@ -44,10 +44,6 @@ def problem(loop_with, states):
     return Problem(loop, states(loop, (RUNS,)), np.linspace(0.0, SHORT, SAMPLES), varying)
 
 
-def quiet(runs):
-    """Report to nobody."""
-
-
 @dataclass(frozen=True)
 class Spring(Controller):
     """A spring on R1, ẍ = −k x − d ẋ + V̇_d, whose force is infinite from some time on."""
@@ -180,7 +176,7 @@ def positions(problem, solution):
 
 def test_it_solves_oscillators_to_its_tolerance(engine, oscillators):
     problem, expected = oscillators
-    solution = engine.solve(problem, quiet)
+    solution = engine.solve(problem)
     assert not solution.status.any()
     assert solution.steps.min() > 0
     np.testing.assert_allclose(positions(problem, solution), expected, rtol=0, atol=ERROR)
@@ -192,8 +188,7 @@ def test_a_tightened_engine_is_more_accurate(engine, oscillators):
     tight = loose.tightened(1e-4)
     assert type(tight) is type(engine)
     one, other = (
-        np.abs(positions(problem, each.solve(problem, quiet)) - expected).max()
-        for each in (loose, tight)
+        np.abs(positions(problem, each.solve(problem)) - expected).max() for each in (loose, tight)
     )
     assert other < one / 10
 
@@ -205,35 +200,34 @@ def test_a_tightened_engine_takes_other_steps_where_samples_are_dense(engine, os
     problem, _ = oscillators
     loose = dataclasses.replace(engine, rtol=1e-4)
     problem = dataclasses.replace(problem, times=np.linspace(0.0, DURATION, 2001))
-    one, other = (each.solve(problem, quiet).states for each in (loose, loose.tightened(0.1)))
+    one, other = (each.solve(problem).states for each in (loose, loose.tightened(0.1)))
     changed = (one[:, 1:] != other[:, 1:]).any(axis=-1)
     assert changed.any(axis=-1).all()
 
 
 def test_the_first_sample_is_the_initial_state(engine, problem):
-    solution = engine.solve(problem, quiet)
+    solution = engine.solve(problem)
     np.testing.assert_array_equal(solution.states[:, 0], problem.states)
     assert solution.states.shape == (RUNS, SAMPLES, problem.states.shape[1])
 
 
 def test_progress_sums_up_to_the_number_of_runs(engine, problem):
     seen = []
-    engine.solve(problem, seen.append)
+    engine.solve(problem, progress=seen.append)
     assert sum(seen) == pytest.approx(RUNS, abs=1e-9)  # rounding of a few hundred fractions
 
 
 def test_the_number_of_threads_changes_no_bit(engine, problem):
-    one, many = (engine.solve(problem, quiet, workers=workers).states for workers in (1, 4))
+    one, many = (engine.solve(problem, workers=workers).states for workers in (1, 4))
     np.testing.assert_array_equal(one, many)
 
 
 def test_runs_given_together_change_no_bit(engine, problem):
     """`runs_at_once` says in which portions runs may be given."""
     portion = engine.runs_at_once(2)
-    whole = engine.solve(problem, quiet).states
+    whole = engine.solve(problem).states
     parts = [
-        engine.solve(problem.select(slice(k, k + portion)), quiet).states
-        for k in range(0, RUNS, portion)
+        engine.solve(problem.select(slice(k, k + portion))).states for k in range(0, RUNS, portion)
     ]
     np.testing.assert_array_equal(whole, np.concatenate(parts))
 
@@ -245,7 +239,7 @@ def test_a_failing_run_gets_a_status_and_harms_no_other(engine, oscillators):
     problem = dataclasses.replace(
         problem, varying={**problem.varying, "controller.fails_after": fails}
     )
-    solution = engine.solve(problem, quiet)
+    solution = engine.solve(problem)
     assert [bool(status) for status in solution.status] == [k == 2 for k in range(RUNS)]
     assert Status(solution.status[2])
     assert solution.messages[2]
@@ -260,12 +254,12 @@ def test_a_failing_run_gets_a_status_and_harms_no_other(engine, oscillators):
 def test_a_sampled_law_is_evaluated_at_its_instants_with_their_errors(engine, sampled):
     """Its command is held from one instant to the next; samples are at instants and between."""
     problem, expected = sampled
-    solution = engine.solve(problem, quiet)
+    solution = engine.solve(problem)
     assert not solution.status.any()
     np.testing.assert_allclose(positions(problem, solution), expected, rtol=0, atol=ERROR)
     half = dataclasses.replace(problem, times=problem.times[: len(problem.times) // 2 + 1])
     # Each span is counted once, so that twice as many take about twice the work.
-    assert (solution.steps < 3 * engine.solve(half, quiet).steps).all()
+    assert (solution.steps < 3 * engine.solve(half).steps).all()
 
 
 def test_a_run_that_fails_at_an_instant_harms_no_other(engine, sampled):
@@ -275,13 +269,13 @@ def test_a_run_that_fails_at_an_instant_harms_no_other(engine, sampled):
     fails[2] = 1.7
     varying = {**problem.varying, "controller.fails_after": fails}
     problem = dataclasses.replace(problem, varying=varying)
-    solution = engine.solve(problem, quiet)
+    solution = engine.solve(problem)
     assert solution.status.tolist() == [0, 0, Status.NON_FINITE, 0, 0]
     known = problem.times < 1.8
     assert np.isnan(solution.states[2, ~known]).all()
     expected[2, ~known] = np.nan
     np.testing.assert_allclose(positions(problem, solution), expected, rtol=0, atol=ERROR)
-    alone = engine.solve(problem.select(slice(2, 3)), quiet)
+    alone = engine.solve(problem.select(slice(2, 3)))
     assert solution.steps[2] == alone.steps[0]  # none behind its failure
 
 
@@ -293,7 +287,7 @@ def test_the_field_changes_at_instants(engine, loop_with, kind):
     )
     problem = masses(loop_with, **parts)
     problem = dataclasses.replace(problem, varying={"controller.stiffness": np.zeros((RUNS, 1))})
-    solution = engine.solve(problem, quiet)
+    solution = engine.solve(problem)
     assert not solution.status.any()
     ends = np.array([0.0, *CHANGES, DURATION])
     expected = thrown(problem.times, ends, np.tile(PUSHES, (RUNS, 1)))

@@ -5,6 +5,7 @@ from importlib.util import find_spec
 import pytest
 
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.reporting import step
 from eqt_cli.execution.executors import Outcome
 
 # In a file of its own, where spawned processes find it.
@@ -52,22 +53,23 @@ def executor(executor_class):
     return executor_class(2)
 
 
-def test_every_item_is_done_once_and_progress_sums_up(executor, task, tmp_path):
-    items, seen = [1, 2, 3, 4], []
-    found = list(executor.outcomes(task, items, seen.append))
+def test_every_item_is_done_once_and_progress_sums_up(executor, task, tmp_path, told):
+    items = [1, 2, 3, 4]
+    with step("runs", 40):
+        found = list(executor.outcomes(task, items))
     assert sorted(found, key=lambda o: o.item) == [Outcome(k, k % 2) for k in items]
     done = [path.name.partition("-")[0] for path in (tmp_path / "done").iterdir()]
     assert sorted(done) == ["1", "2", "3", "4"]
-    assert sum(seen) == 40
+    assert told.total("runs") == 40
 
 
 def test_nothing_to_do_is_done(executor, task):
-    assert list(executor.outcomes(task, [], lambda amount: None)) == []
+    assert list(executor.outcomes(task, [])) == []
 
 
 def test_an_error_of_the_task_ends_everything(executor, task):
     with pytest.raises(EqtError, match=r"^no$"):
-        list(executor.outcomes(task, [99], lambda amount: None))
+        list(executor.outcomes(task, [99]))
 
 
 @pytest.mark.parametrize("items", [1, 3, 8])

@@ -331,13 +331,13 @@ def test_runs_through_a_half_turn_agree_and_keep_the_balance(name):
     Q = G.exp(np.array([[2.9, 0.3, -0.2]]))
     states = loop.initial_state(Q, np.array([[4.0, 0.5, 0.3]]), G.identity[None], zero)
     problem = Problem(loop, states, np.linspace(0.0, 2.0, 41))
-    exact = Taylor(tol=1e-14).solve(problem, lambda runs: None).states
+    exact = Taylor(tol=1e-14).solve(problem).states
     s = loop.tracking(problem.times, exact)
     passed = np.diff(np.sign(G.vee(s.relative.Q)[0, :, 0]))
     assert passed.any()
     L = loop.lyapunov(s) + loop.work(exact)
     np.testing.assert_allclose(L, L[:, :1].repeat(41, axis=1), rtol=1e-9)  # of the crossing's event
-    other = SolveIvp(rtol=1e-11, atol=1e-13).solve(problem, lambda runs: None).states
+    other = SolveIvp(rtol=1e-11, atol=1e-13).solve(problem).states
     # The solver of SciPy finds the jump by small steps, and no better than by its tolerance.
     np.testing.assert_allclose(other, exact, atol=1e-6)
 
@@ -365,7 +365,7 @@ def test_integral_removes_the_offset_of_a_constant_push(name, options, offset):
     G, zero = loop.group, np.zeros((1, 3))
     start = loop.initial_state(G.exp(np.array([[0.5, -0.3, 0.2]])), zero, G.identity[None], zero)
     problem = Problem(loop, start, np.array([0.0, 30.0]))
-    found = SolveIvp(rtol=1e-6, atol=1e-8).solve(problem, lambda runs: None).states[:, -1]
+    found = SolveIvp(rtol=1e-6, atol=1e-8).solve(problem).states[:, -1]
     error = np.linalg.norm(G.identity - loop.tracking(30.0, found).Q_E)
     # A push of 0.14 N m against a stiffness of 2 N m/rad leaves 0.07 rad, 0.1 in this norm; the
     # integral removes it at about c₂ k_I / (k_R + k_I) = 0.33 1/s, in 30 s to 5e-6 of it.

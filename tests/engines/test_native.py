@@ -72,13 +72,9 @@ def expected(batch):
     return solved(batch)
 
 
-def quiet(runs):
-    """Report to nobody."""
-
-
 def solved(batch, workers=1):
     """The digest of a whole solution."""
-    found = batch.engine.solve(batch.problem, quiet, workers)
+    found = batch.engine.solve(batch.problem, workers)
     assert not found.status.any()
     return digest(found.states, found.steps)
 
@@ -157,12 +153,12 @@ def test_groups_need_not_be_neighbours(batch, expected, monkeypatch):
 
 
 def test_other_runs_change_no_bit(batch):
-    together = batch.engine.solve(batch.problem, quiet)
+    together = batch.engine.solve(batch.problem)
     for run in range(RUNS):
-        alone = batch.engine.solve(batch.problem.select(np.array([run])), quiet)
+        alone = batch.engine.solve(batch.problem.select(np.array([run])))
         assert alone.states.tobytes() == together.states[[run]].tobytes()
         assert alone.steps == together.steps[run]
-    backwards = batch.engine.solve(batch.problem.select(np.arange(RUNS)[::-1]), quiet)
+    backwards = batch.engine.solve(batch.problem.select(np.arange(RUNS)[::-1]))
     assert backwards.states[::-1].tobytes() == together.states.tobytes()
 
 
@@ -311,7 +307,7 @@ def here(alone):
 
 def test_the_c_alone_finds_what_the_engine_finds(batch, here):
     samples, steps = samples_of(batch, here)
-    solution = batch.engine.solve(batch.problem, quiet)
+    solution = batch.engine.solve(batch.problem)
     assert samples.tobytes() == solution.states.tobytes()
     assert (steps == solution.steps).all()
 

@@ -14,7 +14,6 @@ from pathlib import Path
 
 import pytest
 
-from eqt_cli.core.activity import watched
 from eqt_cli.core.errors import EqtError
 from eqt_cli.engines.native import cache, compiler
 
@@ -251,13 +250,11 @@ def test_another_process_finds_what_was_compiled_and_who_compiled_it(cc):
     assert works() and cc() == (1, 1)
 
 
-def test_compiling_is_told_and_loading_is_not(cc):
-    told = []
-    with watched(told.append):
-        compiler.library(SOURCE)
-        forget()
-        compiler.library(SOURCE)
-    assert told == ["compiling the laws", ""]
+def test_compiling_is_told_and_loading_is_not(cc, told):
+    compiler.library(SOURCE)
+    forget()
+    compiler.library(SOURCE)
+    assert told.activities == ["compiling the laws"]
 
 
 def test_the_folder_is_the_users_alone(cc, tmp_path):

@@ -34,10 +34,6 @@ METHODS = ["DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA"]
 INERTIA = np.array([[0.824, 0, 0.12], [0, 1.135, 0], [0.12, 0, 1.759]])
 
 
-def quiet(runs):
-    """Report to nobody."""
-
-
 def paper_loop(controller, reference=None, vehicle=IDEAL):
     return ClosedLoop(
         group=group_named("SO3"),
@@ -59,7 +55,7 @@ def paper_problem(runs, duration, controller=None, samples=41, vehicle=IDEAL):
 
 def exact(problem):
     engine = SolveIvp(rtol=SMALLEST_RTOL, atol=1e-15, block=problem.runs)
-    return engine.solve(problem, quiet).states
+    return engine.solve(problem).states
 
 
 def errors(solution, reference):
@@ -76,7 +72,7 @@ def test_error_is_a_few_rtol(name, rtol):
     problem = paper_problem(runs=4, duration=5.0, controller=controllers.get(name)())
     reference = exact(problem)
     for block in (1, 3, 4):
-        solution = SolveIvp(rtol=rtol, atol=rtol * 1e-3, block=block).solve(problem, quiet)
+        solution = SolveIvp(rtol=rtol, atol=rtol * 1e-3, block=block).solve(problem)
         assert not solution.status.any()
         assert errors(solution, reference).max() < 30 * rtol
 
@@ -86,7 +82,7 @@ def test_worst_run_of_a_block_is_no_worse_than_alone():
     problem = paper_problem(runs=16, duration=5.0)
     reference = exact(problem)
     alone, together = (
-        errors(SolveIvp(rtol=1e-6, atol=1e-9, block=block).solve(problem, quiet), reference).max()
+        errors(SolveIvp(rtol=1e-6, atol=1e-9, block=block).solve(problem), reference).max()
         for block in (1, 16)
     )
     assert together < alone
@@ -96,7 +92,7 @@ def test_worst_run_of_a_block_is_no_worse_than_alone():
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_keeps_its_tolerance(method, block):
     problem = paper_problem(runs=3, duration=1.0, samples=11)
-    solution = SolveIvp(method=method, rtol=1e-6, atol=1e-9, block=block).solve(problem, quiet)
+    solution = SolveIvp(method=method, rtol=1e-6, atol=1e-9, block=block).solve(problem)
     # Measured: between 0.02 rtol (LSODA) and 2.5 rtol (DOP853, whose steps are the longest).
     assert errors(solution, exact(problem)).max() < 10 * 1e-6
 
@@ -108,7 +104,7 @@ def test_implicit_methods_solve_blocks_of_stiff_runs(method):
     stiff = problem.loop.with_parameters(problem.loop.parameters | {"kd": 1e4 * np.eye(3)})
     problem = Problem(stiff, problem.states, problem.times)
     engine = SolveIvp(method=method, rtol=1e-4, atol=1e-7, block=3, max_steps=1000)
-    solution = engine.solve(problem, quiet)
+    solution = engine.solve(problem)
     assert not solution.status.any()
     assert len(set(solution.steps)) == 1  # of one block, and not of three runs redone
 
@@ -116,10 +112,10 @@ def test_implicit_methods_solve_blocks_of_stiff_runs(method):
 def test_initial_time_need_not_be_zero():
     whole = paper_problem(runs=2, duration=4.0, samples=41)
     engine = SolveIvp(rtol=1e-8, atol=1e-11, block=2)
-    first = engine.solve(whole, quiet).states
+    first = engine.solve(whole).states
     rest = Problem(whole.loop, first[:, 20], whole.times[20:])
     # Both halves within 30 rtol of the exact solution, as above.
-    np.testing.assert_allclose(engine.solve(rest, quiet).states, first[:, 20:], rtol=0, atol=6e-7)
+    np.testing.assert_allclose(engine.solve(rest).states, first[:, 20:], rtol=0, atol=6e-7)
 
 
 @pytest.mark.parametrize("block", [1, 3])
@@ -131,7 +127,7 @@ def test_parameters_may_differ_from_run_to_run(block):
         "kd": scale[:, None, None] * problem.loop.gains.K_d,
     }
     engine = SolveIvp(rtol=1e-8, atol=1e-11, block=block)
-    together = engine.solve(Problem(problem.loop, problem.states, problem.times, varying), quiet)
+    together = engine.solve(Problem(problem.loop, problem.states, problem.times, varying))
     for run in range(3):
         loop = problem.loop.with_parameters(
             problem.loop.parameters | {name: values[run] for name, values in varying.items()}
@@ -147,7 +143,7 @@ def test_the_first_step_after_an_instant_follows_from_the_steps_before_it():
     """
     sampled = Vehicle(control=Sampling(period=0.1))
     problem = paper_problem(runs=3, duration=4.0, samples=5, vehicle=sampled)
-    solution = SolveIvp(rtol=1e-6, atol=1e-9).solve(problem, quiet)
+    solution = SolveIvp(rtol=1e-6, atol=1e-9).solve(problem)
     assert solution.steps[0] < 16 * len(problem.spans)
     assert errors(solution, exact(problem)).max() < 30 * 1e-6
 
@@ -159,9 +155,9 @@ def test_the_first_step_after_an_instant_follows_from_the_steps_before_it():
 def test_runs_of_other_blocks_change_no_bit(block):
     problem = paper_problem(runs=8, duration=2.0)
     engine = SolveIvp(rtol=1e-6, atol=1e-9, block=block)
-    whole = engine.solve(problem, quiet)
+    whole = engine.solve(problem)
     for runs in (slice(0, 3), slice(3, 6), slice(6, 8), slice(3, 8)):
-        part = engine.solve(problem.select(runs), quiet)
+        part = engine.solve(problem.select(runs))
         assert (part.states == whole.states[runs]).all()
         assert (part.steps == whole.steps[runs]).all()
 
@@ -169,8 +165,8 @@ def test_runs_of_other_blocks_change_no_bit(block):
 def test_tolerance_of_a_run_does_not_depend_on_how_full_its_block_is():
     """Both are divided by √block, here 2, also for a block of one run that is left over."""
     problem = paper_problem(runs=1, duration=2.0)
-    left_over = SolveIvp(rtol=1e-6, atol=1e-9, block=4).solve(problem, quiet)
-    alone = SolveIvp(rtol=1e-6 / 2, atol=1e-9 / 2, block=1).solve(problem, quiet)
+    left_over = SolveIvp(rtol=1e-6, atol=1e-9, block=4).solve(problem)
+    alone = SolveIvp(rtol=1e-6 / 2, atol=1e-9 / 2, block=1).solve(problem)
     assert (left_over.states == alone.states).all()
 
 
@@ -199,7 +195,7 @@ def test_tightened_tolerances():
 
 def test_first_sample_is_the_initial_state():
     problem = paper_problem(runs=3, duration=1.0, samples=5)
-    solution = SolveIvp(block=2).solve(problem, quiet)
+    solution = SolveIvp(block=2).solve(problem)
     assert (solution.states[:, 0] == problem.states).all()
 
 
@@ -296,7 +292,7 @@ def engine_for(controller, method="DOP853", block=3, max_steps=None):
 def solve_one(controller, momentum=1.0, vehicle=IDEAL, **options):
     """The states, status and message of a single faulty run."""
     problem = faulty_problem(controller, [1], momentum, vehicle)
-    solution = engine_for(controller, block=1, **options).solve(problem, quiet)
+    solution = engine_for(controller, block=1, **options).solve(problem)
     return solution.states[0], Status(solution.status[0]), solution.messages[0]
 
 
@@ -329,13 +325,13 @@ def test_failing_run_gets_a_status_and_harms_no_other(fault, method):
     controller, status = FAULTS[fault]
     problem = faulty_problem(controller, [0, 1, 0, 0])
     engine = engine_for(controller, method, max_steps=1500 if creeps(fault, method) else None)
-    solution = engine.solve(problem, quiet)
+    solution = engine.solve(problem)
     assert solution.status[1] in possible(fault, method, status)
     assert solution.messages[1]
     assert solution.status[[0, 2, 3]].tolist() == [Status.OK] * 3
     assert [solution.messages[run] for run in (0, 2, 3)] == [""] * 3
     for run in (0, 1, 2, 3):
-        alone = engine.solve(problem.select(slice(run, run + 1)), quiet)
+        alone = engine.solve(problem.select(slice(run, run + 1)))
         assert np.array_equal(solution.states[run], alone.states[0], equal_nan=True)
         assert solution.steps[run] == alone.steps[0]
         assert solution.messages[run] == alone.messages[0]
@@ -348,7 +344,7 @@ def possible(fault, method, status):
 @pytest.mark.parametrize("fault", ["nan_at_once", "rattling"])
 def test_redone_runs_stay_within_the_tolerance(fault):
     controller, _ = FAULTS[fault]
-    solution = engine_for(controller).solve(faulty_problem(controller, [0, 1, 0]), quiet)
+    solution = engine_for(controller).solve(faulty_problem(controller, [0, 1, 0]))
     healthy = exact(faulty_problem(controller, [0, 0, 0]))
     assert (errors(solution, healthy)[[0, 2]] < 30 * 1e-6).all()
 
@@ -401,7 +397,7 @@ def test_failing_run_keeps_its_samples_up_to_the_failure(fault, method):
 def test_run_at_the_step_limit_keeps_its_samples(method):
     problem = paper_problem(runs=1, duration=4.0)
     engine = SolveIvp(method=method, rtol=1e-4, atol=1e-7, block=1, max_steps=100)
-    solution = engine.solve(problem, quiet)
+    solution = engine.solve(problem)
     assert solution.status[0] == Status.STEP_LIMIT
     assert_known_up_to_the_failure(solution.states[0], problem.times, solution.messages[0])
 
@@ -432,7 +428,7 @@ def test_message_of_a_vector_field_that_is_not_finite_after_an_instant(method):
     problem = paper_problem(
         runs=1, duration=2.0, vehicle=Vehicle(forces=(InfiniteFromOneSecondOn(),))
     )
-    solution = SolveIvp(method=method, rtol=1e-4, atol=1e-7).solve(problem, quiet)
+    solution = SolveIvp(method=method, rtol=1e-4, atol=1e-7).solve(problem)
     assert list(solution.status) == [Status.NON_FINITE]
     assert solution.messages == ["t = 1 s: the vector field is not finite"]
 
@@ -501,7 +497,7 @@ def test_refused_trial_steps_are_no_failure(method):
 @pytest.mark.parametrize("method", METHODS)
 def test_step_limit_bounds_the_evaluations(method):
     problem = paper_problem(runs=2, duration=5.0)
-    solution = SolveIvp(method=method, block=1, max_steps=100).solve(problem, quiet)
+    solution = SolveIvp(method=method, block=1, max_steps=100).solve(problem)
     assert solution.status.tolist() == [Status.STEP_LIMIT] * 2
     assert solution.steps.tolist() == [100, 100]
 
@@ -514,14 +510,14 @@ def test_progress_adds_up_to_the_number_of_runs(fault):
     reports = []
     controller, _ = FAULTS[fault]
     problem = faulty_problem(controller, [0, 0, 0, 1, 0])
-    engine_for(controller, "RK45", block=2).solve(problem, reports.append)
+    engine_for(controller, "RK45", block=2).solve(problem, progress=reports.append)
     assert all(report >= 0 for report in reports)
     assert sum(reports) == pytest.approx(5)
 
 
 def test_progress_is_reported_along_the_way():
     reports = []
-    SolveIvp(block=10).solve(paper_problem(runs=10, duration=5.0), reports.append)
+    SolveIvp(block=10).solve(paper_problem(runs=10, duration=5.0), progress=reports.append)
     assert max(reports) < 2  # no report of more than a fifth
     assert len(reports) <= 51  # one for every 2 % and the last
 

@@ -47,10 +47,6 @@ from eqt_cli.references.constant import ConstantReference
 TOL = 1e-10
 
 
-def quiet(runs):
-    """Report to nobody."""
-
-
 @dataclass(frozen=True)
 class Law(Controller):
     """A law that is given as a function."""
@@ -101,7 +97,7 @@ def solved(engine):
     """Solve a problem of which no run may fail."""
 
     def solved(problem, tol=TOL):
-        solution = engine_of(engine.name, tol).solve(problem, quiet)
+        solution = engine_of(engine.name, tol).solve(problem)
         assert solution.messages == [""] * problem.runs
         return solution
 
@@ -274,7 +270,7 @@ def by_short_steps(request):
     states = problem.states[:, None]
     for start in range(0, 140, 4):
         part = Problem(problem.loop, states[:, -1], problem.times[start : start + 5])
-        states = np.concatenate([states, theirs.solve(part, quiet).states[:, 1:]], axis=1)
+        states = np.concatenate([states, theirs.solve(part).states[:, 1:]], axis=1)
     return problem, states
 
 
@@ -294,7 +290,7 @@ def test_runs_are_bit_identical_in_any_company(name, solved, engine):
     whole = solved(problem)
     order = np.random.default_rng(6).permutation(problem.runs)
     for runs, workers in ((order, 1), (np.arange(19), 2), (np.arange(19), 3), (np.array([11]), 1)):
-        part = engine.solve(problem.select(runs), quiet, workers)
+        part = engine.solve(problem.select(runs), workers)
         assert np.array_equal(part.states, whole.states[runs])
         assert np.array_equal(part.steps, whole.steps[runs])
 
@@ -318,14 +314,14 @@ def test_sliding_mode_is_a_failure_and_harms_no_other(engine):
     problem = problem_of(
         lambda s, law: -where(less(s.V, 0.0), -1.0, 1.0), velocities=[9.0, 1.0, -9.0], samples=7
     )
-    solution = engine.solve(problem, quiet)
+    solution = engine.solve(problem)
     assert solution.status.tolist() == [Status.OK, Status.SOLVER_FAILED, Status.OK]
     assert solution.messages[1] == (
         "t = 1 s: the law switches back and forth without end; smooth it, as with tanh"
     )
     np.testing.assert_allclose(velocity(problem, solution)[1, :3, 0], [1.0, 0.5, 0.0], atol=1e-8)
     assert np.isnan(solution.states[1, 3:]).all()
-    alone = engine.solve(problem.select([0, 2]), quiet)
+    alone = engine.solve(problem.select([0, 2]))
     assert np.array_equal(alone.states, solution.states[[0, 2]])
 
 
@@ -336,7 +332,7 @@ def test_comparison_without_a_finite_series_is_a_failure_where_it_matters():
         return 1 + where(less(s.V**0.5, own.limit), 0.0, 1.0)
 
     pytest.importorskip("heyoka", reason="the taylor extra is not installed")
-    solution = Taylor().solve(problem_of(law, velocities=[0.0]), quiet)
+    solution = Taylor().solve(problem_of(law, velocities=[0.0]))
     assert solution.status[0] == Status.SOLVER_FAILED
     assert solution.messages == [
         "t = 0 s: a comparison in the law has no finite series here; try engine solve_ivp"

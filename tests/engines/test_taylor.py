@@ -51,10 +51,6 @@ TORQUE = ["cos(t)", "sin(t)", "cos(t)*sin(t)"] * 9
 INERTIA = np.array([[0.824, 0, 0.12], [0, 1.135, 0], [0.12, 0, 1.759]])
 
 
-def quiet(runs):
-    """Report to nobody."""
-
-
 def any_matrix(n, seed):
     """A positive definite matrix with eigenvalues between ½ and about 2."""
     A = np.random.default_rng(seed).uniform(-1.0, 1.0, (n, n)) / np.sqrt(n)
@@ -112,9 +108,9 @@ def equal(one, other, runs=slice(None)):
 
 def assert_engines_agree(problem):
     """To 1e-8: a thousand rtol of solve_ivp, near half-turns, where the others err far less."""
-    theirs = SolveIvp(rtol=1e-11, atol=1e-14, block=problem.runs).solve(problem, quiet)
+    theirs = SolveIvp(rtol=1e-11, atol=1e-14, block=problem.runs).solve(problem)
     for engine in (Taylor(tol=1e-13), Native(rtol=1e-11, atol=1e-11)):
-        ours = engine.solve(problem, quiet)
+        ours = engine.solve(problem)
         assert not ours.status.any()
         assert difference(ours, theirs).max() < 1e-8, engine.name
 
@@ -213,8 +209,8 @@ def test_knots_are_passed_as_if_each_piece_were_solved_by_itself(law):
     states = problem.states
     for piece in pairwise(times):
         part = Problem(problem.loop, states, np.array(piece))
-        states = Taylor(tol=1e-14).solve(part, quiet).states[:, -1]
-    whole = Taylor(tol=1e-14).solve(problem, quiet)
+        states = Taylor(tol=1e-14).solve(part).states[:, -1]
+    whole = Taylor(tol=1e-14).solve(problem)
     assert not whole.status.any()
     # Measured 1e-14 for the smooth law; a comparison switches within 1e-12 of its place.
     np.testing.assert_allclose(whole.states[:, -1], states, rtol=0, atol=1e-11)
@@ -223,9 +219,9 @@ def test_knots_are_passed_as_if_each_piece_were_solved_by_itself(law):
 
 def test_initial_time_need_not_be_zero():
     whole = paper_problem(runs=2, duration=4.0, samples=41)
-    first = Taylor(tol=1e-13).solve(whole, quiet).states
+    first = Taylor(tol=1e-13).solve(whole).states
     rest = Problem(whole.loop, first[:, 20], whole.times[20:])
-    again = Taylor(tol=1e-13).solve(rest, quiet).states
+    again = Taylor(tol=1e-13).solve(rest).states
     # Both halves are exact to the tolerance, amplified by less than ten in two seconds.
     np.testing.assert_allclose(again, first[:, 20:], rtol=0, atol=1e-12)
 
@@ -240,13 +236,13 @@ def long_problem():
 
 @pytest.fixture(scope="module")
 def exact(long_problem):
-    return Taylor(tol=EPSILON).solve(long_problem, quiet)
+    return Taylor(tol=EPSILON).solve(long_problem)
 
 
 @pytest.mark.parametrize("tol", [1e-4, 1e-6, 1e-8, 1e-10, 1e-12])
 def test_errors_follow_the_tolerance(long_problem, exact, tol):
     """Measured: the median between 0.03 and 0.3 tol, the largest up to 8 tol."""
-    errors = difference(Taylor(tol=tol).solve(long_problem, quiet), exact)
+    errors = difference(Taylor(tol=tol).solve(long_problem), exact)
     assert errors.max() < 50 * tol
     assert 1e-3 * tol < np.median(errors) < tol
 
@@ -258,8 +254,8 @@ def test_a_tenth_of_the_tolerance_estimates_the_error(long_problem, exact, tol):
     The tighter solve has an error of its own, which is on average a tenth of what it measures.
     """
     engine = Taylor(tol=tol)
-    solution = engine.solve(long_problem, quiet)
-    estimate = difference(solution, engine.tightened(0.1).solve(long_problem, quiet))
+    solution = engine.solve(long_problem)
+    estimate = difference(solution, engine.tightened(0.1).solve(long_problem))
     ratio = estimate / difference(solution, exact)
     assert np.mean((ratio > 0.5) & (ratio < 2)) > 0.9
     assert (ratio > 0.1).all()
@@ -267,9 +263,9 @@ def test_a_tenth_of_the_tolerance_estimates_the_error(long_problem, exact, tol):
 
 @pytest.mark.slow("compiles full code, for many states")
 def test_full_code_agrees_with_compact_code(long_problem, exact):
-    full = Taylor(tol=1e-10, code="full").solve(long_problem, quiet)
+    full = Taylor(tol=1e-10, code="full").solve(long_problem)
     assert difference(full, exact).max() < 50 * 1e-10
-    assert equal(Taylor(tol=1e-10, code="full").solve(long_problem.select([7]), quiet), full, [7])
+    assert equal(Taylor(tol=1e-10, code="full").solve(long_problem.select([7])), full, [7])
 
 
 # What a run's numbers depend on -------------------------------------------------------------------
@@ -279,26 +275,26 @@ def test_full_code_agrees_with_compact_code(long_problem, exact):
 def alone(request):
     """More runs than two batches of lanes, and not a multiple of any number of lanes."""
     problem = problem_of(loop_of(EqT(), reference=request.param), runs=21)
-    return problem, Taylor().solve(problem, quiet)
+    return problem, Taylor().solve(problem)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_permuted_runs_are_bit_identical(alone, seed):
     problem, whole = alone
     order = np.random.default_rng(seed).permutation(problem.runs)
-    assert equal(Taylor().solve(problem.select(order), quiet), whole, order)
+    assert equal(Taylor().solve(problem.select(order)), whole, order)
 
 
 @pytest.mark.parametrize("runs", [[0], [20], [3, 17], list(range(8)), list(range(1, 10)), [5] * 9])
 def test_neighbours_change_no_bit(alone, runs):
     problem, whole = alone
-    assert equal(Taylor().solve(problem.select(runs), quiet), whole, runs)
+    assert equal(Taylor().solve(problem.select(runs)), whole, runs)
 
 
 @pytest.mark.parametrize("workers", [2, 3, 64])
 def test_number_of_workers_changes_no_bit(alone, workers):
     problem, whole = alone
-    assert equal(Taylor().solve(problem, quiet, workers), whole)
+    assert equal(Taylor().solve(problem, workers), whole)
 
 
 def test_first_sample_is_the_initial_state(alone):
@@ -311,16 +307,14 @@ def test_sample_grid_changes_no_bit(reference):
     """Samples are read off the same steps, wherever they are, also where a span has none."""
     fine = problem_of(loop_of(EqT(), reference=reference), runs=3, samples=17)
     coarse = Problem(fine.loop, fine.states, fine.times[::4])
-    assert (
-        Taylor().solve(coarse, quiet).states == Taylor().solve(fine, quiet).states[:, ::4]
-    ).all()
+    assert (Taylor().solve(coarse).states == Taylor().solve(fine).states[:, ::4]).all()
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_progress_adds_up_to_the_number_of_runs(alone, workers):
     problem, _ = alone
     reports = []
-    Taylor().solve(problem, reports.append, workers)
+    Taylor().solve(problem, workers, reports.append)
     assert sum(reports) == problem.runs
     assert len(reports) > 1
 
@@ -328,7 +322,7 @@ def test_progress_adds_up_to_the_number_of_runs(alone, workers):
 def test_progress_adds_up_over_instants():
     reference = TorqueReference(["step(t, 0.5)", "step(t, 1)", 0.0])
     reports = []
-    Taylor().solve(problem_of(loop_of(EqT(), reference=reference), runs=5), reports.append)
+    Taylor().solve(problem_of(loop_of(EqT(), reference=reference), runs=5), progress=reports.append)
     assert sum(reports) == pytest.approx(5)
     assert len(reports) > 2
 
@@ -340,7 +334,7 @@ def test_an_error_in_one_thread_ends_all(alone):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        Taylor().solve(problem, interrupt, workers=2)
+        Taylor().solve(problem, 2, interrupt)
 
 
 # Runtime parameters -------------------------------------------------------------------------------
@@ -359,7 +353,7 @@ def test_one_compilation_serves_the_family(compilations):
         loop = loop_of(controller, inertia=any_inertia(3, index))
         gains = Gains(any_matrix(3, index), any_matrix(3, index + 1))
         loop = dataclasses.replace(loop, gains=gains)
-        Taylor().solve(problem_of(loop, runs=1, duration=0.1), quiet)
+        Taylor().solve(problem_of(loop, runs=1, duration=0.1))
     assert compilations() == 1
 
 
@@ -368,7 +362,7 @@ def test_a_loop_is_traced_once(monkeypatch):
     monkeypatch.setattr(traced_loop, "trace", lambda loop: loops.append(loop) or trace(loop))
     problem = problem_of(loop_of(EqT()), runs=2, duration=0.1)
     for tol in (1e-8, 1e-9):
-        Taylor(tol=tol).solve(problem, quiet)
+        Taylor(tol=tol).solve(problem)
     assert loops == [problem.loop]
 
 
@@ -418,7 +412,7 @@ def test_where_nothing_can_be_kept_laws_are_compiled_all_the_same(tmp_path, monk
 )
 def test_another_structure_is_another_compilation(compilations, loop):
     for each in (loop_of(EqT()), loop):
-        Taylor().solve(problem_of(each, runs=1, duration=0.1), quiet)
+        Taylor().solve(problem_of(each, runs=1, duration=0.1))
     assert compilations() == 2
 
 
@@ -436,13 +430,13 @@ def test_parameters_may_differ_from_run_to_run():
         "controller.gyroscopic": random.uniform(-1, 1, (runs, 1)),
         "controller.spatial": (np.arange(runs) % 2.0)[:, None],
     }
-    together = Taylor().solve(Problem(loop, problem.states, problem.times, varying), quiet)
+    together = Taylor().solve(Problem(loop, problem.states, problem.times, varying))
     for run in range(runs):
         own = {name: values[run] for name, values in varying.items()}
         one = Problem(
             loop.with_parameters(loop.parameters | own), problem.states[[run]], problem.times
         )
-        assert equal(Taylor().solve(one, quiet), together, [run])
+        assert equal(Taylor().solve(one), together, [run])
 
 
 # Laws of a user's own -----------------------------------------------------------------------------
@@ -554,7 +548,7 @@ UNTRACEABLE = {
 def trace_error(controller):
     """What is said of a law, without the lines."""
     with pytest.raises(TraceError) as caught:
-        Taylor().solve(problem_of(loop_of(controller), runs=1), quiet)
+        Taylor().solve(problem_of(loop_of(controller), runs=1))
     return re.sub(r"(\.py):\d+", r"\1:LINE", str(caught.value))
 
 
@@ -566,7 +560,7 @@ def test_message_of_a_law_that_cannot_be_traced(law):
 
 def test_message_names_the_line():
     with pytest.raises(TraceError, match=r"at test_taylor\.py:(\d+): ") as caught:
-        Taylor().solve(problem_of(loop_of(Sine()), runs=1), quiet)
+        Taylor().solve(problem_of(loop_of(Sine()), runs=1))
     line = int(re.search(r"\.py:(\d+)", str(caught.value)).group(1))
     assert line == Sine.torque.__code__.co_firstlineno + 1
 
@@ -663,11 +657,11 @@ def test_failing_run_gets_a_status_and_harms_no_other(fault, workers, fault_engi
     if fault_engine.name == "native":
         status, reason = OF_NATIVE.get(fault, (status, reason))
     problem = faulty_problem(controller, np.arange(10) == 3)
-    solution = fault_engine.solve(problem, quiet, workers)
+    solution = fault_engine.solve(problem, workers)
     assert solution.status[3] == status
     assert solution.messages[3].endswith(f" s: {reason}")
     others = np.delete(np.arange(10), 3)
-    healthy = fault_engine.solve(problem.select(others), quiet)
+    healthy = fault_engine.solve(problem.select(others))
     assert not healthy.status.any()
     assert equal(healthy, solution, others)
 
@@ -675,7 +669,7 @@ def test_failing_run_gets_a_status_and_harms_no_other(fault, workers, fault_engi
 @pytest.mark.parametrize("fault", FAULTS)
 def test_failing_run_keeps_its_samples_up_to_the_failure(fault, fault_engine):
     problem = faulty_problem(FAULTS[fault][0], [1])
-    solution = fault_engine.solve(problem, quiet)
+    solution = fault_engine.solve(problem)
     at = float(re.search(r"t = (\S+) s", solution.messages[0]).group(1))
     known = np.isfinite(solution.states[0]).all(axis=1)
     # At a pole itself there is no state, but the message rounds to it.
@@ -689,7 +683,7 @@ def test_message_of_a_finite_time_escape():
         np.eye(2), loop.inertia.velocity(np.ones(1)), np.eye(2), np.zeros(1)
     )
     problem = Problem(loop, states[None], np.linspace(0.0, 2.0, 5))
-    solution = Taylor().solve(problem, quiet)
+    solution = Taylor().solve(problem)
     assert solution.status[0] == Status.NON_FINITE
     assert solution.messages == [f"t = 1 s: {NO_LONGER_FINITE}"]
     P = loop.tracking(problem.times, solution.states[0]).P[:, 0]
@@ -698,17 +692,17 @@ def test_message_of_a_finite_time_escape():
 
 def test_message_of_a_root_of_a_negative_number():
     """heyoka does not say when; the last sample before it does."""
-    solution = Taylor().solve(faulty_problem(RootOfANegativeNumber, [1]), quiet)
+    solution = Taylor().solve(faulty_problem(RootOfANegativeNumber, [1]))
     assert solution.messages == [f"after t = 1 s: {NO_LONGER_FINITE}"]
 
 
 def test_message_of_a_vector_field_that_is_not_finite_from_the_start():
-    solution = Taylor().solve(faulty_problem(NotANumberAtOnce, [1]), quiet)
+    solution = Taylor().solve(faulty_problem(NotANumberAtOnce, [1]))
     assert solution.messages == [f"after t = 0 s: {NO_LONGER_FINITE}"]
 
 
 def test_step_limit_bounds_the_steps():
-    solution = Taylor(max_steps=5).solve(paper_problem(runs=3), quiet)
+    solution = Taylor(max_steps=5).solve(paper_problem(runs=3))
     assert solution.status.tolist() == [Status.STEP_LIMIT] * 3
     assert solution.steps.tolist() == [5] * 3
     assert re.fullmatch(
@@ -718,8 +712,8 @@ def test_step_limit_bounds_the_steps():
 
 def test_a_step_limit_that_a_period_has_used_up_ends_the_next():
     loop = dataclasses.replace(loop_of(EqT()), vehicle=Vehicle(control=Sampling(period=0.5)))
-    steps = int(Taylor().solve(problem_of(loop, 1, duration=0.5, samples=2), quiet).steps[0])
-    solution = Taylor(max_steps=steps).solve(problem_of(loop, 1, samples=3), quiet)
+    steps = int(Taylor().solve(problem_of(loop, 1, duration=0.5, samples=2)).steps[0])
+    solution = Taylor(max_steps=steps).solve(problem_of(loop, 1, samples=3))
     assert solution.messages == [f"t = 0.5 s: step limit: {steps} steps (solver.max_steps)"]
 
 

@@ -65,8 +65,7 @@ def test_estimates_are_the_errors(estimated):
         start = loop.initial_state(Q, V, estimated.initial_pose, estimated.initial_velocity)
         problem = Problem(loop, start, estimated.times)
         found, exact = (
-            estimated.engine.tightened(factor).solve(problem, lambda runs: None).states
-            for factor in (1, 1e-12)
+            estimated.engine.tightened(factor).solve(problem).states for factor in (1, 1e-12)
         )
         error = distance(loop, estimated.times, found, exact)
         ratio = values(simulated, "error_estimate")[index] / error

@@ -45,7 +45,7 @@ def solved(request):
     study = eqt_cli.load_experiment(f"configs/{request.param}.yaml", sizes).study
     label = list(study.base.loops)[-1]
     (batch,) = batches(study, label, np.arange(RUNS))
-    solution = batch.engine.solve(batch.problem, lambda runs: None)
+    solution = batch.engine.solve(batch.problem)
     return batch, solution, shared_reference(study)
 
 

@@ -76,7 +76,7 @@ def test_a_law_that_cannot_be_compiled_is_checked_for_a_tenth_as_well():
 def found():
     """Runs of a law with a reference that depends on time, and their states."""
     (batch,) = batches(study(), "eqt", np.arange(3))
-    return batch.problem, SolveIvp().solve(batch.problem, lambda runs: None).states
+    return batch.problem, SolveIvp().solve(batch.problem).states
 
 
 def test_pieces_cover_the_horizon_where_they_can_afford_it(found):
@@ -103,7 +103,7 @@ def test_pieces_side_by_side_are_the_motion(found):
     pieces = _Pieces.of(problem, SolveIvp(), 0.1)
     part = pieces.problem(problem, states)
     assert isinstance(part.loop, OwnStarts)
-    again = SolveIvp().solve(part, lambda runs: None).states
+    again = SolveIvp().solve(part).states
     # The tolerance, with what the trajectories amplify in a piece.
     assert pieces.differences(problem, states, again).max() < 1e-7
 
@@ -111,7 +111,7 @@ def test_pieces_side_by_side_are_the_motion(found):
 def test_a_piece_that_is_wrong_shows(found):
     problem, states = found
     pieces = _Pieces.of(problem, SolveIvp(), 0.1)
-    again = SolveIvp().solve(pieces.problem(problem, states), lambda runs: None).states
+    again = SolveIvp().solve(pieces.problem(problem, states)).states
     wrong = states.copy()
     middle = pieces.starts[5] + 3
     wrong[1, middle, problem.loop.layout.slices["momentum"]] += 1e-3

@@ -15,6 +15,7 @@ import pytest
 
 from eqt_cli.config.source import read_config
 from eqt_cli.core.errors import ConfigError, EqtError
+from eqt_cli.core.reporting import reporting
 from eqt_cli.engines import Status
 from eqt_cli.execution import result_layout
 from eqt_cli.execution.executors import Executor, Outcome
@@ -96,8 +97,8 @@ class Stopping(Executor):
         object.__setattr__(self, "after", after)
         object.__setattr__(self, "workers", 1)
 
-    def outcomes(self, task, items, progress):
-        yield from Serial().outcomes(task, items[: self.after], progress)
+    def outcomes(self, task, items):
+        yield from Serial().outcomes(task, items[: self.after])
         raise KeyboardInterrupt
 
 
@@ -108,9 +109,9 @@ class Losing(Executor):
         object.__setattr__(self, "lost", lost)
         object.__setattr__(self, "workers", 1)
 
-    def outcomes(self, task, items, progress):
+    def outcomes(self, task, items):
         good = [item for item in items if item not in self.lost]
-        yield from Serial().outcomes(task, good, progress)
+        yield from Serial().outcomes(task, good)
         yield from (Outcome(item, None) for item in items if item in self.lost)
 
 
@@ -138,14 +139,15 @@ def interrupted(found, out, after=2):
 # Resuming.
 
 
-def test_an_interrupted_run_continues_and_ends_the_same(make, whole, tmp_path):
+def test_an_interrupted_run_continues_and_ends_the_same(make, whole, tmp_path, told):
     out = tmp_path / "out"
-    interrupted(make(), out)
+    with reporting(type(told)()):
+        interrupted(make(), out)
     assert not (out / "results.h5").exists()
-    resumed, done = [], []
-    outcome = execute(make(), out, progress=done.append, resumed=resumed.append)
-    assert resumed == [6]
-    assert sum(done) == pytest.approx(8)
+    outcome = execute(make(), out)
+    assert told.steps[0] == ("runs", 14)
+    assert told.skipped == [6]
+    assert told.total("runs") == pytest.approx(8)
     assert outcome.resumed == 6
     assert outcome.failed == 0
     assert_same(contents(out), whole)
@@ -259,16 +261,16 @@ def origin_of(out):
 
 
 @pytest.fixture
-def remarks():
-    return []
+def remarks(told):
+    return told.remarks
 
 
 def test_parts_of_other_versions_are_told_of_and_remembered(make, whole, tmp_path, remarks):
     out = tmp_path / "out"
     interrupted(make(), out)
     pretend(out, numpy="1.0", machine="abacus")
-    execute(make(), out, remark=remarks.append)
-    assert list(map(str, remarks)) == [
+    execute(make(), out)
+    assert remarks == [
         f"{out}: some of its runs were computed with numpy 1.0 (not {np.__version__}), machine "
         f"abacus (not {platform.machine()}); they agree with the new ones within tolerances, not "
         "bit for bit; force=True starts over"
@@ -285,10 +287,10 @@ def test_every_session_is_remembered_once(make, tmp_path, remarks):
         interrupted(make(), out, after=1) if not out.exists() else None
         pretend(out, numpy=version)
         with pytest.raises(KeyboardInterrupt):
-            execute(make(), out, executor=Stopping(0), remark=remarks.append)
-    execute(make(), out, remark=remarks.append)
-    assert "numpy 1.0 (not " in str(remarks[-1])
-    assert "; or numpy 1.1 (not " in str(remarks[-1])
+            execute(make(), out, executor=Stopping(0))
+    execute(make(), out)
+    assert "numpy 1.0 (not " in remarks[-1]
+    assert "; or numpy 1.1 (not " in remarks[-1]
     assert sorted(session["numpy"] for session in origin_of(out)["other_sessions"]) == [
         "1.0",
         "1.1",
@@ -310,7 +312,7 @@ def test_versions_of_what_is_not_there_any_more_do_not_matter(make, tmp_path, re
     out = tmp_path / "out"
     interrupted(make(), out, after=2 if force else 0)
     pretend(out, numpy="1.0")
-    execute(make(), out, force=force, remark=remarks.append)
+    execute(make(), out, force=force)
     assert remarks == []
     assert "other_sessions" not in origin_of(out)
 
@@ -319,7 +321,7 @@ def test_what_affects_no_number_is_not_told(make, tmp_path, remarks):
     out = tmp_path / "out"
     interrupted(make(), out)
     pretend(out, h5py="1.0", cpu_count=1000, command="eqt else")
-    execute(make(), out, remark=remarks.append)
+    execute(make(), out)
     assert remarks == []
 
 
@@ -327,8 +329,8 @@ def test_failed_runs_computed_again_with_other_versions(make, tmp_path, remarks)
     out = tmp_path / "out"
     execute(make(), out, executor=Losing({1}))
     pretend(out, numpy="1.0")
-    execute(make(), out, rerun_failed=True, remark=remarks.append)
-    assert [f"numpy 1.0 (not {np.__version__})" in str(remark) for remark in remarks] == [True]
+    execute(make(), out, rerun_failed=True)
+    assert [f"numpy 1.0 (not {np.__version__})" in remark for remark in remarks] == [True]
     origin = origin_of(out)
     assert origin["numpy"] == "1.0"  # as most of its runs
     assert [session["numpy"] for session in origin["other_sessions"]] == [np.__version__]
@@ -338,9 +340,9 @@ def test_packing_parts_of_shards_of_other_versions(make, tmp_path, remarks):
     out = tmp_path / "out"
     execute(make(), out, shard=Shard(1, 2))
     pretend(out, numpy="1.0")
-    execute(make(), out, shard=Shard(2, 2), remark=remarks.append)
-    pack_folder(make(), out, remarks.append)
-    assert ["numpy 1.0" in str(remark) for remark in remarks] == [True, True]
+    execute(make(), out, shard=Shard(2, 2))
+    pack_folder(make(), out)
+    assert ["numpy 1.0" in remark for remark in remarks] == [True, True]
     assert [session["numpy"] for session in origin_of(out)["other_sessions"]] == ["1.0"]
 
 
@@ -377,7 +379,7 @@ def test_numbers_of_a_part_are_read_by_name(make, whole, tmp_path, remarks):
     out = tmp_path / "out"
     interrupted(make(), out)
     edit(out / "parts/000001.h5", exchanged)
-    assert execute(make(), out, remark=remarks.append).resumed == 6
+    assert execute(make(), out).resumed == 6
     assert remarks == []
     assert_same(contents(out), whole)
 
@@ -581,14 +583,16 @@ def test_a_lock_ends_with_its_process_even_if_killed(tmp_path):
     ("code", "shard"),
     [(errno.ENOLCK, None), (errno.ENOTSUP, Shard(1, 1)), (errno.ENOSYS, None)],
 )
-def test_a_disk_that_refuses_locks_is_told_of_once(make, tmp_path, monkeypatch, code, shard):
+def test_a_disk_that_refuses_locks_is_told_of_once(
+    make, tmp_path, monkeypatch, remarks, code, shard
+):
     def refused(*_):
         raise OSError(code, "refused")
 
     monkeypatch.setattr("fcntl.flock", refused)
-    out, remarks = tmp_path / "out", []
-    execute(make(), out, shard=shard, remark=remarks.append)
-    assert list(map(str, remarks)) == [
+    out = tmp_path / "out"
+    execute(make(), out, shard=shard)
+    assert remarks == [
         f"{out}: its disk refuses file locks, so nothing keeps a second eqt from writing to it at "
         "the same time; run one at a time there, or choose another disk with out=…"
     ]

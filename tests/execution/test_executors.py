@@ -16,6 +16,7 @@ from eqt_cli.api import choose_executor, load_experiment
 from eqt_cli.cli.shared.run_and_report import executor_from
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.interruptions import ASKED_BY, Interrupted, as_exceptions
+from eqt_cli.core.reporting import Reporter, reporting, step
 from eqt_cli.execution.executors import MOST_TRIES, Outcome, auto, executors
 from eqt_cli.execution.executors.auto import Auto
 from eqt_cli.execution.executors.local import Local
@@ -87,23 +88,23 @@ def task(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("name", QUICK)
-def test_every_item_ends_once_and_all_progress_is_reported(name, task):
-    seen = []
-    found = list(executors.get(name)(2).outcomes(task, [1, 2, 3, 4], seen.append))
+def test_every_item_ends_once_and_all_progress_is_reported(name, task, told):
+    with step("runs", 40):
+        found = list(executors.get(name)(2).outcomes(task, [1, 2, 3, 4]))
     assert sorted(found, key=lambda o: o.item) == [Outcome(k, k % 2) for k in (1, 2, 3, 4)]
     if name in ("local", "dask"):
-        assert sum(seen) == 40
+        assert told.total("runs") == 40
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_to_do_is_done(name, task):
-    assert list(executors.get(name)(2).outcomes(task, [], lambda amount: None)) == []
+    assert list(executors.get(name)(2).outcomes(task, [])) == []
 
 
 @POSIX
 @pytest.mark.parametrize("name", SURVIVORS)
 def test_a_lost_worker_costs_its_item_only_which_is_tried_again(name, task, tmp_path):
-    found = list(executors.get(name)(2).outcomes(task, [1, 17, 3], lambda amount: None))
+    found = list(executors.get(name)(2).outcomes(task, [1, 17, 3]))
     assert sorted(o.item for o in found) == [1, 3, 17]
     assert all(o.failed == 1 for o in found)
     assert len(list((tmp_path / "done").glob("17-*"))) == 2
@@ -112,12 +113,12 @@ def test_a_lost_worker_costs_its_item_only_which_is_tried_again(name, task, tmp_
 
 @POSIX
 @pytest.mark.parametrize("name", SURVIVORS)
-def test_an_item_that_loses_its_worker_again_and_again_is_given_up(name, task, tmp_path):
-    seen = []
-    found = list(executors.get(name)(1).outcomes(task, [13, 2], seen.append))
+def test_an_item_that_loses_its_worker_again_and_again_is_given_up(name, task, tmp_path, told):
+    with step("runs", 40):
+        found = list(executors.get(name)(1).outcomes(task, [13, 2]))
     assert sorted(found, key=lambda o: o.item) == [Outcome(2, 0), Outcome(13, None)]
     assert len(list((tmp_path / "done").glob("13-*"))) == MOST_TRIES
-    assert sum(seen) == 10  # of the good item alone
+    assert told.total("runs") == 10  # of the good item alone
 
 
 @pytest.mark.skipif(not find_spec("distributed"), reason="needs the extra dask")
@@ -127,18 +128,18 @@ def test_a_cluster_starts_beside_another(task):
         with suppress(OSError):  # there is another one indeed
             other.bind(("", 8787))
             other.listen()
-        found = list(executors.get("dask")(1).outcomes(task, [2], lambda amount: None))
+        found = list(executors.get("dask")(1).outcomes(task, [2]))
     assert found == [Outcome(2, 0)]
 
 
 @pytest.mark.parametrize("name", QUICK)
 def test_an_error_of_the_task_ends_everything(name, task):
     with pytest.raises(EqtError, match="no"):
-        list(executors.get(name)(2).outcomes(task, [99], lambda amount: None))
+        list(executors.get(name)(2).outcomes(task, [99]))
 
 
 def test_workers_end_when_nobody_listens_any_more(task):
-    outcomes = executors.get("local")(2).outcomes(task, list(range(1, 10)), lambda amount: None)
+    outcomes = executors.get("local")(2).outcomes(task, list(range(1, 10)))
     next(outcomes)
     outcomes.close()
     deadline = time.monotonic() + 10
@@ -147,26 +148,27 @@ def test_workers_end_when_nobody_listens_any_more(task):
     assert not multiprocessing.active_children()
 
 
-def test_a_thread_can_take_the_place_of_a_process(task, tmp_path):
-    seen = []
-    found = list(Local(2).share(task, [1, 2, 3, 4], seen.append))
+def test_a_thread_can_take_the_place_of_a_process(task, tmp_path, told):
+    with step("runs", 40):
+        found = list(Local(2).share(task, [1, 2, 3, 4]))
     assert sorted(found, key=lambda o: o.item) == [Outcome(k, k % 2) for k in (1, 2, 3, 4)]
-    assert sum(seen) == 40
+    assert told.total("runs") == 40
     assert str(os.getpid()) in {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
 
 
 def test_an_error_in_this_thread_ends_everything(task):
     with pytest.raises(EqtError, match="no"):
-        list(Local(1).share(task, [2, 99], lambda amount: None))
+        list(Local(1).share(task, [2, 99]))
 
 
 def test_an_interruption_waits_for_the_next_report_of_this_thread(task):
-    def interrupt(amount):
-        raise KeyboardInterrupt
+    class Interrupting(Reporter):
+        def advance(self, amount):
+            raise KeyboardInterrupt
 
     before = threading.active_count()
-    with pytest.raises(KeyboardInterrupt):  # else it would never end
-        list(Local(1).share(task, [1000], interrupt))
+    with pytest.raises(KeyboardInterrupt), reporting(Interrupting()):  # else it would never end
+        list(Local(1).share(task, [1000]))
     assert threading.active_count() == before
 
 
@@ -184,7 +186,7 @@ def test_a_signal_while_a_worker_is_started_leaves_none(task, monkeypatch):
     before = {number: signal.getsignal(number) for number in ASKED_BY}
     try:
         with pytest.raises(Interrupted), as_exceptions(lambda: None):
-            list(executors.get("local")(2).outcomes(task, range(100, 10**6), lambda amount: None))
+            list(executors.get("local")(2).outcomes(task, range(100, 10**6)))
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -202,7 +204,7 @@ def test_a_worker_that_starts_ignores_ctrl_c(task, tmp_path, monkeypatch, capfd)
         os.kill(process.pid, signal.SIGINT)
 
     monkeypatch.setattr(Popen, "_launch", launch_and_tell)
-    found = list(executors.get("local")(1).outcomes(task, [2], lambda amount: None))
+    found = list(executors.get("local")(1).outcomes(task, [2]))
     assert found == [Outcome(2, 0)]
     assert len(list((tmp_path / "done").glob("2-*"))) == 1
     assert capfd.readouterr().err == ""
@@ -215,7 +217,7 @@ def test_workers_that_nobody_has_ended_end_with_python(task):
     code = (
         "from eqt_cli.execution.executors import executors\n"
         "if __name__ == '__main__':\n"
-        f"    open_ended = executors.get('local')(2).outcomes({task}, range(1, 1000), print)\n"
+        f"    open_ended = executors.get('local')(2).outcomes({task}, range(1, 1000))\n"
         "    next(open_ended)\n"
     )
     subprocess.run([sys.executable, "-c", code], stdout=subprocess.DEVNULL, timeout=60, check=True)
@@ -228,17 +230,17 @@ def test_auto_takes_processes_only_where_they_are_worth_it(threads, task, tmp_pa
         return {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
 
     items = [1, 2, 3, 4, 5]
-    list(Auto(2, threads).outcomes(task, items, lambda amount: None))
+    list(Auto(2, threads).outcomes(task, items))
     assert processes() == {str(os.getpid())}
     monkeypatch.setattr(auto, "WORTH_LEAVING_THREADS" if threads else "WORTH_STARTING", 0.0)
-    found = list(Auto(2, threads).outcomes(task, items, lambda amount: None))
+    found = list(Auto(2, threads).outcomes(task, items))
     assert sorted(outcome.item for outcome in found) == items
     assert len(processes()) > 1
 
 
 def test_auto_stays_in_threads_that_are_as_fast(task, tmp_path, monkeypatch):
     monkeypatch.setattr(auto, "WORTH_LEAVING_THREADS", 0.0)
-    list(Auto(2, threads=True, stays=True).outcomes(task, [1, 2, 3], lambda amount: None))
+    list(Auto(2, threads=True, stays=True).outcomes(task, [1, 2, 3]))
     names = {path.name.split("-")[1] for path in (tmp_path / "done").iterdir()}
     assert names == {str(os.getpid())}
 
@@ -289,7 +291,7 @@ def test_threads_take_an_item_when_it_can_begin(task):
             seen.append(len(done))
             yield item
 
-    for outcome in executors.get("threads")(2).take(task, handed_out(), 1, lambda amount: None):
+    for outcome in executors.get("threads")(2).take(task, handed_out(), 1):
         done.append(outcome)
     assert sorted(outcome.item for outcome in done) == [2, 4, 6, 8]
     assert seen[:2] == [0, 0]
@@ -303,7 +305,7 @@ def test_a_scheduler_that_does_not_answer_is_named(task, monkeypatch):
     monkeypatch.setattr(dask, "CONNECT_WITHIN", 0.2)
     executor = dask.Dask(1, "tcp://127.0.0.1:9")
     with pytest.raises(EqtError, match=r"^scheduler tcp://127\.0\.0\.1:9: cannot be reached: "):
-        list(executor.outcomes(task, [1], lambda amount: None))
+        list(executor.outcomes(task, [1]))
 
 
 def test_dask_that_is_missing_is_named(task, monkeypatch):
@@ -312,7 +314,7 @@ def test_dask_that_is_missing_is_named(task, monkeypatch):
 
     monkeypatch.setattr(dask, "find_spec", lambda name: None)
     with pytest.raises(EqtError) as caught:
-        list(dask.Dask(1).outcomes(task, [1], lambda amount: None))
+        list(dask.Dask(1).outcomes(task, [1]))
     assert str(caught.value) == (
         "executor dask needs Dask.distributed: pip install 'distributed>=2026.7'"
     )

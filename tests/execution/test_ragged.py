@@ -67,8 +67,8 @@ def make(tmp_path):
 class Stopping(Executor):
     """Does some items and is then interrupted, as by Ctrl-C."""
 
-    def outcomes(self, task, items, progress):
-        yield from Serial().outcomes(task, items[:3], progress)
+    def outcomes(self, task, items):
+        yield from Serial().outcomes(task, items[:3])
         raise KeyboardInterrupt
 
 
@@ -77,9 +77,9 @@ class Losing(Executor):
 
     lost = (1, 6)
 
-    def outcomes(self, task, items, progress):
+    def outcomes(self, task, items):
         good = [item for item in items if item not in self.lost]
-        yield from Serial().outcomes(task, good, progress)
+        yield from Serial().outcomes(task, good)
         yield from (Outcome(item, None) for item in items if item in self.lost)
 
 

@@ -322,7 +322,7 @@ class Mine(Engine):
     name = "mine"
     rtol: float = 1e-6
 
-    def solve(self, problem, progress, workers=1):
+    def solve(self, problem, workers=1, progress=lambda runs: None):
         ...
 
     def tightened(self, factor):

@@ -95,13 +95,11 @@ def test_axes_of_a_frame_are_its_columns():
     assert tips(rotation, place, 2.0) == pytest.approx(expected)
 
 
-def test_gif_has_its_pictures_and_repeats(results):
-    drawn = []
-    picture = Image.open(
-        BytesIO(gif(results, 3, ["eqt"], seconds=0.5, rate=10, progress=drawn.append))
-    )
+def test_gif_has_its_pictures_and_repeats(results, told):
+    picture = Image.open(BytesIO(gif(results, 3, ["eqt"], seconds=0.5, rate=10)))
     assert (picture.n_frames, picture.info["duration"], picture.info["loop"]) == (5, 100, 0)
-    assert sum(drawn) == 5
+    assert told.steps == [("pictures drawn", 5)]
+    assert told.total("pictures drawn") == 5
 
 
 @pytest.mark.slow("draws every picture twice")

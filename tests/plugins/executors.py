@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
-from eqt_cli.extend import Executor, Outcome, Progress, Task, TaskContext
+from eqt_cli.extend import Executor, Outcome, Task, TaskContext
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Backwards(Executor):
         """One."""
         return 1
 
-    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         """The items, the last first."""
         for item in reversed(items):
-            yield Outcome(item, task(item, TaskContext(progress, self.threads_for(len(items)))))
+            yield Outcome(item, task(item, TaskContext(threads=self.threads_for(len(items)))))

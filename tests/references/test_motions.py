@@ -91,7 +91,7 @@ def on_reference(loop, engine, times=TIMES):
     G = loop.group
     Qd, Vd = loop.reference.initial(G, G.identity, np.zeros(G.dimension))
     problem = Problem(loop, loop.initial_state(Qd, Vd, Qd, Vd)[None], times)
-    solution = engines.get(engine)(rtol=RTOL).solve(problem, lambda runs: None)
+    solution = engines.get(engine)(rtol=RTOL).solve(problem)
     assert solution.messages == [""]
     return loop.tracking(times, solution.states)
 
@@ -302,10 +302,7 @@ def test_engines_agree_far_from_the_reference(G):
     Q = G.exp(0.4 * np.random.default_rng(8).standard_normal((2, G.dimension)))
     rest = np.zeros((2, G.dimension))
     problem = Problem(loop, loop.initial_state(Q, rest, Q, rest), TIMES)
-    found = [
-        engines.get(name)(rtol=RTOL).solve(problem, lambda runs: None).states
-        for name in ("solve_ivp", "taylor")
-    ]
+    found = [engines.get(name)(rtol=RTOL).solve(problem).states for name in ("solve_ivp", "taylor")]
     bound = 1000 * RTOL * np.abs(found[1]).max()
     np.testing.assert_allclose(found[0], found[1], rtol=0, atol=bound)
 
@@ -383,7 +380,7 @@ def test_step_limit_counts_the_steps_of_all_spans():
     loop = closed_loop(G, reference("waypoints", G))
     Qd, Vd = loop.reference.initial(G, G.identity, np.zeros(3))
     problem = Problem(loop, loop.initial_state(Qd, Vd, Qd, Vd)[None], TIMES)
-    solution = engines.get("taylor")(max_steps=12).solve(problem, lambda runs: None)
+    solution = engines.get("taylor")(max_steps=12).solve(problem)
     assert solution.status[0] == 3
     assert solution.steps[0] == 12
     assert np.isfinite(solution.states[0, 0]).all()

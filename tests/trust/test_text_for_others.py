@@ -81,16 +81,18 @@ def test_the_width_of_a_terminal_is_bounded(
     assert max(map(len, invoke("run", "--help").stdout.splitlines())) <= MOST_COLUMNS
 
 
-def test_a_shard_without_parts_says_so(run: Callable[..., Execution], experiment: Any) -> None:
+def test_a_shard_without_parts_says_so(
+    run: Callable[..., Execution], experiment: Any, told: Any
+) -> None:
     from eqt_cli.config.source import read_config
     from eqt_cli.experiment.read_study import study
 
     experiment()
-    found, remarks = study(read_config(Path("c.yaml"))), []
-    done = execute(found, Path("out"), shard=Shard(3, 4), remark=remarks.append)
+    found = study(read_config(Path("c.yaml")))
+    done = execute(found, Path("out"), shard=Shard(3, 4))
     assert (done.runs, done.failed) == (0, 0)
-    assert list(map(str, remarks)) == [
+    assert told.remarks == [
         "out: shard 3 of 4 computes nothing, since the experiment has 2 parts; use at most 2 shards"
     ]
-    execute(found, Path("out"), shard=Shard(2, 4), remark=remarks.append)
-    assert len(remarks) == 1
+    execute(found, Path("out"), shard=Shard(2, 4))
+    assert len(told.remarks) == 1

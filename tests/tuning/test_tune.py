@@ -14,6 +14,7 @@ import yaml
 from eqt_cli import api
 from eqt_cli.config import shipped
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.reporting import Reporter, reporting
 from eqt_cli.results.result import Result, open_result
 from eqt_cli.tuning.record_shape import fits_tuning
 from eqt_cli.tuning.scores import scores
@@ -177,12 +178,13 @@ def test_how_much_a_bound_is_violated(bound: Constraint, violation: list[float])
 def test_what_was_found_is_kept_when_the_search_is_interrupted(
     small: dict[str, Any], tmp_path: Path, searched: tuple[Found, Path]
 ) -> None:
-    def stopped(law: Any, generation: int, population: Any) -> None:
-        if law.label == "family":
-            raise KeyboardInterrupt
+    class Stopping(Reporter):
+        def note(self, about: str, words: str) -> None:
+            if about == "family":
+                raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt):
-        api.tune(small, tmp_path / "t", told=stopped)
+    with pytest.raises(KeyboardInterrupt), reporting(Stopping()):
+        api.tune(small, tmp_path / "t")
     assert {path.stem for path in (tmp_path / "t/tuned").glob("*.yaml")} == {"eqt", "family"}
     assert api.tune(small, tmp_path / "t").record == searched[0].record
 

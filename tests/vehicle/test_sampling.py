@@ -165,7 +165,7 @@ def test_an_engine_of_a_plugin_meets_the_same_vehicles_and_noise(solved):
     text = NOISY.replace("duration: 2, samples: 41", "duration: 1, samples: 21")
     text = with_engine(text, "solve_ivp", ", rtol: 1.0e-11")
     problem, solution = solved(text, runs=[0, 1, 2])
-    found = engine.solve(problem, lambda runs: None).states
+    found = engine.solve(problem).states
     # Steps of 3 ms, and a lag of 0.1 s: measured 2e-9.
     np.testing.assert_allclose(found, solution.states, rtol=0, atol=1e-8)
 

@@ -308,8 +308,8 @@ class Halfway(Executor):
 
     workers = 1
 
-    def outcomes(self, task, items, progress):
-        yield from Serial().outcomes(task, items[:1], progress)
+    def outcomes(self, task, items):
+        yield from Serial().outcomes(task, items[:1])
         raise KeyboardInterrupt
 
 

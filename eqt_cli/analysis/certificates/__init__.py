@@ -15,7 +15,7 @@ from eqt_cli.analysis.certificates.base import Verdict as Verdict
 from eqt_cli.analysis.evidence.runs import Runs, Setting
 from eqt_cli.analysis.evidence.sample import Sample
 from eqt_cli.core.registry import Registry
-from eqt_cli.execution.steps import SILENT, Steps
+from eqt_cli.core.reporting import reporter, step
 
 T = TypeVar("T")
 
@@ -26,7 +26,7 @@ CHECKED = "certificates checked"
 """What is counted while identities are."""
 
 
-def identity_rows(common: Sample, laws: Iterable[Sample], steps: Steps = SILENT) -> list[Row]:
+def identity_rows(common: Sample, laws: Iterable[Sample]) -> list[Row]:
     """Every identity: on `common` where it is about no law, else on each of the laws."""
     laws, rows = list(laws), []
     due = [
@@ -35,10 +35,10 @@ def identity_rows(common: Sample, laws: Iterable[Sample], steps: Steps = SILENT)
         for sample in (laws if certificate.per_law else [common])
         if certificate.applies(sample.loop)
     ]
-    advance = steps.begin(CHECKED, len(due))
-    for certificate, sample in due:
-        rows += certificate.check(sample)
-        advance(1)
+    with step(CHECKED, len(due)):
+        for certificate, sample in due:
+            rows += certificate.check(sample)
+            reporter().advance(1)
     return _in_order(rows)
 
 

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.execution.executors import Progress
-from eqt_cli.execution.steps import SILENT, Steps
+from eqt_cli.core.reporting import reporter, step
 
 FEWEST = 5
 """Values below which no interval is given: the resamples are then too few to have quantiles."""
@@ -62,7 +61,7 @@ class Intervals:
     resamples: int
 
 
-def intervals_of_means(columns: Array, how: Resampling, steps: Steps = SILENT) -> Intervals:
+def intervals_of_means(columns: Array, how: Resampling) -> Intervals:
     """Expanded BCa intervals of the mean of every column.
 
     Bias-corrected and accelerated (Efron 1987), with the normal quantiles z replaced by
@@ -74,8 +73,6 @@ def intervals_of_means(columns: Array, how: Resampling, steps: Steps = SILENT) -
     ----------
     columns : (runs, columns)
         One row per run; NaN where a column has no value.
-    steps
-        Told of the resampling.
     """
     runs = len(columns)
     resamples = min(how.resamples, max(FEWEST_RESAMPLES, MOST_DRAWS // max(runs, 1)))
@@ -92,19 +89,15 @@ def intervals_of_means(columns: Array, how: Resampling, steps: Steps = SILENT) -
     varying = np.flatnonzero((count >= FEWEST) & (spread > 0))
     if varying.size:
         # Deviations rather than values, for the accuracy of sums.
-        advance = steps.begin("resamples", resamples)
-        drawn = _resampled_means(
-            deviations[:, varying], valid[:, varying], resamples, how.seed, advance
-        )
+        with step("resamples", resamples):
+            drawn = _resampled_means(deviations[:, varying], valid[:, varying], resamples, how.seed)
         offsets = _bca(deviations[:, varying], count[varying], drawn, how.confidence)
         low[varying] += offsets[0]
         high[varying] += offsets[1]
     return Intervals(mean, low, high, resamples)
 
 
-def _resampled_means(
-    values: Array, valid: Array, resamples: int, seed: int, advance: Progress
-) -> Array:
+def _resampled_means(values: Array, valid: Array, resamples: int, seed: int) -> Array:
     """Means over resampled runs, ``(resamples, columns)``."""
     runs = len(values)
     complete = bool(valid.all())
@@ -119,7 +112,7 @@ def _resampled_means(
         number = float(runs) if complete else weights @ valid
         with np.errstate(invalid="ignore", divide="ignore"):
             means.append(weights @ values / number)
-        advance(rows)
+        reporter().advance(rows)
     return np.concatenate(means)
 
 

@@ -16,7 +16,6 @@ from eqt_cli.analysis.comparison.verdicts import (
     measured_by,
 )
 from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.results.metrics import EARLY, METRICS
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import PerRun, Result
@@ -80,7 +79,6 @@ def compare(
     metrics: Sequence[str] = (),
     windows: Sequence[Window] = (),
     how: Resampling = Resampling(),  # noqa: B008  # it is frozen
-    steps: Steps = SILENT,
 ) -> Comparison:
     """Compare the controllers of a result, run by run on the same initial states.
 
@@ -94,8 +92,6 @@ def compare(
         Over which measures that have windows are taken; each its own if empty.
     how
         The intervals are found; each holds by itself, and not all at once.
-    steps
-        Told of the resampling.
 
     Raises
     ------
@@ -115,7 +111,7 @@ def compare(
         wanted.setdefault((measure.name, window.within(result.times)), measure)
     samples = {key: result.per_run(measure, key[1]) for key, measure in wanted.items()}
     measured = list(samples.values())
-    levels, pairs, resamples = statistics(measured, result.labels, result.good, how, steps)
+    levels, pairs, resamples = statistics(measured, result.labels, result.good, how)
     shown = {(measure.name, window.within(result.times)) for measure, window in chosen}
     return Comparison(
         title=result.title,

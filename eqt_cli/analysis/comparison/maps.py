@@ -11,7 +11,7 @@ from eqt_cli.analysis.comparison.ratios import relative_difference
 from eqt_cli.analysis.comparison.shares import Interval
 from eqt_cli.core.arrays import Array
 from eqt_cli.core.errors import EqtError
-from eqt_cli.execution.steps import SILENT, Steps
+from eqt_cli.core.reporting import reporter, step
 from eqt_cli.results.quantity import Quantity
 from eqt_cli.results.result import Result, mean_over_runs
 
@@ -110,7 +110,6 @@ def compare_map(
     metric: str,
     how: Resampling,
     laws: Sequence[int] | None = None,
-    steps: Steps = SILENT,
 ) -> Map:
     """Compare the laws of a sweep at each of its points, run by run on the same initial states.
 
@@ -132,8 +131,6 @@ def compare_map(
         Resamples of the intervals; and the confidence, of intervals and of the map.
     laws
         The positions of the laws to compare; all if None.
-    steps
-        Told of the resampling.
 
     Raises
     ------
@@ -162,7 +159,7 @@ def compare_map(
     p_values = _largest(tests, failed[points[:, None], order] == failed[points, best][:, None])
     p_values = np.where(np.isfinite(costs[points, best]), p_values, np.nan)
     adjusted = _adjusted(p_values)
-    ends = _intervals(differences[:, 0], how, steps)
+    ends = _intervals(differences[:, 0], how)
     settles = result.settles
     settled = None if settles is None else np.count_nonzero(settles[:, chosen], axis=-1)
     cells = [
@@ -196,14 +193,15 @@ def _largest(p_values: Array, comparable: Array) -> Array:
     return known.max(axis=-1)
 
 
-def _intervals(rows: Array, how: Resampling, steps: Steps) -> Array:
+def _intervals(rows: Array, how: Resampling) -> Array:
     """Mean, lower and upper end of each row, some rows at a time; all are resampled alike."""
     at_once = max(1, _NUMBERS // how.resamples)
-    advance, parts = steps.begin("intervals", len(rows)), []
-    for start in range(0, len(rows), at_once):
-        some = rows[start : start + at_once]
-        parts.append(intervals_of_means(some.T, how))
-        advance(len(some))
+    parts = []
+    with step("intervals", len(rows)):
+        for start in range(0, len(rows), at_once):
+            some = rows[start : start + at_once]
+            parts.append(intervals_of_means(some.T, how))
+            reporter().advance(len(some))
     columns = [np.stack([part.mean, part.low, part.high], axis=-1) for part in parts]
     return np.concatenate(columns)
 

@@ -12,7 +12,6 @@ from eqt_cli.analysis.comparison.bootstrap import FEWEST, Resampling, intervals_
 from eqt_cli.analysis.comparison.runs_needed import runs_to_decide
 from eqt_cli.analysis.comparison.shares import Interval, PairedShares, share
 from eqt_cli.core.arrays import Array
-from eqt_cli.execution.steps import SILENT, Steps
 from eqt_cli.results.result import PerRun
 
 RESOLUTION = 1e-6
@@ -125,7 +124,6 @@ def statistics(
     labels: Sequence[str],
     good: Array,
     how: Resampling,
-    steps: Steps = SILENT,
 ) -> tuple[list[Level], list[Pair], int]:
     """Levels of all controllers, differences of all pairs, and how many resamples there were.
 
@@ -143,7 +141,7 @@ def statistics(
         )
     ]
     table = np.stack(columns, axis=1) if columns else np.empty((good.shape[1], 0))
-    found = intervals_of_means(table, how, steps)
+    found = intervals_of_means(table, how)
     ends = iter(map(Interval, found.mean.tolist(), found.low.tolist(), found.high.tolist()))
     levels, pairs = [], []
     for s in measured:

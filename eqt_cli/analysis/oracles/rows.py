@@ -112,7 +112,7 @@ class _Asked:
         times = PERIOD * np.arange(INSTANTS + 1)
         engine = experiment.engine.sized(1, loop.state_length)
         exact = engine.tightened(min(1.0, RTOL / engine.rtol))
-        solution = exact.solve(Problem(loop, first[None], times), lambda runs: None)
+        solution = exact.solve(Problem(loop, first[None], times))
         if solution.status[0]:
             reason = f"eqt's own run fails: {solution.messages[0]}"
             raise _Unanswered(Verdict.UNDECIDED, reason)

@@ -1,14 +1,21 @@
 """Progress on stderr: a bar on a terminal, a plain line now and then elsewhere."""
 
+from __future__ import annotations
+
 import os
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
-from eqt_cli.cli.shared.output import duration, is_quiet, say
-from eqt_cli.core.activity import watched
+from eqt_cli.cli.shared.output import duration, is_quiet, say, warn
+from eqt_cli.core.errors import EqtWarning
+from eqt_cli.core.reporting import Reporter, reporter
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 SHOW_AFTER = 1.0
 """s; shorter work shows nothing."""
@@ -20,39 +27,52 @@ GUESS_AFTER = 0.02
 """Of all runs; what fewer of them say of the time that is left may be wrong by far."""
 
 
-class Meter:
-    """Counts runs; without more, it shows nothing.
+class Meter(Reporter):
+    """Counts what a step counts; without more, it shows none of it.
 
     Attributes
     ----------
-    note
-        What else is told beside the numbers, such as the best that was found so far.
-    under_way
-        What cannot be counted.
+    notes
+        What was found so far, by what it is about.
     """
 
-    under_way = ""
-    _since = 0.0
-    _reminder: threading.Timer | None = None
+    def __init__(self) -> None:
+        self.notes: dict[str, str] = {}
+        self.latest = ""
+        self._under_way: list[str] = []
+        self._since = 0.0
+        self._reminder: threading.Timer | None = None
+        self._lock = threading.RLock()
+        Meter.begin(self, "", 0)
 
-    def __init__(self, total: int, what: str = "runs") -> None:
-        self.begin(what, total)
-
-    def begin(self, what: str, total: int) -> None:
-        """What is counted from now on, and how many there are."""
-        self.total, self.what, self.done, self.found = total, what, 0.0, 0.0
-        self.note = ""
+    def begin(self, what: str, count: int) -> None:
+        """Count anew."""
+        self.total, self.what, self.done, self.found = count, what, 0.0, 0.0
+        self.latest = ""
         self.started = time.monotonic()
 
-    def __call__(self, runs: float) -> None:
-        """So many more runs are done, in fractions."""
-        self.done += runs
+    def end(self) -> None:
+        """Nothing is counted."""
+        self.what = ""
+
+    def advance(self, amount: float) -> None:
+        """Count, and show how far it is."""
+        self.done += amount
         self.show()
 
-    def skip(self, runs: float) -> None:
-        """So many runs had been done before; they say nothing of the rate."""
-        self.found += runs
-        self(runs)
+    def skip(self, amount: float) -> None:
+        """Count what says nothing of the rate."""
+        self.found += amount
+        self.advance(amount)
+
+    def note(self, about: str, words: str) -> None:
+        """Keep it; it is shown beside the numbers."""
+        self.notes[about] = words
+        self.latest = f"{about}, {words}"
+
+    def remark(self, warning: EqtWarning) -> None:
+        """Print it."""
+        warn(warning)
 
     @property
     def rate(self) -> float:
@@ -76,92 +96,104 @@ class Meter:
     def show(self) -> None:
         """Show how far it is, if it is time."""
 
-    def meanwhile(self, words: str) -> None:
-        """Tell what is under way that cannot be counted, if it takes long; no words: nothing."""
-        if self._reminder:
-            self._reminder.cancel()
-        self._reminder = None
-        now = time.monotonic()
-        if self.under_way:  # which says nothing of the rate
-            self.started += now - self._since
-        self.under_way, self._since = words, now
-        if words:
-            self._reminder = threading.Timer(SHOW_AFTER, self.remind)
-            self._reminder.daemon = True
-            self._reminder.start()
+    @property
+    def under_way(self) -> str:
+        """What cannot be counted."""
+        return self._under_way[-1] if self._under_way else ""
+
+    @contextmanager
+    def busy(self, words: str) -> Iterator[None]:
+        """Name it if it takes long; it says nothing of the rate."""
+        self._change(self._under_way.append, words)
+        try:
+            yield
+        finally:
+            self._change(self._under_way.remove, words)
+
+    def _change(self, change: Callable[[str], None], words: str) -> None:
+        with self._lock:
+            if self._reminder:
+                self._reminder.cancel()
+            self._reminder = None
+            now = time.monotonic()
+            if self._under_way:
+                self.started += now - self._since
+            change(words)
+            self._since = now
+            if self._under_way:
+                self._reminder = threading.Timer(SHOW_AFTER, self.remind)
+                self._reminder.daemon = True
+                self._reminder.start()
 
     def remind(self) -> None:
         """Show what is under way, though nothing has been counted."""
+        say(self.under_way)
 
 
-@contextmanager
-def progress(total: int, what: str = "runs") -> Iterator[Meter]:
-    """Show how many of `total` runs, or what else it is, are done, with rate and remaining time.
+def meter() -> Meter:
+    """What shows how far a command is: nothing if it is quiet, a bar on a terminal, else lines."""
+    if sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
+        return _Bar()
+    return _Lines()
 
-    Yields what is to be called with the number of further runs, in fractions.
-    """
-    if is_quiet():
-        yield Meter(total, what)
-    elif sys.stderr.isatty() and os.environ.get("TERM") != "dumb":
-        bar = _Bar(total, what)
-        try:
-            with watched(bar.meanwhile):
-                yield bar
-        finally:
-            bar.bar.stop()
-    else:
-        lines = _Lines(total, what)
-        with watched(lines.meanwhile):
-            yield lines
+
+def notes() -> dict[str, str]:
+    """What the command has found so far, by what it is about."""
+    shown = reporter()
+    return shown.notes if isinstance(shown, Meter) else {}
 
 
 class _Bar(Meter):
-    def __init__(self, total: int, what: str) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn
+    bar: Progress | None = None
 
-        self.bar = Progress(
-            TextColumn("{task.completed:.0f}/{task.total:.0f} {task.description}"),
-            BarColumn(),
-            TextColumn("{task.fields[rate]}"),
-            TextColumn("{task.fields[left]}"),
-            TextColumn("{task.fields[note]}"),
-            console=Console(stderr=True),
-            transient=True,
-        )
-        self.task = self.bar.add_task(what, total=total, rate="", left="", note="")
-        self.shown = False
-        super().__init__(total, what)
-
-    def begin(self, what: str, total: int) -> None:
-        """Start the bar anew."""
-        super().begin(what, total)
-        self.bar.update(
-            self.task, total=total, completed=0, description=what, rate="", left="", note=""
-        )
+    def end(self) -> None:
+        """Remove the bar."""
+        super().end()
+        if self.bar is not None:
+            self.bar.stop()
+            self.bar = None
 
     def remind(self) -> None:
-        """Show the bar."""
-        self.show()
+        """Show the bar, if there is something to count."""
+        if self.what:
+            self.show()
+        else:
+            super().remind()
 
     def show(self) -> None:
         """Move the bar."""
-        if not self.shown and time.monotonic() > self.started + SHOW_AFTER:
+        if self.bar is None:
+            if is_quiet() or time.monotonic() <= self.started + SHOW_AFTER:
+                return
+            self.bar = _bar()
+            self.task = self.bar.add_task(self.what, total=self.total, rate="", left="", note="")
             self.bar.start()
-            self.shown = True
-        note = self.under_way or self.note
+        note = self.under_way or self.latest
         self.bar.update(self.task, completed=self.done, rate=self.speed, left=self.left, note=note)
 
 
-class _Lines(Meter):
-    def begin(self, what: str, total: int) -> None:
-        """Count anew."""
-        super().begin(what, total)
-        self.next_line = self.started + SHOW_AFTER
+def _bar() -> Progress:
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
 
-    def remind(self) -> None:
-        """Print what is under way."""
-        say(self.under_way)
+    return Progress(
+        TextColumn("{task.completed:.0f}/{task.total:.0f} {task.description}"),
+        BarColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TextColumn("{task.fields[left]}"),
+        TextColumn("{task.fields[note]}"),
+        console=Console(stderr=True),
+        transient=True,
+    )
+
+
+class _Lines(Meter):
+    next_line = 0.0
+
+    def begin(self, what: str, count: int) -> None:
+        """Count anew."""
+        super().begin(what, count)
+        self.next_line = self.started + SHOW_AFTER
 
     def show(self) -> None:
         """Print a line now and then."""
@@ -169,5 +201,5 @@ class _Lines(Meter):
         if now < self.next_line or self.done < self.found + 1:
             return
         self.next_line = now + LINE_EVERY
-        told = [f"{self.done:.0f}/{self.total} {self.what}", self.speed, self.left, self.note]
+        told = [f"{self.done:.0f}/{self.total} {self.what}", self.speed, self.left, self.latest]
         say(", ".join(filter(None, told)))

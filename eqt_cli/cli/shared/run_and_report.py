@@ -17,9 +17,7 @@ from eqt_cli.cli.shared.output import (
     print_json,
     print_text,
     say,
-    warn,
 )
-from eqt_cli.cli.shared.progress import progress
 from eqt_cli.core.errors import EqtError, InterruptedRun
 from eqt_cli.core.interruptions import Interrupted
 from eqt_cli.execution.folder_progress import unfinished
@@ -78,19 +76,9 @@ def run_experiment(
     shard, plans = shard_from(shard_text), experiment.study.plans
     out = out or Path("results") / experiment.name
     try:
-        with progress(plans.total) as advance:
-            done = api.run(
-                experiment,
-                out,
-                executor=executor,
-                force=force,
-                rerun_failed=rerun_failed,
-                shard=shard,
-                progress=advance,
-                resumed=advance.skip,
-                remark=warn,
-                stage=advance.begin,
-            )
+        done = api.run(
+            experiment, out, executor=executor, force=force, rerun_failed=rerun_failed, shard=shard
+        )
     except Interrupted as error:
         begun = unfinished(out)
         kept = begun.done if begun else 0

@@ -15,9 +15,8 @@ from eqt_cli.cli.shared.output import (
     print_found,
     print_json,
     print_text,
-    warn,
 )
-from eqt_cli.cli.shared.progress import progress
+from eqt_cli.cli.shared.progress import notes
 from eqt_cli.cli.shared.run_and_report import executor_from
 from eqt_cli.core.errors import InterruptedRun
 from eqt_cli.core.interruptions import Interrupted
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
     from eqt_cli.analysis.text_tables import TextTable
     from eqt_cli.execution.executors import Executor
     from eqt_cli.results.result import Result
-    from eqt_cli.tuning.evolution import Population
-    from eqt_cli.tuning.law_search import LawSearch
     from eqt_cli.tuning.searches import Searches
     from eqt_cli.tuning.searching import Found
 
@@ -35,8 +32,6 @@ if TYPE_CHECKING:
 def searched(
     search: Searches[Any],
     begin: Callable[..., Found],
-    word: str,
-    so_far: Callable[[LawSearch, Population], str],
     out: Path | None,
     computing: tuple[str | None, int | None, str | None],
     *,
@@ -50,8 +45,6 @@ def searched(
     ----------
     begin
         Of the API: `tune` or `worst`.
-    word, so_far
-        Of what is found of a law, in words: the ``best`` so far, and what that is.
     computing
         The executor, the number of workers, and the scheduler that were asked for.
     """
@@ -63,31 +56,14 @@ def searched(
         _print_plan(search, executor, json=json)
         return None
     out = out or search.folder
-    found: dict[str, str] = {}
     try:
-        with progress(search.all_runs) as advance:
-
-            def told(law: LawSearch, generation: int, population: Population) -> None:
-                found[law.label] = so_far(law, population)
-                of = f"{law.label}, generation {generation} of {search.all_generations}"
-                advance.note = f"{of}: {found[law.label]}"
-
-            return begin(
-                search,
-                out,
-                executor=executor,
-                force=force,
-                progress=advance,
-                resumed=advance.skip,
-                remark=warn,
-                told=told,
-            )
+        return begin(search, out, executor=executor, force=force)
     except Interrupted as error:
         raise InterruptedRun(
             f"interrupted; what was found is kept in {out}: run the same command again to "
             "continue, or with --force to start over",
             error.exit_code,
-            [f"  {word} so far, {label}: {text}" for label, text in found.items()],
+            [f"  {law}, {found}" for law, found in notes().items()],
         ) from None
 
 

@@ -157,8 +157,8 @@ class Native(Engine):
         problem: Problem,
         rows: Sequence[Array],
         kept: Sequence[str] | None,
-        progress: Progress,
         workers: int = 1,
+        progress: Progress = lambda runs: None,
     ) -> Measured:
         """Sample by sample while it integrates, where only numbers of runs are asked for.
 
@@ -171,7 +171,7 @@ class Native(Engine):
             grid = tuple(times.tolist())
             found = running(function, reduction, one, lengths, tuple(kept), grid)
         if found is None:
-            return super().measured(function, reduction, problem, rows, kept, progress, workers)
+            return super().measured(function, reduction, problem, rows, kept, workers, progress)
         given = [
             *(Rows(np.ascontiguousarray(row), row.ndim == 3, by_sample=True) for row in rows),
             Rows(times[:, None].copy(), by_sample=True),

@@ -24,8 +24,8 @@ from functools import lru_cache
 from importlib.util import find_spec
 from pathlib import Path
 
-from eqt_cli.core.activity import activity
 from eqt_cli.core.errors import Remedy, TraceError
+from eqt_cli.core.reporting import reporter
 from eqt_cli.engines.native.cache import digest, own_cache
 
 WINDOWS = os.name == "nt"
@@ -292,7 +292,7 @@ def _library(source: str, by: Compiler) -> ctypes.CDLL:
             f"a law cannot be compiled: there is no folder for temporary files: {error.strerror}",
             Remedy("set the variable TMPDIR to a folder that you can write to"),
         ) from error
-    with folder, activity("compiling the laws"):
+    with folder, reporter().busy("compiling the laws"):
         made = Path(folder.name, f"law{ENDING}")
         _compile(source, by, made)
         if cache is not None:

@@ -10,13 +10,13 @@ import atexit
 import faulthandler
 import os
 import secrets
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from eqt_cli.core.errors import EqtError, EqtWarning, Remedy
 from eqt_cli.core.regular_files import content_of
+from eqt_cli.core.reporting import reporter
 
 FILE = "cache.db"
 
@@ -77,12 +77,11 @@ def _give_up_after_a_crash(folder: Path) -> None:
     if not crashed:
         return
     _remove(folder)
-    warnings.warn(
+    reporter().remark(
         EqtWarning(
             f"{folder / FILE}: a process that used these compiled laws has crashed; they are "
             "removed and compiled again"
-        ),
-        stacklevel=2,
+        )
     )
 
 

@@ -12,4 +12,13 @@ from eqt_cli.execution.executors.base import (
 
 executors = Registry("executor", __name__, Executor)
 
-__all__ = ["MOST_TRIES", "Executor", "Outcome", "Progress", "Task", "TaskContext", "executors"]
+__all__ = [
+    "MOST_TRIES",
+    "RUNS",
+    "Executor",
+    "Outcome",
+    "Progress",
+    "Task",
+    "TaskContext",
+    "executors",
+]

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar
 
-from eqt_cli.execution.executors.base import Executor, Outcome, Progress, Task
+from eqt_cli.execution.executors.base import Executor, Outcome, Task
 from eqt_cli.execution.executors.serial import Serial
 from eqt_cli.execution.executors.threads import Threads
 
@@ -60,12 +60,12 @@ class Auto(Executor):
         here, later = self._split(items, each)
         return self._here.wall_time(here, each) + self._in_processes.wall_time(later, each)
 
-    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         waiting = deque(items)
         threads = self.threads_for(len(items))
-        yield from self._here.take(task, self._while_little_is_left(waiting), threads, progress)
+        yield from self._here.take(task, self._while_little_is_left(waiting), threads)
         if waiting:
-            yield from self._in_processes.share(task, list(waiting), progress)
+            yield from self._in_processes.share(task, list(waiting))
 
     @property
     def _here(self) -> Serial | Threads:

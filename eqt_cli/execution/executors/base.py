@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 from eqt_cli.core.component import Component
 from eqt_cli.core.option_types import Count
+from eqt_cli.core.reporting import reporter
 
 if TYPE_CHECKING:
     from eqt_cli.engines import Engine
@@ -27,12 +28,12 @@ class TaskContext:
     Attributes
     ----------
     progress
-        Told how much more is done.
+        Told how much more is done; if not given, the reporter of who made this.
     threads
         The most threads to use.
     """
 
-    progress: Progress = lambda amount: None
+    progress: Progress = field(default_factory=lambda: reporter().advance)
     threads: int = 1
 
 
@@ -83,8 +84,8 @@ class Executor(Component):
         return math.ceil(items / max(self.at_once(items, each), 1)) * each
 
     @abstractmethod
-    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
-        """Yield the items as they end.
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        """Yield the items as they end; what is done meanwhile is told to `reporter().advance`.
 
         An exception of the task, or closing the iterator, ends everything that is under way.
         """

@@ -13,11 +13,11 @@ from typing import Any, ClassVar
 from threadpoolctl import threadpool_limits
 
 from eqt_cli.core.errors import EqtError, Remedy
+from eqt_cli.core.reporting import reporter
 from eqt_cli.execution.executors.base import (
     MOST_TRIES,
     Executor,
     Outcome,
-    Progress,
     Task,
     TaskContext,
 )
@@ -43,7 +43,7 @@ class Dask(Executor):
     name: ClassVar[str] = "dask"
     scheduler: str | None = None
 
-    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         if not items:
             return
         if not find_spec("distributed"):
@@ -77,7 +77,7 @@ class Dask(Executor):
                 except KilledWorker:
                     yield Outcome(item, None)
                 else:
-                    progress(task.runs_of(item))
+                    reporter().advance(task.runs_of(item))
                     yield Outcome(item, failed)
 
     def _client(self, stack: ExitStack) -> Any:

@@ -14,6 +14,7 @@ import time
 from collections import deque
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
+from contextvars import copy_context
 from dataclasses import dataclass
 from multiprocessing import connection, get_context, parent_process
 from typing import Any, ClassVar
@@ -22,11 +23,11 @@ from threadpoolctl import threadpool_limits
 
 from eqt_cli.core import interruptions
 from eqt_cli.core.errors import EqtError
+from eqt_cli.core.reporting import reporter
 from eqt_cli.execution.executors.base import (
     MOST_TRIES,
     Executor,
     Outcome,
-    Progress,
     Task,
     TaskContext,
 )
@@ -47,17 +48,17 @@ class Local(Executor):
 
     name: ClassVar[str] = "local"
 
-    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
-        workers = [_Worker(task, progress) for _ in range(min(self.workers, len(items)))]
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        workers = [_Worker(task) for _ in range(min(self.workers, len(items)))]
         yield from _done_by(workers, items)
 
-    def share(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
+    def share(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
         """As `outcomes`, but a thread of this process takes the place of one, and saves its memory.
 
         An interruption waits for the thread's next report of progress.
         """
         others = min(self.workers, len(items)) - 1
-        workers = [_ThreadHere(task, progress), *(_Worker(task, progress) for _ in range(others))]
+        workers = [_ThreadHere(task), *(_Worker(task) for _ in range(others))]
         yield from _done_by(workers, items)
 
 
@@ -103,7 +104,6 @@ class _Worker:
     """One process, started when it is first given an item, and what it has in hand."""
 
     task: Task
-    progress: Progress
     item: int = NONE
     process: Any = None
     pipe: Any = None
@@ -143,7 +143,7 @@ class _Worker:
         return int(value)
 
     def _advance(self, reached: float) -> None:
-        self.progress(reached - self.reported)
+        reporter().advance(reached - self.reported)
         self.reported = reached
 
     def end(self) -> None:
@@ -159,7 +159,9 @@ class _ThreadHere(_Worker):
 
     def start(self) -> None:
         self.pipe, theirs = get_context("spawn").Pipe()
-        self.process = threading.Thread(target=_do_items, args=(theirs, self.task), daemon=True)
+        self.process = threading.Thread(
+            target=copy_context().run, args=(_do_items, theirs, self.task), daemon=True
+        )
         self.process.start()
 
     def end(self) -> None:

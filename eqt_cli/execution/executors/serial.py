@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.execution.executors.base import Executor, Outcome, Progress, Task, TaskContext
+from eqt_cli.execution.executors.base import Executor, Outcome, Task, TaskContext
 
 
 @dataclass(frozen=True)
@@ -23,14 +23,12 @@ class Serial(Executor):
         """All of them."""
         return self.workers
 
-    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
-        yield from self.take(task, items, self.threads_for(len(items)), progress)
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        yield from self.take(task, items, self.threads_for(len(items)))
 
-    def take(
-        self, task: Task, items: Iterable[int], threads: int, progress: Progress
-    ) -> Iterator[Outcome]:
+    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
         """As `outcomes`, with so many threads for each item, which is taken when it can begin."""
-        context = TaskContext(progress, threads)
+        context = TaskContext(threads=threads)
         for item in items:
             with threadpool_limits(1):  # results must not depend on how a library splits a product
                 failed = task(item, context)

@@ -2,14 +2,16 @@
 
 import threading
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextvars import copy_context
 from dataclasses import dataclass
 from itertools import islice
 from typing import ClassVar
 
 from threadpoolctl import threadpool_limits
 
-from eqt_cli.execution.executors.base import Executor, Outcome, Progress, Task, TaskContext
+from eqt_cli.core.reporting import reporter
+from eqt_cli.execution.executors.base import Executor, Outcome, Task, TaskContext
 
 
 @dataclass(frozen=True)
@@ -22,29 +24,28 @@ class Threads(Executor):
         """What is left where there are fewer items than workers."""
         return max(1, self.workers // min(self.workers, max(items, 1)))
 
-    def outcomes(self, task: Task, items: Sequence[int], progress: Progress) -> Iterator[Outcome]:
-        yield from self.take(task, items, self.threads_for(len(items)), progress)
+    def outcomes(self, task: Task, items: Sequence[int]) -> Iterator[Outcome]:
+        yield from self.take(task, items, self.threads_for(len(items)))
 
-    def take(
-        self, task: Task, items: Iterable[int], threads: int, progress: Progress
-    ) -> Iterator[Outcome]:
+    def take(self, task: Task, items: Iterable[int], threads: int) -> Iterator[Outcome]:
         """As `outcomes`, with so many threads for each item, which is taken when it can begin."""
-        lock, waiting = threading.Lock(), iter(items)
+        lock, waiting, told = threading.Lock(), iter(items), reporter()
 
         def report(amount: float) -> None:
             with lock:
-                progress(amount)
+                told.advance(amount)
+
+        def begin(item: int) -> Future[int]:
+            return pool.submit(copy_context().run, task, item, context)  # with its reporter
 
         context = TaskContext(report, threads)
         with threadpool_limits(1), ThreadPoolExecutor(self.workers) as pool:
-            begun = {
-                pool.submit(task, item, context): item for item in islice(waiting, self.workers)
-            }
+            begun = {begin(item): item for item in islice(waiting, self.workers)}
             try:
                 while begun:
                     for future in wait(begun, return_when=FIRST_COMPLETED).done:
                         for item in islice(waiting, 1):
-                            begun[pool.submit(task, item, context)] = item
+                            begun[begin(item)] = item
                         yield Outcome(begun.pop(future), future.result())
             finally:
                 pool.shutdown(wait=True, cancel_futures=True)

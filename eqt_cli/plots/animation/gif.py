@@ -1,6 +1,6 @@
 """A run as a moving picture (GIF): bodies against the reference, error and torque as they go."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from io import BytesIO
 from typing import Any, cast
 
@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from eqt_cli.core.arrays import Array
+from eqt_cli.core.reporting import reporter, step
 from eqt_cli.core.version import __version__
 from eqt_cli.plots.animation.motion import Motion, motion
 from eqt_cli.plots.animation.scene import AXES, INERTIAL, Scene, block, flat, scene_of, tips
@@ -40,7 +41,6 @@ def gif(
     *,
     seconds: float = 8.0,
     rate: float = 12.5,
-    progress: Callable[[float], None] = lambda pictures: None,
 ) -> bytes:
     """A run as an animated GIF that repeats for ever.
 
@@ -52,8 +52,6 @@ def gif(
         How long it lasts, whatever the length of the run.
     rate
         Pictures per second; GIF rounds their time to hundredths of a second.
-    progress
-        Called after each picture with the number of pictures.
 
     Raises
     ------
@@ -63,12 +61,12 @@ def gif(
     shown = motion(results, run, controllers)
     count = max(2, round(seconds * rate))
     samples = np.linspace(0, len(shown.times) - 1, count).round().astype(int)
-    with house_style():
+    with house_style(), step("pictures drawn", count):
         stage = _Stage(scene_of(shown), float(np.ptp(shown.times)) / (count / rate))
         pictures = []
         for sample in samples:
             pictures.append(stage.picture(int(sample)))
-            progress(1)
+            reporter().advance(1)
     return _encoded(pictures, 1000 / rate)
 
 
