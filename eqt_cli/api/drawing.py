@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from eqt_cli.api.checking_logs import read_measured
 from eqt_cli.api.loading import at_point, load_experiment
 from eqt_cli.api.paths import ResultPath
-from eqt_cli.core.errors import EqtError
+from eqt_cli.core.errors import EqtError, EqtWarning
 from eqt_cli.core.files import YAML
 from eqt_cli.core.reporting import reporter, step
 from eqt_cli.execution.folder import FIGURES
@@ -127,7 +127,6 @@ def plot(
             rows = verify_stored(first, trust_plugins=trust_plugins, workers=workers).rows
         look = Style(tuple(style), tex)
         files = []
-        beside_results = Alongside(rows, beside)
         with step(DRAWN, len(wanted)):
             for name, given in wanted.items():
                 files += render(
@@ -138,7 +137,7 @@ def plot(
                     width,
                     given,
                     style=look,
-                    alongside=beside_results,
+                    alongside=Alongside(rows, beside),
                 )
                 reporter().advance(1)
         return files
@@ -211,7 +210,10 @@ def _recording(
         raise EqtError("measured: no figure that is drawn shows a recording; 'measured' does")
     if shown.group is None:
         raise EqtError(f"measured: group '{shown.group_name}' of a plugin is not known here")
-    return read_measured(measured, shown.group, mapping, kind)
+    found = read_measured(measured, shown.group, mapping, kind)
+    for note in found.notes:
+        reporter().remark(EqtWarning(f"{found.name}: {note}"))
+    return found
 
 
 @contextmanager

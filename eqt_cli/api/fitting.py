@@ -69,7 +69,7 @@ def replay(
     Returns
     -------
     Growth
-        The error of each part at ten horizons: median, quantiles, and what noise alone gives.
+        The error of each part at up to ten horizons: median, quantiles, and what noise alone gives.
 
     Raises
     ------

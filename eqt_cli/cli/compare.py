@@ -83,7 +83,10 @@ def compare(
     against: Annotated[
         list[str] | None,
         options.valued(
-            "--against", "LAW", "Show only pairs with this controller. Repeatable.", SELECTION
+            "--against",
+            "LAW",
+            "Show only pairs with this controller, or with --measured only its run. Repeatable.",
+            SELECTION,
         ),
     ] = None,
     table: Annotated[

@@ -77,17 +77,18 @@ class Recording:
             f"{', '.join(names)}"
         )
 
-    def part(self, rows: slice) -> Self:
-        """The same with some of its rows, which follow each other."""
+    def part(self, first: int, last: int, step: int = 1) -> Self:
+        """The same with every so many of its rows, from the first to before the last."""
+        rows = slice(first, last, step)
         times = self.times[rows]
-        within = (self.gaps >= rows.start) & (self.gaps < rows.start + len(times) - 1)
+        gaps = np.unique((self.gaps - first) // step)
         return replace(
             self,
             times=times,
             poses=self.poses[rows],
             velocities=self.velocities[rows],
             wrenches=self.wrenches[rows],
-            gaps=self.gaps[within] - rows.start,
+            gaps=gaps[(gaps >= 0) & (gaps < len(times) - 1)],
         )
 
     def shifted(self, offset: float) -> Self:

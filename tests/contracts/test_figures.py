@@ -4,12 +4,14 @@ import dataclasses
 import pickle
 import re
 
+import numpy as np
 import pytest
 
 from eqt_cli import api
 from eqt_cli.core.errors import EqtError
 from eqt_cli.core.registry import is_foreign, meanings
-from eqt_cli.plots.base import OfCertificates, OfSweep, OfTuning, OfWorst
+from eqt_cli.logs.recording import Recording
+from eqt_cli.plots.base import Alongside, OfCertificates, OfSweep, OfTuning, OfWorst
 from eqt_cli.plots.curve_data import curves
 from eqt_cli.results.result import open_result
 
@@ -67,13 +69,21 @@ def make_results(folder):
         api.worst(CONFIG | WORST, folder / "worst")
 
 
+def recording_of_run(result):
+    """What would have been measured of run 0 of the first controller."""
+    states = [result.trajectory(name, 0)[0] for name in ("pose", "velocity", "torque")]
+    gaps = np.array([4])
+    return Recording("a.csv", "a.csv:1", result.group, result.times, *states, gaps, timed=True)
+
+
 @pytest.fixture(scope="module")
 def results(made_once):
     """As `make_results` has made them, once for all processes of the tests."""
     folder = made_once("figures of every kind", make_results)
     opened = {name: open_result(folder / name) for name in ("single", "bare", "sweep")}
     opened |= {name: open_result(folder / name) for name in ("tuned", "worst")}
-    yield opened, pickle.loads((folder / "rows").read_bytes())
+    rows = pickle.loads((folder / "rows").read_bytes())
+    yield opened, Alongside(rows, recording_of_run(opened["single"]))
     for one in opened.values():
         one.close()
 
@@ -95,9 +105,9 @@ def subject(figure_class):
     "width", ["column", pytest.param("page", marks=pytest.mark.slow("draws every figure again"))]
 )
 def test_it_draws_a_result_as_wide_as_it_is_told(figure_class, results, width):
-    opened, rows = results
+    opened, alongside = results
     shown = opened[subject(figure_class)]
-    drawing = figure_class().draw([shown], width, certificates=rows)
+    drawing = figure_class().draw([shown], width, alongside=alongside)
     assert drawing.get_figwidth() == pytest.approx(IN[width])
     assert drawing.axes
     assert all(axes.has_data() for axes in drawing.axes if axes.get_label() != "<colorbar>")
@@ -107,9 +117,9 @@ def test_every_curve_has_a_name(figure_class, results):
     """By which `eqt plot --check` finds it again."""
     if is_foreign(figure_class.__module__) or figure_class.name in BY_PLACE:
         pytest.skip("its curves are known by their places")
-    opened, rows = results
+    opened, alongside = results
     shown = opened[subject(figure_class)]
-    drawn = curves(figure_class().draw([shown], certificates=rows))
+    drawn = curves(figure_class().draw([shown], alongside=alongside))
     assert drawn
     assert [
         curve.name
@@ -125,10 +135,10 @@ def test_its_options_are_documented(figure_class):
 
 
 def test_a_controller_that_there_is_not_is_named(figure_class, results):
-    opened, rows = results
+    opened, alongside = results
     shown = opened[subject(figure_class)]
     with pytest.raises(EqtError, match=r"figure '.*' finds no controller 'gtt'"):
-        figure_class(controllers=("gtt",)).draw([shown], certificates=rows)
+        figure_class(controllers=("gtt",)).draw([shown], alongside=alongside)
 
 
 def test_what_it_cannot_show_is_one_message(figure_class, results):
@@ -143,10 +153,10 @@ def test_what_it_cannot_show_is_one_message(figure_class, results):
 
 
 def test_trajectories_that_are_not_kept_are_one_message_or_not_needed(figure_class, results):
-    opened, rows = results
+    opened, alongside = results
     said = f"'{figure_class.name}'"
     try:
-        figure_class().draw([opened["bare"]], certificates=rows)
+        figure_class().draw([opened["bare"]], alongside=alongside)
     except EqtError as error:
         said = str(error)
     assert f"'{figure_class.name}'" in said

@@ -19,7 +19,16 @@ from matplotlib.transforms import Bbox
 
 from eqt_cli.analysis.verification import verify_stored
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.base import OfCertificates, OfReference, OfSweep, OfTuning, OfWorst, OverTime
+from eqt_cli.plots.base import (
+    Alongside,
+    OfCertificates,
+    OfMeasured,
+    OfReference,
+    OfSweep,
+    OfTuning,
+    OfWorst,
+    OverTime,
+)
 from eqt_cli.plots.drawing.style import WIDTHS, house_style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.figures.certificates import Certificates
@@ -29,11 +38,11 @@ from eqt_cli.results.result import open_result
 
 FORMATS = ("pdf", "svg", "png")  # the pixels of the last one are looked at
 
-# Figures of sweeps, searches and certificates are of something else, and have tests of their own.
+# Figures of sweeps, searches, certificates and recordings have tests of their own.
 NAMES = [
     name
     for name in figures.names()
-    if not issubclass(figures.get(name), OfSweep | OfCertificates | OfTuning | OfWorst)
+    if not issubclass(figures.get(name), OfSweep | OfCertificates | OfTuning | OfWorst | OfMeasured)
 ]
 MANY_PANELS = ("commands", "phase", "runs")
 
@@ -345,7 +354,7 @@ def test_render_names_its_files_after_the_figure(so3, opened, tmp_path):
 def test_certificates_of_a_verified_result_fit_the_sheet(result, width, opened, request):
     results = opened(request.getfixturevalue(result))
     rows = verify_stored(results, trust_plugins=False).rows
-    drawing = Certificates().draw([results], width, certificates=rows)
+    drawing = Certificates().draw([results], width, alongside=Alongside(rows))
     with house_style():
         drawing.set_dpi(matplotlib.rcParams["savefig.dpi"])  # hinting depends on it
         inked = drawing.get_tightbbox()

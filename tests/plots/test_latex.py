@@ -11,7 +11,7 @@ import sys
 import pytest
 
 from eqt_cli.core.errors import EqtError
-from eqt_cli.plots.base import OfCertificates, OfSweep
+from eqt_cli.plots.base import OfCertificates, OfMeasured, OfSweep
 from eqt_cli.plots.drawing.style import WIDTHS, Style, house_style
 from eqt_cli.plots.figures import figures
 from eqt_cli.plots.render import render
@@ -24,7 +24,9 @@ MEND = (
     "cm-super dvipng type1cm underscore), or draw without LaTeX"
 )
 NAMES = [
-    name for name in figures.names() if not issubclass(figures.get(name), OfSweep | OfCertificates)
+    name
+    for name in figures.names()
+    if not issubclass(figures.get(name), OfSweep | OfCertificates | OfMeasured)
 ]
 
 

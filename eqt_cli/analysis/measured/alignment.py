@@ -48,6 +48,9 @@ LEAST_NOISE = 0.05
 BLOCKS = 20
 """Into which a recording is cut for the standard error, because errors nearby are alike."""
 
+LEAST_ERROR = 1e-6
+"""s, that is told; clocks are not better."""
+
 ITERATIONS, CONVERGED = 20, 1e-9
 """Of Gauss and Newton's method; and the change over the step of the instants at which it ends."""
 
@@ -79,10 +82,11 @@ class Alignment:
     def in_words(self) -> str:
         """What to say of it."""
         if not self.by:
-            return f"clock offset {self.offset:+.4g} s, as the mapping says"
+            return "clock offset as the mapping says"
+        error = max(self.error, LEAST_ERROR)
         return (
-            f"clock offset {self.offset:+.4f} s, standard error {self.error:.1g} s, from the "
-            f"{self.by}; correlation {self.correlation:.3f}"
+            f"clock offset {self.offset:+.4f} s, standard error {error:.1g} s, from the {self.by}; "
+            f"correlation {self.correlation:.3f}"
         )
 
 
@@ -229,7 +233,10 @@ def _peak(signal: _Signal, times: Array, step: float) -> _Peak:
     quality = (1 - float(others[other])) / max(1 - top, 1e-12)
     doubt = ""
     if top < LEAST:
-        doubt = f"the motions correlate by {top:.2f} at most, and {LEAST:g} is needed"
+        doubt = (
+            f"the motions correlate by {top:.2f} at most, and {LEAST:g} is needed; check the "
+            "number of the run, the units and the axes of the body"
+        )
     elif quality < APART:
         two = sorted([offset, offset + step * (other - best)])
         doubt = f"offsets of {two[0]:.3g} s and {two[1]:.3g} s fit about equally well"

@@ -55,7 +55,7 @@ class Explanation:
     shares
         By quantity, part and axis.
     notes
-        What was compared, and what was not measured.
+        What was compared, what was not measured, and what is odd in the file.
     """
 
     controller: str
@@ -70,7 +70,7 @@ class Explanation:
 
 def explained(measured: MeasuredRun) -> Explanation:
     """What the run explains of the errors of a recording."""
-    G = measured.recording.group
+    seen, G = measured.recording, measured.recording.group
     shares = [share for error in measured.errors for share in _shares(G, error)]
     return Explanation(
         measured.label,
@@ -78,9 +78,9 @@ def explained(measured: MeasuredRun) -> Explanation:
         measured.run,
         measured.alignment.offset,
         measured.alignment.error,
-        len(measured.recording.times),
+        len(seen.times),
         shares,
-        measured.notes,
+        [*measured.notes, *(f"{seen.name}: {note}" for note in seen.notes)],
     )
 
 

@@ -1,6 +1,6 @@
 """A run of a result as a motion at any time, and a recording in time with it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -16,6 +16,16 @@ from eqt_cli.mechanics.motions import Pieces, through
 from eqt_cli.results.result import Result
 
 NEEDED = ("pose", "velocity", "torque", "desired_pose", "desired_velocity", "desired_torque")
+
+
+MOST = 20_000
+"""Rows that are compared, spread over a longer recording."""
+
+VARIES = 0.3
+"""Of a difference of poses: by less than this, it is about constant."""
+
+SAME_TIME = 1e-9
+"""Over the length of a run: by less than this, a row is not beyond it."""
 
 
 @dataclass(frozen=True)
@@ -83,7 +93,9 @@ class MeasuredRun:
     label, title, run
         Of the controller, and the number of the run.
     recording
-        In the time of the run, with the rows that are within it.
+        In the time of the run, with the rows that are within it; `MOST` of more.
+    rows
+        How many are within it in all.
     alignment
         What was added to its clock.
     simulated, reference
@@ -94,6 +106,7 @@ class MeasuredRun:
     title: str
     run: int
     recording: Recording
+    rows: int
     alignment: Alignment
     simulated: Course
     reference: Course
@@ -129,18 +142,46 @@ class MeasuredRun:
         """What a reader must know: the rows, the clock, the gaps, and what was not measured."""
         seen, gaps = self.recording, len(self.recording.gaps)
         missing = f", {gaps} gap{'s' * (gaps > 1)}" if gaps else ""
+        first, last = (round(t, 6) + 0.0 for t in seen.times[[0, -1]].tolist())
+        count = f"{len(seen.times)} of " * (self.rows > len(seen.times)) + f"{self.rows} rows"
         found = [
-            f"{seen.name}: {len(seen.times)} rows from {seen.times[0]:.4g} to "
-            f"{seen.times[-1]:.4g} s of run {self.run}{missing}; {self.alignment.in_words}",
+            f"{seen.name}: {count} from {first:.4g} to {last:.4g} s of run "
+            f"{self.run}{missing}; {self.alignment.in_words}",
         ]
+        found += self._other_world()
         names = names_beside(seen.group, WRENCH)
         if names and np.isnan(seen.wrenches).all():
             found.append(f"No wrench was measured; it would be in columns {', '.join(names)}")
         return found
 
+    def _other_world(self) -> Iterator[str]:
+        """The parts that differ from the run by about a constant, larger than its own error."""
+        G, seen, pose = self.recording.group, self.recording, self.errors[0]
+        apart = G.log(seen.poses @ G.inverse(self.simulated.at(seen.times).pose))
+        for part in G.parts:
+            own, mean = apart[:, part.axes], apart[:, part.axes].mean(axis=0)
+            varies = np.sum((own - mean) ** 2) > VARIES**2 * np.sum(own**2)
+            if varies or _size(pose.difference, part) <= _size(pose.simulated, part):
+                continue
+            size = float(np.linalg.norm(mean))
+            amount = f"{np.degrees(size):.3g} deg" if part.turns else f"{size:.3g} {part.pose_unit}"
+            yield (
+                f"The {part.name.replace('_', ' ')} of the recording differs from that of the run "
+                f"by {amount} throughout; check `world` and `attitude` of the mapping, or move its "
+                "poses to the world of the reference"
+            )
+
+
+def _size(values: Array, part: Part) -> float:
+    return float(np.sum(values[:, part.axes] ** 2))
+
 
 def measured_runs(
-    result: Result, recording: Recording, controllers: Sequence[int], run: int
+    result: Result,
+    recording: Recording,
+    controllers: Sequence[int],
+    run: int,
+    who: str = "a comparison with a recording",
 ) -> list[MeasuredRun]:
     """A recording in time with a run of some controllers.
 
@@ -150,14 +191,16 @@ def measured_runs(
     ----------
     controllers
         Their positions; all if empty, except for those whose run failed.
+    who
+        Who asks, for messages.
 
     Raises
     ------
     EqtError
         If the result does not hold the run, or the recording cannot be brought in time with it.
     """
-    result.single("a recording is compared with a single experiment")
-    result.check_stored(*NEEDED, who="a recording needs")
+    result.single(f"{who} is of single experiments")
+    result.check_stored(*NEEDED, who=f"{who} needs")
     G, times = recording.group, result.times
     states = [result.trajectory(name, run) for name in NEEDED[:3]]
     reference = Course(G, times, State(*(result[name] for name in NEEDED[3:])))
@@ -171,17 +214,27 @@ def measured_runs(
     courses = {result.titles[k]: course for k, course in simulated.items()}
     found = Alignment(0.0) if recording.timed else _best_aligned(recording, courses)
     late = recording.times + found.offset
-    inside = np.flatnonzero((times[0] <= late) & (late <= times[-1]))
+    slack = SAME_TIME * (times[-1] - times[0])
+    inside = np.flatnonzero((times[0] - slack <= late) & (late <= times[-1] + slack))
     if len(inside) < 2:
         raise InputError(
             f"{recording.name}: expected two rows or more within the run, from {times[0]:.6g} to "
             f"{times[-1]:.6g} s, got {len(inside)}: its times are from {late[0]:.6g} to "
             f"{late[-1]:.6g} s; change time.offset of the mapping, or leave it out"
         )
-    rows = slice(int(inside[0]), int(inside[-1]) + 1)
-    kept = recording.part(rows).shifted(found.offset)
+    first, last = int(inside[0]), int(inside[-1]) + 1
+    kept = recording.part(first, last, -(-(last - first) // MOST)).shifted(found.offset)
     return [
-        MeasuredRun(result.labels[k], result.titles[k], run, kept, found, course, reference)
+        MeasuredRun(
+            result.labels[k],
+            result.titles[k],
+            run,
+            kept,
+            last - first,
+            found,
+            course,
+            reference,
+        )
         for k, course in simulated.items()
         if not controllers or k in controllers
     ]

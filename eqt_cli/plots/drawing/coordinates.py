@@ -24,9 +24,12 @@ def symbols(part: Part, parts: int) -> tuple[str, str]:
 
 
 def pose_coordinates(
-    G: MatrixLieGroup, part: Part, pose: Array, index: str = ""
+    G: MatrixLieGroup, part: Part, pose: Array, index: str = "", near: Array | None = None
 ) -> tuple[Array, str, str]:
-    """A part of some poses ``(n, d, d)`` as curves ``(n, coordinates)``, their symbol and unit."""
+    """A part of some poses ``(n, d, d)`` as curves ``(n, coordinates)``, their symbol and unit.
+
+    `near` are curves of about the same poses, as of `without_jumps`.
+    """
     block = pose[(..., *part.entries)].reshape(len(pose), -1)
     if block.shape[1] == len(G.axis_names[part.axes]):
         return block, f"x{index}" if part.pose_unit == "m" else f"Q{index}", part.pose_unit
@@ -37,16 +40,20 @@ def pose_coordinates(
     turns = logarithm[:, part.axes]
     if not part.turns:
         return turns, rf"\log Q{index}", ""
-    return without_jumps(turns), rf"\log R{index}", "rad"
+    return without_jumps(turns, near), rf"\log R{index}", "rad"
 
 
-def without_jumps(vectors: Array) -> Array:
-    """Rotation vectors ``(n, k)`` with whole turns about their axes added, so that none jumps."""
+def without_jumps(vectors: Array, near: Array | None = None) -> Array:
+    """Rotation vectors ``(n, k)`` with whole turns about their axes added, so that none jumps.
+
+    Each is as close as it can be to that in `near`; without these, to the one before.
+    """
     found = vectors.copy()
-    for now, before in zip(found[1:], found[:-1], strict=True):
+    pairs = zip(found[1:], found[:-1], strict=True)
+    for now, other in pairs if near is None else zip(found, near, strict=True):
         angle = np.linalg.norm(now)
-        axis = now / angle if angle > 0 else before / max(np.linalg.norm(before), 1.0)
-        turns = np.round((before @ axis - angle) / (2 * np.pi))
+        axis = now / angle if angle > 0 else other / max(np.linalg.norm(other), 1.0)
+        turns = np.round((other @ axis - angle) / (2 * np.pi))
         if np.isfinite(turns):
             now += 2 * np.pi * turns * axis
     return found

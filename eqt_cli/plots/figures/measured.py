@@ -10,7 +10,7 @@ from matplotlib.figure import Figure as Drawing
 from matplotlib.lines import Line2D
 
 from eqt_cli.core.arrays import Array
-from eqt_cli.groups import Part
+from eqt_cli.groups import MatrixLieGroup, Part
 from eqt_cli.plots.base import OfMeasured
 from eqt_cli.plots.drawing.coordinates import axis_labels, pose_coordinates, symbols
 from eqt_cli.plots.drawing.labels import in_words, part_name, quantity
@@ -29,8 +29,9 @@ _PALE = 0.35
 class Measured(OfMeasured):
     """A recording beside a run: pose, error, velocity and wrench, a column per part.
 
-    The error is log Q_d⁻¹Q, from the reference in the body frame. The clock of the recording is
-    aligned with that of the run, and its gaps stay empty.
+    It shows one controller: the first, unless another is chosen. The error is log Q_d⁻¹Q, from the
+    reference in the body frame. The clock of the recording is aligned with that of the run, and
+    its gaps stay empty.
 
     Attributes
     ----------
@@ -48,13 +49,17 @@ class Measured(OfMeasured):
         places = [[f"{name} {part.name}" for part in parts] for name, *_ in curves]
         times = shown.pair.simulated.times
         drawing, panels = sheet(width, places, (float(times[0]), float(times[-1])), shown.unit)
-        for row, (name, measured, simulated) in zip(places, curves, strict=True):
+        for row, (name, measured, (t, run)) in zip(places, curves, strict=True):
             for panel, part in zip(row, parts, strict=True):
                 axes = panels[panel]
-                for kind, (t, values) in (("measured", measured), ("simulated", simulated)):
-                    coordinates, label = self._coordinates(shown, name, part, values)
-                    self._draw(axes, kind, shown, part, (t, coordinates))
-                    name_scale(axes, label)
+                values, label = self._coordinates(shown, name, part, run)
+                self._draw(axes, "simulated", shown.group, part, (t, values))
+                near = np.stack([np.interp(measured[0], t, one) for one in values.T], axis=-1)
+                seen, _ = self._coordinates(shown, name, part, measured[1], near)
+                gaps = shown.pair.recording.gaps + 1
+                behind = np.insert(measured[0], gaps, np.nan), np.insert(seen, gaps, np.nan, axis=0)
+                self._draw(axes, "measured", shown.group, part, behind)
+                name_scale(axes, label)
         for panel, part in zip(places[0], parts, strict=True) if len(parts) > 1 else ():
             add_title(panels[panel], part_name(part.name), WIDTHS[width] / len(parts))
         names = axis_labels(shown.group)
@@ -64,12 +69,14 @@ class Measured(OfMeasured):
         return drawing
 
     def _coordinates(
-        self, shown: ShownMeasured, name: str, part: Part, values: Array
+        self, shown: ShownMeasured, name: str, part: Part, values: Array, near: Array | None = None
     ) -> tuple[Array, str]:
-        """The curves of a part, and the name of their scale."""
+        """The curves of a part, and the name of their scale; those of poses `near` others."""
         velocity, force = symbols(part, len(shown.group.parts))
+        degrees = self.degrees and part.turns
         if name == "pose":
-            found, symbol, unit = pose_coordinates(shown.group, part, values)
+            near = np.radians(near) if degrees and near is not None else near
+            found, symbol, unit = pose_coordinates(shown.group, part, values, near=near)
         else:
             found = values[:, part.axes]
             symbol, unit = {
@@ -77,27 +84,18 @@ class Measured(OfMeasured):
                 "velocity": (velocity, part.velocity_unit),
                 "wrench": (force, part.force_unit),
             }[name]
-        if self.degrees and part.turns and unit.startswith("rad"):
+        if degrees and unit.startswith("rad"):
             found, unit = np.degrees(found), unit.replace("rad", "deg")
         return found, quantity(symbol, unit) if symbol else in_words(name, unit)
 
     def _draw(
-        self,
-        axes: Axes,
-        kind: str,
-        shown: ShownMeasured,
-        part: Part,
-        curve: tuple[Array, Array],
+        self, axes: Axes, kind: str, G: MatrixLieGroup, part: Part, curve: tuple[Array, Array]
     ) -> None:
-        t, values = curve
-        if kind == "measured":
-            behind = shown.pair.recording.gaps + 1
-            t, values = np.insert(t, behind, np.nan), np.insert(values, behind, np.nan, axis=0)
-        for k, axis in enumerate(shown.group.axis_names[part.axes]):
+        for k, axis in enumerate(G.axis_names[part.axes]):
             style = _thin(k)
             if kind == "measured":
                 style = {"color": _pale(style["color"]), **_MEASURED}
-            axes.plot(t, values[:, k], label=f"{kind} {axis}", **style)
+            axes.plot(curve[0], curve[1][:, k], label=f"{kind} {axis}", **style)
 
 
 def _thin(k: int) -> dict[str, Any]:

@@ -50,7 +50,7 @@ class ShownMeasured:
         (places,) = positions([result], figure, chosen)
         if chosen and len(places) > 1:
             raise error_of(result, figure, f"shows one controller, got {len(places)}")
-        (self.pair,) = measured_runs(result, measured, places[:1], run)
+        (self.pair,) = measured_runs(result, measured, places[:1], run, f"figure '{figure}'")
         self.unit = result.units("time")
 
     @property
